@@ -1,0 +1,77 @@
+"""The contract of a control law, its estimator and the reference that it follows."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.measurement import Measurement
+
+
+class Reference(NamedTuple):
+    """Where the plan wants the testbed at this tick."""
+
+    position: Vector  # joints, (joints,) [rad or m]
+    velocity: Vector  # joints, (joints,) [rad/s or m/s]
+    effort: Vector  # feedforward, mean over the coming tick, (joints,) [N m or N]
+    state: Vector  # nominal state [q, v] of the planner's model, (2 n,); empty where there is none
+
+
+class Estimate(NamedTuple):
+    """What an estimator believes at this tick: the joints first, then its modes."""
+
+    position: Vector  # (joints + modes,)
+    velocity: Vector  # (joints + modes,)
+    disturbance: Vector  # effort on each joint, (joints,) [N m or N]; empty if not estimated
+    covariance: Matrix  # of the estimator's own state; (0, 0) where it has none
+    innovation: Vector  # measured minus predicted outputs; empty where there is none
+    nis: float = 0.0  # normalised innovation squared
+
+
+class Estimator(Protocol):
+    """Turns every measurement into an estimate, whether its controller is in charge or not."""
+
+    def reset(self, measurement: Measurement) -> None:
+        """Start from this measurement (at rest, straight appendages where not measured)."""
+
+    def update(self, measurement: Measurement) -> Estimate:
+        """Return the estimate at this tick, predicted with the effort that was applied."""
+
+
+class Law(Protocol):
+    """Turns an estimate and a reference into efforts. Called only while in charge."""
+
+    terms: dict[str, Vector]  # the summands of the last effort by name, for the log
+
+    def reset(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
+    ) -> None:
+        """Take charge: choose the free states such that the next effort equals `effort`.
+
+        A law without a free state ignores `effort`; its controller blends it in.
+        """
+
+    def update(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference
+    ) -> Vector:
+        """Return the efforts for the coming tick, shape (joints,) [N m or N]."""
+
+
+class MeasuredJoints:
+    """The estimator of a collocated law: the joints as measured, nothing else."""
+
+    _none = np.zeros(0)
+    _no_matrix = np.zeros((0, 0))
+
+    def reset(self, measurement: Measurement) -> None:
+        """Nothing to start."""
+
+    def update(self, measurement: Measurement) -> Estimate:
+        """Return the measured joint positions and velocities."""
+        return Estimate(
+            measurement.joint_position,
+            measurement.joint_velocity,
+            self._none,
+            self._no_matrix,
+            self._none,
+        )

@@ -1,0 +1,27 @@
+"""Names for the arrays that pass through the public interface."""
+
+from collections.abc import Callable
+from typing import Any, TypeAlias, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Vector: TypeAlias = NDArray[np.float64]  # one index
+Matrix: TypeAlias = NDArray[np.float64]  # two indices
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def compiled(function: _Function) -> _Function:
+    """Return function as machine code, kept on disk between runs.
+
+    Floating point stays strictly IEEE (no fastmath, no contraction across runs), so the same
+    inputs give the same bits in every process of one machine.
+    """
+    return cast(_Function, numba.njit(cache=True, error_model="numpy")(function))
+
+
+def inlined(function: _Function) -> _Function:
+    """Return function for use inside compiled ones, where its body replaces the call."""
+    return cast(_Function, numba.njit(inline="always", error_model="numpy")(function))

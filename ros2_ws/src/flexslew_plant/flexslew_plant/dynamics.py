@@ -1,0 +1,190 @@
+"""Forward dynamics of every testbed and the fixed-step integration, as compiled kernels.
+
+A testbed is M(q) a + h(q, v) = B u with the joints first and the modes after them; efforts act
+on the joints alone. `kind` selects whose terms are used (see TESTBEDS in __init__).
+"""
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from flexslew_plant import csa
+from flexslew_plant.arrays import Matrix, Vector, compiled, inlined
+
+# Dormand and Prince's method of order 8, without its error estimate: 12 stages
+STAGES = 12
+STAGE_TIMES: Vector = np.array(DOP853.C[:STAGES], dtype=np.float64)
+STAGE_WEIGHTS: Matrix = np.array(DOP853.A[:STAGES, :STAGES], dtype=np.float64)
+STEP_WEIGHTS: Vector = np.array(DOP853.B[:STAGES], dtype=np.float64)
+
+
+@inlined
+def terms(
+    kind: int,
+    p: Vector,
+    x: Vector,
+    joints: Matrix,
+    coupling: Matrix,
+    modal: Vector,
+    bias: Vector,
+) -> None:
+    """Write the blocks of M(q) and the bias h(q, v) of the testbed; see csa.terms."""
+    csa.terms(p, x, joints, coupling, modal, bias)
+
+
+@inlined
+def residual_jacobian(
+    kind: int, p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix
+) -> None:
+    """Write d(M a + h)/dq and d(M a + h)/dv at fixed a; see csa.residual_jacobian."""
+    csa.residual_jacobian(p, x, a, dq, dv)
+
+
+@inlined
+def potential(kind: int, p: Vector, q: Vector) -> float:
+    """Return the potential energy [J]."""
+    return csa.potential(p, q)
+
+
+@inlined
+def solve(joints: Matrix, coupling: Matrix, modal: Vector, r: Vector) -> None:
+    """Replace r by M^-1 r, eliminating the diagonal modal block first (one or two joints)."""
+    m, n = coupling.shape
+    a, b, d = joints[0, 0], 0.0, 1.0
+    if m == 2:
+        b, d = joints[0, 1], joints[1, 1]
+    for j in range(n):
+        f = coupling[0, j] / modal[j]
+        a -= f * coupling[0, j]
+        r[0] -= f * r[m + j]
+        if m == 2:
+            g = coupling[1, j] / modal[j]
+            b -= f * coupling[1, j]
+            d -= g * coupling[1, j]
+            r[1] -= g * r[m + j]
+    if m == 2:
+        determinant = a * d - b * b
+        r0 = (d * r[0] - b * r[1]) / determinant
+        r[1] = (a * r[1] - b * r[0]) / determinant
+        r[0] = r0
+    else:
+        r[0] /= a
+    for j in range(n):
+        r[m + j] -= coupling[0, j] * r[0]
+        if m == 2:
+            r[m + j] -= coupling[1, j] * r[1]
+        r[m + j] /= modal[j]
+
+
+@inlined
+def acceleration(
+    kind: int,
+    p: Vector,
+    x: Vector,
+    effort: Vector,
+    joints: Matrix,
+    coupling: Matrix,
+    modal: Vector,
+    out: Vector,
+) -> None:
+    """Write a = M(q)^-1 (B u - h(q, v)); joints, coupling and modal are left holding M(q)."""
+    n = x.size // 2
+    terms(kind, p, x, joints, coupling, modal, out)
+    for i in range(n):
+        out[i] = -out[i]
+    for i in range(effort.size):
+        out[i] += effort[i]
+    solve(joints, coupling, modal, out)
+
+
+@compiled
+def derivative(kind: int, p: Vector, x: Vector, effort: Vector) -> Vector:
+    """Return f(x, u) = [v, M(q)^-1 (B u - h(q, v))], shape (2 n,).
+
+    Args:
+        kind: the testbed's number.
+        p: its packed parameters.
+        x: state [q, v], joints before modes, shape (2 n,).
+        effort: joint efforts, shape (joints,) [N m or N].
+    """
+    n, m = x.size // 2, effort.size
+    a = np.empty(n)
+    acceleration(kind, p, x, effort, np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m), a)
+    return np.concatenate((x[n:], a))
+
+
+@inlined
+def stage_state(x: Vector, slopes: Matrix, stage: int, h: float, at: Vector) -> None:
+    """Write the state at which the slope of `stage` is taken."""
+    for k in range(x.size):
+        at[k] = x[k]
+    for j in range(stage):
+        weight = h * STAGE_WEIGHTS[stage, j]
+        if weight != 0.0:
+            for k in range(x.size):
+                at[k] += weight * slopes[j, k]
+
+
+@inlined
+def complete_step(x: Vector, slopes: Matrix, h: float) -> None:
+    """Replace x by the state at the end of the step of length h."""
+    for j in range(STAGES):
+        weight = h * STEP_WEIGHTS[j]
+        if weight != 0.0:
+            for k in range(x.size):
+                x[k] += weight * slopes[j, k]
+
+
+@compiled
+def advance(kind: int, p: Vector, x: Vector, effort: Vector, dt: float, steps: int) -> Vector:
+    """Return the state after dt with the effort held: `steps` equal steps of order 8.
+
+    Args:
+        kind, p, x, effort: as in derivative.
+        dt: interval [s].
+        steps: how many steps share it.
+    """
+    n, m = x.size // 2, effort.size
+    joints, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
+    slopes, at, a = np.empty((STAGES, 2 * n)), np.empty(2 * n), np.empty(n)
+    now = x.copy()
+    h = dt / steps
+    for _ in range(steps):
+        for i in range(STAGES):
+            stage_state(now, slopes, i, h, at)
+            acceleration(kind, p, at, effort, joints, coupling, modal, a)
+            for k in range(n):
+                slopes[i, k] = at[n + k]
+                slopes[i, n + k] = a[k]
+        complete_step(now, slopes, h)
+    return now
+
+
+@compiled
+def jacobian(kind: int, p: Vector, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
+    """Write df/dx, shape (2 n, 2 n), and df/du, shape (2 n, joints), of derivative.
+
+    From M da = -dr at fixed a, where r = M(q) a + h(q, v).
+    """
+    n, m = x.size // 2, effort.size
+    joints, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
+    a, column = np.empty(n), np.empty(n)
+    dq, dv = np.empty((n, n)), np.empty((n, n))
+    acceleration(kind, p, x, effort, joints, coupling, modal, a)
+    residual_jacobian(kind, p, x, a, dq, dv)
+    dx[:] = 0.0
+    du[:] = 0.0
+    for j in range(n):
+        dx[j, n + j] = 1.0
+        for i in range(n):
+            column[i] = -dq[i, j]
+        solve(joints, coupling, modal, column)
+        dx[n:, j] = column
+        for i in range(n):
+            column[i] = -dv[i, j]
+        solve(joints, coupling, modal, column)
+        dx[n:, n + j] = column
+    for j in range(m):
+        column[:] = 0.0
+        column[j] = 1.0
+        solve(joints, coupling, modal, column)
+        du[n:, j] = column

@@ -1,0 +1,28 @@
+"""What passes between the plant and a controller at one tick."""
+
+from typing import NamedTuple
+
+from flexslew_plant.arrays import Vector
+
+
+class Measurement(NamedTuple):
+    """The question of tick k: what the sensors say, and who must answer."""
+
+    tick: int  # k
+    epoch: int  # counts resets; an answer to another epoch is stale
+    time: float  # simulated, k times the period [s]
+    controller: str  # who must answer
+    joint_position: Vector  # encoders, (joints,) [rad or m]
+    joint_velocity: Vector  # rate sensors, (joints,) [rad/s or m/s]
+    tip_deflection: Vector  # (appendages,) [m]
+    root_curvature: Vector  # at the clamped ends, (appendages,) [1/m]; strain is half the thickness times it
+    applied_effort: Vector  # held during the last tick, (joints,) [N m or N]
+
+
+class EffortCommand(NamedTuple):
+    """The answer: the effort to hold from tick k to k + 1."""
+
+    tick: int
+    epoch: int
+    controller: str
+    effort: Vector  # (joints,) [N m or N]

@@ -1,0 +1,102 @@
+"""Sections of a trial file: one YAML section is one frozen dataclass, checked on the way in."""
+
+import difflib
+from typing import Annotated, Any, TypeVar, dataclass_transform
+
+import yaml
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from flexslew_plant.errors import BadInput
+
+_T = TypeVar("_T")
+
+Positive = Annotated[float, Field(gt=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def section(cls: type[_T]) -> type[_T]:
+    """Return cls as a frozen dataclass that refuses unknown keys and numbers that are not finite."""
+    config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_default=False)
+    return dataclass(frozen=True, kw_only=True, config=config)(cls)  # type: ignore[return-value]
+
+
+def validated(kind: Any, values: Any, source: str) -> Any:
+    """Return values as an instance of the section `kind`.
+
+    Args:
+        kind: a section class, or any type that pydantic knows.
+        values: what YAML or a ROS parameter gave.
+        source: the file (or node) to name in an error.
+
+    Raises:
+        BadInput: the first wrong key, with its value and what is allowed.
+    """
+    try:
+        return TypeAdapter(kind).validate_python(values)
+    except ValidationError as error:
+        raise BadInput(_one_line(error, kind, source)) from None
+
+
+def plain(section_value: Any) -> Any:
+    """Return a section as the dictionaries, lists and scalars that YAML holds."""
+    return TypeAdapter(type(section_value)).dump_python(section_value, mode="json")
+
+
+def load_yaml(text: str, source: str) -> Any:
+    """Return the content of a YAML text, with the place of a syntax error named.
+
+    Raises:
+        BadInput: the text is not YAML.
+    """
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        where = getattr(error, "problem_mark", None)
+        line = f" line {where.line + 1}, column {where.column + 1}" if where else ""
+        raise BadInput(f"{source}:{line} is not YAML: {getattr(error, 'problem', error)}") from None
+
+
+def _one_line(error: ValidationError, kind: Any, source: str) -> str:
+    """Say the first error as `file: key: value is not allowed: why`."""
+    first = error.errors()[0]
+    place = [str(part) for part in first["loc"]]
+    key = ".".join(place) or "(whole file)"
+    if first["type"] == "unexpected_keyword_argument":
+        known = _known_keys(error, kind, place[:-1])
+        close = difflib.get_close_matches(place[-1], known, n=1)
+        hint = f"did you mean {close[0]}? " if close else ""
+        allowed = f"allowed here: {', '.join(known)}" if known else "remove it"
+        return f"{source}: {key}: unknown key; {hint}{allowed}"
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    value = repr(first["input"])
+    value = value if len(value) <= 60 else value[:57] + "..."
+    return f"{source}: {key}: {value} is not allowed: {first['msg']}{more}"
+
+
+def _known_keys(error: ValidationError, kind: Any, place: list[str]) -> list[str]:
+    """Return the keys of the section at `place`, read from the JSON schema of the whole."""
+    schema = TypeAdapter(kind).json_schema()
+
+    def resolve(node: dict[str, Any]) -> list[dict[str, Any]]:
+        if "$ref" in node:
+            return resolve(schema["$defs"][node["$ref"].rsplit("/", 1)[1]])
+        options = node.get("oneOf", []) + node.get("anyOf", []) + node.get("allOf", [])
+        return [leaf for option in options for leaf in resolve(option)] or [node]
+
+    nodes = resolve(schema)
+    for part in place:
+        found = [n["properties"][part] for n in nodes if part in n.get("properties", {})]
+        found += [n["items"] for n in nodes if part.isdigit() and "items" in n]
+        found += [
+            n["additionalProperties"]
+            for n in nodes
+            if isinstance(n.get("additionalProperties"), dict)
+        ]
+        tagged = [  # a union's tag stands in the path too
+            n for n in nodes if any(part in str(v.get("const")) for v in n.get("properties", {}).values())
+        ]
+        nodes = [leaf for node in found for leaf in resolve(node)] or tagged or nodes
+    return sorted({key for node in nodes for key in node.get("properties", {})})
