@@ -1,11 +1,14 @@
 """The contract of a control law, its estimator and the reference that it follows."""
 
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.measurement import Measurement
+
+_NOTHING: Final[Vector] = np.zeros(0)
+_NOTHING.flags.writeable = False
 
 
 class Reference(NamedTuple):
@@ -15,6 +18,7 @@ class Reference(NamedTuple):
     velocity: Vector  # joints, (joints,) [rad/s or m/s]
     effort: Vector  # feedforward, mean over the coming tick, (joints,) [N m or N]
     state: Vector  # nominal state [q, v] of the planner's model, (2 n,); empty where there is none
+    next_state: Vector = _NOTHING  # the same one tick later; empty where there is none
 
 
 class Estimate(NamedTuple):
@@ -55,6 +59,31 @@ class Law(Protocol):
         self, measurement: Measurement, estimate: Estimate, reference: Reference
     ) -> Vector:
         """Return the efforts for the coming tick, shape (joints,) [N m or N]."""
+
+
+def nominal_state(state: Vector, reference: Reference, joints: int, modes: int) -> Vector:
+    """Return a nominal state as a law with `modes` modes sees it, shape (2 (joints + modes),).
+
+    Modes that the planner lacks are straight and at rest, modes that the law lacks are left out.
+    Without a nominal state the joint references stand for it.
+
+    Args:
+        state: reference.state or reference.next_state.
+        reference: of this tick.
+        joints: how many joints.
+        modes: how many modes the law has.
+    """
+    n = joints + modes
+    if state.size == 2 * n:
+        return state
+    nominal = np.zeros(2 * n)
+    if state.size == 0:
+        nominal[:joints], nominal[n : n + joints] = reference.position, reference.velocity
+        return nominal
+    given = state.size // 2
+    kept = min(n, given)
+    nominal[:kept], nominal[n : n + kept] = state[:kept], state[given : given + kept]
+    return nominal
 
 
 class MeasuredJoints:

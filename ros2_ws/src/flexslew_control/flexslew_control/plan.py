@@ -55,10 +55,13 @@ class Plan:
         """Return the reference of the bench's tick (counted from simulated time zero)."""
         k = tick - round(self.start / self.period)
         if 0 <= k < self.ticks:
-            return Reference(self.position[k], self.velocity[k], self.effort[k], self.state[k])
+            return Reference(
+                self.position[k], self.velocity[k], self.effort[k], self.state[k], self.state[k + 1]
+            )
         k = 0 if k < 0 else self.ticks
         rest = np.zeros(len(self.joint_names))
-        return Reference(self.position[k], rest, rest, self.state[k] if k == 0 else self._final)
+        state = self.state[k] if k == 0 else self._final
+        return Reference(self.position[k], rest, rest, state, state)
 
     @property
     def _final(self) -> Vector:
