@@ -1,0 +1,114 @@
+"""A plan as a file that people can read: provenance first, then the arrays, exact."""
+
+import hashlib
+import json
+import os
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from flexslew_control.plan import Plan
+from flexslew_plant.errors import BadInput
+
+VERSION = 1  # of the layout of the file
+_ARRAYS = ("position", "velocity", "effort", "state")
+_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def plan_hash(plan: Plan) -> str:
+    """Return the SHA-256 of what a plan asks for and says, in hexadecimal.
+
+    Over the canonical JSON of method, names, times and request, then the bytes of every array,
+    little-endian float64. Summary and versions do not count: they say how, not what.
+    """
+    head = {
+        "method": plan.method,
+        "joint_names": list(plan.joint_names),
+        "start": plan.start,
+        "period": plan.period,
+        "duration": plan.duration,
+        "request": plan.request,
+    }
+    digest = hashlib.sha256(json.dumps(head, sort_keys=True, separators=(",", ":")).encode())
+    for name in _ARRAYS:
+        array = getattr(plan, name)
+        digest.update(json.dumps([name, *array.shape]).encode())
+        digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+    return digest.hexdigest()
+
+
+def save_plan(plan: Plan, path: Path | str) -> None:
+    """Write the plan as YAML, whole or not at all."""
+    content: dict[str, Any] = {
+        "flexslew_plan": VERSION,
+        "hash": plan_hash(plan),
+        "method": plan.method,
+        "request": plan.request,
+        "summary": plan.summary,
+        "versions": plan.versions,
+        "joint_names": list(plan.joint_names),
+        "start": plan.start,
+        "period": plan.period,
+        "duration": plan.duration,
+    }
+    content |= {name: getattr(plan, name).tolist() for name in _ARRAYS}
+    target = Path(path)
+    partial = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        with partial.open("w", encoding="utf-8") as file:
+            yaml.dump(content, file, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
+        partial.replace(target)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise BadInput(f"{target}: cannot be written: {error.strerror}") from None
+
+
+def load_plan(path: Path | str) -> Plan:
+    """Return the plan in a file.
+
+    Raises:
+        BadInput: there is no such file, or it is no whole and unaltered plan.
+    """
+    try:
+        content = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError):
+        raise BadInput(f"{path}: is damaged: not YAML; plan again") from None
+    if not isinstance(content, dict) or "flexslew_plan" not in content:
+        raise BadInput(f"{path}: is not a plan: the key flexslew_plan is missing")
+    if content["flexslew_plan"] != VERSION:
+        raise BadInput(
+            f"{path}: flexslew_plan: {content['flexslew_plan']!r} is not allowed: "
+            f"only version {VERSION} is known; plan again"
+        )
+    missing = [name for name in ("hash", *_names()) if name not in content]
+    if missing:
+        raise BadInput(f"{path}: is damaged: missing {', '.join(missing)}; plan again")
+    try:
+        plan = _read(content)
+        found = plan_hash(plan)
+    except (TypeError, ValueError):
+        raise BadInput(f"{path}: is damaged: wrong kinds of values; plan again") from None
+    if found != content["hash"]:
+        raise BadInput(f"{path}: is damaged: its content does not have its hash; plan again")
+    return plan
+
+
+def _names() -> list[str]:
+    return [entry.name for entry in fields(Plan)]
+
+
+def _read(content: dict[str, Any]) -> Plan:
+    """Return the plan of a file's content, checked only for what numpy and hashing need."""
+    values = {name: content[name] for name in _names()}
+    joints = len(values["joint_names"])
+    for name in _ARRAYS:
+        array = np.array(values[name], dtype=np.float64)
+        values[name] = array if array.ndim == 2 else array.reshape(0, joints)
+    values["joint_names"] = tuple(values["joint_names"])
+    return Plan(**values)

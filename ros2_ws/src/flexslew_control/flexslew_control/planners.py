@@ -1,0 +1,150 @@
+"""Which planners there are. A new one is a file with a section and a function, and a line here."""
+
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from pydantic import Field
+
+from flexslew_control.basis import Basis
+from flexslew_control.gauss_newton import Progress, Update
+from flexslew_control.optimized_feedforward import (
+    OptimizedFeedforward,
+    on_ticks,
+    plan_optimized_feedforward,
+)
+from flexslew_control.plan import Plan
+from flexslew_control.slew_request import (
+    CsaGoal,
+    CsaModel,
+    Feedback,
+    csa_manoeuvre,
+    software_versions,
+    tick_times,
+)
+from flexslew_control.trajectories import Profile
+from flexslew_plant.arrays import Vector
+from flexslew_plant.csa import JOINTS, CsaInitial
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import NonNegative, Positive, plain, section, validated
+
+
+@section
+class NoPlan:
+    """The `plan` section for method none: a step of the reference to the goal (Figure 5)."""
+
+    method: Literal["none"] = "none"
+    goal: CsaGoal = CsaGoal()
+    start: NonNegative = 0.0  # [s]
+    duration: NonNegative = 0.0  # after which the manoeuvre counts as over [s]
+
+
+@section
+class ReferenceOnly:
+    """The `plan` section for method reference_only: the reference without any feedforward."""
+
+    method: Literal["reference_only"] = "reference_only"
+    model: CsaModel = CsaModel()
+    initial: CsaInitial = CsaInitial()
+    goal: CsaGoal = CsaGoal()
+    start: NonNegative = 0.0  # [s]
+    duration: Positive = 25.0  # [s]
+    reference: Profile = "cubic"
+    feedback: Feedback = Feedback()
+
+
+def plan_none(settings: NoPlan, period: float, effort_limit: Vector, progress: Progress) -> Plan:
+    """Return the plan whose reference is the goal from its first tick on."""
+    ticks = tick_times(settings.start, settings.duration, period)
+    goal = np.array([settings.goal.base_yaw, settings.goal.hub_pitch])
+    return Plan(
+        method=settings.method,
+        joint_names=JOINTS,
+        start=settings.start,
+        period=period,
+        position=np.tile(goal, (len(ticks), 1)),
+        velocity=np.zeros((len(ticks), len(goal))),
+        effort=np.zeros((len(ticks) - 1, len(goal))),
+        state=np.zeros((len(ticks), 0)),
+        duration=settings.duration,
+        request=plain(settings),
+        summary={"duration": settings.duration},
+        versions=software_versions(),
+    )
+
+
+def plan_reference_only(
+    settings: ReferenceOnly, period: float, effort_limit: Vector, progress: Progress
+) -> Plan:
+    """Return the plan with the reference and zero feedforward, to compare with."""
+    manoeuvre = csa_manoeuvre(
+        settings.model,
+        settings.initial,
+        settings.goal,
+        settings.duration,
+        settings.feedback,
+        settings.reference,
+    )
+    nothing = Basis("constant", 1, settings.duration)
+    weights = np.zeros((1, manoeuvre.model.joints))
+    return on_ticks(settings, manoeuvre, nothing, weights, period, effort_limit)
+
+
+class _Planner(NamedTuple):
+    settings: type[Any]  # its `plan` section
+    plan: Callable[[Any, float, Vector, Progress], Plan]
+
+
+PLANNERS: dict[str, _Planner] = {
+    "none": _Planner(NoPlan, plan_none),
+    "reference_only": _Planner(ReferenceOnly, plan_reference_only),
+    "optimized_feedforward": _Planner(OptimizedFeedforward, plan_optimized_feedforward),
+}
+
+PlanSettings: TypeAlias = Annotated[
+    NoPlan | ReferenceOnly | OptimizedFeedforward, Field(discriminator="method")
+]
+
+
+def plan_settings(values: Any, source: str) -> PlanSettings:
+    """Return a `plan` section as its method reads it.
+
+    Args:
+        values: what the YAML holds.
+        source: the file to name in an error.
+
+    Raises:
+        BadInput: the first wrong key, with its value and what is allowed.
+    """
+    settings: PlanSettings = validated(PlanSettings, values, source)
+    return settings
+
+
+def make_plan(
+    settings: PlanSettings,
+    period: float,
+    effort_limit: Sequence[float] | Vector,
+    progress: Progress | None = None,
+) -> Plan:
+    """Return the plan that a `plan` section asks for.
+
+    Args:
+        settings: one of the sections above.
+        period: one tick of the bench [s].
+        effort_limit: of the drives, shape (joints,) [N m].
+        progress: called with every update of an iteration, if the method has one.
+
+    Raises:
+        PlanFailed: no such manoeuvre; the message carries the numbers.
+        BadInput: period, limit or start cannot be used.
+    """
+    limit = np.asarray(effort_limit, dtype=np.float64)
+    if not (np.isfinite(period) and period > 0.0):
+        raise BadInput(f"period: {period!r} is not allowed: a positive number of seconds")
+    if limit.ndim != 1 or not np.all(limit > 0.0):
+        raise BadInput(f"effort_limit: {limit.tolist()} is not allowed: positive, one a joint")
+    return PLANNERS[settings.method].plan(settings, period, limit, progress or _unheard)
+
+
+def _unheard(update: Update) -> None:
+    """Nobody listens."""

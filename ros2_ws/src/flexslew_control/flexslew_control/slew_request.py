@@ -1,0 +1,102 @@
+"""What every plan of a CSA slew is asked with: the believed model, the goal, the feedback, ticks."""
+
+import importlib.metadata
+import platform
+from functools import lru_cache
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from flexslew_control.manoeuvre import Manoeuvre
+from flexslew_control.trajectories import Profile
+from flexslew_plant.arrays import Vector
+from flexslew_plant.csa import CsaInitial, CsaParameters, CsaTestbed
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import NonNegative, section
+from flexslew_plant.testbeds import build_model
+
+_Gain = tuple[NonNegative, NonNegative]
+
+
+@section
+class CsaModel:
+    """The `model` of a plan: what the planner believes; it may differ from the testbed."""
+
+    variant: Literal["printed", "complete"] = "complete"
+    modes: Annotated[int, Field(ge=1, le=12)] = 1
+    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0  # of every beam mode [-]
+    parameters: CsaParameters = CsaParameters()
+
+
+@section
+class CsaGoal:
+    """Where the joints shall rest in the end; M1 of papers/000 unless said otherwise."""
+
+    base_yaw: float = 1.0  # theta(T) [rad]
+    hub_pitch: float = 0.5  # psi(T) [rad]
+
+
+@section
+class Feedback:
+    """The gains (17) of the feedback that flies the plan, which the planner takes into account."""
+
+    kp: _Gain = (460.0, 460.0)  # [N m/rad]
+    kd: _Gain = (920.0, 920.0)  # [N m s/rad]
+
+
+def csa_manoeuvre(
+    model: CsaModel,
+    initial: CsaInitial,
+    goal: CsaGoal,
+    duration: float,
+    feedback: Feedback,
+    reference: Profile,
+) -> Manoeuvre:
+    """Return the slew that these sections describe."""
+    testbed = CsaTestbed(
+        variant=model.variant,
+        modes=model.modes,
+        damping_ratio=model.damping_ratio,
+        parameters=model.parameters,
+    )
+    return Manoeuvre(
+        model=build_model(testbed),
+        kp=np.array(feedback.kp),
+        kd=np.array(feedback.kd),
+        start=np.array([initial.base_yaw, initial.hub_pitch]),
+        goal=np.array([goal.base_yaw, goal.hub_pitch]),
+        duration=duration,
+        reference=reference,
+    )
+
+
+def tick_times(start: float, duration: float, period: float) -> Vector:
+    """Return the ticks of a manoeuvre, counted from its start, shape (ticks + 1,) [s].
+
+    Raises:
+        BadInput: the start is not on a tick.
+    """
+    if abs(start / period - round(start / period)) > 1e-6:
+        raise BadInput(f"plan: start: {start!r} is not allowed: not a multiple of {period!r} s")
+    return np.asarray(
+        period * np.arange(int(np.ceil(duration / period - 1e-9)) + 1, dtype=np.float64)
+    )
+
+
+@lru_cache
+def _versions() -> dict[str, str]:
+    names = ("flexslew_control", "flexslew_plant", "numpy", "scipy", "numba")
+    return {"python": platform.python_version()} | {name: _version(name) for name in names}
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "source"
+
+
+def software_versions() -> dict[str, str]:
+    """Return the versions of what makes a plan."""
+    return dict(_versions())
