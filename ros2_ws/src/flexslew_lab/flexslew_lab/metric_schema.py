@@ -1,0 +1,84 @@
+"""The schema of metrics.json: every key with its unit and its meaning."""
+
+from typing import NamedTuple
+
+
+class Metric(NamedTuple):
+    """What a key of metrics.json holds."""
+
+    unit: str
+    per_joint: bool  # an object by joint name; units are those of the joint where two are given
+    meaning: str
+
+
+# After a reset (a new epoch) only the last epoch counts.
+METRICS: dict[str, Metric] = {
+    "residual_tip_deflection": Metric(
+        "m",
+        False,
+        "largest |tip deflection| of any appendage after the manoeuvre's end",
+    ),
+    "residual_attitude_error": Metric(
+        "rad or m",
+        True,
+        "largest |joint position - goal| after the manoeuvre's end",
+    ),
+    "final_error": Metric("rad or m", True, "joint position - goal at the last tick"),
+    "terminal_error_norm": Metric(
+        "mixed SI",
+        False,
+        "norm of (joint errors, modal positions, all rates) at the manoeuvre's end",
+    ),
+    "settling_time": Metric(
+        "s",
+        True,
+        "from the manoeuvre's start until the joint stays within 2 % of its way around "
+        "the goal; null: never",
+    ),
+    "overshoot": Metric(
+        "-",
+        True,
+        "largest way beyond the goal after the start, over the way to go; null: nowhere to go",
+    ),
+    "peak_tip_deflection": Metric("m", False, "largest |tip deflection| of any appendage"),
+    "peak_effort": Metric("N m or N", True, "largest |effort applied| by the drive"),
+    "rms_effort": Metric(
+        "N m or N",
+        True,
+        "root mean square of the effort applied, over all ticks",
+    ),
+    "control_effort": Metric(
+        "N^2 m^2 s",
+        False,
+        "integral of the sum of squared efforts over the run",
+    ),
+    "saturated_time": Metric("s", False, "time with at least one drive at its limit"),
+    "missed_ticks": Metric("-", False, "ticks without a valid answer in time"),
+    "switches": Metric("-", False, "changes of the controller in charge that took effect"),
+    "largest_effort_step": Metric(
+        "N m or N",
+        False,
+        "largest step of any effort at a switch; null: no switch",
+    ),
+    "faults": Metric("-", False, "events of level fault"),
+    "manoeuvre_start": Metric("s", False, "start of the last plan; 0 without a plan"),
+    "manoeuvre_end": Metric("s", False, "end of the last plan; 0 without a plan"),
+    "ticks": Metric("-", False, "periods that the truth covers: last tick minus first tick"),
+    "duration": Metric("s", False, "simulated time from the first to the last truth"),
+    "wall_time": Metric(
+        "s",
+        False,
+        "what the run took on the clock on the wall; null: not recorded",
+    ),
+    "trajectory_hash": Metric(
+        "hex",
+        False,
+        "SHA-256 of tick (uint64) and state [q, v] (float64), little-endian, tick by tick",
+    ),
+    "missing_ticks": Metric("-", False, "ticks that the truth in the log skips"),
+    "log_complete": Metric(
+        "-",
+        False,
+        "the log was finished; false: it is cut, and these numbers are those up to the cut",
+    ),
+}
