@@ -55,9 +55,7 @@ class Law(Protocol):
         A law without a free state ignores `effort`; its controller blends it in.
         """
 
-    def update(
-        self, measurement: Measurement, estimate: Estimate, reference: Reference
-    ) -> Vector:
+    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the efforts for the coming tick, shape (joints,) [N m or N]."""
 
 

@@ -1,0 +1,123 @@
+"""Collocated PID: one loop a joint on its own encoder, with feedforward and anti-windup."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexslew_control.law import Estimate, MeasuredJoints, Reference
+from flexslew_control.set_point import require_stable, rest_at, state_names
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.csa import CsaTestbed
+from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
+from flexslew_plant.model import Linearisation
+from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds import Testbed, build_model
+
+
+@section
+class CollocatedPid:
+    """The settings of controller `collocated_pid`; one number a joint."""
+
+    kp: tuple[NonNegative, ...] = (460.0, 460.0)  # [N m/rad]
+    ki: tuple[NonNegative, ...] = (15.0, 15.0)  # [N m/(rad s)]
+    kd: tuple[NonNegative, ...] = (920.0, 920.0)  # [N m s/rad]
+    tracking_time: Positive | None = 10.0  # T_t of the anti-windup [s]; null: none
+    model: Testbed = CsaTestbed(modes=1)  # on which the gains are checked for stability
+    set_point: dict[str, float] = field(default_factory=lambda: {"hub_pitch": 0.5})  # [rad]
+
+
+@dataclass
+class PidLaw:
+    """u = u_ff + Kp e + Kd e' + s, ds/dt = Ki e + (sat(u) - u) / T_t, e = reference - measured.
+
+    Args:
+        kp, ki, kd: shape (joints,).
+        limit: of the efforts, shape (joints,) [N m or N].
+        tracking_time: T_t [s]; None: the integral winds up.
+        period: one tick [s].
+    """
+
+    kp: Vector
+    ki: Vector
+    kd: Vector
+    limit: Vector
+    tracking_time: float | None
+    period: float
+    terms: dict[str, Vector] = field(init=False, default_factory=dict)
+    _s: Vector = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Start with an empty integral."""
+        self._s = np.zeros_like(self.kp)
+        self._unwinding = 0.0 if self.tracking_time is None else 1.0 / self.tracking_time
+
+    def reset(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
+    ) -> None:
+        """Choose the integral such that the next effort is `effort`, within the limit."""
+        _, proportional, derivative = self._error(estimate, reference)
+        self._s = effort - reference.effort - proportional - derivative
+
+    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
+        """Return the joint efforts within the limit, shape (joints,) [N m or N]."""
+        integrand, proportional, derivative = self._error(estimate, reference)
+        demand = reference.effort + proportional + derivative + self._s
+        effort = np.clip(demand, -self.limit, self.limit)
+        self.terms = {
+            "feedforward": reference.effort,
+            "proportional": proportional,
+            "derivative": derivative,
+            "integral": self._s,
+        }
+        self._s = self._s + self.period * (integrand + self._unwinding * (effort - demand))
+        return effort
+
+    def _error(self, estimate: Estimate, reference: Reference) -> tuple[Vector, Vector, Vector]:
+        """Return Ki e, Kp e and Kd e', each of shape (joints,)."""
+        m = self.kp.size
+        e = reference.position - estimate.position[:m]
+        rate = reference.velocity - estimate.velocity[:m]
+        return self.ki * e, self.kp * e, self.kd * rate
+
+
+def closed_loop(linear: Linearisation, kp: Vector, ki: Vector, kd: Vector) -> Matrix:
+    """Return the matrix of (q, v, s), with s only for joints that integrate.
+
+    Args:
+        linear: the small motions about the set point.
+        kp, ki, kd: shape (joints,).
+    """
+    b = linear.input_matrix
+    n = len(b)
+    loop = linear.with_feedback(kp, kd)
+    integrating = ki > 0.0
+    count = int(integrating.sum())
+    top = np.hstack((loop.state_matrix, loop.state_input_matrix[:, integrating]))
+    integral = -(np.diag(ki) @ b.T)[integrating]
+    return np.vstack((top, np.hstack((integral, np.zeros((count, n + count))))))
+
+
+def build(
+    settings: CollocatedPid, period: float, effort_limit: Vector
+) -> tuple[MeasuredJoints, PidLaw]:
+    """Return the measured joints and the law.
+
+    Raises:
+        BadInput: not one gain a joint, or gains that do not stabilise the set point.
+    """
+    model = build_model(settings.model)
+    gains = []
+    for name, given in (("kp", settings.kp), ("ki", settings.ki), ("kd", settings.kd)):
+        if len(given) != model.joints:
+            raise BadInput(f"{name}: give {model.joints} numbers, one a joint")
+        gains.append(np.array(given, dtype=np.float64))
+    kp, ki, kd = gains
+    linear = model.linearise(rest_at(model, settings.set_point))
+    integrals = [
+        f"integral of {name}" for name, k in zip(model.joint_names, ki, strict=True) if k > 0.0
+    ]
+    names = (*state_names(model), *integrals)
+    require_stable(closed_loop(linear, kp, ki, kd), names, "collocated_pid with these gains")
+    limit = np.array(effort_limit, dtype=np.float64)
+    return MeasuredJoints(), PidLaw(kp, ki, kd, limit, settings.tracking_time, period)
