@@ -1,13 +1,13 @@
 """Forward dynamics of every testbed and the fixed-step integration, as compiled kernels.
 
 A testbed is M(q) a + h(q, v) = B u with the joints first and the modes after them; efforts act
-on the joints alone. `kind` selects whose terms are used (see TESTBEDS in __init__).
+on the joints alone. `kind` selects whose terms are used (see TESTBEDS in testbeds).
 """
 
 import numpy as np
 from scipy.integrate import DOP853
 
-from flexslew_plant import csa
+from flexslew_plant import csa, floating_oscillator, hub_with_appendages
 from flexslew_plant.arrays import Matrix, Vector, compiled, inlined
 
 # Dormand and Prince's method of order 8, without its error estimate: 12 stages
@@ -28,7 +28,12 @@ def terms(
     bias: Vector,
 ) -> None:
     """Write the blocks of M(q) and the bias h(q, v) of the testbed; see csa.terms."""
-    csa.terms(p, x, joints, coupling, modal, bias)
+    if kind == csa.KIND:
+        csa.terms(p, x, joints, coupling, modal, bias)
+    elif kind == hub_with_appendages.KIND:
+        hub_with_appendages.terms(p, x, joints, coupling, modal, bias)
+    else:
+        floating_oscillator.terms(p, x, joints, coupling, modal, bias)
 
 
 @inlined
@@ -36,13 +41,22 @@ def residual_jacobian(
     kind: int, p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix
 ) -> None:
     """Write d(M a + h)/dq and d(M a + h)/dv at fixed a; see csa.residual_jacobian."""
-    csa.residual_jacobian(p, x, a, dq, dv)
+    if kind == csa.KIND:
+        csa.residual_jacobian(p, x, a, dq, dv)
+    elif kind == hub_with_appendages.KIND:
+        hub_with_appendages.residual_jacobian(p, x, a, dq, dv)
+    else:
+        floating_oscillator.residual_jacobian(p, x, a, dq, dv)
 
 
 @inlined
 def potential(kind: int, p: Vector, q: Vector) -> float:
     """Return the potential energy [J]."""
-    return csa.potential(p, q)
+    if kind == csa.KIND:
+        return csa.potential(p, q)
+    if kind == hub_with_appendages.KIND:
+        return hub_with_appendages.potential(p, q)
+    return floating_oscillator.potential(p, q)
 
 
 @inlined
@@ -188,3 +202,21 @@ def jacobian(kind: int, p: Vector, x: Vector, effort: Vector, dx: Matrix, du: Ma
         column[j] = 1.0
         solve(joints, coupling, modal, column)
         du[n:, j] = column
+
+
+@compiled
+def energy(kind: int, p: Vector, x: Vector, joints: int) -> float:
+    """Return v^T M(q) v / 2 + U(q) [J] of the state x = [q, v]."""
+    n, m = x.size // 2, joints
+    block, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
+    bias = np.empty(n)
+    terms(kind, p, x, block, coupling, modal, bias)
+    total = 0.0
+    for i in range(m):
+        for j in range(m):
+            total += 0.5 * x[n + i] * block[i, j] * x[n + j]
+        for j in range(n - m):
+            total += x[n + i] * coupling[i, j] * x[n + m + j]
+    for j in range(n - m):
+        total += 0.5 * modal[j] * x[n + m + j] ** 2
+    return total + potential(kind, p, x[:n])

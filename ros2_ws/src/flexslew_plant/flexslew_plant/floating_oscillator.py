@@ -1,0 +1,90 @@
+"""The floating oscillator: a driven mass, a spring and a free mass (papers/001, section 3.2).
+
+Coordinates: x_1, where the driven mass is [m], then the stretch q = x_2 - x_1 [m], which stands
+where other testbeds have the deflection of a tip. In these (8), (9) read
+    (m_1 + m_2) x_1'' + m_2 q'' = u,    m_2 x_1'' + m_2 q'' + d q' + k q = 0.
+"""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.settings import Positive, section
+
+KIND = 1  # its number in dynamics.py
+JOINTS = ("mass",)
+JOINT_UNITS = ("m",)
+# where the packed parameters lie
+_TOTAL, _FREE, _STIFFNESS, _DAMPING = 0, 1, 2, 3
+
+
+@section
+class FloatingOscillatorParameters:
+    """The benchmark of papers/001: everything is one."""
+
+    driven_mass: Positive = 1.0  # m_1 [kg]
+    free_mass: Positive = 1.0  # m_2 [kg]
+    stiffness: Positive = 1.0  # k [N/m]
+
+
+@section
+class FloatingOscillatorInitial:
+    """Where the driven mass rests at the start; the spring is relaxed."""
+
+    mass: float = 0.0  # x_1(0) [m]
+
+
+@section
+class FloatingOscillatorTestbed:
+    """The `testbed` section for kind floating_oscillator."""
+
+    kind: Literal["floating_oscillator"] = "floating_oscillator"
+    modes: Literal[1] = 1
+    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0  # of the spring, mass held [-]
+    parameters: FloatingOscillatorParameters = FloatingOscillatorParameters()
+    initial: FloatingOscillatorInitial = FloatingOscillatorInitial()
+    effort_limit: tuple[Positive] = (1.0,)  # [N]
+
+
+def packed(testbed: FloatingOscillatorTestbed) -> Vector:
+    """Return [m_1 + m_2, m_2, k, d] as the kernels read them, shape (4,)."""
+    p = testbed.parameters
+    damping = 2.0 * testbed.damping_ratio * np.sqrt(p.stiffness * p.free_mass)
+    return np.array([p.driven_mass + p.free_mass, p.free_mass, p.stiffness, damping])
+
+
+def packed_frequency_scale(p: Vector, factor: float) -> Vector:
+    """Return the packed parameters with the stiffness k multiplied by factor [-]."""
+    scaled = p.copy()
+    scaled[_STIFFNESS] *= factor
+    scaled[_DAMPING] *= np.sqrt(factor)
+    return scaled
+
+
+@compiled
+def terms(
+    p: Vector, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
+) -> None:
+    """Write M and h(q, v) of M a + h = B u; see csa.terms for the arguments."""
+    joints[0, 0] = p[_TOTAL]
+    coupling[0, 0] = p[_FREE]
+    modal[0] = p[_FREE]
+    bias[0] = 0.0
+    bias[1] = p[_STIFFNESS] * x[1] + p[_DAMPING] * x[3]
+
+
+@compiled
+def residual_jacobian(p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
+    """Write dr/dq and dr/dv of r = M a + h; see csa.residual_jacobian for the arguments."""
+    dq[:] = 0.0
+    dv[:] = 0.0
+    dq[1, 1] = p[_STIFFNESS]
+    dv[1, 1] = p[_DAMPING]
+
+
+@compiled
+def potential(p: Vector, q: Vector) -> float:
+    """Return the strain energy of the spring [J]."""
+    return float(0.5 * p[_STIFFNESS] * q[1] ** 2)
