@@ -12,7 +12,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.dynamics import STAGE_TIMES, STAGES
 from flexslew_plant.model import Model
 
-_STEP_ANGLE = 1.0  # largest step times fastest closed-loop rate [-]: error in Y below 1e-8
+_STEP_ANGLE = 0.95  # largest step times fastest closed-loop rate [-]: error in Y below 1e-8
 _STEPS_A_SLEW = 25  # at least, for the motion itself
 
 

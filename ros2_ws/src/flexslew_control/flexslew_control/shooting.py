@@ -9,7 +9,7 @@ import numpy as np
 
 from flexslew_plant import dynamics
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.dynamics import STAGE_TIMES, STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
+from flexslew_plant.dynamics import STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""What every plan of a CSA slew is asked with: the believed model, the goal, the feedback, ticks."""
+"""What every plan of a CSA slew is asked with: model, goal, feedback and ticks."""
 
 import importlib.metadata
 import platform

@@ -1,0 +1,87 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+
+from flexslew_control.plan_file import load_plan, plan_hash, save_plan
+from flexslew_control.planners import NoPlan, OptimizedFeedforward, ReferenceOnly, make_plan
+from flexslew_plant.errors import BadInput
+
+SECTIONS = [NoPlan(), ReferenceOnly(), OptimizedFeedforward()]
+
+
+@pytest.fixture(scope="module", params=SECTIONS, ids=lambda s: s.method)
+def plan(request):
+    return make_plan(request.param, 0.05, [150.0, 150.0])
+
+
+def test_a_plan_survives_its_file_bit_for_bit(plan, tmp_path):
+    save_plan(plan, tmp_path / "plan.yaml")
+    loaded = load_plan(tmp_path / "plan.yaml")
+    for name in ("position", "velocity", "effort", "state"):
+        assert getattr(loaded, name).shape == getattr(plan, name).shape
+        np.testing.assert_array_equal(getattr(loaded, name), getattr(plan, name))
+    assert (loaded.request, loaded.summary) == (plan.request, plan.summary)
+    assert (loaded.versions, loaded.joint_names) == (plan.versions, plan.joint_names)
+    assert plan_hash(loaded) == plan_hash(plan)
+    assert [p.name for p in tmp_path.iterdir()] == ["plan.yaml"]
+
+
+def test_hash_sees_every_array_and_the_request(plan):
+    seen = {plan_hash(plan)}
+    for name in ("position", "velocity"):
+        array = getattr(plan, name).copy()
+        array[-1, 0] = np.nextafter(array[-1, 0], 2.0)
+        seen.add(plan_hash(replace(plan, **{name: array})))
+    seen.add(plan_hash(replace(plan, request=plan.request | {"start": 1.0})))
+    seen.add(plan_hash(replace(plan, start=1.0)))
+    assert len(seen) == 5
+
+
+def altered(plan, path, change):
+    save_plan(plan, path)
+    content = yaml.safe_load(path.read_text())
+    change(content)
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+def set_first(content):
+    content["position"][0][0] += 1e-9
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (set_first, "does not have its hash"),
+        (lambda c: c.pop("effort"), "missing effort"),
+        (lambda c: c.pop("hash"), "missing hash"),
+        (lambda c: c.update(flexslew_plan=99), "99 is not allowed"),
+        (lambda c: c.pop("flexslew_plan"), "is not a plan"),
+        (lambda c: c.update(position="x"), "wrong kinds"),
+        (lambda c: c.update(joint_names=3), "wrong kinds"),
+    ],
+)
+def test_an_altered_file_is_refused_by_name(tmp_path, change, words):
+    path = altered(make_plan(NoPlan(), 0.05, [1.0, 1.0]), tmp_path / "p.yaml", change)
+    with pytest.raises(BadInput, match=words) as caught:
+        load_plan(path)
+    assert str(caught.value).startswith(str(path))
+
+
+@pytest.mark.parametrize("text", ["{", "[1, 2]", "", "\x00"])
+def test_what_is_no_plan_is_refused(tmp_path, text):
+    (tmp_path / "p.yaml").write_text(text)
+    with pytest.raises(BadInput, match=r"p\.yaml"):
+        load_plan(tmp_path / "p.yaml")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(BadInput, match="No such file"):
+        load_plan(tmp_path / "none.yaml")
+
+
+def test_an_unwritable_place_is_named(tmp_path):
+    with pytest.raises(BadInput, match="cannot be written"):
+        save_plan(make_plan(NoPlan(), 0.05, [1.0, 1.0]), tmp_path / "none" / "p.yaml")
