@@ -59,6 +59,37 @@ def load_yaml(text: str, source: str) -> Any:
         raise BadInput(f"{source}:{line} is not YAML: {getattr(error, 'problem', error)}") from None
 
 
+class _Plain(yaml.CSafeDumper):
+    """Writes every value where it stands: ROS and rosbag2 read no aliases."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Return True, always."""
+        return True
+
+
+def yaml_text(values: Any, flow: bool | None = None) -> str:
+    """Return plain data as YAML without anchors, keys in their order.
+
+    Args:
+        values: dictionaries, lists and scalars.
+        flow: True all on one line, None the innermost lists only, False nothing.
+    """
+    return str(yaml.dump(values, Dumper=_Plain, sort_keys=False, default_flow_style=flow))
+
+
+def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested settings as ROS parameters: dotted names; None and empty lists left out."""
+    result: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, dict):
+            result |= flat(value, f"{prefix}{key}.")
+        elif isinstance(value, list) and any(isinstance(entry, dict | list) for entry in value):
+            result[prefix + key] = yaml_text(value, flow=True)
+        elif value is not None and value != []:
+            result[prefix + key] = value
+    return result
+
+
 def _one_line(error: ValidationError, kind: Any, source: str) -> str:
     """Say the first error as `file: key: value is not allowed: why`."""
     first = error.errors()[0]

@@ -1,0 +1,124 @@
+"""The `recorder` node: everything on the topics of the bench into one MCAP bag."""
+
+import json
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from rclpy.qos import QoSProfile
+
+from flexslew_lab.bag_layout import TOPICS
+from flexslew_lab.bag_writer import BagWriter, RecordingStopped
+from flexslew_lab.cdr import stamp_of
+from flexslew_msgs import msg
+from flexslew_plant import topics
+from flexslew_plant.events import Event, Level
+from flexslew_plant.ros_node import (
+    LOOP,
+    Loop,
+    event_message,
+    latched,
+    new_node,
+    run_node,
+    settings_of,
+)
+from flexslew_plant.settings import section
+
+
+@section
+class RecorderSettings:
+    """The parameters of the node."""
+
+    folder: str = "flexslew_bag"  # of the bag; must not hold one yet
+    metadata: str = "{}"  # of the run (trial, versions, ...), JSON, text to text
+    exit_with_plant: bool = False  # close the bag and end the process when the plant is gone
+
+
+class Recorder:
+    """Writes the serialised messages as they come."""
+
+    def __init__(self) -> None:
+        self.node = node = new_node("recorder")
+        self._settings: RecorderSettings = settings_of(node, RecorderSettings)
+        self.loop = Loop(node)
+        self._writer = BagWriter(
+            Path(self._settings.folder), json.loads(self._settings.metadata)
+        )
+        self._events = node.create_publisher(msg.Event, topics.EVENTS, latched(100))
+        self._last = 0  # simulated time of the last message [ns]
+        self._stopped = False
+        self._seen_plant = False
+        self._next_look = 0.0
+        self._subscriptions = {
+            topic: node.create_subscription(
+                _message_class(kind.type),
+                topic,
+                partial(self._on_message, topic, kind.type),
+                _qos(kind.latched, kind.depth),
+                raw=True,
+            )
+            for topic, kind in TOPICS.items()
+        }
+        self._say(Level.INFO, "recording", f"recording into {self._settings.folder}")
+
+    def poll(self) -> float:
+        """Look for the plant; return the wall seconds until the next look."""
+        now = monotonic()
+        if now >= self._next_look:
+            here = self._subscriptions["/measurement"].get_publisher_count() > 0
+            if self._settings.exit_with_plant and self._seen_plant and not here:
+                self.loop.stop(3 if self._stopped else 0)
+            self._seen_plant = self._seen_plant or here
+            self._next_look = now + 0.2
+        return self._next_look - now
+
+    def close(self) -> None:
+        """Make the bag whole."""
+        try:
+            self._writer.close()
+        except RecordingStopped as error:
+            self.node.get_logger().error(str(error))
+        self.node.destroy_node()
+
+    def _on_message(self, topic: str, kind: str, data: bytes) -> None:
+        if self._stopped:
+            return
+        self._last = stamp_of(kind, data, self._last)
+        try:
+            self._writer.write(topic, kind, data, self._last)
+        except RecordingStopped as error:
+            self._stopped = True
+            self._say(Level.FAULT, "recording_stopped", str(error))
+
+    def _say(self, level: Level, kind: str, words: str) -> None:
+        event = Event(0, self._last * 1e-9, 0, level, "recorder", kind, words, {})
+        self._events.publish(event_message(event))
+        self.node.get_logger().info(words)
+
+
+def _message_class(kind: str) -> Any:
+    package, _, name = kind.split("/")
+    return getattr(import_module(f"{package}.msg"), name)
+
+
+def _qos(is_latched: bool, depth: int) -> QoSProfile:
+    if is_latched:
+        return latched(max(depth, 100))
+    return LOOP
+
+
+def build() -> tuple[Recorder, Loop]:
+    """Return the node and its loop."""
+    recorder = Recorder()
+    return recorder, recorder.loop
+
+
+def main() -> None:
+    """Run the node until it is interrupted or the plant is gone."""
+    run_node(build)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,27 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+setup(
+    name="flexslew_lab",
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={"flexslew_lab": ["py.typed", "*.j2"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/flexslew_lab"]),
+        ("share/flexslew_lab", ["package.xml"]),
+        ("share/flexslew_lab/launch", glob("launch/*.launch.py")),
+        ("share/flexslew_lab/config", glob("config/*")),
+        ("share/flexslew_lab/trials", glob("trials/*.yaml")),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "flexslew = flexslew_lab.cli:main",
+            "recorder = flexslew_lab.recorder_node:main",
+            "director = flexslew_lab.director_node:main",
+        ]
+    },
+)

@@ -1,0 +1,65 @@
+"""The motors: torque limit, slew rate, quantisation, first-order lag and friction."""
+
+from math import exp
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.settings import NonNegative, Positive, section
+
+
+@section
+class ActuatorSettings:
+    """The `actuator` section, the same for every joint; all off by default."""
+
+    lag: NonNegative = 0.0  # time constant of the torque [s]
+    slew_rate: NonNegative = 0.0  # largest change of the torque [N m/s]; 0: no limit
+    quantisation: NonNegative = 0.0  # torques are multiples of it [N m]; 0: none
+    viscous_friction: NonNegative = 0.0  # [N m s/rad]
+    coulomb_friction: NonNegative = 0.0  # [N m]
+    coulomb_speed: Positive = 1e-4  # friction grows as tanh(v / coulomb_speed) [rad/s]
+
+
+class Actuator:
+    """One motor a joint. Its torque is held over a tick.
+
+    Args:
+        settings: the `actuator` section.
+        limit: largest |effort|, shape (joints,) [N m or N].
+        period: one tick [s].
+    """
+
+    def __init__(self, settings: ActuatorSettings, limit: Vector, period: float) -> None:
+        self._settings, self._limit = settings, limit
+        self._largest_change = settings.slew_rate * period
+        self._share = 1.0 - exp(-period / settings.lag) if settings.lag else 1.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past: no torque."""
+        self.effort: Vector = np.zeros(self._limit.size)  # really applied [N m or N]
+        self._demand: Vector = np.zeros(self._limit.size)
+        self.saturated = False
+
+    def apply(self, demand: Vector) -> Vector:
+        """Return the effort really held over the coming tick, shape (joints,) [N m or N]."""
+        s = self._settings
+        effort = np.minimum(np.maximum(demand, -self._limit), self._limit)
+        self.saturated = bool((effort != demand).any())
+        if self._largest_change:
+            change = np.clip(effort - self._demand, -self._largest_change, self._largest_change)
+            effort = self._demand + change
+        if s.quantisation:
+            effort = s.quantisation * np.round(effort / s.quantisation)
+        self._demand = effort
+        self.effort = effort if s.lag == 0.0 else self.effort + self._share * (effort - self.effort)
+        return self.effort
+
+    def friction(self, velocity: Vector) -> Vector | None:
+        """Return the friction on each joint at these rates, or None if there is none."""
+        s = self._settings
+        if not (s.viscous_friction or s.coulomb_friction):
+            return None
+        return -s.viscous_friction * velocity - s.coulomb_friction * np.tanh(
+            velocity / s.coulomb_speed
+        )

@@ -1,0 +1,314 @@
+"""The `plant` node: the bench behind topics and services. It owns time."""
+
+from time import monotonic
+from typing import Any
+
+from std_srvs.srv import Trigger
+
+from flexslew_msgs import msg, srv
+from flexslew_plant import topics
+from flexslew_plant.bench import Bench, BenchSettings, SwitchRequest
+from flexslew_plant.display_node import Display
+from flexslew_plant.events import Event, Level
+from flexslew_plant.pacing import Pacing
+from flexslew_plant.ros_node import (
+    LOOP,
+    Loop,
+    command_of,
+    doubles,
+    event_message,
+    latched,
+    measurement_message,
+    new_node,
+    run_node,
+    settings_of,
+    stamp,
+    unmatched,
+)
+from flexslew_plant.settings import NonNegative, Positive, plain, section, yaml_text
+
+
+@section
+class PlantSettings:
+    """The parameters of the node."""
+
+    bench: BenchSettings = BenchSettings()
+    rate_factor: NonNegative = 0.0  # 0: as fast as it goes, 1: real time
+    answer_timeout: Positive = 2.0  # silence that counts as missed ticks, not paced [wall s]
+    controllers: tuple[str, ...] = ()  # standbys that must be ready before tick 0, too
+    wait_for: tuple[str, ...] = ()  # recorders: nodes that must hear everything from tick 0 on
+    autostart: bool = True  # start when all are there; else the service does
+    exit_when_done: bool = False  # end the process after the last tick
+    truth: bool = True  # publish the true state every tick
+    progress: bool = False  # print the tick twice a wall second, for the one who started this node
+    display_rate: NonNegative = 50.0  # joint states, tf, markers, clock [1/simulated s]; 0: none
+
+
+class Plant:
+    """Asks on `measurement`, takes answers from `effort_command`."""
+
+    def __init__(self) -> None:
+        self.node = node = new_node("plant")
+        self._settings: PlantSettings = settings_of(node, PlantSettings)
+        self._bench = Bench(self._settings.bench)
+        self._pacing = Pacing(
+            self._settings.bench.period, self._settings.rate_factor, self._settings.answer_timeout
+        )
+        self.loop = Loop(node)
+        self._state = "waiting" if self._settings.autostart else "paused"
+        self._steps_left = 0
+        self._waiting_for: list[str] = []
+        self._started = self._next_progress = monotonic()
+        self._controllers: dict[str, msg.ControllerStatus] = {}
+
+        self._measurement = node.create_publisher(msg.Measurement, topics.MEASUREMENT, LOOP)
+        self._truth = node.create_publisher(msg.PlantState, topics.TRUTH, LOOP)
+        self._events = node.create_publisher(msg.Event, topics.EVENTS, latched(1000))
+        self._testbed = node.create_publisher(msg.Testbed, topics.TESTBED, latched(1))
+        self._display = Display(node, self._bench, self._settings.display_rate)
+        node.create_subscription(msg.EffortCommand, topics.EFFORT_COMMAND, self._on_command, LOOP)
+        node.create_subscription(
+            msg.ControllerStatus, topics.CONTROLLER_STATUS, self._on_status, latched(100)
+        )
+        node.create_service(Trigger, topics.START, self._on_start)
+        node.create_service(Trigger, topics.PAUSE, self._on_pause)
+        node.create_service(Trigger, topics.RESET, self._on_reset)
+        node.create_service(srv.Step, topics.STEP, self._on_step)
+        node.create_service(srv.SwitchController, topics.SWITCH_CONTROLLER, self._on_switch)
+        node.create_service(srv.ListControllers, topics.LIST_CONTROLLERS, self._on_list)
+        self._testbed.publish(self._testbed_message())
+
+    def poll(self) -> float:
+        """Do what is due; return the wall seconds until something can be due again."""
+        if self._state == "waiting":
+            self._try_start()
+            return 0.0 if self._state == "running" else 0.02
+        if self._state != "running":
+            return 0.5
+        now, bench = monotonic(), self._bench
+        if self._settings.progress and now >= self._next_progress:
+            print(f"tick {bench.tick} of {bench.last_tick}", flush=True)
+            self._next_progress = now + 0.5
+        if self._pacing.tick_over(now, bench.answered, bench.drive.missed_in_a_row):
+            self._advance()
+        elif not bench.answered and self._pacing.repeat_due(now):
+            self._measurement.publish(measurement_message(bench.question))
+        return 0.0 if bench.answered and not self._pacing.paced else self._pacing.wait(monotonic())
+
+    def close(self) -> None:
+        """Say goodbye, whole."""
+        if self._state in ("running", "paused") and self._bench.tick:
+            self._say(Level.WARNING, "interrupted", f"stopped at tick {self._bench.tick}")
+        self.node.destroy_node()
+
+    def _missing(self) -> list[str]:
+        """Return whom the start has to wait for, and why."""
+        active = self._bench.drive.active
+        crew = {*self._settings.controllers, active} if active else set()
+        missing = set(unmatched(self.node, [self._measurement], sorted(crew)))
+        for name in crew:
+            status = self._controllers.get(name)
+            if status is not None and not status.ready:
+                missing = {*missing - {name}, f"{name} ({status.reason})"}
+        heard = [self._measurement] + [self._truth] * self._settings.truth
+        return sorted({*missing, *unmatched(self.node, heard, self._settings.wait_for)})
+
+    def _try_start(self) -> None:
+        missing = self._missing()
+        if missing:
+            if missing != self._waiting_for:
+                self.node.get_logger().info(f"waiting for {', '.join(missing)}")
+                self._waiting_for = missing
+            return
+        self._state = "running"
+        self._started = monotonic()
+        self._pacing.start(self._started)
+        word = "started" if self._bench.tick == 0 else "resumed"
+        self._say(Level.INFO, word, f"{word} at tick {self._bench.tick}")
+        self._publish_tick()
+
+    def _on_command(self, message: msg.EffortCommand) -> None:
+        if self._state != "running":
+            return
+        taken = self._bench.offer(command_of(message))
+        if taken and not self._pacing.paced:
+            self._advance()
+        elif self._bench.events:
+            self._publish_events()
+            if not self._bench.answered:  # a refused switch asks its predecessor
+                self._measurement.publish(measurement_message(self._bench.question))
+
+    def _advance(self) -> None:
+        self._bench.advance()
+        if self._bench.done:
+            self._finish()
+        else:
+            self._pacing.asked(monotonic())
+            self._publish_tick()
+            if self._steps_left:
+                self._steps_left -= 1
+                if not self._steps_left:
+                    self._state = "paused"
+
+    def _publish_tick(self) -> None:
+        """Ask first: the answer is under way while the rest goes out."""
+        self._measurement.publish(measurement_message(self._bench.question))
+        self._publish_truth()
+        self._publish_events()
+
+    def _publish_truth(self) -> None:
+        truth = self._bench.truth()
+        if self._settings.truth:
+            message = msg.PlantState(
+                tick=truth.tick,
+                epoch=truth.epoch,
+                position=doubles(truth.position),
+                velocity=doubles(truth.velocity),
+                applied_effort=doubles(truth.applied_effort),
+                disturbance=doubles(truth.disturbance),
+                tip_deflection=doubles(truth.tip_deflection),
+                energy=truth.energy,
+            )
+            message.header.stamp = stamp(truth.time)
+            self._truth.publish(message)
+        self._display.show(truth)
+
+    def _publish_events(self) -> None:
+        while self._bench.events:
+            event = self._bench.events.popleft()
+            self._events.publish(event_message(event))
+            words = f"t = {event.time:.2f} s: {event.message}"
+            # rclpy ties a severity to the line of the call
+            if event.level == Level.INFO:
+                self.node.get_logger().info(words)
+            elif event.level == Level.WARNING:
+                self.node.get_logger().warning(words)
+            else:
+                self.node.get_logger().error(words)
+
+    def _finish(self) -> None:
+        self._state = "finished"
+        self._publish_truth()
+        wall = monotonic() - self._started
+        bench = self._bench
+        self._say(
+            Level.INFO,
+            "finished",
+            f"{bench.tick} ticks in {wall:.2f} s wall, {bench.drive.missed} missed",
+            {
+                "wall_time": wall,
+                "ticks": bench.tick,
+                "missed_ticks": bench.drive.missed,
+                "saturated_time": bench.saturated_ticks * self._settings.bench.period,
+                "rejected": dict(bench.drive.rejected),
+            },
+        )
+        for publisher in (self._truth, self._measurement, self._events):
+            publisher.wait_for_all_acked()
+        if self._settings.exit_when_done:
+            self.loop.stop(3 if bench.faulted else 0)
+
+    def _say(
+        self, level: Level, kind: str, message: str, data: dict[str, Any] | None = None
+    ) -> None:
+        bench = self._bench
+        bench.events.append(
+            Event(bench.tick, bench.time, bench.epoch, level, "plant", kind, message, data or {})
+        )
+        self._publish_events()
+
+    def _on_status(self, message: msg.ControllerStatus) -> None:
+        self._controllers[message.controller] = message
+
+    def _on_start(self, _: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
+        if self._state == "finished":
+            return _refused(reply, "the run is over; call reset first")
+        if self._state == "running":
+            return _refused(reply, "already running")
+        self._state = "waiting"
+        reply.success, reply.message = True, f"starting at tick {self._bench.tick}"
+        return reply
+
+    def _on_pause(self, _: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
+        if self._state not in ("running", "waiting"):
+            return _refused(reply, f"not running but {self._state}")
+        self._state = "paused"
+        self._say(Level.INFO, "paused", f"paused at tick {self._bench.tick}")
+        reply.success, reply.message = True, f"paused at tick {self._bench.tick}"
+        return reply
+
+    def _on_reset(self, _: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
+        self._bench.reset()
+        self._state = "paused"
+        self._say(Level.INFO, "reset", f"reset, epoch {self._bench.epoch}; call start")
+        reply.success, reply.message = True, f"epoch {self._bench.epoch}, paused at tick 0"
+        return reply
+
+    def _on_step(self, request: srv.Step.Request, reply: srv.Step.Response) -> srv.Step.Response:
+        reply.tick = self._bench.tick
+        if self._state != "paused":
+            reply.message = f"not paused but {self._state}; call pause first"
+            return reply
+        self._steps_left = max(1, request.ticks)
+        self._state = "waiting"
+        reply.ok, reply.tick = True, self._bench.tick + self._steps_left
+        reply.message = f"flying {self._steps_left} ticks"
+        return reply
+
+    def _on_switch(
+        self, request: srv.SwitchController.Request, reply: srv.SwitchController.Response
+    ) -> srv.SwitchController.Response:
+        status = self._controllers.get(request.controller)
+        if status is None:
+            known = ", ".join(sorted(self._controllers)) or "none"
+            reply.message = f"unknown controller {request.controller}; on the graph: {known}"
+        elif not status.ready:
+            reply.message = f"{request.controller} is not ready: {status.reason}"
+        else:
+            at = request.at.sec + request.at.nanosec * 1e-9
+            tick = max(round(at / self._settings.bench.period), self._bench.tick + 1)
+            limit = request.max_effort_step or float("inf")
+            wish = SwitchRequest(request.controller, tick, request.strict, limit)
+            reply.message = self._bench.request_switch(wish) or f"switch at tick {tick}"
+            reply.ok, reply.tick = reply.message.startswith("switch at"), tick
+        return reply
+
+    def _on_list(
+        self, _: srv.ListControllers.Request, reply: srv.ListControllers.Response
+    ) -> srv.ListControllers.Response:
+        reply.controllers = [self._controllers[name] for name in sorted(self._controllers)]
+        reply.active = self._bench.drive.active
+        return reply
+
+    def _testbed_message(self) -> msg.Testbed:
+        bench, settings = self._bench, self._settings
+        return msg.Testbed(
+            kind=settings.bench.testbed.kind,
+            joint_names=list(bench.model.joint_names),
+            joint_units=list(bench.model.joint_units),
+            appendage_names=list(bench.appendages.names),
+            modes=bench.model.modes,
+            period=settings.bench.period,
+            effort_limit=doubles(bench.limit),
+            settings=yaml_text(plain(settings)),
+        )
+
+
+def _refused(reply: Trigger.Response, why: str) -> Trigger.Response:
+    reply.success, reply.message = False, why
+    return reply
+
+
+def build() -> tuple[Plant, Loop]:
+    """Return the node and its loop."""
+    plant = Plant()
+    return plant, plant.loop
+
+
+def main() -> None:
+    """Run the node until it is done or interrupted."""
+    run_node(build)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,235 @@
+"""What every node of the bench shares: parameters as sections, QoS, the loop, message conversion."""
+
+import json
+import signal
+import sys
+from array import array
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import rclpy
+from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from flexslew_msgs import msg
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput, FlexslewError
+from flexslew_plant.events import Event
+from flexslew_plant.measurement import EffortCommand, Measurement
+from flexslew_plant.settings import flat, load_yaml, plain, validated
+
+# nothing on the loop may be lost: reliable, and every sample kept until it was acknowledged
+LOOP = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+
+
+def latched(depth: int) -> QoSProfile:
+    """Return the QoS under which a late subscriber still gets the last `depth` samples."""
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def new_node(name: str) -> Node:
+    """Return a node that takes any parameter; `settings_of` says which are right."""
+    return Node(
+        name,
+        allow_undeclared_parameters=True,
+        automatically_declare_parameters_from_overrides=True,
+    )
+
+
+def parameters_of(node: Node) -> dict[str, Any]:
+    """Return what the node was given, nested by the dots of the names."""
+    given: dict[str, Any] = {}
+    for name, parameter in node.get_parameters_by_prefix("").items():
+        if name == "use_sim_time" or name.startswith(("qos_overrides", "start_type_description")):
+            continue
+        *path, last = name.split(".")
+        place = given
+        for part in path:
+            place = place.setdefault(part, {})
+        value = parameter.value
+        if isinstance(value, str) and value.startswith("["):
+            value = load_yaml(value, f"node {node.get_name()}: {name}")
+        place[last] = value.tolist() if isinstance(value, array) else value
+    return given
+
+
+def declared(node: Node, kind: Any, given: dict[str, Any]) -> Any:
+    """Return `given` as a section and declare the parameters that were left out.
+
+    Nested sections are dotted names; what ROS cannot hold (a list of sections) is YAML text.
+
+    Raises:
+        BadInput: an unknown parameter or a value that is not allowed.
+    """
+    settings = validated(kind, given, f"node {node.get_name()}")
+    read_only = ParameterDescriptor(read_only=True)
+    for name, value in flat(plain(settings)).items():
+        if not node.has_parameter(name):
+            node.declare_parameter(name, value, read_only)
+    return settings
+
+
+def settings_of(node: Node, kind: Any) -> Any:
+    """Return all parameters of the node as one section; see declared."""
+    return declared(node, kind, parameters_of(node))
+
+
+def unmatched(node: Node, publishers: Sequence[Publisher], listeners: Sequence[str]) -> list[str]:
+    """Return whom a sample published now would not reach, of those that must be there."""
+    missing = set()
+    for publisher in publishers:
+        found = node.get_subscriptions_info_by_topic(publisher.topic_name)
+        missing |= set(listeners) - {info.node_name for info in found}
+        if publisher.get_subscription_count() < len(found):
+            missing.add(f"a subscriber of {publisher.topic_name}")
+    return sorted(missing)
+
+
+def stamp(seconds: float) -> Time:
+    """Return simulated seconds as a stamp."""
+    nanoseconds = round(seconds * 1e9)
+    return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
+
+
+def doubles(values: Vector) -> "array[float]":
+    """Return an array as the type that rclpy copies fastest."""
+    return array("d", values.tobytes())
+
+
+def measurement_message(m: Measurement) -> msg.Measurement:
+    """Return the question as a message."""
+    message = msg.Measurement(
+        tick=m.tick,
+        epoch=m.epoch,
+        controller=m.controller,
+        joint_position=doubles(m.joint_position),
+        joint_velocity=doubles(m.joint_velocity),
+        tip_deflection=doubles(m.tip_deflection),
+        root_curvature=doubles(m.root_curvature),
+        applied_effort=doubles(m.applied_effort),
+    )
+    message.header.stamp = stamp(m.time)
+    return message
+
+
+def measurement_of(message: msg.Measurement, period: float) -> Measurement:
+    """Return the message as the question; its time is that of the tick to the last bit."""
+    return Measurement(
+        message.tick,
+        message.epoch,
+        message.tick * period,
+        message.controller,
+        np.frombuffer(message.joint_position),
+        np.frombuffer(message.joint_velocity),
+        np.frombuffer(message.tip_deflection),
+        np.frombuffer(message.root_curvature),
+        np.frombuffer(message.applied_effort),
+    )
+
+
+def command_message(command: EffortCommand, at: Time) -> msg.EffortCommand:
+    """Return the answer as a message with the stamp of its question."""
+    return msg.EffortCommand(
+        stamp=at,
+        tick=command.tick,
+        epoch=command.epoch,
+        controller=command.controller,
+        effort=doubles(command.effort),
+    )
+
+
+def command_of(message: msg.EffortCommand) -> EffortCommand:
+    """Return the message as the answer."""
+    return EffortCommand(
+        message.tick, message.epoch, message.controller, np.frombuffer(message.effort)
+    )
+
+
+def event_message(event: Event) -> msg.Event:
+    """Return the event as a message."""
+    return msg.Event(
+        stamp=stamp(event.time),
+        tick=event.tick,
+        epoch=event.epoch,
+        level=int(event.level),
+        source=event.source,
+        kind=event.kind,
+        message=event.message,
+        data=json.dumps(event.data),
+    )
+
+
+class Loop:
+    """The executor of one process. A callback may call `stop`, from then on `run` returns."""
+
+    def __init__(self, *nodes: Node) -> None:
+        self._executor = EventsExecutor()
+        for node in nodes:
+            self._executor.add_node(node)
+        self._code: int | None = None
+
+    def stop(self, code: int) -> None:
+        """End the loop; the process exits with this code."""
+        self._code = code
+
+    def run(self, poll: Callable[[], float]) -> int:
+        """Serve the graph until stopped; return the exit code.
+
+        Args:
+            poll: called between events, returns the wall seconds after which it wants to be
+                called again.
+        """
+        while self._code is None:
+            # never without a timeout: this executor would neither dispatch nor see a signal
+            self._executor.spin_once(timeout_sec=max(poll(), 0.0))
+            if not rclpy.ok():
+                return 130
+        return self._code
+
+
+def run_node(build: Callable[[], tuple[Any, Loop]], args: list[str] | None = None) -> None:
+    """Initialise ROS, build the node, run its loop, clean up and exit.
+
+    Args:
+        build: returns an object with `poll() -> float` and `close()`, and its loop.
+        args: command line; None: of the process.
+    """
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    rclpy.init(args=args)
+    thing = None
+    code = 0
+    try:
+        thing, loop = build()
+        code = loop.run(thing.poll)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        code = 130
+    except BadInput as error:
+        print(f"error: {error}", file=sys.stderr)
+        code = 2
+    except FlexslewError as error:
+        print(f"error: {error}", file=sys.stderr)
+        code = 3
+    finally:
+        try:
+            if thing is not None:
+                thing.close()
+        except KeyboardInterrupt:
+            code = 130
+        rclpy.try_shutdown()
+    sys.exit(code)
+
+

@@ -1,0 +1,16 @@
+from setuptools import find_packages, setup
+
+setup(
+    name="flexslew_plant",
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={"flexslew_plant": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/flexslew_plant"]),
+        ("share/flexslew_plant", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    license="Apache-2.0",
+    entry_points={"console_scripts": ["plant = flexslew_plant.plant_node:main"]},
+)

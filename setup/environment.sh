@@ -1,0 +1,15 @@
+# Source this: the bench's environment in this shell. Loopback only unless you say otherwise.
+flexslew_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+if [ -z "${FLEXSLEW_INSTALLED_ROS:-}" ]; then
+  export AMENT_PREFIX_PATH=$flexslew_root/.venv${AMENT_PREFIX_PATH:+:$AMENT_PREFIX_PATH}
+  export CMAKE_PREFIX_PATH=$flexslew_root/.venv${CMAKE_PREFIX_PATH:+:$CMAKE_PREFIX_PATH}
+  export ROS_DISTRO=kilted ROS_VERSION=2 ROS_PYTHON_VERSION=3
+fi
+export ROS_AUTOMATIC_DISCOVERY_RANGE=${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}
+export COLCON_PYTHON_EXECUTABLE=$flexslew_root/.venv/bin/python
+export PATH=$flexslew_root/.venv/bin:$PATH
+if [ -e "$flexslew_root/ros2_ws/install/local_setup.bash" ]; then
+  # colcon's file reads variables that may be unset
+  case $- in *u*) set +u; . "$flexslew_root/ros2_ws/install/local_setup.bash"; set -u ;;
+  *) . "$flexslew_root/ros2_ws/install/local_setup.bash" ;; esac
+fi
