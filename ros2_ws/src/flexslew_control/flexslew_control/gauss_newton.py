@@ -19,7 +19,7 @@ Sensitivities: TypeAlias = Literal["exact", "finite_difference"]
 _FRESH: dict[Reading, float] = {"levenberg": 0.1, "regularised": 1e-3}
 _DAMPING_DROP, _DAMPING_FLOOR = 1e-2, 1e-6  # of rho per update, and in all
 # relative change at which the coarse grid has done its part
-_COARSE_ENOUGH: dict[Reading, float] = {"levenberg": 1e-2, "regularised": 1e-3}
+_COARSE_ENOUGH: dict[Reading, float] = {"levenberg": 0.1, "regularised": 1e-3}
 
 
 class Update(NamedTuple):
