@@ -4,6 +4,7 @@ import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from flexslew_plant.errors import BadInput
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.interfaces import ConnectionExtRosbag2
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -57,6 +59,7 @@ def test_rosbags_opens_the_folder(bag: Path, messages: list[Message]) -> None:
         for connection in reader.connections:
             assert connection.digest == type_hash(connection.msgtype)
         plans = [c for c in reader.connections if c.topic == "/plan"]
+        assert isinstance(plans[0].ext, ConnectionExtRosbag2)
         assert plans[0].ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
         store = get_typestore(Stores.ROS2_JAZZY)
         for connection in reader.connections:
@@ -64,7 +67,7 @@ def test_rosbags_opens_the_folder(bag: Path, messages: list[Message]) -> None:
         for connection, _, data in reader.messages(
             [c for c in reader.connections if c.topic == "/truth"]
         ):
-            last = store.deserialize_cdr(data, connection.msgtype)
+            last: Any = store.deserialize_cdr(data, connection.msgtype)
     assert last.tick == 500
     assert np.allclose(last.position[:2], [1.0, -0.5])
 
@@ -159,13 +162,13 @@ def test_a_full_disk_stops_the_recording_with_one_exception(
     writer = BagWriter(tmp_path / "run", {"trial": ""})
 
     class Full:
-        def __init__(self, stream: object) -> None:
+        def __init__(self, stream: Any) -> None:
             self._stream = stream
 
         def write(self, data: bytes) -> int:
             if writer._at > 20_000:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            return self._stream.write(data)
+            return int(self._stream.write(data))
 
         def __getattr__(self, name: str) -> object:
             return getattr(self._stream, name)
@@ -187,7 +190,7 @@ def test_a_full_disk_stops_the_recording_with_one_exception(
 
 def foreign(path: Path, profile: str = "ros2", schema: bytes = b"uint8 data\n") -> Path:
     with path.open("wb") as file:
-        writer = Writer(file)
+        writer: Any = Writer(file)
         writer.start(profile=profile)
         number = writer.register_schema("flexslew_msgs/msg/PlantState", "ros2msg", schema)
         channel = writer.register_channel("/truth", "cdr", number)

@@ -48,7 +48,7 @@ METRICS: dict[str, Metric] = {
         "root mean square of the effort applied, over all ticks",
     ),
     "control_effort": Metric(
-        "N^2 m^2 s",
+        "(N m)^2 s",
         False,
         "integral of the sum of squared efforts over the run",
     ),
