@@ -27,7 +27,7 @@ class FilterSettings:
     effort_noise: NonNegative = 0.0  # white, density of each effort [(N m)^2 s]
     modal_noise: NonNegative = 0.0  # white, density of each modal force [N^2 s]
     initial_deflection: NonNegative = 0.01  # sigma of each modal coordinate at a reset [m]
-    initial_disturbance: NonNegative = 1.0  # sigma of each disturbance at a reset [N m]
+    initial_disturbance: NonNegative = 10.0  # sigma of each disturbance at a reset [N m]
 
 
 def continuous_gain(a: Matrix, c: Matrix, noise: Matrix, r: Matrix) -> tuple[Matrix, Matrix]:

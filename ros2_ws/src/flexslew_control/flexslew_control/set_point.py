@@ -8,6 +8,8 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.model import Model
 
 _RANK_TOLERANCE = 1e-9  # of the balanced pair
+_RIGID = 1e-6  # of its norm: an eigenvalue below is a rigid motion's, zero
+_DUST = 1e-14  # of the largest entry: rounding, such as cos(pi / 2)
 
 
 def rest_at(model: Model, positions: dict[str, float]) -> Vector:
@@ -86,18 +88,22 @@ def require_stable(a: Matrix, names: tuple[str, ...], what: str) -> None:
 
 
 def _require(a: Matrix, b: Matrix, names: tuple[str, ...], fault: str, remedy: str) -> None:
+    """Refuse if [lambda I - A, B] loses rank at an eigenvalue lambda of A."""
+    a = np.where(abs(a) < _DUST * abs(a).max(), 0.0, a)
     balanced, (scale, _) = matrix_balance(a, permute=False, separate=True)
     inputs = b / scale[:, None]
+    inputs = np.where(abs(inputs) < _DUST * abs(inputs).max(axis=0), 0.0, inputs)
     inputs = inputs / np.maximum(np.linalg.norm(inputs, axis=0), np.finfo(float).tiny)
     size = max(1.0, float(np.linalg.norm(balanced, 2)))
     for value in np.linalg.eigvals(balanced):
-        pencil = np.hstack((value * np.eye(len(a)) - balanced, inputs))
+        # rigid motions are double and come out of the solver as plus and minus 1e-8
+        at = 0.0 if abs(value) < _RIGID * size else value
+        pencil = np.hstack((at * np.eye(len(a)) - balanced, inputs))
         left, singular, _ = np.linalg.svd(pencil)
         if singular[-1] < _RANK_TOLERANCE * size:
             state = names[int(np.argmax(abs(left[:, -1])))]
             raise BadInput(
-                f"the model is {fault}: eigenvalue {_number(value)} 1/s, "
-                f"mostly in {state}; {remedy}"
+                f"the model is {fault}: eigenvalue {_number(at)} 1/s, mostly in {state}; {remedy}"
             )
 
 
@@ -105,4 +111,5 @@ def _number(value: complex) -> str:
     """Return an eigenvalue in six digits."""
     if abs(value.imag) < 1e-12:
         return f"{value.real:.6g}"
-    return f"{value.real:.6g}{value.imag:+.6g}j"
+    real = value.real if abs(value.real) > 1e-12 * abs(value) else 0.0
+    return f"{real:.6g}{value.imag:+.6g}j"
