@@ -21,7 +21,7 @@ PERIOD = 0.01  # [s]
 _GOAL = float(np.pi / 6.0)  # base yaw [rad]
 _PITCH = 0.5  # hub pitch at the end [rad]
 _NO_LIMIT: Vector = np.array([1e9, 1e9])  # [N m]
-_FILE = "output_feedback.md"
+_FILE = "papers/002"
 
 
 class Run(NamedTuple):
@@ -174,7 +174,7 @@ def _below(item: str, source: str, limit: float, ours: float) -> dict[str, Any]:
     return {**row(item, source, limit, ours, 0.0), "item": f"{item} (at most)", "ok": ours <= limit}
 
 
-_PI_FILE = "retargeting_antennas.md"
+_PI_FILE = "papers/004"
 _GAINS = {  # rows of the gains of base yaw on (theta, psi, q)
     "kp": (2184.4058, 0.0, -87.066733),
     "kd": (10942.2764, 0.0, 145.675013),
