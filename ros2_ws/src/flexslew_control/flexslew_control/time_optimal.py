@@ -1,0 +1,191 @@
+"""The planner of papers/001: time-optimal and robust time-optimal slews of one joint."""
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+
+from flexslew_control.plan import Plan
+from flexslew_control.pontryagin import Extremality, switching_function
+from flexslew_control.slew_request import software_versions, tick_times
+from flexslew_control.switching import (
+    STENCIL,
+    BangBang,
+    continued_durations,
+    five_switch_durations,
+)
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.csa import CsaTestbed
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.settings import NonNegative, Positive, plain, section
+from flexslew_plant.testbeds import Testbed, build_model
+
+
+@section
+class TimeOptimal:
+    """The `plan` section for method time_optimal."""
+
+    method: Literal["time_optimal"] = "time_optimal"
+    model: Testbed = CsaTestbed(modes=1)  # what the planner believes; its `initial` is the start
+    goal: dict[str, float]  # where joints rest at the end, by name [rad or m]
+    start: NonNegative = 0.0  # [s]
+    robust: bool = False  # no sensitivity of the modes to the stiffness at the end
+    amplitude: Positive | None = None  # of the effort [N m or N]; the drive's limit if left out
+    longest: Positive | None = None  # refuse a slew that takes longer [s]
+
+
+def plan_time_optimal(
+    settings: TimeOptimal,
+    period: float,
+    effort_limit: Vector,
+    progress: Callable[[Any], None],
+) -> Plan:
+    """Return the bang-bang slew to the goal; see make_plan.
+
+    The reference is the optimal trajectory itself, so feedback adds nothing nominally.
+
+    Raises:
+        BadInput: the goal names no joint or asks for what one bang-bang joint cannot do.
+        PlanFailed: no such slew, or it takes longer than allowed.
+    """
+    slew = requested_slew(settings, effort_limit)
+    durations = found_durations(slew)
+    duration = float(durations.sum())
+    if settings.longest is not None and duration > settings.longest:
+        needed = slew.amplitude * (duration / settings.longest) ** 2
+        raise PlanFailed(
+            f"the slew takes {duration:.4f} s with {slew.amplitude:g} N m, {settings.longest:g} s "
+            f"allowed; rigid bound {slew.rigid_duration:.4f} s; about {needed:.4g} N m are needed"
+        )
+    check = switching_function(slew, durations)
+    ticks = tick_times(settings.start, duration, period)
+    state, effort = on_ticks(slew, durations, ticks)
+    m, n = slew.model.joints, slew.model.coordinates
+    switches = np.cumsum(durations)[:-1]
+    return Plan(
+        method=settings.method,
+        joint_names=slew.model.joint_names,
+        start=settings.start,
+        period=period,
+        position=state[:, :m].copy(),
+        velocity=state[:, n : n + m].copy(),
+        effort=effort,
+        state=state,
+        duration=duration,
+        request=plain(settings),
+        summary={
+            "duration": duration,
+            "switch_times": switches.tolist(),
+            "switches": int(switches.size),
+            "amplitude": slew.amplitude,
+            "peak_effort": np.abs(effort).max(axis=0).tolist(),
+            "terminal_error": slew.residual(durations).tolist(),
+            "rigid_duration": slew.rigid_duration,
+            "joint_sensitivity": joint_sensitivity(slew, durations),
+            "optimal": check.holds,
+            "switching_function_violation": check.violation,
+            "optimality": statement(slew, durations, check),
+        },
+        versions=software_versions(),
+    )
+
+
+def requested_slew(settings: TimeOptimal, effort_limit: Vector) -> BangBang:
+    """Return the slew that a `plan` section asks for.
+
+    Raises:
+        BadInput: see plan_time_optimal.
+    """
+    if settings.model.modes != 1:
+        raise BadInput(
+            f"plan: model: modes: {settings.model.modes} is not allowed: time_optimal plans on 1"
+        )
+    model = build_model(settings.model)
+    names = model.joint_names
+    unknown = [name for name in settings.goal if name not in names]
+    if unknown:
+        raise BadInput(
+            f"plan: goal: {unknown[0]} is not a joint; {settings.model.kind} has {', '.join(names)}"
+        )
+    first = np.array([getattr(settings.model.initial, name) for name in names])
+    last = np.array([settings.goal.get(name, at) for name, at in zip(names, first, strict=True)])
+    moving = np.flatnonzero(last != first)
+    if moving.size == 0:
+        raise BadInput("plan: goal: the joints are there already; give another goal")
+    if moving.size > 1 or moving[0] != 0 or (first[1:] != 0.0).any():
+        raise BadInput(
+            f"plan: goal: time_optimal turns {names[0]} alone with the others at 0; "
+            "use optimized_feedforward or input_shaping for more"
+        )
+    joint = int(moving[0])
+    limit = float(effort_limit[joint])
+    amplitude = limit if settings.amplitude is None else settings.amplitude
+    if amplitude > limit:
+        raise BadInput(f"plan: amplitude: {amplitude:g} is above the drive's limit {limit:g}")
+    start = np.concatenate((first, np.zeros(model.modes + model.coordinates)))
+    return BangBang(
+        model, joint, start, float(last[joint] - first[joint]), amplitude, settings.robust
+    )
+
+
+def found_durations(slew: BangBang) -> Vector:
+    """Return the arcs of the slew: three switches (robust: five), five where three fail.
+
+    Raises:
+        PlanFailed: neither was found.
+    """
+    durations = continued_durations(slew)
+    if durations is None and not slew.robust:
+        durations = five_switch_durations(slew)
+    if durations is None:
+        raise PlanFailed(
+            f"no slew by {slew.distance:g} with {'five' if slew.robust else 'three or five'} "
+            f"switches at {slew.amplitude:g} N m was found (rigid bound "
+            f"{slew.rigid_duration:.4f} s); use a smaller amplitude or another goal"
+        )
+    return durations
+
+
+def joint_sensitivity(slew: BangBang, durations: Vector) -> float:
+    """Return d(joint position at the end)/d(stiffness factor), which no condition asks for."""
+    return float(sum(w * slew.final(durations, f)[slew.joint] for f, w in STENCIL))
+
+
+def statement(slew: BangBang, durations: Vector, check: Extremality) -> str:
+    """Return in one sentence what is known of the slew's optimality."""
+    switches = durations.size - 1
+    if check.holds:
+        return f"extremal with {switches} switches: Pontryagin's condition holds"
+    return (
+        f"best of the {switches}-switch family, not time-optimal: the switching function has the "
+        f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value)"
+    )
+
+
+def on_ticks(slew: BangBang, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
+    """Return the states at the ticks and the mean effort of every tick.
+
+    Args:
+        slew: what is flown.
+        durations: of its arcs [s].
+        ticks: rising, from 0 to the end or a little later, shape (ticks + 1,) [s].
+
+    Returns:
+        states, shape (ticks + 1, 2 n), and efforts, shape (ticks, joints).
+    """
+    ends = np.cumsum(durations)
+    knots = np.concatenate(([0.0], ends))
+    efforts = slew.efforts(durations.size)
+    impulse = np.vstack((np.zeros(slew.model.joints), np.cumsum(efforts * durations[:, None], 0)))
+    gained = np.column_stack([np.interp(ticks, knots, column) for column in impulse.T])
+    means = np.diff(gained, axis=0) / np.diff(ticks)[:, None]
+    edges = np.union1d(ticks, ends)
+    arc = np.searchsorted(ends, 0.5 * (edges[1:] + edges[:-1]))
+    nothing = np.zeros(slew.model.joints)
+    states = np.empty((edges.size, slew.start.size))
+    states[0] = slew.start
+    for k, dt in enumerate(np.diff(edges)):
+        effort = efforts[arc[k]] if arc[k] < durations.size else nothing
+        steps = max(1, int(np.ceil(dt / slew.step)))
+        states[k + 1] = slew.model.advance(states[k], effort, float(dt), steps)
+    return states[np.searchsorted(edges, ticks)], means
