@@ -9,7 +9,7 @@ from flexslew_control.elastic_tracking import (
     two_impulses,
 )
 from flexslew_plant.csa import CsaInitial, CsaTestbed
-from flexslew_plant.errors import BadInput
+from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import build_model
 
 PERIOD = 0.01
@@ -72,3 +72,8 @@ def test_a_goal_that_is_reached_already_is_refused():
         start_coast_stop(
             StartCoastStop(model=model, goal=Goal(base_yaw=0.0, hub_pitch=0.5)), PERIOD
         )
+
+
+def test_a_feedforward_above_the_limit_fails():
+    with pytest.raises(PlanFailed, match="above the limit"):
+        start_coast_stop(settings(), PERIOD, np.array([20.0, 150.0]))

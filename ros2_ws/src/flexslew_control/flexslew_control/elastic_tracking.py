@@ -9,10 +9,11 @@ from pydantic import Field
 from scipy.integrate import cumulative_simpson
 from scipy.linalg import expm
 
+from flexslew_control.gauss_newton import Progress
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.csa import CsaTestbed
-from flexslew_plant.errors import BadInput
+from flexslew_plant.csa import CsaInitial, CsaTestbed
+from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.model import Model
 from flexslew_plant.settings import NonNegative, Positive, plain, section
 from flexslew_plant.testbeds import build_model
@@ -34,7 +35,8 @@ class StartCoastStop:
     """The `plan` section for method start_coast_stop."""
 
     method: Literal["start_coast_stop"] = "start_coast_stop"
-    model: CsaTestbed = CsaTestbed(modes=1)  # what the planner believes; its `initial` is the start
+    model: CsaTestbed = CsaTestbed(modes=1)  # what the planner believes
+    initial: CsaInitial | None = None  # where the joints rest; null: as the model's `initial`
     goal: Goal = Goal()
     start: NonNegative = 0.0  # [s]
     amplitude: Positive = 100.0  # T_amp of (47), before shaping [N m]
@@ -120,7 +122,12 @@ def two_impulses(frequency: float, damping: float) -> tuple[float, float, float]
     return 1.0 / (1.0 + k), k / (1.0 + k), float(np.pi / (frequency * root))
 
 
-def start_coast_stop(settings: StartCoastStop, period: float) -> Plan:
+def start_coast_stop(
+    settings: StartCoastStop,
+    period: float,
+    effort_limit: Vector | None = None,
+    progress: Progress | None = None,
+) -> Plan:
     """Return the shaped start-coast-stop manoeuvre with its elastic states.
 
     The pulses, shaped, are v = theta' cos(psi), rescaled such that theta reaches its goal; psi
@@ -130,13 +137,16 @@ def start_coast_stop(settings: StartCoastStop, period: float) -> Plan:
     Args:
         settings: the `plan` section.
         period: one tick [s].
+        effort_limit: of the drives, shape (joints,) [N m]; None: not checked.
+        progress: never called, as nothing is iterated.
 
     Raises:
         BadInput: there is nothing to turn.
+        PlanFailed: the feedforward is above the limit.
     """
     model = build_model(settings.model)
     joints = model.joints
-    initial = settings.model.initial
+    initial = settings.initial or settings.model.initial
     first = np.array([initial.base_yaw, initial.hub_pitch])
     last = np.array([settings.goal.base_yaw, settings.goal.hub_pitch])
     span = last - first
@@ -157,6 +167,12 @@ def start_coast_stop(settings: StartCoastStop, period: float) -> Plan:
     q, v, a = (np.hstack(pair) for pair in zip((q, v, a), flexible, strict=True))
     q[-1, :joints], v[-1, :joints] = last, 0.0
     effort = _mean_effort(model, q, v, a, settings.feedforward == "elastic")
+    peak = abs(effort).max(axis=0)
+    if effort_limit is not None and (peak > effort_limit).any():
+        raise PlanFailed(
+            f"the feedforward reaches {peak.round(1).tolist()} N m, above the limit "
+            f"{effort_limit.tolist()}; give a smaller amplitude or pulse_frequency"
+        )
     return Plan(
         method=settings.method,
         joint_names=model.joint_names,
@@ -173,7 +189,7 @@ def start_coast_stop(settings: StartCoastStop, period: float) -> Plan:
             "pulse_length": motion.length,
             "coast_end": motion.stop,
             "shaper_delay": delay,
-            "peak_effort": [float(x) for x in abs(effort).max(axis=0)],
+            "peak_effort": [float(x) for x in peak],
         },
     )
 
