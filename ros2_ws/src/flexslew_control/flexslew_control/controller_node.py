@@ -13,6 +13,7 @@ from flexslew_plant import topics
 from flexslew_plant.ros_node import (
     LOOP,
     Loop,
+    PlantWatch,
     command_message,
     declared,
     doubles,
@@ -56,7 +57,6 @@ class ControllerNode:
         self._plan_refused = ""
         self._last_reason: str | None = None
         self._next_look = 0.0
-        self._seen_plant = False
         self._last_status_tick = 0
         self._epoch = 0
         self._state = node.create_publisher(msg.ControllerState, topics.CONTROLLER_STATE, LOOP)
@@ -64,9 +64,10 @@ class ControllerNode:
         self._status = node.create_publisher(
             msg.ControllerStatus, topics.CONTROLLER_STATUS, latched(1)
         )
-        self._measurement = node.create_subscription(
+        measurement = node.create_subscription(
             msg.Measurement, topics.MEASUREMENT, self._on_measurement, LOOP
         )
+        self._watch = PlantWatch(self.loop, measurement, self._settings.exit_with_plant)
         node.create_subscription(msg.Testbed, topics.TESTBED, self._on_testbed, latched(1))
         node.create_subscription(msg.Plan, topics.PLAN, self._on_plan, latched(1))
 
@@ -75,12 +76,8 @@ class ControllerNode:
         now = monotonic()
         if now >= self._next_look:
             self._announce()
-            if self._settings.exit_with_plant:
-                here = self._measurement.get_publisher_count() > 0
-                if self._seen_plant and not here:
-                    self.loop.stop(0)
-                self._seen_plant = self._seen_plant or here
-            self._next_look = now + (_LOOK if self._last_reason else 0.5)
+            self._watch.look()
+            self._next_look = now + (_LOOK if self._last_reason else 0.2)
         return self._next_look - now
 
     def close(self) -> None:

@@ -15,6 +15,7 @@ from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.events import Event, Level
 from flexslew_plant.ros_node import (
     Loop,
+    PlantWatch,
     event_message,
     latched,
     new_node,
@@ -22,6 +23,9 @@ from flexslew_plant.ros_node import (
     settings_of,
 )
 from flexslew_plant.settings import load_yaml, section, validated
+
+
+_LOOK = 0.2  # between two looks at the graph [wall s]
 
 
 @section
@@ -45,10 +49,12 @@ class Planner:
         self.loop = Loop(node)
         self._time = 0.0
         self._next_look = 0.0
-        self._seen_plant = False
         self._plan = node.create_publisher(msg.Plan, topics.PLAN, latched(1))
         self._events = node.create_publisher(msg.Event, topics.EVENTS, latched(100))
-        node.create_subscription(msg.Testbed, topics.TESTBED, self._on_testbed, latched(1))
+        testbed = node.create_subscription(
+            msg.Testbed, topics.TESTBED, self._on_testbed, latched(1)
+        )
+        self._watch = PlantWatch(self.loop, testbed, self._settings.exit_with_plant)
         self._server = ActionServer(
             node,
             action.PlanSlew,
@@ -60,13 +66,10 @@ class Planner:
     def poll(self) -> float:
         """Look for the plant; return the wall seconds until the next look."""
         now = monotonic()
-        if now >= self._next_look and self._settings.exit_with_plant:
-            here = self.node.count_publishers(topics.MEASUREMENT) > 0
-            if self._seen_plant and not here:
-                self.loop.stop(0)
-            self._seen_plant = self._seen_plant or here
-            self._next_look = now + 0.5
-        return 0.5
+        if now >= self._next_look:
+            self._watch.look()
+            self._next_look = now + _LOOK
+        return self._next_look - now
 
     def close(self) -> None:
         """Leave the graph."""

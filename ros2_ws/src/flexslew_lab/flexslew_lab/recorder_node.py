@@ -18,6 +18,7 @@ from flexslew_plant.events import Event, Level
 from flexslew_plant.ros_node import (
     LOOP,
     Loop,
+    PlantWatch,
     event_message,
     latched,
     new_node,
@@ -49,9 +50,8 @@ class Recorder:
         self._events = node.create_publisher(msg.Event, topics.EVENTS, latched(100))
         self._last = 0  # simulated time of the last message [ns]
         self._stopped = False
-        self._seen_plant = False
         self._next_look = 0.0
-        self._subscriptions = {
+        subscriptions = {
             topic: node.create_subscription(
                 _message_class(kind.type),
                 topic,
@@ -61,16 +61,16 @@ class Recorder:
             )
             for topic, kind in TOPICS.items()
         }
+        self._watch = PlantWatch(
+            self.loop, subscriptions["/measurement"], self._settings.exit_with_plant
+        )
         self._say(Level.INFO, "recording", f"recording into {self._settings.folder}")
 
     def poll(self) -> float:
         """Look for the plant; return the wall seconds until the next look."""
         now = monotonic()
         if now >= self._next_look:
-            here = self._subscriptions["/measurement"].get_publisher_count() > 0
-            if self._settings.exit_with_plant and self._seen_plant and not here:
-                self.loop.stop(3 if self._stopped else 0)
-            self._seen_plant = self._seen_plant or here
+            self._watch.look(3 if self._stopped else 0)
             self._next_look = now + 0.2
         return self._next_look - now
 

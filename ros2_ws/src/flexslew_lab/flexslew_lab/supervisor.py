@@ -57,6 +57,7 @@ class Supervisor:
             "PYTHONUNBUFFERED": "1",
             "OMP_NUM_THREADS": "1",  # tiny matrices: more threads only take turns
             "OPENBLAS_NUM_THREADS": "1",
+            "FLEXSLEW_SUPERVISOR": str(os.getpid()),  # they end when we are gone
         }
         for process in processes:
             self._start(process, parameters, environment)

@@ -108,8 +108,9 @@ class Plant:
         missing = set(unmatched(self.node, [self._measurement], sorted(crew)))
         for name in crew:
             status = self._controllers.get(name)
-            if status is not None and not status.ready:
-                missing = {*missing - {name}, f"{name} ({status.reason})"}
+            if status is None or not status.ready:
+                why = "not announced" if status is None else status.reason
+                missing = {*missing - {name}, f"{name} ({why})"}
         heard = [self._measurement] + [self._truth] * self._settings.truth
         return sorted({*missing, *unmatched(self.node, heard, self._settings.wait_for)})
 

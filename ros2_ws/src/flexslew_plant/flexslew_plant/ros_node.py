@@ -1,10 +1,13 @@
 """What every node of the bench shares: parameters as sections, QoS, the loop, message conversion."""
 
+import gc
 import json
+import os
 import signal
 import sys
 from array import array
 from collections.abc import Callable, Sequence
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -16,6 +19,8 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 
 from flexslew_msgs import msg
 from flexslew_plant.arrays import Vector
@@ -23,6 +28,9 @@ from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.events import Event
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.settings import flat, load_yaml, plain, validated
+
+# environment variable: id of the process that started this node and without which it ends
+SUPERVISOR = "FLEXSLEW_SUPERVISOR"
 
 # nothing on the loop may be lost: reliable, and every sample kept until it was acknowledged
 LOOP = QoSProfile(
@@ -182,6 +190,10 @@ class Loop:
             self._executor.add_node(node)
         self._code: int | None = None
 
+    def close(self) -> None:
+        """Let go of the nodes."""
+        self._executor.shutdown()
+
     def stop(self, code: int) -> None:
         """End the loop; the process exits with this code."""
         self._code = code
@@ -193,12 +205,39 @@ class Loop:
             poll: called between events, returns the wall seconds after which it wants to be
                 called again.
         """
+        supervisor = int(os.environ.get(SUPERVISOR, "0"))
+        next_look = 0.0
         while self._code is None:
             # never without a timeout: this executor would neither dispatch nor see a signal
             self._executor.spin_once(timeout_sec=max(poll(), 0.0))
             if not rclpy.ok():
                 return 130
+            if supervisor and monotonic() >= next_look:
+                if os.getppid() != supervisor:
+                    return 130  # nobody would ever end this process
+                next_look = monotonic() + 0.5
         return self._code
+
+
+class PlantWatch:
+    """Ends a loop when the plant, once seen, is gone for good.
+
+    Args:
+        loop: to stop.
+        subscription: to a topic that only the plant publishes.
+        enabled: otherwise it only watches.
+    """
+
+    def __init__(self, loop: Loop, subscription: Subscription[Any], enabled: bool) -> None:
+        self._loop, self._subscription, self._enabled = loop, subscription, enabled
+        self._seen = False
+
+    def look(self, code: int = 0) -> None:
+        """Look for the plant; stop the loop with this code if it has left."""
+        here = self._subscription.get_publisher_count() > 0
+        if self._enabled and self._seen and not here:
+            self._loop.stop(code)
+        self._seen = self._seen or here
 
 
 def run_node(build: Callable[[], tuple[Any, Loop]], args: list[str] | None = None) -> None:
@@ -208,9 +247,11 @@ def run_node(build: Callable[[], tuple[Any, Loop]], args: list[str] | None = Non
         build: returns an object with `poll() -> float` and `close()`, and its loop.
         args: command line; None: of the process.
     """
+    # our own handlers: rclpy's would invalidate the context before the last words are said
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    rclpy.init(args=args)
-    thing = None
+    thing = loop = None
     code = 0
     try:
         thing, loop = build()
@@ -224,12 +265,13 @@ def run_node(build: Callable[[], tuple[Any, Loop]], args: list[str] | None = Non
         print(f"error: {error}", file=sys.stderr)
         code = 3
     finally:
-        try:
-            if thing is not None:
-                thing.close()
-        except KeyboardInterrupt:
-            code = 130
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # from here on it ends anyway
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        if thing is not None and loop is not None:
+            loop.close()
+            thing.close()
+        # the graph hears of our leaving only if the participant is really destroyed
+        del thing, loop
+        gc.collect()
         rclpy.try_shutdown()
     sys.exit(code)
-
-
