@@ -1,0 +1,46 @@
+"""How long shapers and time-optimal plans take, beside a floor measured in the same run."""
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+
+from flexslew_control.shapers import make_shaper
+from flexslew_control.switching import BangBang, continued_durations
+from flexslew_plant.hub_with_appendages import FOOT_POUND, HubTestbed
+from flexslew_plant.testbeds import build_model
+
+
+def figures() -> dict[str, float]:
+    """Return wall times by name [ms]: the best of several runs, compiled before."""
+    model = build_model(HubTestbed())
+    three, five = (
+        BangBang(model, 0, np.zeros(4), 1.0, 2.0 * FOOT_POUND, robust) for robust in (False, True)
+    )
+    arcs = continued_durations(three)
+    if arcs is None:
+        raise RuntimeError("the benchmark's slew was not found")
+    command = np.linspace(0.0, 1.0, 2501)
+    return {
+        "shaping_floor_one_simulation_ms": _best(lambda: three.final(arcs)),
+        "shaping_zvd_of_2500_ticks_ms": _best(
+            lambda: make_shaper("zvd", 0.338329).shape(command, 0.01)
+        ),
+        "time_optimal_three_switches_ms": _best(lambda: continued_durations(three)),
+        "time_optimal_five_switches_ms": _best(lambda: continued_durations(five)),
+    }
+
+
+def _best(call: Callable[[], object], runs: int = 7) -> float:
+    call()
+    times = []
+    for _ in range(runs):
+        before = perf_counter()
+        call()
+        times.append(perf_counter() - before)
+    return 1e3 * min(times)
+
+
+if __name__ == "__main__":
+    for name, value in figures().items():
+        print(f"{name}: {value:.3f}")

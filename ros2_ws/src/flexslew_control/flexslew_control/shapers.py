@@ -1,0 +1,161 @@
+"""Input shapers: impulses that, convolved with a command, leave a mode of known frequency at rest.
+
+The residual vibration of the impulses A_i at t_i, relative to one unit impulse at their end, is
+    V = exp(-zeta w t_N) sqrt(C^2 + S^2),
+    C, S = sum A_i exp(zeta w t_i) (cos, sin)(w_d t_i),   w_d = w sqrt(1 - zeta^2).
+"""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+
+ShaperName: TypeAlias = Literal["none", "zv", "zvd", "zvdd", "ei", "ei_two_hump", "um_zv"]
+
+
+@dataclass(frozen=True)
+class Shaper:
+    """Impulses, their amplitudes summing to one so that a shaped command reaches its end."""
+
+    times: Vector  # rising from zero [s]
+    amplitudes: Vector  # [-]
+
+    @property
+    def duration(self) -> float:
+        """How much longer a shaped command takes [s]."""
+        return float(self.times[-1])
+
+    def convolved(self, other: "Shaper") -> "Shaper":
+        """Return the shaper for the modes of both."""
+        times = np.add.outer(self.times, other.times).ravel()
+        amplitudes = np.multiply.outer(self.amplitudes, other.amplitudes).ravel()
+        order = np.argsort(times, kind="stable")
+        return Shaper(times[order], amplitudes[order])
+
+    def residual(self, frequency: float | Vector, damping: float = 0.0) -> Vector:
+        """Return V at one or more frequencies [rad/s]; zero where the mode is left at rest."""
+        w = np.atleast_1d(np.asarray(frequency, dtype=np.float64))[:, None]
+        pole = w * (damping + 1j * np.sqrt(1.0 - damping**2))
+        vibration = (self.amplitudes * np.exp(pole * (self.times - self.duration))).sum(axis=1)
+        return np.asarray(np.abs(vibration))
+
+    def sensitivity(
+        self, frequency: float, damping: float = 0.0, span: float = 0.3, points: int = 121
+    ) -> Matrix:
+        """Return [error, V] for relative frequency errors -span..span, shape (points, 2)."""
+        errors = np.linspace(-span, span, points)
+        return np.column_stack((errors, self.residual(frequency * (1.0 + errors), damping)))
+
+    def shape(self, command: Vector, period: float) -> Vector:
+        """Return the command on the ticks after shaping, its delays exact.
+
+        The command, given at its ticks and at rest before and after, is read as linear between
+        them, so a delay may be any part of a tick and the first and last values stay exact.
+
+        Args:
+            command: at the ticks, shape (ticks + 1,) or (ticks + 1, columns).
+            period: one tick [s].
+        """
+        ticks = len(command) + int(np.ceil(self.duration / period - 1e-9))
+        t = period * np.arange(ticks, dtype=np.float64)
+        known = period * np.arange(len(command), dtype=np.float64)
+        columns = np.reshape(command, (len(command), -1))
+        start = columns[0]
+        out = np.zeros((ticks, columns.shape[1]))
+        for at, amplitude in zip(self.times, self.amplitudes, strict=True):
+            for j in range(columns.shape[1]):
+                out[:, j] += amplitude * (np.interp(t - at, known, columns[:, j]) - start[j])
+        out += start
+        out[-1] = columns[-1]
+        return out.reshape((ticks, *command.shape[1:]))
+
+
+def make_shaper(
+    name: ShaperName,
+    frequency: float,
+    damping: float = 0.0,
+    tolerance: float = 0.05,
+    negative: bool = False,
+) -> Shaper:
+    """Return the shaper of one mode.
+
+    With K = exp(-zeta pi / sqrt(1 - zeta^2)) (papers/002, eq. 50) at multiples of half the damped
+    period: ZV is (1, K) / (1 + K), ZVD and ZVDD are ZV convolved with itself once and twice.
+    EI has one or two humps of height `tolerance` in its sensitivity curve.
+
+    Args:
+        name: which.
+        frequency: of the mode, undamped [rad/s].
+        damping: its ratio [-].
+        tolerance: V that an EI shaper admits at the nominal frequency [-].
+        negative: whether negative impulses are wanted; um_zv needs them.
+
+    Raises:
+        BadInput: frequency, damping or tolerance is out of range, or negative impulses without
+            being asked for.
+    """
+    if not (np.isfinite(frequency) and frequency > 0.0):
+        raise BadInput(f"shaper: frequency: {frequency!r} is not allowed: above 0 rad/s")
+    if not 0.0 <= damping < 1.0:
+        raise BadInput(f"shaper: damping: {damping!r} is not allowed: at least 0, below 1")
+    if not 0.0 < tolerance < 0.5:
+        raise BadInput(f"shaper: tolerance: {tolerance!r} is not allowed: above 0, below 0.5")
+    if name == "none":
+        return Shaper(np.zeros(1), np.ones(1))
+    root = np.sqrt(1.0 - damping**2)
+    half, k = np.pi / (frequency * root), np.exp(-damping * np.pi / root)
+    if name == "um_zv":
+        if not negative:
+            raise BadInput("shaper: um_zv has a negative impulse; set negative: true to accept it")
+        return _unity_magnitude(frequency, damping)
+    zv = Shaper(half * np.arange(2.0), np.array([1.0, k]) / (1.0 + k))
+    if name in ("zv", "zvd", "zvdd"):
+        out = zv
+        for _ in range({"zv": 0, "zvd": 1, "zvdd": 2}[name]):
+            out = out.convolved(zv)
+        return _merged(out)
+    # undamped EI amplitudes, each decayed like the mode, which is exact for zeta = 0
+    v = tolerance
+    if name == "ei":
+        undamped = np.array([(1.0 + v) / 4.0, (1.0 - v) / 2.0, (1.0 + v) / 4.0])
+    else:
+        x = np.cbrt(v**2 * (np.sqrt(1.0 - v**2) + 1.0))
+        first = (3.0 * x**2 + 2.0 * x + 3.0 * v**2) / (16.0 * x)
+        undamped = np.array([first, 0.5 - first, 0.5 - first, first])
+    decayed = undamped * k ** np.arange(undamped.size)
+    return Shaper(half * np.arange(float(undamped.size)), decayed / decayed.sum())
+
+
+def convolved(shapers: list[Shaper]) -> Shaper:
+    """Return one shaper for all modes."""
+    out = Shaper(np.zeros(1), np.ones(1))
+    for shaper in shapers:
+        out = out.convolved(shaper)
+    return out
+
+
+def _merged(shaper: Shaper) -> Shaper:
+    """Add up impulses at the same time."""
+    fresh = np.append(True, np.diff(shaper.times) > 1e-12 * max(shaper.duration, 1.0))
+    groups = np.cumsum(fresh) - 1
+    return Shaper(shaper.times[fresh], np.bincount(groups, weights=shaper.amplitudes))
+
+
+def _unity_magnitude(frequency: float, damping: float) -> Shaper:
+    """Return the zero-vibration shaper with impulses 1, -1, 1, by Newton's method on V = 0."""
+    signs = np.array([1.0, -1.0, 1.0])
+    pole = damping + 1j * np.sqrt(1.0 - damping**2)
+    t = np.array([np.pi / 3.0, 2.0 * np.pi / 3.0])  # exact without damping
+    for _ in range(30):
+        terms = signs * np.exp(pole * np.append(0.0, t))
+        vibration, slopes = terms.sum(), (pole * terms)[1:]
+        change = np.linalg.solve(
+            np.vstack((slopes.real, slopes.imag)), [-vibration.real, -vibration.imag]
+        )
+        t = t + change
+        if np.abs(change).max() < 1e-15:
+            break
+    return Shaper(np.append(0.0, t) / frequency, signs)
