@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.basis import Basis
+from flexslew_control.elastic_tracking import StartCoastStop, start_coast_stop
 from flexslew_control.gauss_newton import Progress, Update
 from flexslew_control.optimized_feedforward import (
     OptimizedFeedforward,
@@ -99,10 +100,11 @@ PLANNERS: dict[str, _Planner] = {
     "none": _Planner(NoPlan, plan_none),
     "reference_only": _Planner(ReferenceOnly, plan_reference_only),
     "optimized_feedforward": _Planner(OptimizedFeedforward, plan_optimized_feedforward),
+    "start_coast_stop": _Planner(StartCoastStop, start_coast_stop),
 }
 
 PlanSettings: TypeAlias = Annotated[
-    NoPlan | ReferenceOnly | OptimizedFeedforward, Field(discriminator="method")
+    NoPlan | ReferenceOnly | OptimizedFeedforward | StartCoastStop, Field(discriminator="method")
 ]
 
 
