@@ -95,15 +95,18 @@ class Overview(NamedTuple):
 
 
 @dataclass
-class _Schemas:
+class Lookup:
     """What a file says about its channels while it is read."""
 
     path: Path
     schemas: dict[int, SchemaRecord] = field(default_factory=dict)
     channels: dict[int, ChannelRecord] = field(default_factory=dict)
     checked: dict[int, tuple[str, str]] = field(default_factory=dict)  # channel -> topic, type
+    sequence: dict[int, int] = field(default_factory=dict)  # channel -> last one seen
+    counted: bool = True  # the recorder has numbered the messages of each topic
 
     def take(self, record: Record) -> None:
+        """Take a schema or a channel."""
         try:
             if record.opcode == SCHEMA:
                 schema = read_schema(record.body)
@@ -119,6 +122,16 @@ class _Schemas:
         if number not in self.checked:
             self.checked[number] = self._check(number)
         return self.checked[number]
+
+    def follow(self, channel: int, first: int, last: int, count: int) -> None:
+        """Take messages of a channel; refuse a file in which some are missing in between."""
+        before = self.sequence.get(channel, 0)
+        if self.counted and (first != before + 1 or last != before + count):
+            raise BadInput(
+                f"{self.path}: damaged: messages of {self.topic(channel)[0]} are missing after "
+                f"number {before}; `log recover` keeps what is whole"
+            )
+        self.sequence[channel] = last
 
     def _check(self, number: int) -> tuple[str, str]:
         channel = self.channels.get(number)
@@ -177,6 +190,7 @@ class BagReader:
                     lookup.take(m)
                     continue
                 topic, kind = lookup.topic(m.channel)
+                lookup.follow(m.channel, m.sequence, m.sequence, 1)
                 if topics is None or topic in topics:
                     yield BagMessage(topic, kind, m.stamp, m.sequence, m.data)
 
@@ -204,6 +218,7 @@ class BagReader:
                     found[m.channel] = [m]
             for channel, messages in found.items():
                 topic, kind = lookup.topic(channel)
+                lookup.follow(channel, messages[0].sequence, messages[-1].sequence, len(messages))
                 if topic in topics:
                     yield from _runs(topic, kind, messages, layouts)
 
@@ -271,9 +286,9 @@ class BagReader:
             return {}
         raise BadInput(f"{self.path}: not a flexslew bag (it holds no {TRIAL_RECORD!r} record)")
 
-    def _chunks(self) -> Iterator[tuple[bytes, _Schemas]]:
+    def _chunks(self) -> Iterator[tuple[bytes, Lookup]]:
         stream = RecordStream(self.path)
-        lookup = _Schemas(self.path)
+        lookup = Lookup(self.path, counted=not self._foreign)
         self._records: dict[str, dict[str, str]] = {}
         for record in stream:
             if record.opcode == CHUNK:

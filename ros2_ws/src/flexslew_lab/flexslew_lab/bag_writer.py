@@ -97,9 +97,9 @@ class BagWriter:
         self._closed = False
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = _locked(self.folder)
+            self._lock = lock_folder(self.folder)
             if self.path.exists() or (self.folder / METADATA_FILE).exists():
-                _unlock(self._lock, self.folder)
+                unlock_folder(self._lock, self.folder)
                 raise BadInput(f"{self.folder}: holds a bag already; choose another folder")
             self._stream = open(self.path, "xb", buffering=0)  # noqa: SIM115
             self._index: BinaryIO = tempfile.TemporaryFile(dir=self.folder)  # noqa: SIM115
@@ -238,7 +238,7 @@ class BagWriter:
         finally:
             self._stream.close()
             self._index.close()
-            _unlock(self._lock, self.folder)
+            unlock_folder(self._lock, self.folder)
 
     def __enter__(self) -> "BagWriter":
         return self
@@ -403,7 +403,7 @@ def _replace(path: Path, text: str) -> None:
     draft.replace(path)
 
 
-def _locked(folder: Path) -> int:
+def lock_folder(folder: Path) -> int:
     """Return the descriptor of the lock that the system drops when this process ends."""
     handle = os.open(folder / LOCK_FILE, os.O_CREAT | os.O_RDWR, 0o644)
     try:
@@ -416,6 +416,7 @@ def _locked(folder: Path) -> int:
     return handle
 
 
-def _unlock(handle: int, folder: Path) -> None:
+def unlock_folder(handle: int, folder: Path) -> None:
+    """Give the folder free for another recorder."""
     (folder / LOCK_FILE).unlink(missing_ok=True)
     os.close(handle)

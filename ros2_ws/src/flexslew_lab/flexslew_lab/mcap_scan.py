@@ -59,6 +59,7 @@ class RecordStream:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.cut: Cut | None = None
+        self.at = 0  # where the last whole record ends
         try:
             self._file: BinaryIO = open(path, "rb")  # noqa: SIM115
         except OSError as error:
@@ -91,8 +92,9 @@ class RecordStream:
                         self.cut = Cut(at, self._size - at, "the summary is not finished")
                     return
                 crc = zlib.crc32(body, zlib.crc32(head, crc))
+                self.at = at + _HEAD.size + length
                 yield Record(opcode, body, at)
-                at += _HEAD.size + length
+                at = self.at
 
     def _stop(self, at: int, finished: bool, why: str) -> None:
         if finished or why.startswith("unknown"):
