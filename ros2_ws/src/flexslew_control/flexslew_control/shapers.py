@@ -141,7 +141,7 @@ def _merged(shaper: Shaper) -> Shaper:
     """Add up impulses at the same time."""
     fresh = np.append(True, np.diff(shaper.times) > 1e-12 * max(shaper.duration, 1.0))
     groups = np.cumsum(fresh) - 1
-    return Shaper(shaper.times[fresh], np.bincount(groups, weights=shaper.amplitudes))
+    return Shaper(shaper.times[fresh], np.bincount(groups, shaper.amplitudes).astype(np.float64))
 
 
 def _unity_magnitude(frequency: float, damping: float) -> Shaper:
