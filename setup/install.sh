@@ -43,7 +43,7 @@ lock=$root/setup/requirements.lock.txt
 stamp=$venv/flexslew.$(digest "$lock")
 if [ ! -e "$stamp" ]; then
   say "[2/4] Python packages into .venv ($(grep -vc '^#' "$lock") distributions, about 600 MB)"
-  rm -rf "$venv"
+  rm -rf "$venv" "$root/ros2_ws/build" "$root/ros2_ws/install"
   if [ -n "$installed_ros" ]; then
     "$python" -m venv --system-site-packages "$venv"
     "$venv/bin/python" -m pip install --disable-pip-version-check --quiet --progress-bar on -r "$lock"
@@ -57,7 +57,7 @@ fi
 # 3. the workspace
 built=$root/ros2_ws/install/flexslew.$(cd "$root" && find ros2_ws/src setup/wheels_overlay -type f \
   \( -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name package.xml -o -name CMakeLists.txt \
-  -o -name setup.py -o -name '*.launch.py' -o -path '*/config/*' -o -path '*/trials/*' \) | LC_ALL=C sort |
+  -o -name setup.py -o -name '*.launch.py' -o -path '*/config/*' \) | LC_ALL=C sort |
   xargs sha256sum "$stamp" | sed "s|$root/||" | sha256sum | cut -c1-16)
 if [ ! -e "$built" ]; then
   say "[3/4] workspace (messages in C, about one minute)"
@@ -69,13 +69,13 @@ if [ ! -e "$built" ]; then
     options+=("-DCMAKE_PROJECT_INCLUDE=$root/setup/wheels_fix.cmake")
   fi
   colcon=("$venv/bin/python" -m colcon)
-  rm -rf "$root/ros2_ws/build" "$root/ros2_ws/install"
-  (cd "$root/ros2_ws" && "${colcon[@]}" --log-base log build --base-paths "${paths[@]}" --symlink-install \
+  (cd "$root/ros2_ws" && "${colcon[@]}" --log-base log --log-level error build --base-paths "${paths[@]}" --symlink-install \
     --event-handlers console_direct- console_start_end+ --cmake-args "${options[@]}") >&2 ||
     fail "the workspace does not build; the compiler's words are in ros2_ws/log/latest_build"
-  touch "$built"
   say "[4/4] machine code of the models, kept for later runs"
   . "$root/setup/environment.sh"
   "$venv/bin/python" -m flexslew_lab.warm_up
+  rm -f "$root"/ros2_ws/install/flexslew.*
+  touch "$built"
   say "ready after $((SECONDS - started)) s"
 fi

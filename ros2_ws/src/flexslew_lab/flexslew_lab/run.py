@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +23,8 @@ from flexslew_lab.trial import (
     plan_of_trial,
     trial_text,
 )
+from flexslew_control.optimized_feedforward import OptimizedFeedforward
+from flexslew_control.planners import ReferenceOnly
 from flexslew_control.slew_request import software_versions
 from flexslew_plant.bench import Bench
 from flexslew_plant.errors import BadInput
@@ -92,15 +95,43 @@ def run_trial(
     metadata = {"trial_file": source, "versions": json.dumps(software_versions())}
     bag = folder / "bag"
     if in_process:
-        last = bench.last_tick or 0
-        with BagWriter(bag, {"trial": trial_text(trial), **metadata}) as writer:
-            observer = BagObserver(writer)
-            observer.announce(trial, bench, plan, controllers)
-            fly(bench, controllers, observer, lambda tick: progress(tick, last))
-        outcome = Outcome(3 if bench.faulted else 0, "a controller fell silent" * bench.faulted)
+        outcome = _in_process(trial, source, bag, metadata, progress)
     else:
         outcome = _over_ros(trial, folder, metadata, progress, say)
-    return _finished(folder, bag, outcome, report)
+    result = _finished(folder, bag, outcome)
+    if report and result.metrics:
+        write_report([bag], folder / "report.html", _without_feedforward(trial, source, folder))
+    return result
+
+
+def _in_process(
+    trial: Trial, source: str, bag: Path, metadata: dict[str, str], progress: Progress
+) -> Outcome:
+    bench = Bench(bench_settings(trial))
+    controllers = build_controllers(trial, bench, source)
+    plan = plan_of_trial(trial)
+    for controller in controllers.values():
+        if plan is not None:
+            controller.adopt(plan)
+    last = bench.last_tick or 0
+    with BagWriter(bag, {"trial": trial_text(trial), **metadata}) as writer:
+        observer = BagObserver(writer)
+        observer.announce(trial, bench, plan, controllers)
+        fly(bench, controllers, observer, lambda tick: progress(tick, last))
+    return Outcome(3 if bench.faulted else 0, "a controller fell silent" * bench.faulted)
+
+
+def _without_feedforward(trial: Trial, source: str, folder: Path) -> Path | None:
+    """Fly the same reference without feedforward, in process; return its bag, if that makes sense."""
+    plan = trial.plan
+    if not isinstance(plan, OptimizedFeedforward):
+        return None
+    keys = ("model", "initial", "goal", "start", "duration", "reference", "feedback")
+    bare = ReferenceOnly(**{key: getattr(plan, key) for key in keys})
+    bag = folder / "without_feedforward"
+    other = replace(trial, name=f"{trial.name}-without-feedforward", plan=bare)
+    _in_process(other, source, bag, {"trial_file": source}, lambda tick, last: None)
+    return bag
 
 
 def _over_ros(
@@ -119,11 +150,9 @@ def _over_ros(
         return supervisor.run()
 
 
-def _finished(folder: Path, bag: Path, outcome: Outcome, report: bool) -> Result:
+def _finished(folder: Path, bag: Path, outcome: Outcome) -> Result:
     metrics: dict[str, Any] = {}
     with suppress(BadInput):  # an interrupted run may hold no tick at all
         metrics = metrics_of(bag)
         (folder / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
-        if report:
-            write_report([bag], folder / "report.html")
     return Result(folder, outcome.exit_code, outcome.message, metrics)

@@ -1,13 +1,28 @@
 """Compile every kernel once, so that no run pays for it."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from flexslew_plant.testbeds import TESTBEDS, build_model, default_testbed
+from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.optimized_feedforward import OptimizedFeedforward
+from flexslew_control.planners import make_plan
+from flexslew_control.slew_request import CsaGoal, CsaModel
+from flexslew_lab.in_process import fly
+from flexslew_lab.trial import Trial, bench_settings, build_controllers
+from flexslew_plant.bench import Bench
 
 if __name__ == "__main__":
-    for kind in TESTBEDS:
-        model = build_model(default_testbed(kind))
-        x, u = np.zeros(2 * model.coordinates), np.zeros(model.joints)
-        model.advance(x, u, 0.01)
-        model.jacobian(x, u)
-        model.energy(x)
+    goal = CsaGoal(base_yaw=0.1, hub_pitch=0.1)
+    for modes in (1, 3):
+        model = CsaModel(modes=modes)
+        plan = make_plan(OptimizedFeedforward(model=model, goal=goal), 0.01, (1e3, 1e3))
+    trial = Trial(duration=0.1, controllers={name: {} for name in CONTROLLERS})
+    for name in CONTROLLERS:
+        flown = replace(trial, active=name)
+        bench = Bench(bench_settings(flown))
+        bench.model.jacobian(np.zeros(2 * bench.model.coordinates), np.zeros(2))
+        controllers = build_controllers(flown, bench, "warm-up")
+        for controller in controllers.values():
+            controller.adopt(plan)
+        fly(bench, controllers)
