@@ -49,9 +49,10 @@ class Actuator:
         if self._largest_change:
             change = np.clip(effort - self._demand, -self._largest_change, self._largest_change)
             effort = self._demand + change
+        self._demand = effort  # before quantisation: a ramp slower than a quantum a tick goes on
         if s.quantisation:
-            effort = s.quantisation * np.round(effort / s.quantisation)
-        self._demand = effort
+            most = np.floor(self._limit / s.quantisation)
+            effort = s.quantisation * np.clip(np.round(effort / s.quantisation), -most, most)
         self.effort = effort if s.lag == 0.0 else self.effort + self._share * (effort - self.effort)
         return self.effort
 

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+
+from flexslew_plant.bench import BenchSettings
+from flexslew_plant.csa import CsaTestbed
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import flat, load_yaml, plain, validated, yaml_text
+from flexslew_plant.testbeds import Testbed
+
+
+def refusal(kind, values):
+    with pytest.raises(BadInput) as caught:
+        validated(kind, values, "trial.yaml")
+    text = str(caught.value)
+    assert text.startswith("trial.yaml: ")
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "words"),
+    [
+        (Testbed, {"varaint": "printed"}, ["varaint: unknown key", "did you mean variant?"]),
+        (Testbed, {"parameters": {"lenght": 3.0}}, ["parameters.lenght", "did you mean length?"]),
+        (Testbed, {"initial": {"xyz": 3.0}}, ["initial.xyz", "allowed here: base_yaw, hub_pitch"]),
+        (Testbed, {"kind": "moon"}, ["moon", "csa"]),
+        (Testbed, {"variant": "half"}, ["variant", "'half'", "'printed' or 'complete'"]),
+        (Testbed, {"modes": 0}, ["modes: 0", "greater than or equal to 1"]),
+        (Testbed, {"modes": 2.5}, ["modes: 2.5"]),
+        (
+            Testbed,
+            {"parameters": {"base_inertia": -2000.0}},
+            ["base_inertia: -2000.0", "greater than 0"],
+        ),
+        (Testbed, {"parameters": {"length": float("nan")}}, ["parameters.length: nan"]),
+        (Testbed, {"parameters": {"length": float("inf")}}, ["parameters.length: inf", "finite"]),
+        (Testbed, {"parameters": {"length": "long"}}, ["parameters.length: 'long'"]),
+        (Testbed, {"effort_limit": [150.0]}, ["effort_limit"]),
+        (Testbed, {"effort_limit": [150.0, -1.0]}, ["effort_limit.1: -1.0", "greater than 0"]),
+        (Testbed, {"effort_limit": [1.0, 2.0, 3.0]}, ["effort_limit"]),
+        (Testbed, {"damping_ratio": 1.0}, ["damping_ratio: 1.0", "less than 1"]),
+        (Testbed, {"parameters": 5}, ["parameters: 5"]),
+        (BenchSettings, {"period": 0.0}, ["period: 0.0", "greater than 0"]),
+        (BenchSettings, {"testbed": {"modes": -1}}, ["modes: -1"]),
+        (BenchSettings, {"max_missed": 0}, ["max_missed: 0"]),
+        (BenchSettings, {"actuator": {"lagg": 1.0}}, ["actuator.lagg", "did you mean lag?"]),
+        (BenchSettings, {"sensors": {"joint_position": {"nois": 1.0}}}, ["did you mean noise?"]),
+        (BenchSettings, {"testbed": {"parameters": {"lenght": 1}}}, ["did you mean length?"]),
+    ],
+)
+def test_bad_values_are_told_in_one_line_with_key_value_and_what_is_allowed(kind, values, words):
+    text = refusal(kind, values)
+    for word in words:
+        assert word in text
+
+
+def test_a_key_of_another_testbed_is_not_offered():
+    text = refusal(Testbed, {"kind": "floating_oscillator", "variant": "printed"})
+    assert "unknown key" in text
+    assert "bending_stiffness" not in text
+
+
+def test_further_errors_are_counted():
+    text = refusal(Testbed, {"modes": 0, "damping_ratio": -1.0})
+    assert "(and 1 more)" in text
+
+
+def test_long_values_are_cut():
+    assert len(refusal(BenchSettings, {"active": list(range(1000))})) < 200
+
+
+def test_settings_come_back_from_yaml():
+    settings = validated(BenchSettings, {"testbed": {"modes": 2}, "fallback": ["a"]}, "here")
+    text = yaml_text(plain(settings))
+    assert validated(BenchSettings, load_yaml(text, "here"), "here") == settings
+
+
+def test_yaml_has_no_aliases():
+    shared = [1.0, 2.0]
+    assert "&" not in yaml_text({"a": shared, "b": shared})
+
+
+def test_a_syntax_error_names_the_line():
+    with pytest.raises(BadInput, match=r"^trial\.yaml: line 3, column \d+ is not YAML"):
+        load_yaml("a: 1\nb: [1, 2\nc: 3", "trial.yaml")
+
+
+def test_flat_settings_are_ros_parameters():
+    values = {"a": {"b": 1, "c": {"d": [1.0, 2.0]}}, "e": None, "f": [], "g": [{"at": 1.0}]}
+    assert flat(values) == {"a.b": 1, "a.c.d": [1.0, 2.0], "g": "[{at: 1.0}]\n"}
+
+
+def test_settings_cannot_be_changed():
+    bed = CsaTestbed()
+    with pytest.raises(AttributeError):
+        bed.modes = 4
+    assert np.isfinite(bed.parameters.length)
