@@ -1,0 +1,48 @@
+"""A liar on `effort_command`: wrong sender, stale ticks, wrong sizes, no numbers."""
+
+from array import array
+
+from flexslew_msgs import msg
+from flexslew_plant import topics
+from flexslew_plant.ros_node import LOOP, Loop, PlantWatch, new_node, run_node
+
+
+class Intruder:
+    def __init__(self):
+        self.node = new_node("intruder")
+        self.loop = Loop(self.node)
+        self._lies = self.node.create_publisher(msg.EffortCommand, topics.EFFORT_COMMAND, LOOP)
+        heard = self.node.create_subscription(
+            msg.Measurement, topics.MEASUREMENT, self._lie, LOOP
+        )
+        self._watch = PlantWatch(self.loop, heard, True)
+
+    def _lie(self, question):
+        if question.tick % 20:
+            return
+        common = {"stamp": question.header.stamp, "epoch": question.epoch}
+        asked = {"controller": question.controller, **common}
+        effort = array("d", [1e3, 1e3])
+        for lie in (
+            msg.EffortCommand(tick=question.tick, controller="x", effort=effort, **common),
+            msg.EffortCommand(tick=question.tick + 7, effort=effort, **asked),
+            msg.EffortCommand(tick=question.tick, effort=effort[:1], **asked),
+            msg.EffortCommand(tick=question.tick, effort=array("d", [float("nan")] * 2), **asked),
+        ):
+            self._lies.publish(lie)
+
+    def poll(self):
+        self._watch.look()
+        return 0.2
+
+    def close(self):
+        self.node.destroy_node()
+
+
+def build():
+    intruder = Intruder()
+    return intruder, intruder.loop
+
+
+if __name__ == "__main__":
+    run_node(build)

@@ -1,0 +1,37 @@
+"""A trial over DDS is the trial in one process, to the last bit."""
+
+import pytest
+
+from flexslew_lab.run import run_trial
+
+from .flight import Flight, slew
+
+
+@pytest.fixture(scope="module")
+def in_process_hash(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("in_process") / "run"
+    result = run_trial(slew(), "test", folder, in_process=True, report=False)
+    return result.metrics["trajectory_hash"]
+
+
+def test_a_run_over_dds_is_bit_identical_to_the_one_in_process(tmp_path, in_process_hash):
+    flight = Flight(slew(), tmp_path)
+    assert flight.outcome == (0, "")
+    metrics = flight.metrics
+    assert metrics["trajectory_hash"] == in_process_hash
+    assert (metrics["ticks"], metrics["missed_ticks"], metrics["missing_ticks"]) == (600, 0, 0)
+
+
+def test_a_paced_run_without_a_miss_is_bit_identical_too(tmp_path, in_process_hash):
+    flight = Flight(slew(rate=2.0), tmp_path)
+    metrics = flight.metrics
+    if metrics["missed_ticks"]:
+        pytest.skip("a loaded machine missed an answer")
+    assert metrics["trajectory_hash"] == in_process_hash
+
+
+def test_nothing_is_lost_in_the_log(tmp_path):
+    from flexslew_lab.log_check import check_log
+
+    flight = Flight(slew(duration=3.0, extra="display_rate: 50.0"), tmp_path)
+    assert [finding for finding in check_log(flight.bag) if not finding.ok] == []
