@@ -46,8 +46,8 @@ def derived(variant):
         square = square.subs(y0, 0)
     sway = sum(a * b for a, b in zip(m, bend, strict=True))
     # 2 mu times the integrals of xi^2, xi y, xi y' and y'^2 over one beam are (4)-(6)
-    integrals = {xi**2: j_a, xi * y0: sway, xi * y1: sway.diff(t),
-                 y1**2: sum(a * b.diff(t) ** 2 for a, b in zip(m_qq, bend, strict=True))}  # fmt: skip
+    modal = sum(a * b.diff(t) ** 2 for a, b in zip(m_qq, bend, strict=True))
+    integrals = {xi**2: j_a, xi * y0: sway, xi * y1: sway.diff(t), y1**2: modal}
     polynomial = sp.Poly(square, xi, y0, y1)
     kinetic = sp.Rational(1, 2) * sum(
         coefficient * integrals[xi**a * y0**b * y1**c]

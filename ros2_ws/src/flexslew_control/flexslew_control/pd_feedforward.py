@@ -7,6 +7,7 @@ from pydantic import Field
 
 from flexslew_control.law import Estimate, Estimator, Law, MeasuredJoints, Reference
 from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, section
 
@@ -33,9 +34,7 @@ class PdFeedforward:
     ) -> None:
         """Nothing to choose: the law has no free state."""
 
-    def update(
-        self, measurement: Measurement, estimate: Estimate, reference: Reference
-    ) -> Vector:
+    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the torques of (12), (13), shape (joints,) [N m or N]."""
         n = self._kp.size
         proportional = self._kp * (reference.position - estimate.position[:n])
@@ -57,6 +56,14 @@ def build(
         settings: the gains.
         period: one tick [s].
         effort_limit: of the drives, shape (joints,) [N m or N].
+
+    Raises:
+        BadInput: neither one gain nor one a joint.
     """
+    for name, gains in (("kp", settings.kp), ("kd", settings.kd)):
+        if len(gains) not in (1, effort_limit.size):
+            raise BadInput(
+                f"{name}: {list(gains)} is not allowed: give 1 or {effort_limit.size} gains"
+            )
     joints = np.ones(effort_limit.size)
     return MeasuredJoints(), PdFeedforward(settings.kp * joints, settings.kd * joints)

@@ -1,6 +1,7 @@
 """A Plan: the manoeuvre on the ticks of the bench, with what it came from."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -53,20 +54,31 @@ class Plan:
 
     def reference(self, tick: int) -> Reference:
         """Return the reference of the bench's tick (counted from simulated time zero)."""
-        k = tick - round(self.start / self.period)
-        if 0 <= k < self.ticks:
-            return Reference(
-                self.position[k], self.velocity[k], self.effort[k], self.state[k], self.state[k + 1]
-            )
-        k = 0 if k < 0 else self.ticks
-        rest = np.zeros(len(self.joint_names))
-        state = self.state[k] if k == 0 else self._final
-        return Reference(self.position[k], rest, rest, state, state)
+        k = tick - self._first_tick
+        if k < 0:
+            return self._before
+        if k >= len(self.effort):
+            return self._after
+        return Reference(
+            self.position[k], self.velocity[k], self.effort[k], self.state[k], self.state[k + 1]
+        )
 
-    @property
-    def _final(self) -> Vector:
-        """The nominal state after the end: the last one with straight appendages at rest."""
+    @cached_property
+    def _first_tick(self) -> int:
+        return round(self.start / self.period)
+
+    @cached_property
+    def _before(self) -> Reference:
+        return self._at_rest(self.position[0], self.state[0])
+
+    @cached_property
+    def _after(self) -> Reference:
+        """The last position, its nominal state with straight appendages at rest."""
         final = np.zeros(self.state.shape[1])
-        joints = len(self.joint_names) if final.size else 0
-        final[:joints] = self.position[-1]
-        return final
+        if final.size:
+            final[: len(self.joint_names)] = self.position[-1]
+        return self._at_rest(self.position[-1], final)
+
+    def _at_rest(self, position: Vector, state: Vector) -> Reference:
+        rest = np.zeros(len(self.joint_names))
+        return Reference(position, rest, rest, state, state)
