@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+
 from flexslew_lab.bag_layout import TOPICS
 from flexslew_lab.bag_writer import BagWriter
 from flexslew_lab.cdr import encode

@@ -9,18 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from flexslew_lab.bag_layout import TOPICS
-from flexslew_lab.bag_reader import BagReader
-from flexslew_lab.bag_writer import BagWriter, RecordingStopped
-from flexslew_lab.cdr import encode
-from flexslew_lab.schemas import type_hash
-from flexslew_plant.errors import BadInput
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import ConnectionExtRosbag2
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from flexslew_lab.bag_layout import TOPICS
+from flexslew_lab.bag_reader import BagReader
+from flexslew_lab.bag_writer import BagWriter, RecordingStopped
+from flexslew_lab.cdr import encode
+from flexslew_lab.schemas import type_hash
+from flexslew_plant.errors import BadInput
 
 Message = tuple[str, bytes, int]
 Write = Callable[..., Path]
@@ -166,14 +167,14 @@ def test_a_full_disk_stops_the_recording_with_one_exception(
             self._stream = stream
 
         def write(self, data: bytes) -> int:
-            if writer._at > 20_000:
+            if writer._file._at > 20_000:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             return int(self._stream.write(data))
 
         def __getattr__(self, name: str) -> object:
             return getattr(self._stream, name)
 
-    monkeypatch.setattr(writer, "_stream", Full(writer._stream))
+    monkeypatch.setattr(writer._file, "_stream", Full(writer._file._stream))
 
     def write_all() -> None:
         for topic, data, stamp in messages:

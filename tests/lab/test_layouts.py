@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+
 from flexslew_lab.bag_layout import TOPICS
 from flexslew_lab.cdr import fields
 

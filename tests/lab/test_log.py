@@ -13,6 +13,8 @@ import numpy as np
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
+from rosbags.rosbag2 import Reader
+
 from flexslew_lab.bag_layout import TOPICS
 from flexslew_lab.bag_reader import BagReader
 from flexslew_lab.bag_writer import CHUNK_SIZE, BagWriter, RecordingStopped
@@ -23,7 +25,6 @@ from flexslew_lab.log_info import log_info
 from flexslew_lab.log_recover import recover
 from flexslew_lab.metrics import metrics_of
 from flexslew_plant.errors import BadInput
-from rosbags.rosbag2 import Reader
 
 Message = tuple[str, bytes, int]
 Write = Callable[..., Path]
@@ -58,6 +59,7 @@ def test_a_killed_recorder_costs_one_chunk_at_most(tmp_path: Path, messages: lis
         reader, writer = context.Pipe(duplex=False)
         child = context.Process(target=write_forever, args=(folder, messages, writer))
         child.start()
+        writer.close()  # so that a child that fails is heard
         wanted = int(rng.integers(1, 40))
         written = [reader.recv() for _ in range(wanted)][-1]
         assert child.pid is not None
@@ -96,7 +98,8 @@ def test_a_system_that_takes_no_more_bytes_leaves_whole_chunks(
     reader, writer = context.Pipe(duplex=False)
     child = context.Process(target=fill, args=(tmp_path / "run", messages, writer))
     child.start()
-    assert "recording stopped after" in reader.recv()
+    writer.close()
+    assert "recording stopped: File too large" in reader.recv()
     assert reader.recv() == "closed"
     child.join()
     assert child.exitcode == 0

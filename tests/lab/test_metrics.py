@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from flexslew_lab.bag_layout import TOPICS
 from flexslew_lab.bag_reader import BagReader
 from flexslew_lab.cdr import decode, encode

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from flexslew_lab.report import write_report
 from flexslew_lab.run_data import Thinner, read_run
 from flexslew_plant.errors import BadInput

@@ -2,7 +2,11 @@
 
 import numpy as np
 import pytest
-from flexslew_lab import cdr
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap_ros2._dynamic import generate_dynamic
+
+from flexslew_lab import cdr, cdr_layout
 from flexslew_lab.bag_layout import TOPICS
 from flexslew_lab.schemas import (
     SEPARATOR,
@@ -13,9 +17,6 @@ from flexslew_lab.schemas import (
     type_hash,
 )
 from flexslew_plant.errors import BadInput
-from hypothesis import given
-from hypothesis import strategies as st
-from mcap_ros2._dynamic import generate_dynamic
 
 TYPES = sorted({topic.type for topic in TOPICS.values()})
 ROS_HASHES = {  # as the generators of ROS 2 Kilted print them
@@ -83,7 +84,7 @@ def test_encoded_bytes_are_those_of_the_reference_serialiser(
     decoded = cdr.decode(kind, data)
     assert bytes(store().serialize_cdr(decoded, kind)) == data
     assert (decoded.tick, decoded.header.frame_id) == (tick, name)
-    columns = {c.name: c for c in cdr.layout(kind, data).columns}
+    columns = {c.name: c for c in cdr_layout.layout(kind, data).columns}
     assert columns["term_names"].text == (name, "x")
     at = columns["terms"].offset
     read = np.frombuffer(data[at : at + 8 * len(values)])

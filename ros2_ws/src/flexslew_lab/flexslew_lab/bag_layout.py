@@ -9,7 +9,6 @@ TRIAL_RECORD = "flexslew"  # metadata record at the start: trial, trial_file, ve
 RUN_RECORD = "flexslew_run"  # metadata record at the end: wall_time, exit_code, ...
 ROSBAG_RECORD = "rosbag2"
 METADATA_FILE = "metadata.yaml"
-LOCK_FILE = ".recording"
 MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -61,7 +60,7 @@ def qos_profile(topic: str) -> dict[str, object]:
 
 def sealed(data: Mapping[str, str]) -> dict[str, str]:
     """Return a metadata record with its format and checksum, which MCAP itself does not give."""
-    record = {"format": FORMAT, **data}
+    record = {"format": FORMAT, **{key: str(value) for key, value in data.items()}}
     return {**record, "checksum": checksum(record)}
 
 

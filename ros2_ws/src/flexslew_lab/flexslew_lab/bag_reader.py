@@ -2,43 +2,33 @@
 
 import json
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from flexslew_plant.errors import BadInput
 
 from flexslew_lab import cdr
-from flexslew_lab.bag_layout import (
-    FORMAT,
-    METADATA_FILE,
-    RUN_RECORD,
-    TOPICS,
-    TRIAL_RECORD,
-    checksum,
-)
+from flexslew_lab.bag_columns import Block, blocks_of, widened
+from flexslew_lab.bag_layout import FORMAT, METADATA_FILE, RUN_RECORD, TRIAL_RECORD, checksum
+from flexslew_lab.bag_lookup import Lookup
+from flexslew_lab.cdr_layout import Layout
 from flexslew_lab.mcap_scan import (
     CHANNEL,
     CHUNK,
     HEADER,
     METADATA,
     SCHEMA,
-    ChannelRecord,
     Cut,
     RawMessage,
     Record,
     RecordStream,
-    SchemaRecord,
     chunk_content,
     chunk_records,
-    read_channel,
     read_header,
     read_metadata,
-    read_schema,
 )
-from flexslew_lab.schemas import MESSAGES, hash_of_schema, type_hash
+from flexslew_plant.errors import BadInput
 
 RARE = ("/events", "/plan", "/testbed", "/controller_status")
 LEVELS = ("info", "warning", "fault")
@@ -52,18 +42,6 @@ class BagMessage(NamedTuple):
     stamp: int  # log time [ns]
     sequence: int  # counted from 1 on its topic by the recorder
     data: bytes  # CDR
-
-
-class Block(NamedTuple):
-    """Messages of one topic that follow one another, as arrays.
-
-    `columns` maps a field (nested names joined by dots) to one value a message, shape (messages,)
-    or (messages, length); texts are objects.
-    """
-
-    topic: str
-    stamp: np.ndarray  # log times, (messages,) [ns]
-    columns: dict[str, Any]
 
 
 class LoggedEvent(NamedTuple):
@@ -92,70 +70,6 @@ class Overview(NamedTuple):
     statuses: dict[str, Any]  # the last ControllerStatus of every controller
     metadata: dict[str, dict[str, str]]  # the records by name
     cut: Cut | None
-
-
-@dataclass
-class Lookup:
-    """What a file says about its channels while it is read."""
-
-    path: Path
-    schemas: dict[int, SchemaRecord] = field(default_factory=dict)
-    channels: dict[int, ChannelRecord] = field(default_factory=dict)
-    checked: dict[int, tuple[str, str]] = field(default_factory=dict)  # channel -> topic, type
-    sequence: dict[int, int] = field(default_factory=dict)  # channel -> last one seen
-    counted: bool = True  # the recorder has numbered the messages of each topic
-
-    def take(self, record: Record) -> None:
-        """Take a schema or a channel."""
-        try:
-            if record.opcode == SCHEMA:
-                schema = read_schema(record.body)
-                self.schemas[schema.id] = schema
-            else:
-                channel = read_channel(record.body)
-                self.channels[channel.id] = channel
-        except ValueError as error:
-            raise BadInput(f"{self.path}: damaged schema or channel: {error}") from None
-
-    def topic(self, number: int) -> tuple[str, str]:
-        """Return topic and type of a channel, once its definition is known to be ours."""
-        if number not in self.checked:
-            self.checked[number] = self._check(number)
-        return self.checked[number]
-
-    def follow(self, channel: int, first: int, last: int, count: int) -> None:
-        """Take messages of a channel; refuse a file in which some are missing in between."""
-        before = self.sequence.get(channel, 0)
-        if self.counted and (first != before + 1 or last != before + count):
-            raise BadInput(
-                f"{self.path}: damaged: messages of {self.topic(channel)[0]} are missing after "
-                f"number {before}; `log recover` keeps what is whole"
-            )
-        self.sequence[channel] = last
-
-    def _check(self, number: int) -> tuple[str, str]:
-        channel = self.channels.get(number)
-        schema = self.schemas.get(channel.schema) if channel else None
-        if channel is None or schema is None:
-            raise BadInput(f"{self.path}: damaged: a message of an unknown channel {number}")
-        where = f"{self.path}: {channel.topic}"
-        if channel.encoding != "cdr" or schema.encoding != "ros2msg":
-            raise BadInput(
-                f"{where}: {channel.encoding!r} messages with a {schema.encoding!r} schema; "
-                "only cdr with ros2msg is read"
-            )
-        known = TOPICS.get(channel.topic)
-        if known and known.type != schema.name:
-            raise BadInput(f"{where}: is a {schema.name}, not a {known.type}: a foreign bag")
-        if schema.name.startswith(f"{MESSAGES}/"):
-            recorded, ours = hash_of_schema(schema.name, schema.text), type_hash(schema.name)
-            stated = channel.metadata.get("topic_type_hash", recorded)
-            if recorded != ours or stated != ours:
-                raise BadInput(
-                    f"{where}: recorded with another definition of {schema.name} "
-                    f"({recorded[:15]}, here {ours[:15]}); read it with the version that wrote it"
-                )
-        return channel.topic, schema.name
 
 
 class BagReader:
@@ -206,7 +120,7 @@ class BagReader:
             topics: of types without sequences of nested types, such as /truth.
 
         """
-        layouts: dict[tuple[str, int], list[cdr.Layout]] = {}
+        layouts: dict[tuple[str, int], list[Layout]] = {}
         for data, lookup in self._chunks():
             found: dict[int, list[RawMessage]] = {}
             for m in chunk_records(data, str(self.path)):
@@ -220,7 +134,7 @@ class BagReader:
                 topic, kind = lookup.topic(channel)
                 lookup.follow(channel, messages[0].sequence, messages[-1].sequence, len(messages))
                 if topic in topics:
-                    yield from _runs(topic, kind, messages, layouts)
+                    yield from blocks_of(topic, kind, messages, layouts)
 
     def columns(self, topic: str, fields: Collection[str] | None = None) -> dict[str, np.ndarray]:
         """Return a whole topic as arrays by field, and `stamp` [s]; for figures, not for 24 h.
@@ -235,7 +149,7 @@ class BagReader:
             if fields is None or name in fields:
                 parts = [b.columns[name] for b in blocks]
                 widest = max((p.shape[1] for p in parts if p.ndim == 2), default=0)
-                parts = [_widened(p, widest) for p in parts]
+                parts = [widened(p, widest) for p in parts]
                 result[name] = np.concatenate(parts)
         return result
 
@@ -345,68 +259,6 @@ def find_mcap(path: Path) -> Path:
         what = METADATA_FILE if (path / METADATA_FILE).exists() else "no metadata.yaml"
         raise BadInput(f"{path}: needs one .mcap file, has {found} (and {what})")
     return files[0]
-
-
-def _runs(
-    topic: str,
-    kind: str,
-    messages: list[RawMessage],
-    layouts: dict[tuple[str, int], list[cdr.Layout]],
-) -> Iterator[Block]:
-    """Yield the messages as blocks of one layout each, in order."""
-    start = 0
-    while start < len(messages):
-        size = len(messages[start].data)
-        stop = next(
-            (i for i in range(start, len(messages)) if len(messages[i].data) != size),
-            len(messages),
-        )
-        rows = np.frombuffer(
-            b"".join([m.data for m in messages[start:stop]]), dtype=np.uint8
-        ).reshape(stop - start, size)
-        stamps = np.array([m.stamp for m in messages[start:stop]], dtype=np.int64)
-        while len(rows):
-            layout = _layout_of(kind, rows[0], layouts.setdefault((kind, size), []))
-            places = list(layout.shape)
-            same = (rows[:, places] == rows[0, places]).all(axis=1)
-            n = len(rows) if same.all() else int(np.argmin(same))
-            columns = {
-                name: np.full(n, value) if isinstance(value, str) else _texts(value, n)
-                for name, value in cdr.gather(layout, rows[:n])
-            }
-            yield Block(topic, stamps[:n], columns)
-            rows, stamps = rows[n:], stamps[n:]
-        start = stop
-
-
-def _layout_of(kind: str, row: np.ndarray, known: list[cdr.Layout]) -> cdr.Layout:
-    """Return the layout of a message, from those met before where one fits."""
-    data = row.tobytes()
-    for layout, template in ((k, k.template) for k in known):
-        if all(data[i] == template[i] for i in layout.shape):
-            return layout
-    layout = cdr.layout(kind, data)
-    if len(known) < 64:
-        known.append(layout)
-    return layout
-
-
-def _texts(value: Any, n: int) -> np.ndarray:
-    """Return a column as an array; a tuple of texts is repeated for every message."""
-    if isinstance(value, tuple):
-        column = np.empty((n, len(value)), dtype=object)
-        column[:] = value
-        return column
-    return np.asarray(value)
-
-
-def _widened(part: np.ndarray, width: int) -> np.ndarray:
-    if part.ndim == 1 or part.shape[1] == width:
-        return part
-    filler: Any = "" if part.dtype == object else np.nan
-    wide = np.full((len(part), width), filler, dtype=part.dtype if part.dtype == object else float)
-    wide[:, : part.shape[1]] = part
-    return wide
 
 
 def _event(message: Any) -> LoggedEvent:

@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from flexslew_plant.errors import BadInput
 
+from flexslew_lab.bag_columns import Block
 from flexslew_lab.bag_layout import MAGIC, METADATA_FILE, RUN_RECORD
-from flexslew_lab.bag_reader import BagReader, Block
+from flexslew_lab.bag_reader import BagReader
 from flexslew_lab.mcap_scan import RecordStream
+from flexslew_plant.errors import BadInput
 
 TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
 _FOOTER = struct.Struct("<BQQQI")

@@ -11,11 +11,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
-from flexslew_plant.errors import BadInput
 
-from flexslew_lab.bag_reader import BagReader, Block, Overview
+from flexslew_lab.bag_columns import Block
+from flexslew_lab.bag_reader import BagReader, Overview
 from flexslew_lab.cdr import Field, fields
 from flexslew_lab.schemas import definition, field_types, type_hash
+from flexslew_plant.errors import BadInput
 
 WIDEST = 64  # longer sequences stay one column: a list in Parquet, JSON in CSV
 ROWS = 16_384  # of a row group

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import yaml
-from flexslew_plant.errors import BadInput
 
 from flexslew_lab import cdr
-from flexslew_lab.bag_layout import LOCK_FILE, METADATA_FILE, RUN_RECORD, TRIAL_RECORD
-from flexslew_lab.bag_reader import BagReader, Lookup, find_mcap
-from flexslew_lab.bag_writer import BagWriter, lock_folder, unlock_folder
+from flexslew_lab.bag_layout import METADATA_FILE, RUN_RECORD, TRIAL_RECORD
+from flexslew_lab.bag_lock import LOCK_FILE, lock_folder, unlock_folder
+from flexslew_lab.bag_lookup import Lookup
+from flexslew_lab.bag_reader import BagReader, find_mcap
+from flexslew_lab.bag_writer import BagWriter
 from flexslew_lab.mcap_scan import (
     CHANNEL,
     CHUNK,
@@ -24,6 +25,7 @@ from flexslew_lab.mcap_scan import (
     chunk_records,
     read_metadata,
 )
+from flexslew_plant.errors import BadInput
 
 
 class Recovery(NamedTuple):

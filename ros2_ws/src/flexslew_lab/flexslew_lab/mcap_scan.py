@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 import zstandard
-from flexslew_plant.errors import BadInput
 
 from flexslew_lab.bag_layout import MAGIC
+from flexslew_plant.errors import BadInput
 
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
 METADATA, DATA_END = 0x0C, 0x0F

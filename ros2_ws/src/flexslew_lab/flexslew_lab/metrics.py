@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.errors import BadInput
 from numpy.typing import NDArray
 
 from flexslew_lab.bag_layout import RUN_RECORD
 from flexslew_lab.bag_reader import BagReader, Overview
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
 
 BAND = 0.02  # settling band, of the way that the joint has to go [-]
 

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from flexslew_plant.arrays import Matrix, Vector
 from numpy.typing import NDArray
 
 from flexslew_lab.bag_reader import BagReader, Overview
 from flexslew_lab.metrics import joint_names_of, metrics_from
+from flexslew_plant.arrays import Matrix, Vector
 
 BUCKETS = 1200  # of which each keeps its smallest and its largest value
 FRAMES = 500  # of the animation

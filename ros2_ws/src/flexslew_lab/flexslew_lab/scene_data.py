@@ -3,13 +3,13 @@
 from typing import Any
 
 import numpy as np
+
+from flexslew_lab.run_data import RunData
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.display import Scene
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import Testbed
-
-from flexslew_lab.run_data import RunData
 
 
 def scene_of(run: RunData) -> dict[str, Any] | None:

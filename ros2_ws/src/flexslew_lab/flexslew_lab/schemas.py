@@ -3,10 +3,11 @@
 from functools import lru_cache
 from pathlib import Path
 
-from flexslew_plant.errors import BadInput
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
+
+from flexslew_plant.errors import BadInput
 
 MESSAGES = "flexslew_msgs"
 SEPARATOR = "=" * 80
