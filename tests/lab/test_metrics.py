@@ -98,3 +98,9 @@ def test_a_bag_without_truth_has_nothing_to_measure(
     folder = write_bag(tmp_path / "run", [m for m in messages if m[0] != "/truth"])
     with pytest.raises(BadInput, match="holds no truth"):
         metrics_of(folder)
+
+
+def test_the_page_on_metrics_lists_every_key_with_its_unit() -> None:
+    page = (Path(__file__).parents[2] / "docs/metrics.md").read_text()
+    for key, metric in METRICS.items():
+        assert f"| `{key}` | {metric.unit} |" in page
