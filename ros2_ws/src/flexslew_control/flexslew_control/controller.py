@@ -1,14 +1,14 @@
 """A controller: estimator, law and plan behind the one question of the bench."""
 
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.law import Estimate, Estimator, Law, Reference
+from flexslew_control.law import Estimate, Estimator, Law, LawFailed, Reference
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Vector
 from flexslew_plant.measurement import EffortCommand, Measurement
-
 
 
 class Answer(NamedTuple):
@@ -54,6 +54,8 @@ class Controller:
         self._offset: Vector = np.zeros(len(joint_names))  # predecessor minus own effort
         self._handover_tick = 0
         self._hold: Vector = np.zeros(len(joint_names))
+        self._failure = ""  # why the law or its estimator gave up
+        self._blind = False  # the estimate is not finite
 
     @property
     def last_tick(self) -> int:
@@ -65,7 +67,9 @@ class Controller:
         """Why it could not take charge now; empty when it could."""
         if self._requires_plan and self.plan is None:
             return "no plan yet"
-        return ""
+        if self._failure:
+            return self._failure
+        return "its estimate is not finite" if self._blind else ""
 
     def adopt(self, plan: Plan) -> str:
         """Follow this plan from its start; return why not, or an empty text.
@@ -88,9 +92,21 @@ class Controller:
     def observe(self, measurement: Measurement) -> Answer | None:
         """Return the answer if the measurement names this controller.
 
-        The same measurement again gives the same answer; an old one gives none.
+        The same measurement again gives the same answer; an old one gives none. A law that has
+        failed gives none any more, one without a finite estimate gives none until it has one.
         """
-        epoch, tick = key = measurement.epoch, measurement.tick
+        if self._failure:
+            self._key = max(self._key, (measurement.epoch, measurement.tick))
+            return None
+        try:
+            return self._observed(measurement)
+        except LawFailed as failure:
+            self._failure = str(failure)
+            return None
+
+    def _observed(self, measurement: Measurement) -> Answer | None:
+        tick = measurement.tick
+        key = measurement.epoch, tick
         if key < self._key:
             return None
         if key > self._key:
@@ -102,6 +118,10 @@ class Controller:
                 self._hold = measurement.joint_position
                 self._answered = -1
             self._estimate = self._estimator.update(measurement)
+            if self._blind:  # a filter that has swallowed NaN keeps it: start it afresh
+                self._estimator.reset(measurement)
+                self._estimate = self._estimator.update(measurement)
+            self._blind = not _finite(self._estimate)
         if measurement.controller != self.name or self.reason:
             return None
         if self._answer is None:
@@ -135,3 +155,8 @@ class Controller:
             return self.plan.reference(tick)
         rest = np.zeros(len(self.joint_names))
         return Reference(self._hold, rest, rest, np.zeros(0))
+
+
+def _finite(estimate: Estimate) -> bool:
+    """Return whether positions and velocities are numbers, told from their sum."""
+    return isfinite(estimate.position.sum() + estimate.velocity.sum())

@@ -5,11 +5,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control import pd_feedforward
+from flexslew_control import (
+    collocated_pid,
+    lqr,
+    output_feedback,
+    pd_feedforward,
+    proportional_integral,
+)
 from flexslew_control.controller import Controller
 from flexslew_control.law import Estimator, Law
+from flexslew_control.user_law import build_user_law, find_law
 from flexslew_plant.arrays import Vector
-from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, plain, validated, yaml_text
 
 
@@ -20,6 +26,12 @@ class _Kind(NamedTuple):
 
 CONTROLLERS: dict[str, _Kind] = {
     "pd_feedforward": _Kind(pd_feedforward.PdFeedforwardSettings, pd_feedforward.build),
+    "output_feedback": _Kind(output_feedback.OutputFeedback, output_feedback.build),
+    "proportional_integral": _Kind(
+        proportional_integral.ProportionalIntegral, proportional_integral.build
+    ),
+    "lqr": _Kind(lqr.Lqr, lqr.build),
+    "collocated_pid": _Kind(collocated_pid.CollocatedPid, collocated_pid.build),
 }
 
 
@@ -37,7 +49,7 @@ def build_controller(
 
     Args:
         name: unique on the bench.
-        law: a key of CONTROLLERS.
+        law: a key of CONTROLLERS, or one of the user's own, see user_law.find_law.
         values: its section of a trial file as plain data; `handover_time` [s] may stand there too.
         joint_names: of the bench, in the order of the effort.
         period: one tick [s].
@@ -48,18 +60,23 @@ def build_controller(
     Raises:
         BadInput: unknown law, wrong settings, or a design that does not exist.
     """
-    if law not in CONTROLLERS:
-        raise BadInput(f"{source}: {law} is not a law; allowed: {', '.join(CONTROLLERS)}")
-    kind = CONTROLLERS[law]
     handover_time = validated(NonNegative, values.get("handover_time", 1.0), source)
     own = {key: value for key, value in values.items() if key != "handover_time"}
-    settings = validated(kind.settings, own, source)
-    estimator, built = kind.build(settings, period, np.array(effort_limit, dtype=float))
+    limit = np.array(effort_limit, dtype=float)
+    estimator: Estimator
+    built: Law
+    if law in CONTROLLERS:
+        kind = CONTROLLERS[law]
+        estimator, built = kind.build(validated(kind.settings, own, source), period, limit)
+    else:
+        found = find_law(law, source, tuple(CONTROLLERS))
+        estimator, built = build_user_law(found, law, own, period, limit, source)
     return Controller(name, estimator, built, joint_names, period, handover_time, requires_plan)
 
 
 def settings_text(law: str, values: dict[str, Any]) -> str:
-    """Return the settings of a law, defaults included, as YAML for the log."""
+    """Return the settings of a law as YAML for the log, defaults included where they are known."""
     own = {key: value for key, value in values.items() if key != "handover_time"}
-    settings = plain(validated(CONTROLLERS[law].settings, own, law))
-    return yaml_text(settings)
+    if law not in CONTROLLERS:
+        return yaml_text(own)
+    return yaml_text(plain(validated(CONTROLLERS[law].settings, own, law)))

@@ -5,10 +5,15 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import FlexslewError
 from flexslew_plant.measurement import Measurement
 
 _NOTHING: Final[Vector] = np.zeros(0)
 _NOTHING.flags.writeable = False
+
+
+class LawFailed(FlexslewError):  # noqa: N818 - named like its siblings in errors
+    """A law or its estimator cannot go on; its controller is not ready from then on."""
 
 
 class Reference(NamedTuple):

@@ -75,6 +75,7 @@ def _tick(bench: Bench, controllers: dict[str, Controller], observer: Observer |
             observer.event(event)
     for controller in controllers.values():
         _answer(bench, controller, question, observer)
+        bench.note_readiness(controller.name, controller.reason)
     if not bench.answered and bench.question is not question:
         # the drive refused the newcomer's step and asks its predecessor
         if observer is not None:

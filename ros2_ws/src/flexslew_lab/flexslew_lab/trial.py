@@ -14,7 +14,7 @@ from flexslew_plant.actuator import ActuatorSettings
 from flexslew_plant.bench import Bench, BenchSettings
 from flexslew_plant.csa import CsaTestbed
 from flexslew_plant.errors import BadInput
-from flexslew_plant.schedule import Schedule
+from flexslew_plant.schedule import Schedule, require_allowed
 from flexslew_plant.sensors import SensorSettings
 from flexslew_plant.settings import (
     NonNegative,
@@ -51,6 +51,7 @@ class Trial:
     brake_damping_ratio: Positive = 0.25  # of the drive's own brake [-]
     display_rate: NonNegative = 50.0  # of joint states, tf, markers [1/simulated s]; 0: none
     schedule: Schedule = ()
+    allow_faults: bool = False  # whether anything may be broken, by schedule or by inject_fault
 
 
 def load_trial(path: Path) -> Trial:
@@ -78,6 +79,7 @@ def parse_trial(text: str, source: str) -> Trial:
         if controller not in trial.controllers:
             known = ", ".join(trial.controllers)
             raise BadInput(f"{source}: {key}: {controller} is not in controllers; allowed: {known}")
+    require_allowed(trial.schedule, trial.allow_faults, source)
     return trial
 
 
@@ -100,6 +102,7 @@ def bench_settings(trial: Trial) -> BenchSettings:
         max_missed=trial.max_missed,
         brake_damping_ratio=trial.brake_damping_ratio,
         schedule=trial.schedule,
+        faults_enabled=trial.allow_faults,
     )
 
 

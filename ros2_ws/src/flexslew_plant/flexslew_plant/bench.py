@@ -15,14 +15,21 @@ from flexslew_plant import dynamics
 from flexslew_plant.actuator import Actuator, ActuatorSettings
 from flexslew_plant.appendages import appendages_of
 from flexslew_plant.arrays import Vector
+from flexslew_plant.broken import Fate, Faults
 from flexslew_plant.csa import CsaTestbed
+from flexslew_plant.disturbances import (
+    TimedDisturbance,
+    check_disturbance,
+    disturbance_effort,
+)
 from flexslew_plant.drive import Drive
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Event, Level
+from flexslew_plant.faults import Names, Timed, check_fault
 from flexslew_plant.measurement import EffortCommand, Measurement
-from flexslew_plant.schedule import Schedule
+from flexslew_plant.schedule import Schedule, ScheduleEntry, injected_entry, require_allowed
 from flexslew_plant.sensors import Readings, Sensors, SensorSettings
-from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.settings import NonNegative, Positive, plain, section
 from flexslew_plant.testbeds import Testbed, build_model
 
 
@@ -41,6 +48,7 @@ class BenchSettings:
     max_missed: Annotated[int, Field(ge=1)] = 5  # ticks in a row without a valid answer
     brake_damping_ratio: Positive = 0.25  # brake = ratio M_jj omega_1, omega_1 the first free mode
     schedule: Schedule = ()
+    faults_enabled: bool = False  # whether anything may be broken, by schedule or by inject_fault
 
 
 class Truth(NamedTuple):
@@ -76,6 +84,14 @@ class SwitchResult(NamedTuple):
     effort_step: Vector  # (joints,) [N m or N]; zero if refused
 
 
+class InjectResult(NamedTuple):
+    """What became of a wish to break something."""
+
+    ok: bool
+    message: str
+    tick: int  # at which it takes effect
+
+
 class Bench:
     """The tick machine.
 
@@ -83,7 +99,8 @@ class Bench:
         settings: a trial's plant.
 
     Raises:
-        BadInput: a schedule entry names a joint that the testbed does not have.
+        BadInput: a schedule entry names what the testbed does not have, or breaks something
+            although faults are off.
     """
 
     def __init__(self, settings: BenchSettings) -> None:
@@ -101,7 +118,13 @@ class Bench:
         )
         self.actuator = Actuator(settings.actuator, self.limit, settings.period)
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
-        self._disturbances = [self._disturbance(entry) for entry in settings.schedule]
+        require_allowed(settings.schedule, settings.faults_enabled)
+        self._names = Names(self.model.joint_names, self.appendages.names)
+        self._known = [
+            self._breaking(entry, f"schedule.{i}")
+            for i, entry in enumerate(settings.schedule)
+            if entry.switch is None
+        ]
         self.epoch = -1
         self.reset()
 
@@ -120,7 +143,16 @@ class Bench:
         self._applied: Vector = np.zeros(self.model.joints)
         self._extra: Vector = np.zeros(self.model.joints)  # disturbance during the last tick
         self._answer: Vector | None = None
+        self._lost = False  # the answer of this tick was given, and did not arrive
+        self._disturbances = [e for e in self._known if isinstance(e, TimedDisturbance)]
+        self._faults = Faults(
+            self._names,
+            self.settings.seed,
+            self.epoch,
+            tuple(e for e in self._known if isinstance(e, Timed)),
+        )
         self._handover: tuple[SwitchRequest, str] | None = None
+        self._unready: dict[str, str] = {}
         self.events: deque[Event] = deque()
         self.switch_results: deque[SwitchResult] = deque()
         ticks = [self._tick_of(entry.at) for entry in self.settings.schedule]
@@ -143,8 +175,8 @@ class Bench:
 
     @property
     def answered(self) -> bool:
-        """A valid answer to the question is held, or none is needed because the brake is on."""
-        return self._answer is not None or not self.drive.active
+        """Nothing is to be waited for: the answer is here or lost for good, or the brake is on."""
+        return self._answer is not None or self._lost or not self.drive.active
 
     def truth(self) -> Truth:
         """Return the state at this tick."""
@@ -163,21 +195,15 @@ class Bench:
         )
 
     def offer(self, command: EffortCommand) -> bool:
-        """Return whether the command was taken as the answer; a second answer is not needed."""
-        objection = self.drive.objection(self.question, command)
-        if objection is not None:
-            kind, words = objection
-            count = self.drive.rejected[kind]
-            if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th, ...: a flood stays readable
-                self._event(
-                    Level.WARNING,
-                    "rejected",
-                    f"effort command rejected ({kind}): {words}; {count} so far",
-                    {"reason": kind, "count": count, "controller": command.controller},
-                )
+        """Return whether the command settles the tick; a second answer is not needed.
+
+        An answer that a fault keeps from the drive settles it too: no better one will come.
+        """
+        if self._objected(command) or self._answer is not None or self._lost:
             return False
-        if self._answer is not None:
-            return False
+        if self._faults.fate(command) is not Fate.ARRIVES:
+            self._lost = True
+            return True
         if self._handover is not None and not self._finish_handover(command.effort):
             return False
         self._answer = command.effort
@@ -185,13 +211,16 @@ class Bench:
 
     def advance(self) -> None:
         """Integrate [t_k, t_k+1) with the answer, or with the last one if there is none."""
+        for ghost in self._faults.ghosts(first=False):
+            self._objected(ghost)
         if self._answer is not None:
             self.drive.take(self._answer)
         elif self.drive.active:
             self._miss()
         n, m, period = self.model.coordinates, self.model.joints, self.settings.period
         velocity = self._x[n : n + m]
-        self._applied = self.actuator.apply(self.drive.effort(velocity))
+        demand = self._faults.demand(self.drive.effort(velocity))
+        self._applied = self._faults.effort(self.actuator.apply(demand))
         self.saturated_ticks += self.actuator.saturated
         self._extra = self._disturbance_at(self.tick)
         total = self._applied + self._extra
@@ -215,16 +244,62 @@ class Bench:
         self._switches.append(request)
         return None
 
+    def inject(self, text: str, tick: int = 0) -> InjectResult:
+        """Return whether something breaks as an operator wants, or why not.
+
+        Args:
+            text: YAML, see schedule.injected_entry.
+            tick: at which it begins; one that is over: the next.
+        """
+        start = max(tick, self.tick + 1)
+        if not self.settings.faults_enabled:
+            return InjectResult(
+                False, "faults are off in this trial; set allow_faults: true", self.tick
+            )
+        try:
+            entry = injected_entry(text, start * self.settings.period)
+            breaking = self._breaking(entry, "fault")
+        except BadInput as error:
+            return InjectResult(False, str(error), self.tick)
+        if isinstance(breaking, Timed):
+            self._faults.add(breaking)
+            word: str = breaking.fault.kind
+        else:
+            self._disturbances.append(breaking)
+            word = "disturbance"
+        return InjectResult(True, f"{word} at tick {start}", start)
+
+    def note_readiness(self, controller: str, reason: str) -> None:
+        """Say it as an event when a controller could no longer take charge, or can again.
+
+        Args:
+            controller: whose.
+            reason: why it could not; empty if it could.
+        """
+        if self._unready.get(controller, "") == reason:
+            return
+        self._unready[controller] = reason
+        data = {"controller": controller, "reason": reason}
+        if reason:
+            self._event(Level.WARNING, "not_ready", f"{controller} is not ready: {reason}", data)
+        else:
+            self._event(Level.INFO, "ready", f"{controller} is ready again", data)
+
     def _tick_of(self, time: float) -> int:
         return round(time / self.settings.period)
 
     def _ask(self) -> None:
+        for timed, on in self._faults.begin(self.tick):
+            data = {"on": on, "fault": plain(timed.fault), "start": timed.start}
+            data |= {"end": int(timed.end)} if timed.end < inf else {}
+            words = f"{timed.fault.kind} {'on' if on else 'off'}"
+            self._event(Level.WARNING if on else Level.INFO, "fault", words, data)
         for request in [r for r in self._switches if r.tick <= self.tick]:
             self._switches.remove(request)
             if request.controller != self.drive.active:
                 self._handover = request, self.drive.active
                 self.drive.hand_over(request.controller)
-        self._answer = None
+        self._answer, self._lost = None, False
         n, m = self.model.coordinates, self.model.joints
         modes = self._x[m:n]
         readings = self._sensors.read(
@@ -236,8 +311,31 @@ class Bench:
             )
         )
         self.question = Measurement(
-            self.tick, self.epoch, self.time, self.drive.active, *readings, self._applied
+            self.tick,
+            self.epoch,
+            self.time,
+            self.drive.active,
+            *self._faults.read(readings),
+            self._applied,
         )
+        for ghost in self._faults.ghosts(first=True):
+            self._objected(ghost)
+
+    def _objected(self, command: EffortCommand) -> bool:
+        """Return whether the drive rejects the command, and say so."""
+        objection = self.drive.objection(self.question, command)
+        if objection is None:
+            return False
+        kind, words = objection
+        count = self.drive.rejected[kind]
+        if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th, ...: a flood stays readable
+            self._event(
+                Level.WARNING,
+                "rejected",
+                f"effort command rejected ({kind}): {words}; {count} so far",
+                {"reason": kind, "count": count, "controller": command.controller},
+            )
+        return True
 
     def _finish_handover(self, effort: Vector) -> bool:
         """Measure the step of the incoming controller; give the bench back if it is too large."""
@@ -267,8 +365,6 @@ class Bench:
         return ok
 
     def _miss(self) -> None:
-        if self._handover is not None:  # the incoming controller never answered
-            self._handover = None
         silent = self.drive.active
         successor = self.drive.miss()
         row = self.drive.missed_in_a_row
@@ -280,6 +376,12 @@ class Bench:
         )
         if successor is None:
             return
+        if self._handover is not None:  # the incoming controller never answered
+            (request, _), self._handover = self._handover, None
+            words = f"{silent} never answered"
+            self.switch_results.append(
+                SwitchResult(request, False, words, self.tick, np.zeros(self.model.joints))
+            )
         self.drive.hand_over(successor)
         self.faulted = True
         self._event(
@@ -289,35 +391,32 @@ class Bench:
             {"from": silent, "to": successor},
         )
 
-    def _disturbance(self, entry: object) -> tuple[int, float, Vector] | None:
-        """Return the first tick, the end tick and the effort on each joint of an entry."""
-        wanted = getattr(entry, "disturbance", None)
-        if wanted is None:
-            return None
-        names = self.model.joint_names
-        for name in wanted:
-            if name not in names:
-                raise BadInput(
-                    f"schedule: disturbance: {name} is not a joint of the testbed; "
-                    f"allowed: {', '.join(names)}"
-                )
-        effort = np.array([wanted.get(name, 0.0) for name in names], dtype=float)
-        until = getattr(entry, "until", None)
-        start = self._tick_of(getattr(entry, "at", 0.0))
-        return start, inf if until is None else self._tick_of(until), effort
+    def _breaking(self, entry: ScheduleEntry, place: str) -> TimedDisturbance | Timed:
+        """Return a disturbance or a fault with its ticks; see check_disturbance, check_fault."""
+        start = self._tick_of(entry.at)
+        end = inf if entry.until is None else max(self._tick_of(entry.until), start + 1)
+        if entry.fault is not None:
+            check_fault(entry.fault, self._names, f"{place}.fault")
+            return Timed(entry.fault, start, end)
+        shapes = entry.disturbance or {}
+        check_disturbance(shapes, self._names.joints, f"{place}.disturbance")
+        return TimedDisturbance(shapes, start, end)
 
     def _disturbance_at(self, tick: int) -> Vector:
         total = np.zeros(self.model.joints)
-        for entry in self._disturbances:
-            if entry is None:
-                continue
-            start, end, effort = entry
-            if start <= tick < end:
-                total = total + effort
-            if tick in (start, end):
-                word = "on" if tick == start else "off"
-                values = dict(zip(self.model.joint_names, effort.tolist(), strict=True))
-                self._event(Level.INFO, "disturbance", f"disturbance {word}: {values}", values)
+        for timed in self._disturbances:
+            if timed.start <= tick < timed.end:
+                total = total + disturbance_effort(
+                    timed, tick, self._names.joints, self.settings.period
+                )
+            if tick in (timed.start, timed.end):
+                word = "on" if tick == timed.start else "off"
+                shapes = {
+                    name: shape if isinstance(shape, float) else plain(shape)
+                    for name, shape in timed.shapes.items()
+                }
+                words = f"disturbance {word}: {shapes}"
+                self._event(Level.INFO, "disturbance", words, {**shapes, "on": word == "on"})
         return total
 
     def _event(self, level: Level, kind: str, message: str, data: dict[str, object]) -> None:

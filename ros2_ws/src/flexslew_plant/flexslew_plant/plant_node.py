@@ -26,6 +26,7 @@ from flexslew_plant.ros_node import (
     unmatched,
 )
 from flexslew_plant.settings import NonNegative, Positive, plain, section, yaml_text
+from flexslew_plant.standby import Standby
 
 
 @section
@@ -60,6 +61,7 @@ class Plant:
         self._waiting_for: list[str] = []
         self._started = self._next_progress = monotonic()
         self._controllers: dict[str, msg.ControllerStatus] = {}
+        self._standby = Standby(patience=self._settings.answer_timeout, paced=self._pacing.paced)
 
         self._measurement = node.create_publisher(msg.Measurement, topics.MEASUREMENT, LOOP)
         self._truth = node.create_publisher(msg.PlantState, topics.TRUTH, LOOP)
@@ -76,6 +78,7 @@ class Plant:
         node.create_service(srv.Step, topics.STEP, self._on_step)
         node.create_service(srv.SwitchController, topics.SWITCH_CONTROLLER, self._on_switch)
         node.create_service(srv.ListControllers, topics.LIST_CONTROLLERS, self._on_list)
+        node.create_service(srv.InjectFault, topics.INJECT_FAULT, self._on_inject)
         self._testbed.publish(self._testbed_message())
 
     def poll(self) -> float:
@@ -90,6 +93,8 @@ class Plant:
             print(f"tick {bench.tick} of {bench.last_tick}", flush=True)
             self._next_progress = now + 0.5
         if self._pacing.tick_over(now, bench.answered, bench.drive.missed_in_a_row):
+            if self._held_back(now):
+                return 0.005
             self._advance()
         elif not bench.answered and self._pacing.repeat_due(now):
             self._measurement.publish(measurement_message(bench.question))
@@ -133,11 +138,16 @@ class Plant:
             return
         taken = self._bench.offer(command_of(message))
         if taken and not self._pacing.paced:
-            self._advance()
+            if not self._held_back(monotonic()):
+                self._advance()
         elif self._bench.events:
             self._publish_events()
             if not self._bench.answered:  # a refused switch asks its predecessor
                 self._measurement.publish(measurement_message(self._bench.question))
+
+    def _held_back(self, now: float) -> bool:
+        """Return whether a standby is too far behind for another question."""
+        return bool(self._standby.slow(self._bench.tick + 1, self._bench.epoch, now))
 
     def _advance(self) -> None:
         self._bench.advance()
@@ -220,6 +230,10 @@ class Plant:
 
     def _on_status(self, message: msg.ControllerStatus) -> None:
         self._controllers[message.controller] = message
+        self._standby.heard(message.controller, message.last_tick, message.epoch)
+        if self._state == "running":
+            self._bench.note_readiness(message.controller, message.reason)
+            self._publish_events()
 
     def _on_start(self, _: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
         if self._state == "finished":
@@ -260,11 +274,14 @@ class Plant:
         self, request: srv.SwitchController.Request, reply: srv.SwitchController.Response
     ) -> srv.SwitchController.Response:
         status = self._controllers.get(request.controller)
+        behind = self._standby.reason(request.controller, self._bench.tick, self._bench.epoch)
         if status is None:
             known = ", ".join(sorted(self._controllers)) or "none"
             reply.message = f"unknown controller {request.controller}; on the graph: {known}"
         elif not status.ready:
             reply.message = f"{request.controller} is not ready: {status.reason}"
+        elif behind:
+            reply.message = f"{request.controller} is not ready: {behind}"
         else:
             at = request.at.sec + request.at.nanosec * 1e-9
             tick = max(round(at / self._settings.bench.period), self._bench.tick + 1)
@@ -272,6 +289,14 @@ class Plant:
             wish = SwitchRequest(request.controller, tick, request.strict, limit)
             reply.message = self._bench.request_switch(wish) or f"switch at tick {tick}"
             reply.ok, reply.tick = reply.message.startswith("switch at"), tick
+        return reply
+
+    def _on_inject(
+        self, request: srv.InjectFault.Request, reply: srv.InjectFault.Response
+    ) -> srv.InjectFault.Response:
+        at = request.at.sec + request.at.nanosec * 1e-9
+        tick = round(at / self._settings.bench.period)
+        reply.ok, reply.message, reply.tick = self._bench.inject(request.fault, tick)
         return reply
 
     def _on_list(

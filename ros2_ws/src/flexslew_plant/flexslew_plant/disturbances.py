@@ -1,0 +1,100 @@
+"""Disturbance efforts on the joints: constant, sine and pulse."""
+
+from math import cos, inf, pi
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import Positive, section
+
+
+@section
+class SineShape:
+    """a sin(2 pi f t + phase), t from the beginning of the entry."""
+
+    amplitude: float  # [N m or N]
+    frequency: Positive  # [Hz]
+    phase: float = 0.0  # [rad]
+
+
+@section
+class PulseShape:
+    """A constant for a while, once or again and again."""
+
+    amplitude: float  # [N m or N]
+    width: Positive  # [s]
+    every: Positive | None = None  # from one beginning to the next [s]; null: once
+
+
+@section
+class Sine:
+    """`{sine: {...}}`."""
+
+    sine: SineShape
+
+
+@section
+class Pulse:
+    """`{pulse: {...}}`."""
+
+    pulse: PulseShape
+
+
+Shape: TypeAlias = float | Sine | Pulse
+Disturbance: TypeAlias = dict[str, Shape]  # by joint
+
+
+class TimedDisturbance(NamedTuple):
+    """A disturbance and when it acts."""
+
+    shapes: Disturbance
+    start: int  # first tick
+    end: float  # first tick after it
+
+
+def check_disturbance(wanted: Disturbance, joints: tuple[str, ...], place: str) -> None:
+    """Check that the testbed has the joints.
+
+    Raises:
+        BadInput: an unknown joint, with the known ones.
+    """
+    for name in wanted:
+        if name not in joints:
+            raise BadInput(
+                f"{place}: {name} is not a joint of the testbed; allowed: {', '.join(joints)}"
+            )
+
+
+def shape_effort(shape: Shape, ticks: int, period: float) -> float:
+    """Return the mean effort over a tick [N m or N].
+
+    Args:
+        shape: of the effort.
+        ticks: since its beginning.
+        period: one tick [s].
+    """
+    if isinstance(shape, Sine):
+        s = shape.sine
+        turn = 2.0 * pi * s.frequency * period
+        angle = turn * ticks + s.phase
+        return s.amplitude * (cos(angle) - cos(angle + turn)) / turn
+    if isinstance(shape, Pulse):
+        p = shape.pulse
+        width = max(1, round(p.width / period))
+        again = inf if p.every is None else max(1, round(p.every / period))
+        return p.amplitude if ticks % again < width else 0.0
+    return shape
+
+
+def disturbance_effort(
+    timed: TimedDisturbance, tick: int, joints: tuple[str, ...], period: float
+) -> Vector:
+    """Return the efforts of one entry over a tick, shape (joints,) [N m or N]."""
+    since = tick - timed.start
+    efforts = [
+        shape_effort(timed.shapes[name], since, period) if name in timed.shapes else 0.0
+        for name in joints
+    ]
+    return np.array(efforts, dtype=float)

@@ -1,0 +1,74 @@
+"""Warm standby: nobody falls so far behind that a swap would find a cold estimator."""
+
+from dataclasses import dataclass, field
+
+
+@dataclass
+class _Heard:
+    tick: int  # last measurement it has seen
+    epoch: int
+    held_since: float | None = None  # the plant has been waiting for it [wall s]
+    lost: bool = False  # silent for so long that it is waited for no more
+
+
+@dataclass
+class Standby:
+    """Who has seen which tick, from the statuses of the controllers.
+
+    Not paced, the plant holds back for the slowest. Paced it cannot, so who is too far behind
+    is not ready.
+
+    Args:
+        allowed: largest distance behind the plant [ticks].
+        patience: who does not move for so long is waited for no more [wall s].
+        paced: by the wall clock.
+    """
+
+    allowed: int = 1000
+    patience: float = 2.0
+    paced: bool = False
+    _heard: dict[str, _Heard] = field(init=False, default_factory=dict)
+
+    def heard(self, controller: str, tick: int, epoch: int) -> None:
+        """Take a status.
+
+        Args:
+            controller: whose.
+            tick: the last that it has seen.
+            epoch: of that tick.
+        """
+        before = self._heard.get(controller)
+        if before is None or (before.epoch, before.tick) != (epoch, tick):
+            self._heard[controller] = _Heard(tick, epoch)
+
+    def slow(self, tick: int, epoch: int, now: float) -> list[str]:
+        """Return for whom the plant must hold back now; paced for nobody.
+
+        Args:
+            tick: of the question that would go out next.
+            epoch: of that question.
+            now: wall clock [s].
+        """
+        if self.paced:
+            return []
+        slow = []
+        for name, heard in self._heard.items():
+            if heard.lost or not self._behind(heard, tick, epoch):
+                continue
+            if heard.held_since is None:
+                heard.held_since = now
+            heard.lost = now - heard.held_since > self.patience
+            if not heard.lost:
+                slow.append(name)
+        return slow
+
+    def reason(self, controller: str, tick: int, epoch: int) -> str:
+        """Return why a controller cannot take charge at this tick for its being behind, or ""."""
+        heard = self._heard.get(controller)
+        if heard is None or not self._behind(heard, tick, epoch):
+            return ""
+        return f"it has seen tick {heard.tick}, the bench is at {tick}"
+
+    def _behind(self, heard: _Heard, tick: int, epoch: int) -> bool:
+        seen = heard.tick if heard.epoch == epoch else 0
+        return tick - seen > self.allowed
