@@ -9,12 +9,14 @@ from pydantic import Field
 from flexslew_control.basis import Basis
 from flexslew_control.elastic_tracking import StartCoastStop, start_coast_stop
 from flexslew_control.gauss_newton import Progress, Update
+from flexslew_control.input_shaping import InputShaping, plan_input_shaping
 from flexslew_control.optimized_feedforward import (
     OptimizedFeedforward,
     on_ticks,
     plan_optimized_feedforward,
 )
 from flexslew_control.plan import Plan
+from flexslew_control.robust_feedforward import RobustFeedforward, plan_robust_feedforward
 from flexslew_control.slew_request import (
     CsaGoal,
     CsaModel,
@@ -23,6 +25,7 @@ from flexslew_control.slew_request import (
     software_versions,
     tick_times,
 )
+from flexslew_control.time_optimal import TimeOptimal, plan_time_optimal
 from flexslew_control.trajectories import Profile
 from flexslew_plant.arrays import Vector
 from flexslew_plant.csa import JOINTS, CsaInitial
@@ -100,11 +103,21 @@ PLANNERS: dict[str, _Planner] = {
     "none": _Planner(NoPlan, plan_none),
     "reference_only": _Planner(ReferenceOnly, plan_reference_only),
     "optimized_feedforward": _Planner(OptimizedFeedforward, plan_optimized_feedforward),
+    "robust_feedforward": _Planner(RobustFeedforward, plan_robust_feedforward),
+    "input_shaping": _Planner(InputShaping, plan_input_shaping),
     "start_coast_stop": _Planner(StartCoastStop, start_coast_stop),
+    "time_optimal": _Planner(TimeOptimal, plan_time_optimal),
 }
 
 PlanSettings: TypeAlias = Annotated[
-    NoPlan | ReferenceOnly | OptimizedFeedforward | StartCoastStop, Field(discriminator="method")
+    NoPlan
+    | ReferenceOnly
+    | OptimizedFeedforward
+    | RobustFeedforward
+    | InputShaping
+    | StartCoastStop
+    | TimeOptimal,
+    Field(discriminator="method"),
 ]
 
 
@@ -145,6 +158,7 @@ def make_plan(
         raise BadInput(f"period: {period!r} is not allowed: a positive number of seconds")
     if limit.ndim != 1 or not np.all(limit > 0.0):
         raise BadInput(f"effort_limit: {limit.tolist()} is not allowed: positive, one a joint")
+    tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
     return PLANNERS[settings.method].plan(settings, period, limit, progress or _unheard)
 
 

@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+
+from flexslew_control.planners import PLANNERS, make_plan, plan_settings
+from flexslew_plant.errors import BadInput, PlanFailed
+
+YAW = {"base_yaw": 1.0}
+BOTH = {"base_yaw": 1.0, "hub_pitch": 0.5}
+GOALS = {method: YAW if method == "time_optimal" else BOTH for method in PLANNERS}
+UNLIMITED = {"none", "reference_only"}  # without a feedforward that could be too large
+
+
+def planned(method, period=0.05, limit=(150.0, 150.0), **more):
+    values = {"method": method, "goal": GOALS[method], **more}
+    return make_plan(plan_settings(values, "trial.yaml"), period, limit)
+
+
+@pytest.mark.parametrize("method", PLANNERS)
+def test_every_planner_keeps_the_contract(method):
+    heard = []
+    settings = plan_settings({"method": method, "goal": GOALS[method], "start": 2.0}, "t")
+    plan = make_plan(settings, 0.05, (150.0, 150.0), heard.append)
+    assert plan.method == method == plan.request["method"]
+    assert plan.joint_names == ("base_yaw", "hub_pitch")
+    assert (plan.start, plan.period) == (2.0, 0.05)
+    assert plan.position.shape == plan.velocity.shape == (plan.ticks + 1, 2)
+    assert plan.effort.shape == (plan.ticks, 2)
+    assert len(plan.state) == plan.ticks + 1
+    assert plan.state.shape[1] in (0, 6)
+    assert 0.0 <= plan.ticks * plan.period - plan.duration < plan.period
+    assert plan.summary["duration"] == plan.duration
+    for array in (plan.position, plan.velocity, plan.effort, plan.state):
+        assert array.dtype == np.float64
+        assert np.isfinite(array).all()
+    assert np.abs(plan.effort).max(initial=0.0) <= 150.0 + 1e-9
+
+
+@pytest.mark.parametrize("method", PLANNERS)
+def test_every_plan_ends_at_rest_at_the_goal(method):
+    plan = planned(method)
+    goal = [GOALS[method].get(name, 0.0) for name in plan.joint_names]
+    np.testing.assert_allclose(plan.position[-1], goal, atol=1e-6)
+    np.testing.assert_allclose(plan.velocity[-1], 0.0, atol=1e-6)
+    after = plan.reference(10**6)
+    np.testing.assert_allclose(after.position, goal, atol=1e-6)
+    assert not after.velocity.any()
+    assert not after.effort.any()
+
+
+@pytest.mark.parametrize("method", PLANNERS)
+def test_every_plan_can_be_asked_for_again(method):
+    plan = planned(method)
+    again = make_plan(plan_settings(plan.request, "trial.yaml"), 0.05, (150.0, 150.0))
+    np.testing.assert_array_equal(again.position, plan.position)
+    np.testing.assert_array_equal(again.effort, plan.effort)
+
+
+@pytest.mark.parametrize("method", PLANNERS)
+@pytest.mark.parametrize(
+    ("more", "word"),
+    [
+        ({"start": -1.0}, "start"),
+        ({"start": float("nan")}, "start"),
+        ({"goal": {"base_yaw": "east"}}, "base_yaw"),
+        ({"golf": 1}, "golf"),
+    ],
+)
+def test_every_planner_refuses_a_bad_section_in_one_line(method, more, word):
+    with pytest.raises(BadInput, match=word) as caught:
+        planned(method, **more)
+    assert str(caught.value).startswith("trial.yaml")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("method", PLANNERS)
+def test_every_planner_refuses_a_start_between_ticks(method):
+    with pytest.raises(BadInput, match=r"start: 0\.013") as caught:
+        planned(method, start=0.013)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("method", sorted(set(PLANNERS) - UNLIMITED))
+def test_every_planner_refuses_more_effort_than_the_drives_have(method):
+    more = {"amplitude": 100.0} if method == "time_optimal" else {}
+    with pytest.raises((BadInput, PlanFailed), match=r"limit") as caught:
+        planned(method, limit=(1.0, 1.0), **more)
+    assert "\n" not in str(caught.value)
