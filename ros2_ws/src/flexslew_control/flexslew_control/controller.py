@@ -158,5 +158,6 @@ class Controller:
 
 
 def _finite(estimate: Estimate) -> bool:
-    """Return whether positions and velocities are numbers, told from their sum."""
-    return isfinite(estimate.position.sum() + estimate.velocity.sum())
+    """Return whether a law can work with the estimate, told from the sum of its numbers."""
+    parts = (estimate.position, estimate.velocity, estimate.innovation)
+    return isfinite(sum(part.sum() for part in parts))

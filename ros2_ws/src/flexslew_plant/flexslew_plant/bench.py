@@ -279,7 +279,7 @@ class Bench:
         if self._unready.get(controller, "") == reason:
             return
         self._unready[controller] = reason
-        data = {"controller": controller, "reason": reason}
+        data: dict[str, object] = {"controller": controller, "reason": reason}
         if reason:
             self._event(Level.WARNING, "not_ready", f"{controller} is not ready: {reason}", data)
         else:
