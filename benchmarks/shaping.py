@@ -5,6 +5,7 @@ from time import perf_counter
 
 import numpy as np
 
+from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.shapers import make_shaper
 from flexslew_control.switching import BangBang, continued_durations
 from flexslew_plant.hub_with_appendages import FOOT_POUND, HubTestbed
@@ -21,6 +22,10 @@ def figures() -> dict[str, float]:
     if arcs is None:
         raise RuntimeError("the benchmark's slew was not found")
     command = np.linspace(0.0, 1.0, 2501)
+    robust, shaped = (
+        plan_settings({"method": name}, "") for name in ("robust_feedforward", "input_shaping")
+    )
+    limit = (150.0, 150.0)
     return {
         "shaping_floor_one_simulation_ms": _best(lambda: three.final(arcs)),
         "shaping_zvd_of_2500_ticks_ms": _best(
@@ -28,6 +33,8 @@ def figures() -> dict[str, float]:
         ),
         "time_optimal_three_switches_ms": _best(lambda: continued_durations(three)),
         "time_optimal_five_switches_ms": _best(lambda: continued_durations(five)),
+        "robust_feedforward_five_models_ms": _best(lambda: make_plan(robust, 0.01, limit)),
+        "input_shaping_plan_ms": _best(lambda: make_plan(shaped, 0.01, limit)),
     }
 
 

@@ -1,7 +1,7 @@
 """The planner that shapes a rigid command such that the appendages end at rest."""
 
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -10,7 +10,8 @@ from scipy.integrate import cumulative_simpson
 from flexslew_control.plan import Plan
 from flexslew_control.shapers import Shaper, ShaperName, convolved, make_shaper
 from flexslew_control.slew_request import CsaGoal, CsaModel, software_versions, tick_times
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant import dynamics
+from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.csa import CsaInitial, CsaTestbed
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.model import Model
@@ -19,6 +20,7 @@ from flexslew_plant.testbeds import build_model
 
 Command: TypeAlias = Literal["cubic", "quintic", "sin2", "bang_bang"]
 _FINE = 4  # grid intervals a tick
+_STEEPEST = 1.5  # largest pitch [rad]
 
 
 @section
@@ -39,22 +41,14 @@ class InputShaping:
     negative: bool = False  # whether negative impulses are accepted
 
 
-class _Motion(NamedTuple):
-    """Joints and modes on the fine grid, each (times, coordinates)."""
-
-    q: Matrix
-    v: Matrix
-    a: Matrix
-
-
 def plan_input_shaping(
     settings: InputShaping, period: float, effort_limit: Vector, progress: Callable[[Any], None]
 ) -> Plan:
     """Return the shaped slew; see make_plan.
 
-    The shaped command is v = theta' cos(psi): the modes are driven by -m dv/dt, so they end at
-    rest although psi moves; the term that the complete model adds leaves a part of the swing
-    then (summary: modal_residual). The command is rescaled such that theta reaches its goal.
+    What is shaped is the drive of the modes, -m w with w = d/dt(theta' cos psi) on the printed
+    model and, with one more term, w = d/dt(theta' cos psi) - theta' psi' sin psi on the complete
+    one, so they end at rest although psi moves. theta follows from w and reaches its goal.
     The effort moves joints and modes together, so the frequencies to shape are those with the
     joints held.
 
@@ -73,6 +67,12 @@ def plan_input_shaping(
     last = np.array([settings.goal.base_yaw, settings.goal.hub_pitch])
     if not (last - first).any():
         raise BadInput("plan: goal: the joints are there already; give another goal")
+    for name, at in (("initial", first[1]), ("goal", last[1])):
+        if not abs(at) <= _STEEPEST:
+            raise BadInput(
+                f"plan: {name}: hub_pitch: {at:g} is not allowed: input_shaping keeps within "
+                f"-{_STEEPEST:g} and {_STEEPEST:g} rad, where yaw moves the appendages"
+            )
     frequencies = settings.frequencies or clamped_frequencies(model)
     shaper = convolved(
         [
@@ -83,8 +83,9 @@ def plan_input_shaping(
     duration = settings.duration + shaper.duration
     ticks = tick_times(settings.start, duration, period)
     h = period / _FINE
-    motion = _shaped_motion(model, settings, shaper, first, last, len(ticks), h)
-    effort = _mean_effort(model, motion)
+    q, v = _shaped_motion(model, settings, shaper, first, last, len(ticks), h)
+    effort = _efforts(model.kind, model.packed, q, v, h, model.joints)
+    effort = effort.reshape(len(ticks) - 1, _FINE, -1).mean(axis=1)
     peak = np.abs(effort).max(axis=0)
     for name, needed, allowed in zip(model.joint_names, peak, effort_limit, strict=True):
         if needed > allowed:
@@ -94,7 +95,7 @@ def plan_input_shaping(
                 f"a duration of about {longer:.4g} s (now {settings.duration:g} s) needs less"
             )
     m = model.joints
-    q, v = motion.q[::_FINE], motion.v[::_FINE]
+    q, v = q[::_FINE], v[::_FINE]
     return Plan(
         method=settings.method,
         joint_names=model.joint_names,
@@ -175,57 +176,87 @@ def _shaped_motion(
     last: Vector,
     ticks: int,
     h: float,
-) -> _Motion:
-    """Return joints and modes on the fine grid of h [s]."""
+) -> tuple[Matrix, Matrix]:
+    """Return positions and rates of joints and modes on the fine grid of h [s].
+
+    With k = 1 for the complete and 0 for the printed model
+        theta' cos(psi)^(1 + k) = integral of w cos(psi)^k,
+    which is zero at the end, as theta' must be, for one mixture w = alpha (p'' + beta p') of the
+    shaped command's derivatives; alpha brings theta to its goal.
+    """
     t: Vector = h * np.arange(_FINE * (ticks - 1) + 1, dtype=np.float64)
-    path, rate, slope = (np.zeros(t.size) for _ in range(3))
+    path, rate = np.zeros(t.size), np.zeros(t.size)
     for at, amplitude in zip(shaper.times, shaper.amplitudes, strict=True):
-        p, dp, ddp = command_profile(settings.command, (t - at) / settings.duration)
+        p, dp, _ = command_profile(settings.command, (t - at) / settings.duration)
         path += amplitude * p
         rate += amplitude * dp / settings.duration
-        slope += amplitude * ddp / settings.duration**2
-    q, v, a = (np.zeros((t.size, model.coordinates)) for _ in range(3))
+    q, v = np.zeros((t.size, model.coordinates)), np.zeros((t.size, model.coordinates))
     span = last - first
-    q[:, 1], v[:, 1], a[:, 1] = first[1] + span[1] * path, span[1] * rate, span[1] * slope
+    q[:, 1], v[:, 1] = first[1] + span[1] * path, span[1] * rate
     cosine, sine = np.cos(q[:, 1]), np.sin(q[:, 1])
-    turned = cumulative_simpson(rate / cosine, dx=h, initial=0.0)
-    scale = span[0] / turned[-1]
-    q[:, 0], v[:, 0] = first[0] + scale * turned, scale * rate / cosine
-    a[:, 0] = (scale * slope + v[:, 0] * sine * v[:, 1]) / cosine
-    _swing(model, q, v, a, 2.0 * h)
-    return _Motion(q, v, a)
-
-
-def _swing(model: Model, q: Matrix, v: Matrix, a: Matrix, step: float) -> None:
-    """Fill in the modes driven by the joints' motion, by RK4 over two grid intervals each."""
+    complete = settings.model.variant == "complete"
+    lever = cosine if complete else np.ones(t.size)
+    # the integral of lever p'' by parts: p'' jumps, p' does not
+    slowing = sine * v[:, 1] if complete else np.zeros(t.size)
+    first_part = lever * rate + cumulative_simpson(slowing * rate, dx=h, initial=0.0)
+    second_part = cumulative_simpson(lever * rate, dx=h, initial=0.0)
+    beta = -first_part[-1] / second_part[-1]
+    turning = (first_part + beta * second_part) / (lever * cosine)
+    turned = cumulative_simpson(turning, dx=h, initial=0.0)
+    alpha = span[0] / turned[-1]
+    q[:, 0], v[:, 0] = first[0] + alpha * turned, alpha * turning
+    # the mean of w over each interval is exact, wherever p'' jumps
+    drive = alpha / h * (np.diff(rate) + beta * np.diff(path))
     m = model.joints
-    masses = np.diag(model.mass_matrix(q[0]))[m:]
-
-    def slope(k: int, modes: Vector, rates: Vector) -> Vector:
-        x, r = np.append(q[k, :m], modes), np.append(v[k, :m], rates)
-        coupling = model.mass_matrix(x)[m:, :m] @ a[k, :m]
-        return np.asarray(-(coupling + model.bias(x, r)[m:]) / masses)
-
-    for k in range(0, len(q) - 2, 2):
-        y, w = q[k, m:].copy(), v[k, m:].copy()
-        a1 = slope(k, y, w)
-        a2 = slope(k + 1, y + step / 2 * w, w + step / 2 * a1)
-        a3 = slope(k + 1, y + step / 2 * (w + step / 2 * a1), w + step / 2 * a2)
-        a4 = slope(k + 2, y + step * (w + step / 2 * a2), w + step * a3)
-        q[k + 2, m:] = y + step * w + step**2 / 6 * (a1 + a2 + a3)
-        v[k + 2, m:] = w + step / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-        a[k, m:] = a1
-    a[-1, m:] = slope(len(q) - 1, q[-1, m:], v[-1, m:])
+    linear = model.linearise(np.zeros(model.coordinates))
+    for j in range(m, model.coordinates):
+        mass = linear.mass[j, j]
+        spring, damper = linear.stiffness[j, j] / mass, linear.damping[j, j] / mass
+        swing = _driven(spring, damper, -linear.mass[0, j] / mass * drive, h)
+        q[:, j], v[:, j] = swing[:, 0], swing[:, 1]
+    return q, v
 
 
-def _mean_effort(model: Model, motion: _Motion) -> Matrix:
-    """Return the joints' rows of M a + h, averaged over each tick by Simpson's rule."""
-    m = model.joints
-    u = np.array(
-        [
-            (model.mass_matrix(q) @ a + model.bias(q, v))[:m]
-            for q, v, a in zip(motion.q[::2], motion.v[::2], motion.a[::2], strict=True)
-        ]
-    )
-    mean: Matrix = (u[:-2:2] + 4.0 * u[1:-1:2] + u[2::2]) / 6.0
-    return mean
+@compiled
+def _driven(spring: float, damper: float, force: Vector, h: float) -> Matrix:
+    """Return [x, x'] of x'' + damper x' + spring x = force from rest, shape (intervals + 1, 2).
+
+    Exact for a force that is constant over each interval of h [s]; underdamped.
+    """
+    decay = 0.5 * damper
+    frequency = np.sqrt(spring - decay**2)
+    shrink, c, s = np.exp(-decay * h), np.cos(frequency * h), np.sin(frequency * h) / frequency
+    a, b = shrink * (c + decay * s), shrink * s
+    e, d = -spring * b, shrink * (c - decay * s)
+    out = np.zeros((force.size + 1, 2))
+    for k in range(force.size):
+        rest = force[k] / spring
+        x, rate = out[k, 0] - rest, out[k, 1]
+        out[k + 1, 0] = rest + a * x + b * rate
+        out[k + 1, 1] = e * x + d * rate
+    return out
+
+
+@compiled
+def _efforts(kind: int, p: Vector, q: Matrix, v: Matrix, h: float, joints: int) -> Matrix:
+    """Return the joints' rows of M a + h, the mean over each interval of h [s].
+
+    From the change of the rates over the interval, at the state midway: of second order, and with
+    the right impulse where an acceleration jumps. Shape (intervals, joints).
+    """
+    n, m = q.shape[1], joints
+    block, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
+    bias, x, out = np.empty(n), np.empty(2 * n), np.empty((len(q) - 1, m))
+    for k in range(len(q) - 1):
+        for i in range(n):
+            x[i] = 0.5 * (q[k, i] + q[k + 1, i])
+            x[n + i] = 0.5 * (v[k, i] + v[k + 1, i])
+        dynamics.terms(kind, p, x, block, coupling, modal, bias)
+        for i in range(m):
+            total = bias[i] * h
+            for j in range(m):
+                total += block[i, j] * (v[k + 1, j] - v[k, j])
+            for j in range(n - m):
+                total += coupling[i, j] * (v[k + 1, m + j] - v[k, m + j])
+            out[k, i] = total / h
+    return out
