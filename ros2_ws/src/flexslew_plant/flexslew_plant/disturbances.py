@@ -1,9 +1,10 @@
 """Disturbance efforts on the joints: constant, sine and pulse."""
 
 from math import cos, inf, pi
-from typing import NamedTuple, TypeAlias
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from pydantic import Discriminator, Tag
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -42,7 +43,21 @@ class Pulse:
     pulse: PulseShape
 
 
-Shape: TypeAlias = float | Sine | Pulse
+def _form(value: Any) -> str:
+    """Return which of the shapes is meant."""
+    if isinstance(value, dict):
+        return "pulse" if "pulse" in value else "sine"
+    return (
+        "pulse" if isinstance(value, Pulse) else "sine" if isinstance(value, Sine) else "constant"
+    )
+
+
+Shape: TypeAlias = Annotated[
+    Annotated[float, Tag("constant")]
+    | Annotated[Sine, Tag("sine")]
+    | Annotated[Pulse, Tag("pulse")],
+    Discriminator(_form),
+]
 Disturbance: TypeAlias = dict[str, Shape]  # by joint
 
 
