@@ -53,7 +53,7 @@ class Controller:
         self._answer: Answer | None = None
         self._offset: Vector = np.zeros(len(joint_names))  # predecessor minus own effort
         self._handover_tick = 0
-        self._hold: Vector = np.zeros(len(joint_names))
+        self._hold = self._at_rest(np.zeros(len(joint_names)))
         self._failure = ""  # why the law or its estimator gave up
         self._blind = False  # the estimate is not finite
 
@@ -115,7 +115,7 @@ class Controller:
             self._answer = None
             if not follows:
                 self._estimator.reset(measurement)
-                self._hold = measurement.joint_position
+                self._hold = self._at_rest(measurement.joint_position)
                 self._answered = -1
             self._estimate = self._estimator.update(measurement)
             if self._blind:  # a filter that has swallowed NaN keeps it: start it afresh
@@ -153,11 +153,14 @@ class Controller:
         """Return the plan's reference, or rest where the first measurement was."""
         if self.plan is not None:
             return self.plan.reference(tick)
+        return self._hold
+
+    def _at_rest(self, position: Vector) -> Reference:
         rest = np.zeros(len(self.joint_names))
-        return Reference(self._hold, rest, rest, np.zeros(0))
+        return Reference(position, rest, rest, np.zeros(0))
 
 
 def _finite(estimate: Estimate) -> bool:
-    """Return whether a law can work with the estimate, told from the sum of its numbers."""
-    parts = (estimate.position, estimate.velocity, estimate.innovation)
-    return isfinite(sum(part.sum() for part in parts))
+    """Return whether a law can work with the estimate."""
+    numbers = estimate.position.tolist() + estimate.velocity.tolist() + estimate.innovation.tolist()
+    return all(map(isfinite, numbers))

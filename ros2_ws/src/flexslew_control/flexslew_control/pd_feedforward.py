@@ -66,4 +66,6 @@ def build(
                 f"{name}: {list(gains)} is not allowed: give 1 or {effort_limit.size} gains"
             )
     joints = np.ones(effort_limit.size)
-    return MeasuredJoints(), PdFeedforward(settings.kp * joints, settings.kd * joints)
+    return MeasuredJoints(), PdFeedforward(
+        np.array(settings.kp) * joints, np.array(settings.kd) * joints
+    )

@@ -31,6 +31,7 @@ class Actuator:
 
     def __init__(self, settings: ActuatorSettings, limit: Vector, period: float) -> None:
         self._settings, self._limit = settings, limit
+        self._bounds: list[float] = limit.tolist()
         self._largest_change = settings.slew_rate * period
         self._share = 1.0 - exp(-period / settings.lag) if settings.lag else 1.0
         self.reset()
@@ -44,8 +45,10 @@ class Actuator:
     def apply(self, demand: Vector) -> Vector:
         """Return the effort really held over the coming tick, shape (joints,) [N m or N]."""
         s = self._settings
-        effort = np.minimum(np.maximum(demand, -self._limit), self._limit)
-        self.saturated = bool((effort != demand).any())
+        # a Python loop over one or two joints takes a third of the time of NumPy's calls
+        within = zip(demand.tolist(), self._bounds, strict=True)
+        self.saturated = not all(-most <= value <= most for value, most in within)
+        effort = np.clip(demand, -self._limit, self._limit) if self.saturated else demand
         if self._largest_change:
             change = np.clip(effort - self._demand, -self._largest_change, self._largest_change)
             effort = self._demand + change

@@ -5,7 +5,7 @@ then `advance`. Advancing without an answer is a missed tick.
 """
 
 from collections import deque
-from math import inf
+from math import inf, isfinite
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -190,7 +190,7 @@ class Bench:
             self._x[n:],
             self._applied,
             self._extra,
-            self.appendages.tip @ q[self.model.joints :],
+            self.appendages.tip.dot(q[self.model.joints :]),
             dynamics.energy(self.model.kind, self.model.packed, self._x, self.model.joints),
         )
 
@@ -228,7 +228,7 @@ class Bench:
         if friction is not None:
             total = total + friction
         self._x = self.model.advance(self._x, total, period)
-        if not np.isfinite(self._x).all():
+        if not all(map(isfinite, self._x.tolist())):
             raise FloatingPointError(f"the state is not finite after tick {self.tick}")
         self.tick += 1
         self._ask()
@@ -294,7 +294,8 @@ class Bench:
             data |= {"end": int(timed.end)} if timed.end < inf else {}
             words = f"{timed.fault.kind} {'on' if on else 'off'}"
             self._event(Level.WARNING if on else Level.INFO, "fault", words, data)
-        for request in [r for r in self._switches if r.tick <= self.tick]:
+        due = [r for r in self._switches if r.tick <= self.tick] if self._switches else []
+        for request in due:
             self._switches.remove(request)
             if request.controller != self.drive.active:
                 self._handover = request, self.drive.active
@@ -306,8 +307,8 @@ class Bench:
             Readings(
                 self._x[:m],
                 self._x[n : n + m],
-                self.appendages.tip @ modes,
-                self.appendages.curvature @ modes,
+                self.appendages.tip.dot(modes),
+                self.appendages.curvature.dot(modes),
             )
         )
         self.question = Measurement(

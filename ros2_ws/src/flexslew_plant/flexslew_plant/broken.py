@@ -81,6 +81,8 @@ class Faults:
     def begin(self, tick: int) -> list[Switched]:
         """Start a tick; return what sets in and what ends with it."""
         self._tick = tick
+        if not self._acting and not self._waiting:
+            return []
         ended = [timed for timed in self._acting if tick >= timed.end]
         begun = [timed for timed in self._waiting if tick >= timed.start]
         if ended or begun:

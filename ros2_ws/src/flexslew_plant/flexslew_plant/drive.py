@@ -1,6 +1,7 @@
 """The drive: checks every answer, holds the last good one, falls back and brakes."""
 
 from collections import Counter
+from math import isfinite
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class Drive:
         elif command.effort.shape != self._brake.shape:
             kind = "size"
             words = f"{command.effort.size} efforts for {self._brake.size} joints"
-        elif not np.isfinite(command.effort).all():
+        elif not all(map(isfinite, command.effort.tolist())):
             kind, words = "finite", f"effort {command.effort.tolist()} is not finite"
         else:
             return None

@@ -4,6 +4,10 @@ A testbed is M(q) a + h(q, v) = B u with the joints first and the modes after th
 on the joints alone. `kind` selects whose terms are used (see TESTBEDS in testbeds).
 """
 
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TypeAlias
+
 import numpy as np
 from scipy.integrate import DOP853
 
@@ -15,6 +19,9 @@ STAGES = 12
 STAGE_TIMES: Vector = np.array(DOP853.C[:STAGES], dtype=np.float64)
 STAGE_WEIGHTS: Matrix = np.array(DOP853.A[:STAGES, :STAGES], dtype=np.float64)
 STEP_WEIGHTS: Vector = np.array(DOP853.B[:STAGES], dtype=np.float64)
+
+# (p, x, effort, dt, steps, out): see stepper
+Stepper: TypeAlias = Callable[[Vector, Vector, Vector, float, int, Vector], None]
 
 
 @inlined
@@ -37,9 +44,7 @@ def terms(
 
 
 @inlined
-def residual_jacobian(
-    kind: int, p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix
-) -> None:
+def residual_jacobian(kind: int, p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
     """Write d(M a + h)/dq and d(M a + h)/dv at fixed a; see csa.residual_jacobian."""
     if kind == csa.KIND:
         csa.residual_jacobian(p, x, a, dq, dv)
@@ -129,12 +134,13 @@ def derivative(kind: int, p: Vector, x: Vector, effort: Vector) -> Vector:
 @inlined
 def stage_state(x: Vector, slopes: Matrix, stage: int, h: float, at: Vector) -> None:
     """Write the state at which the slope of `stage` is taken."""
-    for k in range(x.size):
+    size = slopes.shape[1]  # of an array made in the kernel: the compiler may know it
+    for k in range(size):
         at[k] = x[k]
     for j in range(stage):
         weight = h * STAGE_WEIGHTS[stage, j]
         if weight != 0.0:
-            for k in range(x.size):
+            for k in range(size):
                 at[k] += weight * slopes[j, k]
 
 
@@ -144,8 +150,33 @@ def complete_step(x: Vector, slopes: Matrix, h: float) -> None:
     for j in range(STAGES):
         weight = h * STEP_WEIGHTS[j]
         if weight != 0.0:
-            for k in range(x.size):
+            for k in range(slopes.shape[1]):
                 x[k] += weight * slopes[j, k]
+
+
+@inlined
+def take_steps(
+    kind: int, p: Vector, effort: Vector, h: float, steps: int, n: int, m: int, x: Vector
+) -> None:
+    """Replace x by the state after `steps` steps of length h with the effort held.
+
+    Args:
+        kind, p, effort: as in derivative.
+        h: length of a step [s].
+        steps: how many.
+        n, m: coordinates and joints.
+        x: in and out, state [q, v], shape (2 n,).
+    """
+    joints, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
+    slopes, at, a = np.empty((STAGES, 2 * n)), np.empty(2 * n), np.empty(n)
+    for _ in range(steps):
+        for i in range(STAGES):
+            stage_state(x, slopes, i, h, at)
+            acceleration(kind, p, at, effort, joints, coupling, modal, a)
+            for k in range(n):
+                slopes[i, k] = at[n + k]
+                slopes[i, n + k] = a[k]
+        complete_step(x, slopes, h)
 
 
 @compiled
@@ -157,20 +188,33 @@ def advance(kind: int, p: Vector, x: Vector, effort: Vector, dt: float, steps: i
         dt: interval [s].
         steps: how many steps share it.
     """
-    n, m = x.size // 2, effort.size
-    joints, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
-    slopes, at, a = np.empty((STAGES, 2 * n)), np.empty(2 * n), np.empty(n)
     now = x.copy()
-    h = dt / steps
-    for _ in range(steps):
-        for i in range(STAGES):
-            stage_state(now, slopes, i, h, at)
-            acceleration(kind, p, at, effort, joints, coupling, modal, a)
-            for k in range(n):
-                slopes[i, k] = at[n + k]
-                slopes[i, n + k] = a[k]
-        complete_step(now, slopes, h)
+    take_steps(kind, p, effort, dt / steps, steps, x.size // 2, effort.size, now)
     return now
+
+
+@lru_cache
+def stepper(kind: int, n: int, m: int) -> Stepper:
+    """Return `advance` for one size of state, which writes the new state to its last argument.
+
+    The compiler unrolls the short loops of sizes that it knows, and no array need be made for
+    Python: half the time of a call of `advance`, to the same bits.
+
+    Args:
+        kind: the testbed's number.
+        n: coordinates.
+        m: joints.
+    """
+
+    @compiled
+    def advance_into(
+        p: Vector, x: Vector, effort: Vector, dt: float, steps: int, out: Vector
+    ) -> None:
+        for k in range(2 * n):
+            out[k] = x[k]
+        take_steps(kind, p, effort, dt / steps, steps, n, m, out)
+
+    return advance_into
 
 
 @compiled

@@ -1,6 +1,7 @@
 """A testbed's equations of motion as one object: the mathematics that planners and laws share."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,13 +47,13 @@ class Linearisation:
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
         """Poles of x' = A x, shape (2 n,) [1/s]."""
-        return eigvals(self.state_matrix)
+        return np.asarray(eigvals(self.state_matrix), dtype=np.complex128)
 
     @property
     def frequencies(self) -> Vector:
         """Natural frequencies without the rigid motions, rising [rad/s]."""
         squares = np.sort(eigvals(self.stiffness, self.mass).real)
-        return np.sqrt(squares[squares > 1e-9 * abs(squares).max()])
+        return np.asarray(np.sqrt(squares[squares > 1e-9 * abs(squares).max()]))
 
 
 @dataclass(frozen=True)
@@ -73,12 +74,12 @@ class Model:
     joint_units: tuple[str, ...]
     modes: int
 
-    @property
+    @cached_property
     def joints(self) -> int:
         """How many joints, each with one effort."""
         return len(self.joint_names)
 
-    @property
+    @cached_property
     def coordinates(self) -> int:
         """n, joints and modes together."""
         return self.joints + self.modes
@@ -110,7 +111,13 @@ class Model:
 
     def advance(self, x: Vector, effort: Vector, dt: float, steps: int = 1) -> Vector:
         """Return the state dt later with the effort held (order 8, `steps` equal steps)."""
-        return dynamics.advance(self.kind, self.packed, x, effort, dt, steps)
+        out = np.empty(x.size)
+        self._stepper(self.packed, x, effort, dt, steps, out)
+        return out
+
+    @cached_property
+    def _stepper(self) -> dynamics.Stepper:
+        return dynamics.stepper(self.kind, self.coordinates, self.joints)
 
     def jacobian(self, x: Vector, effort: Vector) -> tuple[Matrix, Matrix]:
         """Return df/dx, shape (2 n, 2 n), and df/du, shape (2 n, joints), exact."""
