@@ -1,7 +1,10 @@
+import pickle
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from flexslew_plant import dynamics
 from flexslew_plant.csa import CsaTestbed
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import TESTBEDS, Testbed, build_model
@@ -72,6 +75,23 @@ def test_acceleration_solves_the_equations_of_motion(kind):
     np.testing.assert_array_equal(rate[:n], x[n:])
     residual = bed.mass_matrix(x[:n]) @ rate[n:] + bed.bias(x[:n], x[n:])
     np.testing.assert_allclose(residual, bed.input_matrix @ effort, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", TESTBEDS)
+def test_the_step_of_a_known_size_has_the_bits_of_the_general_one(kind):
+    bed = build_model(validated(Testbed, {"kind": kind}, "here"))
+    x = 0.1 * np.random.default_rng(5).standard_normal(2 * bed.coordinates)
+    effort = np.arange(1.0, 1.0 + bed.joints)
+    for steps in (1, 3):
+        general = dynamics.advance(bed.kind, bed.packed, x, effort, 0.02, steps)
+        assert bed.advance(x, effort, 0.02, steps).tobytes() == general.tobytes()
+
+
+def test_a_model_can_be_sent_to_another_process():
+    bed = model()
+    expected = bed.advance(STATE, EFFORT, 0.01)
+    sent = pickle.loads(pickle.dumps(bed))
+    assert sent.advance(STATE, EFFORT, 0.01).tobytes() == expected.tobytes()
 
 
 @pytest.mark.parametrize("kind", TESTBEDS)
