@@ -6,17 +6,19 @@ then `advance`. Advancing without an answer is a missed tick.
 
 from collections import deque
 from math import inf, isfinite
-from typing import Annotated, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from flexslew_plant import dynamics
-from flexslew_plant.actuator import Actuator, ActuatorSettings
+from flexslew_plant.actuator import Actuator
 from flexslew_plant.appendages import appendages_of
 from flexslew_plant.arrays import Vector
+from flexslew_plant.bench_records import BenchSettings as BenchSettings
+from flexslew_plant.bench_records import InjectResult as InjectResult
+from flexslew_plant.bench_records import SwitchRequest as SwitchRequest
+from flexslew_plant.bench_records import SwitchResult as SwitchResult
+from flexslew_plant.bench_records import Truth as Truth
 from flexslew_plant.broken import Fate, Faults
-from flexslew_plant.csa import CsaTestbed
 from flexslew_plant.disturbances import (
     TimedDisturbance,
     check_disturbance,
@@ -27,69 +29,10 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Event, Level
 from flexslew_plant.faults import Names, Timed, check_fault
 from flexslew_plant.measurement import EffortCommand, Measurement
-from flexslew_plant.schedule import Schedule, ScheduleEntry, injected_entry, require_allowed
-from flexslew_plant.sensors import Readings, Sensors, SensorSettings
-from flexslew_plant.settings import NonNegative, Positive, plain, section
-from flexslew_plant.testbeds import Testbed, build_model
-
-
-@section
-class BenchSettings:
-    """Everything that determines the trajectory, but for the answers."""
-
-    testbed: Testbed = CsaTestbed()
-    period: Positive = 0.01  # one tick [s]
-    duration: NonNegative = 0.0  # [s]; 0: until somebody stops it
-    seed: Annotated[int, Field(ge=0)] = 1  # of the sensors' noise
-    actuator: ActuatorSettings = ActuatorSettings()
-    sensors: SensorSettings = SensorSettings()
-    active: str = "pd_feedforward"  # who is in charge at the start
-    fallback: tuple[str, ...] = ()  # who takes over in turn
-    max_missed: Annotated[int, Field(ge=1)] = 5  # ticks in a row without a valid answer
-    brake_damping_ratio: Positive = 0.25  # brake = ratio M_jj omega_1, omega_1 the first free mode
-    schedule: Schedule = ()
-    faults_enabled: bool = False  # whether anything may be broken, by schedule or by inject_fault
-
-
-class Truth(NamedTuple):
-    """The state at a tick; see flexslew_msgs/PlantState."""
-
-    tick: int
-    time: float
-    epoch: int
-    position: Vector
-    velocity: Vector
-    applied_effort: Vector
-    disturbance: Vector
-    tip_deflection: Vector
-    energy: float
-
-
-class SwitchRequest(NamedTuple):
-    """Give the bench to a controller at a tick."""
-
-    controller: str
-    tick: int
-    strict: bool = False
-    max_effort_step: float = inf  # [N m or N]
-
-
-class SwitchResult(NamedTuple):
-    """What became of a request."""
-
-    request: SwitchRequest
-    ok: bool
-    message: str
-    tick: int
-    effort_step: Vector  # (joints,) [N m or N]; zero if refused
-
-
-class InjectResult(NamedTuple):
-    """What became of a wish to break something."""
-
-    ok: bool
-    message: str
-    tick: int  # at which it takes effect
+from flexslew_plant.schedule import ScheduleEntry, injected_entry, require_allowed
+from flexslew_plant.sensors import Readings, Sensors
+from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import build_model
 
 
 class Bench:
@@ -111,6 +54,7 @@ class Bench:
         joints = [getattr(settings.testbed.initial, name) for name in self.model.joint_names]
         rest = np.concatenate((joints, np.zeros(self.model.modes)))  # straight appendages
         self._start = np.concatenate((rest, np.zeros(rest.size)))
+        self.model.advance(self._start, np.zeros(self.model.joints), 0.0)  # compiled before tick 0
         free = self.model.linearise(rest)
         brake = settings.brake_damping_ratio * free.frequencies[0] * np.diag(free.mass)
         self.drive = Drive(
