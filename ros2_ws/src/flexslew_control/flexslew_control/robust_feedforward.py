@@ -4,8 +4,8 @@ One feedforward flies every member of the ensemble, each under its own feedback.
 minimise
     sum_i Y_i^T W_i Y_i / members + rho ||U||^2,
 with Y_i the terminal error (20) of papers/000 on member i. W_i is the mean over one more duration
-of tip^2 + angle errors^2 that Y_i leads to in the closed loop, linearised at the goal: an error
-counts by the vibration that it leaves, not by its unit.
+of tip^2 + (lever angle errors)^2 that Y_i leads to in the closed loop, linearised at the goal: an
+error counts by the vibration that it leaves, not by its unit.
 """
 
 from dataclasses import dataclass, replace
@@ -50,6 +50,7 @@ class RobustFeedforward:
     payload_errors: _Errors = (0.0,)  # of hub_inertia_1 and _2; every pair is a member [-]
     basis: BasisName = "hat"
     functions: Annotated[int, Field(ge=1, le=200)] = 11  # n_u, per joint
+    lever: NonNegative = 5.0  # as how many metres of the tip a radian counts [m/rad]
     rho: Positive = 4.0e-8  # what torque costs [1/(N m)^2]
     max_iterations: Annotated[int, Field(ge=1)] = 60
     tolerance: Positive = 1e-3  # relative change of the weights
@@ -63,21 +64,23 @@ class Member:
         stiffness_error: of its EI [-].
         payload_error: of its hub's inertias [-].
         manoeuvre: the slew under the feedback.
+        lever: as how many metres of the tip a radian counts [m/rad].
     """
 
     stiffness_error: float
     payload_error: float
     manoeuvre: Manoeuvre
+    lever: float
 
     @property
     def weight(self) -> Matrix:
-        """W^(1/2), shape (2 n, 2 n): |W^(1/2) Y| is the later vibration [m, rad]."""
+        """W^(1/2), shape (2 n, 2 n): |W^(1/2) Y| is the later vibration [m]."""
         m = self.manoeuvre
         n, joints = m.model.coordinates, m.model.joints
         rest = np.concatenate((m.goal, np.zeros(n - joints)))
         a = m.model.linearise(rest).with_feedback(m.kp, m.kd).state_matrix
         seen = np.zeros((joints + 1, 2 * n))
-        seen[:joints, :joints] = np.eye(joints)
+        seen[:joints, :joints] = self.lever * np.eye(joints)
         seen[joints, joints:n] = 1.0  # the tip
         # integral of e^(A^T t) C^T C e^(A t), doubled again and again; it needs no damping
         h = m.duration / 2.0**_DOUBLINGS
@@ -136,7 +139,7 @@ def ensemble(settings: RobustFeedforward) -> tuple[Member, ...]:
         )
         for error in settings.stiffness_errors:
             model = with_stiffness(slew.model, 1.0 + error)
-            members.append(Member(error, payload, replace(slew, model=model)))
+            members.append(Member(error, payload, replace(slew, model=model), settings.lever))
     return tuple(members)
 
 
