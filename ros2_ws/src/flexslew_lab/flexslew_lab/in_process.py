@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from time import monotonic
 from typing import Any
 
-
 from flexslew_control.controller import Answer, Controller
 from flexslew_plant.bench import Bench, Truth
 from flexslew_plant.events import Event, Level
@@ -105,5 +104,3 @@ def _event(bench: Bench, kind: str, message: str, data: dict[str, Any]) -> None:
     bench.events.append(
         Event(bench.tick, bench.time, bench.epoch, Level.INFO, "plant", kind, message, data)
     )
-
-

@@ -30,6 +30,10 @@ from flexslew_plant.testbeds import Testbed
 DEFAULT = Path(str(resources.files("flexslew_lab"))) / "trials" / "m1.yaml"
 
 
+def _pd_alone() -> dict[str, dict[str, Any]]:
+    return {"pd_feedforward": {}}
+
+
 @section
 class Trial:
     """The keys of a trial file; docs/trial.md tells them one by one."""
@@ -43,7 +47,7 @@ class Trial:
     actuator: ActuatorSettings = ActuatorSettings()
     sensors: SensorSettings = SensorSettings()
     plan: PlanSettings | None = None  # none: hold the first measured position
-    controllers: dict[str, dict[str, Any]] = Field(default_factory=lambda: {"pd_feedforward": {}})
+    controllers: dict[str, dict[str, Any]] = Field(default_factory=_pd_alone)
     active: str = "pd_feedforward"  # in charge at the start
     fallback: tuple[str, ...] = ()  # take over in turn
     max_missed: Annotated[int, Field(ge=1)] = 5  # ticks in a row without a valid answer
