@@ -18,7 +18,7 @@ duration: {duration}
 rate_factor: {rate}
 answer_timeout: 0.5
 plan:
-  method: optimized_feedforward
+  method: reference_only
   model: {{variant: complete, modes: 1}}
   goal: {{base_yaw: 0.1, hub_pitch: 0.05}}
   duration: 5.0

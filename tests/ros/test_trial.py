@@ -23,11 +23,12 @@ def test_a_run_over_dds_is_bit_identical_to_the_one_in_process(tmp_path, in_proc
 
 
 def test_a_paced_run_without_a_miss_is_bit_identical_too(tmp_path, in_process_hash):
-    flight = Flight(slew(rate=2.0), tmp_path)
-    metrics = flight.metrics
-    if metrics["missed_ticks"]:
-        pytest.skip("a loaded machine missed an answer")
-    assert metrics["trajectory_hash"] == in_process_hash
+    for attempt in range(3):
+        metrics = Flight(slew(rate=1.0), tmp_path / str(attempt)).metrics
+        if metrics["missed_ticks"] == 0:
+            assert metrics["trajectory_hash"] == in_process_hash
+            return
+    pytest.skip("this machine is too busy to answer within 10 ms")
 
 
 def test_nothing_is_lost_in_the_log(tmp_path):

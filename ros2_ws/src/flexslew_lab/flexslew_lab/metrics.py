@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.bag_layout import RUN_RECORD
 from flexslew_lab.bag_reader import BagReader, Overview
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -190,7 +189,8 @@ def _result(r: _Running, overview: Overview) -> dict[str, Any]:
     way = np.where(m.way == 0.0, np.nan, np.abs(m.way))
     events = [e for e in overview.events if e.epoch == r.epoch]
     steps = [_step(e.data) for e in events if e.kind == "switched"]
-    wall = overview.metadata.get(RUN_RECORD, {}).get("wall_time", "")
+    finished = [e.data for e in events if e.kind == "finished" and isinstance(e.data, dict)]
+    wall = [data["wall_time"] for data in finished if "wall_time" in data]
     aimed = m.goal is not None
     return {
         "residual_tip_deflection": r.residual_tip if r.seen_end else None,
@@ -212,7 +212,7 @@ def _result(r: _Running, overview: Overview) -> dict[str, Any]:
         "manoeuvre_end": m.end,
         "ticks": r.last_tick - r.first_tick,
         "duration": duration,
-        "wall_time": _number(wall),
+        "wall_time": wall[-1] if wall else None,
         "trajectory_hash": r.hash.hexdigest(),
         "missing_ticks": r.missing,
         "log_complete": overview.cut is None,
@@ -227,9 +227,3 @@ def _step(data: Any) -> float:
     step = data.get("effort_step", 0.0) if isinstance(data, dict) else 0.0
     return float(np.abs(np.atleast_1d(np.asarray(step, dtype=float))).max(initial=0.0))
 
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None

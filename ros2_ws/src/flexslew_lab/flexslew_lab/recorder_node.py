@@ -1,6 +1,7 @@
 """The `recorder` node: everything on the topics of the bench into one MCAP bag."""
 
 import json
+import struct
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -24,8 +25,13 @@ from flexslew_plant.ros_node import (
     new_node,
     run_node,
     settings_of,
+    stamp,
 )
 from flexslew_plant.settings import section
+
+
+_TICK_AND_EPOCH = struct.Struct("<QI")  # of a Measurement, behind the header with its empty frame
+_REPORT_EVERY = 100  # ticks
 
 
 @section
@@ -48,6 +54,9 @@ class Recorder:
             Path(self._settings.folder), json.loads(self._settings.metadata)
         )
         self._events = node.create_publisher(msg.Event, topics.EVENTS, latched(100))
+        self._status = node.create_publisher(
+            msg.RecorderStatus, topics.RECORDER_STATUS, latched(1)
+        )
         self._last = 0  # simulated time of the last message [ns]
         self._stopped = False
         self._next_look = 0.0
@@ -77,7 +86,7 @@ class Recorder:
     def close(self) -> None:
         """Make the bag whole."""
         try:
-            self._writer.close()
+            self._writer.close({"messages": str(self._writer.messages)})
         except RecordingStopped as error:
             self.node.get_logger().error(str(error))
         self.node.destroy_node()
@@ -88,9 +97,24 @@ class Recorder:
         self._last = stamp_of(kind, data, self._last)
         try:
             self._writer.write(topic, kind, data, self._last)
+            if topic == "/measurement":
+                self._report(*_TICK_AND_EPOCH.unpack_from(data, 20))
         except RecordingStopped as error:
             self._stopped = True
             self._say(Level.FAULT, "recording_stopped", str(error))
+
+    def _report(self, tick: int, epoch: int) -> None:
+        """Tell the plant, which holds back rather than lose anything."""
+        if tick % _REPORT_EVERY == 0:
+            self._status.publish(
+                msg.RecorderStatus(
+                    stamp=stamp(self._last * 1e-9),
+                    recorder=self.node.get_name(),
+                    tick=tick,
+                    epoch=epoch,
+                    messages=self._writer.messages,
+                )
+            )
 
     def _say(self, level: Level, kind: str, words: str) -> None:
         event = Event(0, self._last * 1e-9, 0, level, "recorder", kind, words, {})

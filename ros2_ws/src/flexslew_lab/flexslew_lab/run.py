@@ -118,6 +118,7 @@ def _in_process(
         observer = BagObserver(writer)
         observer.announce(trial, bench, plan, controllers)
         fly(bench, controllers, observer, lambda tick: progress(tick, last))
+        writer.close({"messages": str(writer.messages)})
     return Outcome(3 if bench.faulted else 0, "a controller fell silent" * bench.faulted)
 
 

@@ -3,6 +3,7 @@
 from time import monotonic
 from typing import Any
 
+import numpy as np
 from std_srvs.srv import Trigger
 
 from flexslew_msgs import msg, srv
@@ -52,6 +53,7 @@ class Plant:
         self.node = node = new_node("plant")
         self._settings: PlantSettings = settings_of(node, PlantSettings)
         self._bench = Bench(self._settings.bench)
+        self._load_machine_code()
         self._pacing = Pacing(
             self._settings.bench.period, self._settings.rate_factor, self._settings.answer_timeout
         )
@@ -71,6 +73,9 @@ class Plant:
         node.create_subscription(msg.EffortCommand, topics.EFFORT_COMMAND, self._on_command, LOOP)
         node.create_subscription(
             msg.ControllerStatus, topics.CONTROLLER_STATUS, self._on_status, latched(100)
+        )
+        node.create_subscription(
+            msg.RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, latched(10)
         )
         node.create_service(Trigger, topics.START, self._on_start)
         node.create_service(Trigger, topics.PAUSE, self._on_pause)
@@ -105,6 +110,12 @@ class Plant:
         if self._state in ("running", "paused") and self._bench.tick:
             self._say(Level.WARNING, "interrupted", f"stopped at tick {self._bench.tick}")
         self.node.destroy_node()
+
+    def _load_machine_code(self) -> None:
+        """Touch every kernel, so that no tick has to wait for the disk."""
+        model = self._bench.model
+        self._bench.truth()
+        model.advance(np.zeros(2 * model.coordinates), np.zeros(model.joints), 0.0)
 
     def _missing(self) -> list[str]:
         """Return whom the start has to wait for, and why."""
@@ -234,6 +245,9 @@ class Plant:
         if self._state == "running":
             self._bench.note_readiness(message.controller, message.reason)
             self._publish_events()
+
+    def _on_recorder(self, message: msg.RecorderStatus) -> None:
+        self._standby.heard(message.recorder, message.tick, message.epoch)
 
     def _on_start(self, _: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
         if self._state == "finished":

@@ -32,9 +32,11 @@ from flexslew_plant.settings import flat, load_yaml, plain, validated
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
 
-# nothing on the loop may be lost: reliable, and every sample kept until it was acknowledged
+# Nothing on the loop may be lost: reliable, and deeper than the 1,000 ticks by which the plant lets
+# anyone fall behind (Standby). Keeping all in DDS would stop every writer when a reader dies.
 LOOP = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=4000,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
