@@ -4,18 +4,18 @@ from array import array
 
 from flexslew_msgs import msg
 from flexslew_plant import topics
-from flexslew_plant.ros_node import LOOP, Loop, PlantWatch, new_node, run_node
+from flexslew_plant.ros_node import LOOP, PlantWatch, new_node, run_node
 
 
 class Intruder:
-    def __init__(self):
+    def __init__(self, loop):
         self.node = new_node("intruder")
-        self.loop = Loop(self.node)
+        loop.add(self.node)
         self._lies = self.node.create_publisher(msg.EffortCommand, topics.EFFORT_COMMAND, LOOP)
         heard = self.node.create_subscription(
             msg.Measurement, topics.MEASUREMENT, self._lie, LOOP
         )
-        self._watch = PlantWatch(self.loop, heard, True)
+        self._watch = PlantWatch(loop, heard, True)
 
     def _lie(self, question):
         if question.tick % 20:
@@ -39,10 +39,5 @@ class Intruder:
         self.node.destroy_node()
 
 
-def build():
-    intruder = Intruder()
-    return intruder, intruder.loop
-
-
 if __name__ == "__main__":
-    run_node(build)
+    run_node(Intruder)

@@ -1,5 +1,6 @@
 """The `controller` node: any law behind the one question of the bench."""
 
+from functools import partial
 from time import monotonic
 from typing import Any
 
@@ -44,14 +45,14 @@ class ControllerNodeSettings:
 class ControllerNode:
     """Answers `measurement` on `effort_command` when it is named."""
 
-    def __init__(self, law: str) -> None:
+    def __init__(self, law: str, loop: Loop) -> None:
         self.node = node = new_node(law)
+        loop.add(node)
         given = parameters_of(node)
         own = {k: given.pop(k) for k in ControllerNodeSettings.__annotations__ if k in given}
         self._settings = declared(node, ControllerNodeSettings, {"law": law, **own})
         self._law_values: dict[str, Any] = given
         self._name: str = node.get_name()
-        self.loop = Loop(node)
         self._controller: Controller | None = None
         self._plan: msg.Plan | None = None
         self._plan_refused = ""
@@ -67,7 +68,7 @@ class ControllerNode:
         measurement = node.create_subscription(
             msg.Measurement, topics.MEASUREMENT, self._on_measurement, LOOP
         )
-        self._watch = PlantWatch(self.loop, measurement, self._settings.exit_with_plant)
+        self._watch = PlantWatch(loop, measurement, self._settings.exit_with_plant)
         node.create_subscription(msg.Testbed, topics.TESTBED, self._on_testbed, latched(1))
         node.create_subscription(msg.Plan, topics.PLAN, self._on_plan, latched(1))
 
@@ -177,11 +178,7 @@ class ControllerNode:
 
 
 def _main(law: str) -> None:
-    def build() -> tuple[ControllerNode, Loop]:
-        node = ControllerNode(law)
-        return node, node.loop
-
-    run_node(build)
+    run_node(partial(ControllerNode, law))
 
 
 def main() -> None:

@@ -43,10 +43,10 @@ class _Canceled(Exception):
 class Planner:
     """Publishes plans on `plan`, latched."""
 
-    def __init__(self) -> None:
+    def __init__(self, loop: Loop) -> None:
         self.node = node = new_node("planner")
+        loop.add(node)
         self._settings: PlannerSettings = settings_of(node, PlannerSettings)
-        self.loop = Loop(node)
         self._time = 0.0
         self._next_look = 0.0
         self._plan = node.create_publisher(msg.Plan, topics.PLAN, latched(1))
@@ -54,7 +54,7 @@ class Planner:
         testbed = node.create_subscription(
             msg.Testbed, topics.TESTBED, self._on_testbed, latched(1)
         )
-        self._watch = PlantWatch(self.loop, testbed, self._settings.exit_with_plant)
+        self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         self._server = ActionServer(
             node,
             action.PlanSlew,
@@ -133,15 +133,9 @@ class Planner:
         return result
 
 
-def build() -> tuple[Planner, Loop]:
-    """Return the node and its loop."""
-    planner = Planner()
-    return planner, planner.loop
-
-
 def main() -> None:
     """Run the node until it is interrupted."""
-    run_node(build)
+    run_node(Planner)
 
 
 

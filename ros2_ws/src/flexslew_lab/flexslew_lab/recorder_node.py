@@ -46,10 +46,10 @@ class RecorderSettings:
 class Recorder:
     """Writes the serialised messages as they come."""
 
-    def __init__(self) -> None:
+    def __init__(self, loop: Loop) -> None:
         self.node = node = new_node("recorder")
+        loop.add(node)
         self._settings: RecorderSettings = settings_of(node, RecorderSettings)
-        self.loop = Loop(node)
         self._writer = BagWriter(
             Path(self._settings.folder), json.loads(self._settings.metadata)
         )
@@ -71,7 +71,7 @@ class Recorder:
             for topic, kind in TOPICS.items()
         }
         self._watch = PlantWatch(
-            self.loop, subscriptions["/measurement"], self._settings.exit_with_plant
+            loop, subscriptions["/measurement"], self._settings.exit_with_plant
         )
         self._say(Level.INFO, "recording", f"recording into {self._settings.folder}")
 
@@ -133,15 +133,9 @@ def _qos(is_latched: bool, depth: int) -> QoSProfile:
     return LOOP
 
 
-def build() -> tuple[Recorder, Loop]:
-    """Return the node and its loop."""
-    recorder = Recorder()
-    return recorder, recorder.loop
-
-
 def main() -> None:
     """Run the node until it is interrupted or the plant is gone."""
-    run_node(build)
+    run_node(Recorder)
 
 
 if __name__ == "__main__":

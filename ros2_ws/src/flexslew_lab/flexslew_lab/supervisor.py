@@ -88,7 +88,9 @@ class Supervisor:
 
     def _start(self, process: NodeProcess, parameters: Path, environment: dict[str, str]) -> None:
         command = [sys.executable, "-m", f"{process.package}.{process.executable}_node"]
-        command += ["--ros-args", "-r", f"__node:={process.name}", "--params-file", str(parameters)]
+        command += ["--ros-args", "--params-file", str(parameters)]
+        if process.name:  # empty: several nodes, each with the name that it gives itself
+            command += ["-r", f"__node:={process.name}"]
         child = subprocess.Popen(  # a session of its own: Ctrl-C reaches it in order, through us
             command,
             env=environment,

@@ -49,15 +49,16 @@ class PlantSettings:
 class Plant:
     """Asks on `measurement`, takes answers from `effort_command`."""
 
-    def __init__(self) -> None:
+    def __init__(self, loop: Loop) -> None:
+        self.loop = loop
         self.node = node = new_node("plant")
+        loop.add(node)
         self._settings: PlantSettings = settings_of(node, PlantSettings)
         self._bench = Bench(self._settings.bench)
         self._load_machine_code()
         self._pacing = Pacing(
             self._settings.bench.period, self._settings.rate_factor, self._settings.answer_timeout
         )
-        self.loop = Loop(node)
         self._state = "waiting" if self._settings.autostart else "paused"
         self._steps_left = 0
         self._waiting_for: list[str] = []
@@ -339,15 +340,9 @@ def _refused(reply: Trigger.Response, why: str) -> Trigger.Response:
     return reply
 
 
-def build() -> tuple[Plant, Loop]:
-    """Return the node and its loop."""
-    plant = Plant()
-    return plant, plant.loop
-
-
 def main() -> None:
     """Run the node until it is done or interrupted."""
-    run_node(build)
+    run_node(Plant)
 
 
 if __name__ == "__main__":

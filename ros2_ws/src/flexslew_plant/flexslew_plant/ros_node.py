@@ -186,11 +186,13 @@ def event_message(event: Event) -> msg.Event:
 class Loop:
     """The executor of one process. A callback may call `stop`, from then on `run` returns."""
 
-    def __init__(self, *nodes: Node) -> None:
+    def __init__(self) -> None:
         self._executor = EventsExecutor()
-        for node in nodes:
-            self._executor.add_node(node)
         self._code: int | None = None
+
+    def add(self, node: Node) -> None:
+        """Serve this node, too."""
+        self._executor.add_node(node)
 
     def close(self) -> None:
         """Let go of the nodes."""
@@ -242,11 +244,11 @@ class PlantWatch:
         self._seen = self._seen or here
 
 
-def run_node(build: Callable[[], tuple[Any, Loop]], args: list[str] | None = None) -> None:
+def run_node(build: Callable[[Loop], Any], args: list[str] | None = None) -> None:
     """Initialise ROS, build the node, run its loop, clean up and exit.
 
     Args:
-        build: returns an object with `poll() -> float` and `close()`, and its loop.
+        build: takes the loop, returns an object with `poll() -> float` and `close()`.
         args: command line; None: of the process.
     """
     # our own handlers: rclpy's would invalidate the context before the last words are said
@@ -256,7 +258,8 @@ def run_node(build: Callable[[], tuple[Any, Loop]], args: list[str] | None = Non
     thing = loop = None
     code = 0
     try:
-        thing, loop = build()
+        loop = Loop()
+        thing = build(loop)
         code = loop.run(thing.poll)
     except (KeyboardInterrupt, ExternalShutdownException):
         code = 130

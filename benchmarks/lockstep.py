@@ -1,0 +1,136 @@
+"""Tick rate over DDS against a bare ping-pong of the same messages, interleaved in one run."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from array import array
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+from flexslew_lab.domain import own_domain
+from flexslew_lab.metrics import metrics_of
+from flexslew_lab.processes import NodeProcess, node_processes, parameter_file
+from flexslew_lab.supervisor import Supervisor
+from flexslew_lab.trial import Trial
+
+TICKS = 6000
+ROUNDS = 3
+
+
+def ping_pong(side: str) -> None:
+    """Answer every Measurement with an EffortCommand, or count how many go around."""
+    import rclpy
+    from rclpy.experimental import EventsExecutor
+
+    from flexslew_msgs import msg
+    from flexslew_plant.ros_node import LOOP
+
+    rclpy.init()
+    node = rclpy.create_node(side)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    two = array("d", [0.0, 0.0])
+    if side == "pong":
+        answer = node.create_publisher(msg.EffortCommand, "pong", LOOP)
+
+        def pong(question):
+            answer.publish(
+                msg.EffortCommand(
+                    stamp=question.header.stamp, tick=question.tick, controller="x", effort=two
+                )
+            )
+
+        node.create_subscription(msg.Measurement, "ping", pong, LOOP)
+        while os.getppid() != 1:
+            executor.spin_once(timeout_sec=0.5)
+        return
+    ask = node.create_publisher(msg.Measurement, "ping", LOOP)
+    count = 0
+
+    def question():
+        return msg.Measurement(
+            tick=count,
+            controller="pd_feedforward",
+            joint_position=two,
+            joint_velocity=two,
+            tip_deflection=two,
+            root_curvature=two,
+            applied_effort=two,
+        )
+
+    def again(_):
+        nonlocal count
+        count += 1
+        if count < TICKS:
+            ask.publish(question())
+
+    heard = node.create_subscription(msg.EffortCommand, "pong", again, LOOP)
+    while not (ask.get_subscription_count() and heard.get_publisher_count()):
+        executor.spin_once(timeout_sec=0.05)
+    start = perf_counter()
+    ask.publish(question())
+    while count < TICKS:
+        executor.spin_once(timeout_sec=0.5)
+    print(json.dumps(TICKS / (perf_counter() - start)))
+
+
+def _floor() -> float:
+    with own_domain() as domain:
+        environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
+        command = [sys.executable, __file__]
+        pong = subprocess.Popen([*command, "pong"], env=environment)
+        try:
+            done = subprocess.run(
+                [*command, "ping"], env=environment, capture_output=True, text=True, check=True
+            )
+        finally:
+            pong.terminate()
+            pong.wait()
+    return float(done.stdout)
+
+
+def _ours(trial: Trial, record: bool, together: bool = False) -> float:
+    with tempfile.TemporaryDirectory() as scratch, own_domain() as domain:
+        folder = Path(scratch)
+        processes = node_processes(trial, folder, record, {})
+        parameters = folder / "parameters.yaml"
+        parameters.write_text(parameter_file(processes))
+        if together:
+            processes = [NodeProcess("", "flexslew_lab", "sweep", {})]
+        said = folder / "nodes.log"
+        supervisor = Supervisor(processes, parameters, said, domain, lambda tick, last: None)
+        outcome = supervisor.run()
+        if outcome.exit_code:
+            raise RuntimeError(f"{outcome.message}\n{said.read_text()}")
+        if record:
+            return TICKS / float(metrics_of(folder / "bag")["wall_time"])
+        line = next(line for line in said.read_text().splitlines() if " s wall" in line)
+        return TICKS / float(line.split(" ticks in ")[1].split(" s wall")[0])
+
+
+def figures() -> dict[str, float]:
+    """Return ticks per second, medians of interleaved runs, and their ratios to the floor."""
+    bare = Trial(duration=TICKS * 0.01, display_rate=0.0)
+    crew = Trial(
+        duration=TICKS * 0.01,
+        display_rate=0.0,
+        controllers={"pd_feedforward": {}, "output_feedback": {}, "proportional_integral": {}},
+    )
+    runs: dict[str, list[float]] = {}
+    for _ in range(ROUNDS):
+        runs.setdefault("lockstep_floor_ticks_per_s", []).append(_floor())
+        runs.setdefault("lockstep_ticks_per_s", []).append(_ours(bare, record=True))
+        runs.setdefault("three_controllers_ticks_per_s", []).append(_ours(crew, record=True))
+        runs.setdefault("one_process_ticks_per_s", []).append(_ours(bare, False, together=True))
+    result = {name: median(values) for name, values in runs.items()}
+    floor, rate = result["lockstep_floor_ticks_per_s"], result["lockstep_ticks_per_s"]
+    result["lockstep_ratio"] = rate / floor
+    result["three_controllers_ratio"] = result["three_controllers_ticks_per_s"] / rate
+    return result
+
+
+if __name__ == "__main__":
+    ping_pong(sys.argv[1])
