@@ -72,9 +72,10 @@ def robustness(comparison: Comparison) -> go.Figure:
 def cost(comparison: Comparison) -> go.Figure:
     """Return the worst residual against the duration, with the rigid-body lower bound."""
     figure = go.Figure()
-    for entry, style in zip(comparison.flown, _lines(comparison), strict=True):
-        if entry.plan is None or entry.plan.duration <= 0.0:
-            continue
+    timed = [e for e in comparison.flown if e.plan is not None and e.plan.duration > 0.0]
+    styles = {e.name: s for e, s in zip(comparison.flown, _lines(comparison), strict=True)}
+    for number, entry in enumerate(timed):
+        assert entry.plan is not None
         figure.add_trace(
             go.Scatter(
                 x=[entry.plan.duration],
@@ -82,8 +83,8 @@ def cost(comparison: Comparison) -> go.Figure:
                 mode="markers+text",
                 name=entry.name,
                 text=[entry.name],
-                textposition="middle right",
-                marker={"color": style["color"], "size": 12},
+                textposition="bottom center" if number % 2 else "top center",
+                marker={"color": styles[entry.name]["color"], "size": 12},
                 hovertemplate="%{x:.3f} s, worst %{y:.4g} m",
                 showlegend=False,
             )
@@ -93,7 +94,7 @@ def cost(comparison: Comparison) -> go.Figure:
         line={"color": INK, "width": 1, "dash": "dot"},
         annotation_text="rigid-body bound",
     )
-    longest = max((e.plan.duration for e in comparison.flown if e.plan is not None), default=1.0)
+    longest = max((e.plan.duration for e in timed if e.plan is not None), default=1.0)
     figure.update_xaxes(title_text="duration [s]", range=[0.0, 1.35 * longest])
     figure.update_yaxes(title_text="worst residual tip deflection [m]", type="log")
     return _finished(figure, 400)
@@ -179,5 +180,6 @@ def _finished(figure: go.Figure, height: int) -> go.Figure:
         plot_bgcolor="rgba(0,0,0,0)",
         font={"family": "Inter, system-ui, sans-serif", "size": 12, "color": INK},
         legend={"orientation": "h", "yanchor": "bottom", "y": 1.0, "xanchor": "left", "x": 0.0},
+        modebar={"bgcolor": "rgba(0,0,0,0)", "orientation": "v"},
     )
     return figure
