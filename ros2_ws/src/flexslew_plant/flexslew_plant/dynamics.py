@@ -20,8 +20,8 @@ STAGE_TIMES: Vector = np.array(DOP853.C[:STAGES], dtype=np.float64)
 STAGE_WEIGHTS: Matrix = np.array(DOP853.A[:STAGES, :STAGES], dtype=np.float64)
 STEP_WEIGHTS: Vector = np.array(DOP853.B[:STAGES], dtype=np.float64)
 
-# (p, x, effort, dt, steps, out): see stepper
-Stepper: TypeAlias = Callable[[Vector, Vector, Vector, float, int, Vector], None]
+# (p, effort, dt, steps, x): see stepper
+Stepper: TypeAlias = Callable[[Vector, Vector, float, int, Vector], None]
 
 
 @inlined
@@ -167,8 +167,11 @@ def take_steps(
         n, m: coordinates and joints.
         x: in and out, state [q, v], shape (2 n,).
     """
-    joints, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
-    slopes, at, a = np.empty((STAGES, 2 * n)), np.empty(2 * n), np.empty(n)
+    work = np.empty((STAGES + 2 + 2 * m, 2 * n))  # one allocation instead of six
+    slopes, at, a = work[:STAGES], work[STAGES], work[STAGES + 1, :n]
+    modal = work[STAGES + 1, n : 2 * n - m]
+    joints = work[STAGES + 2 : STAGES + 2 + m, :m]
+    coupling = work[STAGES + 2 + m :, : n - m]
     for _ in range(steps):
         for i in range(STAGES):
             stage_state(x, slopes, i, h, at)
@@ -195,7 +198,7 @@ def advance(kind: int, p: Vector, x: Vector, effort: Vector, dt: float, steps: i
 
 @lru_cache
 def stepper(kind: int, n: int, m: int) -> Stepper:
-    """Return `advance` for one size of state, which writes the new state to its last argument.
+    """Return `advance` for one size of state, which replaces the state given as last argument.
 
     The compiler unrolls the short loops of sizes that it knows, and no array need be made for
     Python: half the time of a call of `advance`, to the same bits.
@@ -207,14 +210,10 @@ def stepper(kind: int, n: int, m: int) -> Stepper:
     """
 
     @compiled
-    def advance_into(
-        p: Vector, x: Vector, effort: Vector, dt: float, steps: int, out: Vector
-    ) -> None:
-        for k in range(2 * n):
-            out[k] = x[k]
-        take_steps(kind, p, effort, dt / steps, steps, n, m, out)
+    def advance_in_place(p: Vector, effort: Vector, dt: float, steps: int, x: Vector) -> None:
+        take_steps(kind, p, effort, dt / steps, steps, n, m, x)
 
-    return advance_into
+    return advance_in_place
 
 
 @compiled

@@ -111,9 +111,9 @@ class Model:
 
     def advance(self, x: Vector, effort: Vector, dt: float, steps: int = 1) -> Vector:
         """Return the state dt later with the effort held (order 8, `steps` equal steps)."""
-        out = np.empty(x.size)
-        self._stepper(self.packed, x, effort, dt, steps, out)
-        return out
+        after = x.copy()
+        self._stepper(self.packed, effort, dt, steps, after)
+        return after
 
     @cached_property
     def _stepper(self) -> dynamics.Stepper:
