@@ -23,9 +23,9 @@ ROUNDS = 3
 def ping_pong(side: str) -> None:
     """Answer every Measurement with an EffortCommand, or count how many go around."""
     import rclpy
+    from flexslew_msgs import msg
     from rclpy.experimental import EventsExecutor
 
-    from flexslew_msgs import msg
     from flexslew_plant.ros_node import LOOP
 
     rclpy.init()

@@ -49,7 +49,11 @@ def main(run: Path) -> None:
     for columns, label in ((bare, "without feedforward"), (flown, "with the planned feedforward")):
         tip.plot(columns["tick"] * trial.period, columns["tip_deflection"][:, 0], label=label)
     tip.axvline(25.0, color="grey", lw=0.8, ls="--")
-    tip.set(xlabel="t [s]", ylabel="tip deflection [m]", title="Yaw 0 to 1 rad, pitch 0 to 0.5 rad in 25 s")
+    tip.set(
+        xlabel="t [s]",
+        ylabel="tip deflection [m]",
+        title="Yaw 0 to 1 rad, pitch 0 to 0.5 rad in 25 s",
+    )
     tip.legend(frameon=False)
     figure.savefig(Path(__file__).parent / "bench.png", dpi=110)
 

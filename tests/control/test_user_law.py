@@ -133,7 +133,7 @@ def test_a_law_gets_its_settings_the_period_and_the_limits():
     assert [(name, term.tolist()) for name, term in answer.terms.items()] == [
         ("steady", [1.0, 2.0])
     ]
-    assert "gain: 3.0" in settings_text(HERE + "Steady", {"gain": 3.0})
+    assert "gain: 3.0" in settings_text(built, HERE + "Steady", {"gain": 3.0})
 
 
 @pytest.mark.parametrize("how", REASONS)

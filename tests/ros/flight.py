@@ -74,5 +74,3 @@ def kill(name: str, strength: int = signal.SIGKILL):
         os.kill(pids[name], strength)
 
     return act
-
-

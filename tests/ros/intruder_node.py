@@ -3,6 +3,7 @@
 from array import array
 
 from flexslew_msgs import msg
+
 from flexslew_plant import topics
 from flexslew_plant.ros_node import LOOP, PlantWatch, new_node, run_node
 
@@ -12,9 +13,7 @@ class Intruder:
         self.node = new_node("intruder")
         loop.add(self.node)
         self._lies = self.node.create_publisher(msg.EffortCommand, topics.EFFORT_COMMAND, LOOP)
-        heard = self.node.create_subscription(
-            msg.Measurement, topics.MEASUREMENT, self._lie, LOOP
-        )
+        heard = self.node.create_subscription(msg.Measurement, topics.MEASUREMENT, self._lie, LOOP)
         self._watch = PlantWatch(loop, heard, True)
 
     def _lie(self, question):

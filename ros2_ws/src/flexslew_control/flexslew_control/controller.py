@@ -58,6 +58,11 @@ class Controller:
         self._blind = False  # the estimate is not finite
 
     @property
+    def law(self) -> Law:
+        """What turns its estimates into efforts."""
+        return self._law
+
+    @property
     def last_tick(self) -> int:
         """Tick of the last measurement that the estimator has seen; -1: none."""
         return self._key[1]

@@ -5,11 +5,11 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
+from flexslew_msgs import msg
 
 from flexslew_control.controller import Answer, Controller
 from flexslew_control.controllers import build_controller, settings_text
 from flexslew_control.plan_node import plan_of
-from flexslew_msgs import msg
 from flexslew_plant import topics
 from flexslew_plant.ros_node import (
     LOOP,
@@ -57,6 +57,7 @@ class ControllerNode:
         self._plan: msg.Plan | None = None
         self._plan_refused = ""
         self._last_reason: str | None = None
+        self._settings_text = ""
         self._next_look = 0.0
         self._last_status_tick = 0
         self._epoch = 0
@@ -114,7 +115,7 @@ class ControllerNode:
                 last_tick=tick,
                 epoch=self._epoch,
                 plan_hash=self._plan.hash if self._plan else "",
-                settings=settings_text(self._settings.law, self._law_values) if controller else "",
+                settings=self._settings_text,
             )
         )
 
@@ -129,6 +130,7 @@ class ControllerNode:
             f"node {self._name}",
             self._settings.requires_plan,
         )
+        self._settings_text = settings_text(self._controller, self._settings.law, self._law_values)
         self._adopt()
 
     def _on_plan(self, message: msg.Plan) -> None:

@@ -1,5 +1,6 @@
 """Which controllers there are. A new one is a file with settings and build, and a line here."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from flexslew_control.controller import Controller
 from flexslew_control.law import Estimator, Law
 from flexslew_control.user_law import build_user_law, find_law
 from flexslew_plant.arrays import Vector
+from flexslew_plant.model import Model
 from flexslew_plant.settings import NonNegative, plain, validated, yaml_text
 
 
@@ -74,9 +76,28 @@ def build_controller(
     return Controller(name, estimator, built, joint_names, period, handover_time, requires_plan)
 
 
-def settings_text(law: str, values: dict[str, Any]) -> str:
-    """Return the settings of a law as YAML for the log, defaults included where they are known."""
+def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> str:
+    """Return the settings of a controller and what was computed from them, as YAML for the log.
+
+    Args:
+        controller: as built.
+        law: what it runs.
+        values: its section of a trial file; defaults are filled in where they are known.
+    """
     own = {key: value for key, value in values.items() if key != "handover_time"}
-    if law not in CONTROLLERS:
-        return yaml_text(own)
-    return yaml_text(plain(validated(CONTROLLERS[law].settings, own, law)))
+    settings = plain(validated(CONTROLLERS[law].settings, own, law)) if law in CONTROLLERS else own
+    return yaml_text({**settings, "computed": _arrays(controller.law)})
+
+
+def _arrays(design: Any) -> dict[str, Any]:
+    """Return the matrices of a law's design (gains, hypersurfaces, ...) by field."""
+    found: dict[str, Any] = {}
+    fields = dataclasses.fields(design) if dataclasses.is_dataclass(design) else ()
+    for item in fields:
+        value = None if item.name.startswith("_") else getattr(design, item.name)
+        if isinstance(value, np.ndarray) and not np.iscomplexobj(value):
+            found[item.name] = value.tolist()
+        elif dataclasses.is_dataclass(value) and not isinstance(value, Model):
+            inner = _arrays(value)
+            found |= {item.name: inner} if inner else {}
+    return found

@@ -12,7 +12,7 @@ _NOTHING: Final[Vector] = np.zeros(0)
 _NOTHING.flags.writeable = False
 
 
-class LawFailed(FlexslewError):  # noqa: N818 - named like its siblings in errors
+class LawFailed(FlexslewError):
     """A law or its estimator cannot go on; its controller is not ready from then on."""
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import yaml
+from flexslew_msgs import msg
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
-from flexslew_msgs import msg
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.ros_node import doubles, stamp
 from flexslew_plant.settings import yaml_text

@@ -3,13 +3,13 @@
 from time import monotonic
 from typing import Any
 
+from flexslew_msgs import action, msg
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_node import plan_message
 from flexslew_control.planners import PlanSettings, make_plan
-from flexslew_msgs import action, msg
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.events import Event, Level
@@ -24,7 +24,6 @@ from flexslew_plant.ros_node import (
 )
 from flexslew_plant.settings import load_yaml, section, validated
 
-
 _LOOK = 0.2  # between two looks at the graph [wall s]
 
 
@@ -36,7 +35,7 @@ class PlannerSettings:
     exit_with_plant: bool = False  # end the process when the plant is gone
 
 
-class _Canceled(Exception):
+class _CanceledError(Exception):
     """The client has lost interest."""
 
 
@@ -83,9 +82,7 @@ class Planner:
         plan = self._make(values, testbed.period, tuple(testbed.effort_limit), None)
         self._publish(plan)
 
-    def _make(
-        self, values: Any, period: float, limit: tuple[float, ...], progress: Any
-    ) -> Plan:
+    def _make(self, values: Any, period: float, limit: tuple[float, ...], progress: Any) -> Plan:
         return make_plan(validated(PlanSettings, values, "plan"), period, limit, progress)
 
     def _publish(self, plan: Plan) -> None:
@@ -104,7 +101,7 @@ class Planner:
 
         def progress(iteration: Any) -> None:
             if goal.is_cancel_requested:
-                raise _Canceled
+                raise _CanceledError
             goal.publish_feedback(
                 action.PlanSlew.Feedback(
                     iteration=iteration.number,
@@ -118,7 +115,7 @@ class Planner:
         try:
             values = load_yaml(request.request, "request")
             plan = self._make(values, request.period, tuple(request.effort_limit), progress)
-        except _Canceled:
+        except _CanceledError:
             result.error_code, result.message = result.CANCELED, "canceled by the client"
             goal.canceled()
         except (BadInput, PlanFailed) as error:
@@ -136,8 +133,6 @@ class Planner:
 def main() -> None:
     """Run the node until it is interrupted."""
     run_node(Planner)
-
-
 
 
 if __name__ == "__main__":

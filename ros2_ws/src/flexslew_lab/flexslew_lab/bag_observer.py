@@ -73,7 +73,7 @@ class BagObserver:
                 last_tick=0,
                 epoch=bench.epoch,
                 plan_hash=digest,
-                settings=settings_text(law, own),
+                settings=settings_text(controller, law, own),
             )
 
     def question(self, question: Measurement) -> None:
@@ -129,4 +129,3 @@ class BagObserver:
         kind = TOPICS[topic].type
         at = self._now["sec"] * 10**9 + self._now["nanosec"]
         self._writer.write(topic, kind, encode(kind, message), at)
-

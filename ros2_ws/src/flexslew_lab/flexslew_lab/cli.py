@@ -168,7 +168,9 @@ def reproduce(
 
 @app.command()
 def bench(
-    names: Annotated[list[str] | None, typer.Argument(help="Only these files of benchmarks/.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Only these files of benchmarks/.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Measure the speed, each figure beside a floor of the same run.
@@ -244,7 +246,12 @@ def switch(
 
 @contextmanager
 def _progress(name: str) -> Iterator[Any]:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=screen, transient=True) as bar:
         task = bar.add_task(f"{name} [dim]ticks[/dim]", total=None)
         yield lambda tick, last: bar.update(task, completed=tick, total=last)

@@ -7,6 +7,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from flexslew_control.plan import Plan
 from flexslew_lab.run_data import RunData, Trace
 
 INK, GRID, PALE = "#1d2733", "#e4e8ee", "#8a97a8"
@@ -145,6 +146,22 @@ def comparison(run: RunData, other: RunData) -> go.Figure:
         _dash(figure, run, "reference", k, k + 1, "reference" if k == 0 else "")
     _mark_manoeuvre(figure, run)
     return _finished(figure, 170 * (len(run.joint_names) + 1) + 90)
+
+
+def plan_figure(plan: Plan) -> go.Figure:
+    """Return the reference and the feedforward of a plan over time, joint by joint."""
+    joints = plan.joint_names
+    titles = [f"{name} reference" for name in joints] + [f"feedforward on<br>{j}" for j in joints]
+    figure = _stack(titles)
+    time = plan.start + plan.period * np.arange(plan.ticks + 1)
+    held = {"line_shape": "hv", "line_color": COLOURS[1]}
+    for k, name in enumerate(joints):
+        position, effort = plan.position[:, k], plan.effort[:, k]
+        figure.add_scatter(x=time, y=position, name=name, row=k + 1, col=1)
+        row = len(joints) + k + 1
+        figure.add_scatter(x=time[:-1], y=effort, name=f"{name} effort", row=row, col=1, **held)
+    figure.update_layout(title_text=f"{plan.method}, {plan.duration:g} s")
+    return _finished(figure, 160 * len(titles) + 130)
 
 
 def _joints(run: RunData) -> list[tuple[str, str]]:

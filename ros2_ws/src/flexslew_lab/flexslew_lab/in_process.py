@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from time import monotonic
-from typing import Any
+from typing import Any, Protocol
 
 from flexslew_control.controller import Answer, Controller
 from flexslew_plant.bench import Bench, Truth
@@ -10,20 +10,24 @@ from flexslew_plant.events import Event, Level
 from flexslew_plant.measurement import Measurement
 
 
-class Observer:
-    """Sees everything that goes over the topics of a run; ignores it all."""
+class Observer(Protocol):
+    """Sees everything that goes over the topics of a run."""
 
     def truth(self, truth: Truth) -> None:
         """Take the state at a tick."""
+        return
 
     def question(self, question: Measurement) -> None:
         """Take a measurement."""
+        return
 
     def answer(self, answer: Answer) -> None:
         """Take an answer, whether the drive takes it or not."""
+        return
 
     def event(self, event: Event) -> None:
         """Take an event."""
+        return
 
 
 def fly(
@@ -79,8 +83,9 @@ def _tick(bench: Bench, controllers: dict[str, Controller], observer: Observer |
         # the drive refused the newcomer's step and asks its predecessor
         if observer is not None:
             observer.question(bench.question)
-        predecessor = controllers[bench.question.controller]
-        _answer(bench, predecessor, bench.question, observer)
+        predecessor = controllers.get(bench.question.controller)
+        if predecessor is not None:  # else it was the brake
+            _answer(bench, predecessor, bench.question, observer)
     bench.advance()
 
 

@@ -26,7 +26,7 @@ from flexslew_lab.bag_layout import MAGIC
 from flexslew_plant.errors import FlexslewError
 
 
-class RecordingStopped(FlexslewError):  # noqa: N818 (a state, as rosbag2 has it)
+class RecordingStopped(FlexslewError):
     """The log cannot be written any more; everything up to the last chunk is safe."""
 
 

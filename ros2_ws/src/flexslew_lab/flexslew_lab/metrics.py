@@ -226,4 +226,3 @@ def _ticks(data: Any) -> int:
 def _step(data: Any) -> float:
     step = data.get("effort_step", 0.0) if isinstance(data, dict) else 0.0
     return float(np.abs(np.atleast_1d(np.asarray(step, dtype=float))).max(initial=0.0))
-

@@ -5,9 +5,9 @@ from contextlib import contextmanager
 from typing import Any
 
 import rclpy
+from flexslew_msgs import srv
 from rclpy.node import Node
 
-from flexslew_msgs import srv
 from flexslew_plant import topics
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.ros_node import stamp
@@ -46,7 +46,9 @@ def list_controllers() -> tuple[str, list[dict[str, Any]]]:
         FlexslewError: there is no bench.
     """
     with _operator() as node:
-        reply = _call(node, srv.ListControllers, topics.LIST_CONTROLLERS, srv.ListControllers.Request())
+        reply = _call(
+            node, srv.ListControllers, topics.LIST_CONTROLLERS, srv.ListControllers.Request()
+        )
     keys = ("controller", "law", "ready", "reason", "last_tick", "plan_hash")
     return reply.active, [{key: getattr(c, key) for key in keys} for c in reply.controllers]
 
@@ -71,5 +73,3 @@ def switch_controller(
     with _operator() as node:
         reply = _call(node, srv.SwitchController, topics.SWITCH_CONTROLLER, request)
     return reply.ok, reply.message
-
-

@@ -17,7 +17,9 @@ class NodeProcess(NamedTuple):
     parameters: dict[str, Any]
 
 
-def node_processes(trial: Trial, folder: Path, record: bool, metadata: dict[str, str]) -> list[NodeProcess]:
+def node_processes(
+    trial: Trial, folder: Path, record: bool, metadata: dict[str, str]
+) -> list[NodeProcess]:
     """Return the nodes of a trial in the order of their start, the plant last.
 
     Args:

@@ -8,12 +8,12 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from flexslew_msgs import msg
 from rclpy.qos import QoSProfile
 
 from flexslew_lab.bag_layout import TOPICS
 from flexslew_lab.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.cdr import stamp_of
-from flexslew_msgs import msg
 from flexslew_plant import topics
 from flexslew_plant.events import Event, Level
 from flexslew_plant.ros_node import (
@@ -28,7 +28,6 @@ from flexslew_plant.ros_node import (
     stamp,
 )
 from flexslew_plant.settings import section
-
 
 _TICK_AND_EPOCH = struct.Struct("<QI")  # of a Measurement, behind the header with its empty frame
 _REPORT_EVERY = 100  # ticks
@@ -50,13 +49,9 @@ class Recorder:
         self.node = node = new_node("recorder")
         loop.add(node)
         self._settings: RecorderSettings = settings_of(node, RecorderSettings)
-        self._writer = BagWriter(
-            Path(self._settings.folder), json.loads(self._settings.metadata)
-        )
+        self._writer = BagWriter(Path(self._settings.folder), json.loads(self._settings.metadata))
         self._events = node.create_publisher(msg.Event, topics.EVENTS, latched(100))
-        self._status = node.create_publisher(
-            msg.RecorderStatus, topics.RECORDER_STATUS, latched(1)
-        )
+        self._status = node.create_publisher(msg.RecorderStatus, topics.RECORDER_STATUS, latched(1))
         self._last = 0  # simulated time of the last message [ns]
         self._stopped = False
         self._next_look = 0.0

@@ -8,6 +8,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from flexslew_control.optimized_feedforward import OptimizedFeedforward
+from flexslew_control.planners import ReferenceOnly
+from flexslew_control.slew_request import software_versions
 from flexslew_lab.bag_observer import BagObserver
 from flexslew_lab.bag_writer import BagWriter
 from flexslew_lab.domain import own_domain
@@ -23,9 +26,6 @@ from flexslew_lab.trial import (
     plan_of_trial,
     trial_text,
 )
-from flexslew_control.optimized_feedforward import OptimizedFeedforward
-from flexslew_control.planners import ReferenceOnly
-from flexslew_control.slew_request import software_versions
 from flexslew_plant.bench import Bench
 from flexslew_plant.errors import BadInput
 
@@ -123,7 +123,7 @@ def _in_process(
 
 
 def _without_feedforward(trial: Trial, source: str, folder: Path) -> Path | None:
-    """Fly the same reference without feedforward, in process; return its bag, if that makes sense."""
+    """Fly the same reference without feedforward, in process; return its bag, if any."""
     plan = trial.plan
     if not isinstance(plan, OptimizedFeedforward):
         return None

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from launch import LaunchContext, LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
@@ -18,6 +17,7 @@ from launch_ros.actions import Node
 from flexslew_lab.processes import node_processes, parameter_file
 from flexslew_lab.run import new_folder
 from flexslew_lab.trial import DEFAULT, load_trial, trial_text
+from launch import LaunchContext, LaunchDescription
 
 GRACE = 5.0  # for the others to leave by themselves when the plant is gone [s]
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import fixed_quad
@@ -41,7 +42,8 @@ class ClampedFreeBeam:
     def frequencies(self) -> Vector:
         """Clamped natural frequencies, shape (modes,) [rad/s]: (beta L)^2 sqrt(EI / (mu L^4))."""
         scale = np.sqrt(self.bending_stiffness / (self.linear_density * self.length**4))
-        return np.square(wave_numbers(self.modes)) * scale
+        frequencies: Vector = np.square(wave_numbers(self.modes)) * scale
+        return frequencies
 
     def shape(self, s: Vector, derivative: int = 0) -> Matrix:
         """Return d^n phi_j / ds^n at the distances s from the clamp, shape (modes, len(s)).
@@ -61,7 +63,8 @@ class ClampedFreeBeam:
         hyperbolic = grow + (-1.0) ** derivative * decay
         trigonometric = -np.cos(z + derivative * np.pi / 2) + c * np.sin(z + derivative * np.pi / 2)
         tip = 2.0 * (-1.0) ** np.arange(self.modes)[:, None]  # |phi(L)| = 2 in this scaling
-        return (hyperbolic + trigonometric) / tip * (b / self.length) ** derivative
+        shape: Matrix = (hyperbolic + trigonometric) / tip * (b / self.length) ** derivative
+        return shape
 
     def integral(self, weight_power: int, order: int, derivative: int) -> Vector:
         """Return integral_0^L s^p (phi_j^(n))^k ds for each mode, by Gauss quadrature on panels.
@@ -75,7 +78,6 @@ class ClampedFreeBeam:
         def integrand(s: Vector) -> Matrix:
             return s**weight_power * self.shape(s, derivative) ** order
 
-        edges = np.linspace(0.0, self.length, 4 * self.modes + 1)
-        return np.asarray(
-            sum(fixed_quad(integrand, a, b, n=16)[0] for a, b in zip(edges, edges[1:], strict=False))
-        )
+        panels = pairwise(np.linspace(0.0, self.length, 4 * self.modes + 1))
+        total: Vector = np.sum([fixed_quad(integrand, a, b, n=16)[0] for a, b in panels], axis=0)
+        return total

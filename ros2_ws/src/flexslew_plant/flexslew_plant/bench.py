@@ -34,6 +34,7 @@ from flexslew_plant.sensors import Readings, Sensors
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import build_model
 
+_LARGEST = float(np.finfo(np.float64).max)
 
 class Bench:
     """The tick machine.
@@ -186,6 +187,10 @@ class Bench:
         if request.controller == self.drive.active and not self._switches:
             return f"{request.controller} is already in charge"
         self._switches.append(request)
+        data = request._asdict()
+        data["max_effort_step"] = min(request.max_effort_step, _LARGEST)  # JSON has no infinity
+        words = f"{request.controller} wanted from tick {request.tick} on"
+        self._event(Level.INFO, "switch_requested", words, data)
         return None
 
     def inject(self, text: str, tick: int = 0) -> InjectResult:
@@ -211,6 +216,8 @@ class Bench:
         else:
             self._disturbances.append(breaking)
             word = "disturbance"
+        data: dict[str, object] = {"text": text, "start": start}
+        self._event(Level.INFO, "injected", f"{word} wanted at tick {start}", data)
         return InjectResult(True, f"{word} at tick {start}", start)
 
     def note_readiness(self, controller: str, reason: str) -> None:

@@ -1,6 +1,7 @@
 """How the testbeds look: robot description, frames and the bent beams, as plain numbers."""
 
 from typing import NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from flexslew_plant.testbeds import Testbed
 
 HEIGHT = 2.0  # of the hub above the floor [m]
 POINTS = 21  # along each drawn appendage
+GREY, GOLD, GHOST = "0.35 0.37 0.42 1", "0.85 0.65 0.2 1", "0.6 0.6 0.7 0.25"
 
 
 class Frame(NamedTuple):
@@ -49,7 +51,9 @@ class Scene:
         pitch = float(joints[1]) if joints.size > 1 else 0.0
         yaw = float(joints[0])
         return [
-            Frame("world", "base", (0.0, 0.0, HEIGHT), (0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2))),
+            Frame(
+                "world", "base", (0.0, 0.0, HEIGHT), (0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2))
+            ),
             Frame("base", "hub", (0.0, 0.0, 0.0), (0.0, np.sin(pitch / 2), 0.0, np.cos(pitch / 2))),
         ]
 
@@ -67,37 +71,61 @@ class Scene:
 
     def robot_description(self) -> str:
         """Return the URDF: base, hub and straight appendages; the bend is drawn by markers."""
-        turning = "prismatic" if self._kind == "floating_oscillator" else "continuous"
-        axis = "1 0 0" if turning == "prismatic" else "0 0 1"
-        limit = '<limit lower="-1e3" upper="1e3" effort="1e6" velocity="1e3"/>'
-        first, second = {
-            "csa": ("base_yaw", "hub_pitch"),
-            "floating_oscillator": ("mass", ""),
-            "hub_with_appendages": ("hub", ""),
-        }[self._kind]
         r, length = self._radius, self._length
-        pitch = (
-            f'<joint name="{second}" type="continuous"><parent link="base"/><child link="hub"/>'
-            '<axis xyz="0 1 0"/></joint>'
-            if second
-            else '<joint name="hub_fixed" type="fixed"><parent link="base"/><child link="hub"/></joint>'
-        )
-        sides = (("beam_positive", 1.0), ("beam_negative", -1.0))
-        beams = "".join(
-            f'<link name="{name}"><visual><origin xyz="{sign * (r + length / 2)} 0 0"/><geometry>'
-            f'<box size="{length} 0.02 0.4"/></geometry><material name="ghost">'
-            '<color rgba="0.6 0.6 0.7 0.25"/></material></visual></link>'
-            f'<joint name="{name}_clamp" type="fixed"><parent link="hub"/><child link="{name}"/></joint>'
-            for name, sign in sides[: 1 if turning == "prismatic" else 2]
-        )
-        return (
-            f'<?xml version="1.0"?><robot name="{self._kind}"><link name="world"/>'
-            '<link name="base"><visual><origin xyz="0 0 -1.2"/><geometry>'
-            f'<cylinder radius="{0.7 * r}" length="1.6"/></geometry><material name="steel">'
-            '<color rgba="0.35 0.37 0.42 1"/></material></visual></link>'
-            f'<link name="hub"><visual><geometry><box size="{2 * r} {1.2 * r} {0.8 * r}"/></geometry>'
-            '<material name="gold"><color rgba="0.85 0.65 0.2 1"/></material></visual></link>'
-            f'<joint name="{first}" type="{turning}"><parent link="world"/><child link="base"/>'
-            f'<origin xyz="0 0 {HEIGHT}"/><axis xyz="{axis}"/>{limit if axis[0] == "1" else ""}'
-            f"</joint>{pitch}{beams}</robot>"
+        robot = ElementTree.Element("robot", name=self._kind)
+        ElementTree.SubElement(robot, "link", name="world")
+        _link(robot, "base", "cylinder", (0.0, 0.0, -1.2), GREY, radius=0.7 * r, length=1.6)
+        _link(robot, "hub", "box", (0.0, 0.0, 0.0), GOLD, size=f"{2 * r} {1.2 * r} {0.8 * r}")
+        sides = {"beam_positive": 1.0, "beam_negative": -1.0}
+        if self._kind == "csa":
+            _joint(robot, "base_yaw", "continuous", "world", "base", "0 0 1", HEIGHT)
+            _joint(robot, "hub_pitch", "continuous", "base", "hub", "0 1 0")
+        elif self._kind == "floating_oscillator":
+            _joint(robot, "mass", "prismatic", "world", "base", "1 0 0", HEIGHT)
+            _joint(robot, "hub_fixed", "fixed", "base", "hub")
+            del sides["beam_negative"]
+        else:
+            _joint(robot, "hub", "continuous", "world", "base", "0 0 1", HEIGHT)
+            _joint(robot, "hub_fixed", "fixed", "base", "hub")
+        for name, sign in sides.items():
+            middle = (sign * (r + length / 2), 0.0, 0.0)
+            _link(robot, name, "box", middle, GHOST, size=f"{length} 0.02 0.4")
+            _joint(robot, f"{name}_clamp", "fixed", "hub", name)
+        return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
+
+
+def _link(
+    robot: ElementTree.Element,
+    name: str,
+    shape: str,
+    origin: tuple[float, float, float],
+    color: str,
+    **size: object,
+) -> None:
+    visual = ElementTree.SubElement(ElementTree.SubElement(robot, "link", name=name), "visual")
+    ElementTree.SubElement(visual, "origin", xyz=" ".join(map(str, origin)))
+    geometry = ElementTree.SubElement(visual, "geometry")
+    ElementTree.SubElement(geometry, shape, {key: str(value) for key, value in size.items()})
+    material = ElementTree.SubElement(visual, "material", name=f"{name}_color")
+    ElementTree.SubElement(material, "color", rgba=color)
+
+
+def _joint(
+    robot: ElementTree.Element,
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    axis: str = "",
+    height: float = 0.0,
+) -> None:
+    joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
+    ElementTree.SubElement(joint, "parent", link=parent)
+    ElementTree.SubElement(joint, "child", link=child)
+    ElementTree.SubElement(joint, "origin", xyz=f"0 0 {height}")
+    if axis:
+        ElementTree.SubElement(joint, "axis", xyz=axis)
+    if kind == "prismatic":
+        ElementTree.SubElement(
+            joint, "limit", lower="-1e3", upper="1e3", effort="1e6", velocity="1e3"
         )

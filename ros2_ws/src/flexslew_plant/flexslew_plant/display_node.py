@@ -1,5 +1,6 @@
 """The display side of the plant node: standard topics that RViz, Foxglove and PlotJuggler draw."""
 
+from flexslew_msgs.msg import AppendageState
 from geometry_msgs.msg import Point, TransformStamped
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -8,7 +9,6 @@ from std_msgs.msg import ColorRGBA, String
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from flexslew_msgs.msg import AppendageState
 from flexslew_plant import topics
 from flexslew_plant.bench import Bench, Truth
 from flexslew_plant.display import Scene

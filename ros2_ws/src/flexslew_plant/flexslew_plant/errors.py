@@ -1,4 +1,4 @@
-"""What can go wrong by the user's hand. Every message names the culprit and the remedy in one line."""
+"""What can go wrong by the user's hand: each message is one line with culprit and remedy."""
 
 
 class FlexslewError(Exception):

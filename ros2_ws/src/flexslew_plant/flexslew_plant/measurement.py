@@ -15,7 +15,7 @@ class Measurement(NamedTuple):
     joint_position: Vector  # encoders, (joints,) [rad or m]
     joint_velocity: Vector  # rate sensors, (joints,) [rad/s or m/s]
     tip_deflection: Vector  # (appendages,) [m]
-    root_curvature: Vector  # at the clamped ends, (appendages,) [1/m]; strain is half the thickness times it
+    root_curvature: Vector  # at the clamped ends, (appendages,) [1/m]; half thickness * it = strain
     applied_effort: Vector  # held during the last tick, (joints,) [N m or N]
 
 

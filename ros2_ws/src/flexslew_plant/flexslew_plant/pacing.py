@@ -46,7 +46,7 @@ class Pacing:
         Args:
             now: wall clock [s].
             answered: a valid answer is held.
-            missed_in_a_row: ticks; who was silent for one timeout is not waited for that long again.
+            missed_in_a_row: ticks; nobody is waited for twice as long as the timeout.
         """
         if self.paced:
             return now >= self._start + self._ticks * self._interval

@@ -3,10 +3,9 @@
 from time import monotonic
 from typing import Any
 
-import numpy as np
+from flexslew_msgs import msg, srv
 from std_srvs.srv import Trigger
 
-from flexslew_msgs import msg, srv
 from flexslew_plant import topics
 from flexslew_plant.bench import Bench, BenchSettings, SwitchRequest
 from flexslew_plant.display_node import Display
@@ -55,7 +54,7 @@ class Plant:
         loop.add(node)
         self._settings: PlantSettings = settings_of(node, PlantSettings)
         self._bench = Bench(self._settings.bench)
-        self._load_machine_code()
+        self._bench.truth()  # loads its machine code before a tick needs it
         self._pacing = Pacing(
             self._settings.bench.period, self._settings.rate_factor, self._settings.answer_timeout
         )
@@ -111,12 +110,6 @@ class Plant:
         if self._state in ("running", "paused") and self._bench.tick:
             self._say(Level.WARNING, "interrupted", f"stopped at tick {self._bench.tick}")
         self.node.destroy_node()
-
-    def _load_machine_code(self) -> None:
-        """Touch every kernel, so that no tick has to wait for the disk."""
-        model = self._bench.model
-        self._bench.truth()
-        model.advance(np.zeros(2 * model.coordinates), np.zeros(model.joints), 0.0)
 
     def _missing(self) -> list[str]:
         """Return whom the start has to wait for, and why."""

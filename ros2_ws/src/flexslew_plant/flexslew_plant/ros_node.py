@@ -1,4 +1,4 @@
-"""What every node of the bench shares: parameters as sections, QoS, the loop, message conversion."""
+"""What every node of the bench shares: parameters, QoS, the loop, conversion of messages."""
 
 import gc
 import json
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from builtin_interfaces.msg import Time
+from flexslew_msgs import msg
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
@@ -22,7 +23,6 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
-from flexslew_msgs import msg
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.events import Event

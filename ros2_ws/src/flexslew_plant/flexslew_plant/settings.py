@@ -18,7 +18,7 @@ Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def section(cls: type[_T]) -> type[_T]:
-    """Return cls as a frozen dataclass that refuses unknown keys and numbers that are not finite."""
+    """Return cls as a frozen dataclass that refuses unknown keys and non-finite numbers."""
     config = ConfigDict(extra="forbid", allow_inf_nan=False, validate_default=False)
     return dataclass(frozen=True, kw_only=True, config=config)(cls)  # type: ignore[return-value]
 
@@ -127,7 +127,9 @@ def _known_keys(error: ValidationError, kind: Any, place: list[str]) -> list[str
             if isinstance(n.get("additionalProperties"), dict)
         ]
         tagged = [  # a union's tag stands in the path too
-            n for n in nodes if any(part in str(v.get("const")) for v in n.get("properties", {}).values())
+            n
+            for n in nodes
+            if any(part in str(v.get("const")) for v in n.get("properties", {}).values())
         ]
         nodes = [leaf for node in found for leaf in resolve(node)] or tagged or nodes
     return sorted({key for node in nodes for key in node.get("properties", {})})
