@@ -105,12 +105,12 @@ def time_optimal_figures() -> dict[str, go.Figure]:
         for letter, factor in (("a", 1.0), ("b", 0.9)):
             drawn[f"figure_{number}{letter}"] = _states_figure(f"oscillator, {kind}", factor)
         drawn[f"figure_{number + 2}"] = _control_figure(f"oscillator, {kind}", "u [N]")
-    for number, kind, factor in (
+    for label, kind, factor in (
         ("8", "time-optimal", 1.0),
         ("9", "time-optimal", 0.9),
         ("10a", "robust", 1.0),
     ):
-        drawn[f"figure_{number}"] = _states_figure(f"hub, {kind}", factor)
+        drawn[f"figure_{label}"] = _states_figure(f"hub, {kind}", factor)
     drawn["figure_10b"] = _sensitivity_figure("hub, robust")
     drawn["figure_11"] = _states_figure("hub, robust", 0.9)
     drawn["figure_12"] = _control_figure("hub, time-optimal", "u [N m]")
