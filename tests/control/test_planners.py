@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from flexslew_control.planners import PLANNERS, make_plan, plan_settings
+from flexslew_control.planners import PLANNERS, make_plan, other_method, plan_settings
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.settings import plain
 
 YAW = {"base_yaw": 1.0}
 BOTH = {"base_yaw": 1.0, "hub_pitch": 0.5}
@@ -84,4 +85,37 @@ def test_every_planner_refuses_more_effort_than_the_drives_have(method):
     more = {"amplitude": 100.0} if method == "time_optimal" else {}
     with pytest.raises((BadInput, PlanFailed), match=r"limit") as caught:
         planned(method, limit=(1.0, 1.0), **more)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("given", PLANNERS)
+@pytest.mark.parametrize("wanted", PLANNERS)
+def test_every_method_can_be_asked_for_the_manoeuvre_of_another(given, wanted):
+    goal = {"base_yaw": 0.7, "hub_pitch": 0.0}
+    settings = plan_settings({"method": given, "goal": goal, "start": 3.0}, "trial.yaml")
+    other = other_method(settings, wanted, "trial.yaml")
+    assert other.method == wanted
+    assert other.start == 3.0
+    asked = plain(other)["goal"]
+    assert (asked["base_yaw"], asked.get("hub_pitch")) == (0.7, 0.0)
+
+
+def test_a_goal_that_leaves_out_a_joint_leaves_it_where_it_is():
+    model = {"kind": "csa", "modes": 1, "variant": "printed", "initial": {"base_yaw": 0.2}}
+    given = {"method": "time_optimal", "goal": {"base_yaw": 1.0}, "model": model}
+    settings = plan_settings(given, "trial.yaml")
+    other = other_method(settings, "optimized_feedforward", "trial.yaml", functions=12)
+    assert other.functions == 12
+    assert other.model.variant == "printed"
+    assert other.initial.base_yaw == 0.2
+    assert (other.goal.base_yaw, other.goal.hub_pitch) == (1.0, 0.0)
+
+
+def test_a_manoeuvre_that_a_method_does_not_know_is_refused_in_one_line():
+    settings = plan_settings({"method": "none"}, "trial.yaml")
+    with pytest.raises(BadInput, match=r"trial\.yaml: method: wishing is not allowed: none, "):
+        other_method(settings, "wishing", "trial.yaml")
+    hub = {"method": "time_optimal", "goal": {"hub": 1.0}, "model": {"kind": "hub_with_appendages"}}
+    with pytest.raises(BadInput, match="hub") as caught:
+        other_method(plan_settings(hub, "trial.yaml"), "input_shaping", "trial.yaml")
     assert "\n" not in str(caught.value)

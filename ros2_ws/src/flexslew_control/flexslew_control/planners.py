@@ -1,6 +1,7 @@
 """Which planners there are. A new one is a file with a section and a function, and a line here."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -109,6 +110,9 @@ PLANNERS: dict[str, _Planner] = {
     "time_optimal": _Planner(TimeOptimal, plan_time_optimal),
 }
 
+# what sections of several methods share
+_MANOEUVRE = ("goal", "start", "model", "initial", "feedback", "reference")
+
 PlanSettings: TypeAlias = Annotated[
     NoPlan
     | ReferenceOnly
@@ -133,6 +137,40 @@ def plan_settings(values: Any, source: str) -> PlanSettings:
     """
     settings: PlanSettings = validated(PlanSettings, values, source)
     return settings
+
+
+def other_method(settings: PlanSettings, method: str, source: str, **more: Any) -> PlanSettings:
+    """Return the `plan` section of another method for the same manoeuvre.
+
+    Start, goal, model, feedback and reference are taken over as far as the method has them; the
+    rest is its default. time_optimal plans on one mode.
+
+    Args:
+        settings: the section that says the manoeuvre.
+        method: a key of PLANNERS.
+        source: the file to name in an error.
+        more: keys of the method's own section.
+
+    Raises:
+        BadInput: there is no such method, or it cannot be asked for this manoeuvre.
+    """
+    if method not in PLANNERS:
+        raise BadInput(f"{source}: method: {method} is not allowed: {', '.join(PLANNERS)}")
+    asked = plain(settings)
+    if method == settings.method:
+        return plan_settings({**asked, **more}, source)
+    model = asked.get("model") or {}
+    if model.get("kind", "csa") == "csa":
+        initial = asked.get("initial") or model.get("initial") or {}
+        asked["initial"] = dict.fromkeys(JOINTS, 0.0) | initial
+        asked["goal"] = asked["initial"] | asked["goal"]
+        model = {field.name: model[field.name] for field in fields(CsaModel) if field.name in model}
+        if method == "time_optimal":
+            model |= {"modes": 1, "initial": asked["initial"]}
+        asked["model"] = model
+    known = {field.name for field in fields(PLANNERS[method].settings)}
+    values = {key: asked[key] for key in _MANOEUVRE if key in asked and key in known}
+    return plan_settings({**values, **more, "method": method}, source)
 
 
 def make_plan(

@@ -1,14 +1,14 @@
 """The same manoeuvre by every method, on the bench with errors of the stiffness, side by side."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners import PLANNERS, make_plan, plan_settings
+from flexslew_control.planners import PLANNERS, make_plan, other_method
 from flexslew_lab.in_process import Observer, fly
 from flexslew_lab.trial import Trial, bench_settings, build_controllers
 from flexslew_plant.arrays import Matrix, Vector
@@ -31,7 +31,6 @@ _VARIANTS: dict[str, dict[str, Any]] = {  # ways to use a method that are compar
     "input_shaping, zvd": {"shaper": "zvd"},
     "time_optimal, robust": {"robust": True},
 }
-_SHARED = ("goal", "start", "model", "initial", "feedback", "reference")
 
 
 @dataclass(frozen=True)
@@ -199,36 +198,23 @@ def _planned(trial: Trial, source: str, name: str) -> Entry:
     """Return the method's plan for the trial's manoeuvre, or why it has none."""
     assert trial.plan is not None
     method = name.partition(",")[0]
-    asked = plain(trial.plan)
-    if name != trial.plan.method:
-        known = {field.name for field in fields(PLANNERS[method].settings)}
-        values = {key: asked[key] for key in _SHARED if key in asked and key in known}
-        if method == "reference_only" and asked.get("duration"):
-            values["duration"] = asked["duration"]
-        if method == "time_optimal":
-            values |= _bang_bang(trial, asked)
-        asked = {**values, **_VARIANTS.get(name, {}), "method": method}
+    own: dict[str, Any] = dict(_VARIANTS.get(name, {}))
+    duration = plain(trial.plan).get("duration")
+    if method == "reference_only" and duration:
+        own["duration"] = duration
+    if method == "time_optimal" and trial.plan.method != method:
+        own["amplitude"] = _AUTHORITY * trial.testbed.effort_limit[0]
     limit = tuple(trial.testbed.effort_limit)
     try:
         if method == "reference_only" and trial.testbed.kind != "csa":
             plan = make_plan(trial.plan, trial.period, limit)
             plan = replace(plan, method=method, effort=np.zeros_like(plan.effort))
         else:
-            plan = make_plan(plan_settings(asked, f"{source}: plan"), trial.period, limit)
+            settings = other_method(trial.plan, method, f"{source}: plan", **own)
+            plan = make_plan(settings, trial.period, limit)
     except (BadInput, PlanFailed) as refused:
         return Entry(name, None, str(refused).removeprefix(f"{source}: "))
     return Entry(name, plan, "")
-
-
-def _bang_bang(trial: Trial, asked: dict[str, Any]) -> dict[str, Any]:
-    """Return what a bang-bang slew needs beside the goal: one mode, start, a part of the limit."""
-    model = {**asked.get("model", {}), "kind": trial.testbed.kind, "modes": 1}
-    if asked.get("initial"):
-        model["initial"] = asked["initial"]
-    return {
-        "model": model,
-        "amplitude": asked.get("amplitude") or _AUTHORITY * trial.testbed.effort_limit[0],
-    }
 
 
 def _flown(
