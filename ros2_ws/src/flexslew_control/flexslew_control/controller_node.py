@@ -89,10 +89,8 @@ class ControllerNode:
     def _reason(self) -> str:
         if self._controller is None:
             return "no testbed announced yet"
-        if self._plan_refused:
-            return self._plan_refused
         if self._controller.reason:
-            return self._controller.reason
+            return self._plan_refused or self._controller.reason
         missing = unmatched(self.node, [self._command], ["plant", *self._settings.wait_for])
         missing += unmatched(self.node, [self._state], self._settings.wait_for)
         return f"not heard by {', '.join(sorted(set(missing)))}" if missing else ""

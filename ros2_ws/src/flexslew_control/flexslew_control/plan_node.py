@@ -1,14 +1,13 @@
 """A Plan as a message and back, for the nodes."""
 
 import numpy as np
-import yaml
 from flexslew_msgs import msg
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.ros_node import doubles, stamp
-from flexslew_plant.settings import yaml_text
+from flexslew_plant.settings import load_yaml, yaml_text
 
 
 def plan_message(plan: Plan, at: float) -> msg.Plan:
@@ -49,7 +48,7 @@ def plan_of(message: msg.Plan) -> Plan:
         effort=np.frombuffer(message.effort).reshape(ticks, joints),
         state=rows(message.state, ticks + 1) if message.state else np.zeros((ticks + 1, 0)),
         duration=message.duration,
-        request=yaml.safe_load(message.request) or {},
-        summary=yaml.safe_load(message.summary) or {},
-        versions=yaml.safe_load(message.versions) or {},
+        request=load_yaml(message.request, "plan") or {},
+        summary=load_yaml(message.summary, "plan") or {},
+        versions=load_yaml(message.versions, "plan") or {},
     )

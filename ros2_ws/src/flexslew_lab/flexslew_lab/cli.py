@@ -120,7 +120,8 @@ def plan(
     if as_json:
         print(json.dumps(summary, indent=2))
     else:
-        _print_table(("", made.method), [(k, _short(v)) for k, v in summary.items()])
+        rows = [(k, _short(v)) for k, v in summary.items() if k not in ("weights", "history")]
+        _print_table(("", made.method), rows)
 
 
 @app.command()
