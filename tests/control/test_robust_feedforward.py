@@ -36,7 +36,7 @@ def residual_tip(flown, error, modes=1):
     return float(np.abs(path[edges >= flown.duration, 2 : 2 + modes].sum(axis=1)).max())
 
 
-def test_it_beats_the_plain_plan_three_times_within_the_torque_limit():
+def test_five_more_seconds_beat_the_plain_plan_three_times_within_the_torque_limit():
     robust, plain = plan(), plan(method="optimized_feedforward", rho=4e-10)
     worst = max(residual_tip(robust, error) for error in np.linspace(-0.2, 0.2, 9))
     assert max(residual_tip(plain, error) for error in (-0.2, 0.2)) > PLAIN_WORST - 0.02
