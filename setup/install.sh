@@ -37,6 +37,12 @@ if ((${#missing[@]})); then
 fi
 
 # 2. Python packages
+install_packages() {
+  local told="$venv/pip.log"
+  "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off "$@" 2>"$told" |
+    awk '/^Collecting/ { printf "\r  %d %s\033[K", ++n, $2; fflush() } /^Installing/ { printf "\r  installing %d packages\033[K\n", n; fflush() }' >&2 ||
+    { grep -v WARNING "$told" | tail -5 >&2; fail "pip could not install $lock; the whole story is in $told"; }
+}
 installed_ros=${FLEXSLEW_INSTALLED_ROS:-}
 lock=$root/setup/requirements.lock.txt
 [ -n "$installed_ros" ] && lock=$root/setup/requirements.installed_ros.txt
@@ -46,10 +52,10 @@ if [ ! -e "$stamp" ]; then
   rm -rf "$venv" "$root/ros2_ws/build" "$root/ros2_ws/install"
   if [ -n "$installed_ros" ]; then
     "$python" -m venv --system-site-packages "$venv"
-    "$venv/bin/python" -m pip install --disable-pip-version-check --quiet --progress-bar on -r "$lock"
+    install_packages -r "$lock"
   else
     "$python" -m venv "$venv"
-    "$venv/bin/python" -m pip install --disable-pip-version-check --quiet --no-deps --progress-bar on -r "$lock"
+    install_packages --no-deps -r "$lock"
   fi
   touch "$venv/COLCON_IGNORE" "$stamp"
 fi

@@ -108,6 +108,7 @@ def test_a_switch_takes_effect_at_the_tick_that_was_asked_for(operator):
         srv.SwitchController, "switch_controller", controller="second", at=stamp(at)
     )
     assert reply.ok, reply.message
+    assert len(reply.effort_step) == 2
     operator.until(lambda: any(e.kind == "switched" for e in operator.events))
     event = next(e for e in operator.events if e.kind == "switched")
     assert event.tick == reply.tick == round(at / 0.01)

@@ -87,16 +87,16 @@ def plan(
     Example: `./flexslew plan --out plan.yaml --figure plan.html`
     """
     from flexslew_control.plan_file import plan_hash, save_plan
-    from flexslew_control.planners import make_plan, plan_settings
-    from flexslew_plant.settings import plain
+    from flexslew_control.planners import make_plan, other_method, plan_settings
 
     source = file or DEFAULT
     wanted = load_trial(source)
     settings = wanted.plan
     if method is not None:
-        asked = plain(settings) if settings is not None else {}
-        shared = {key: asked[key] for key in ("goal", "start", "model", "initial") if key in asked}
-        settings = plan_settings({**shared, "method": method}, f"{source}: plan")
+        if settings is None:
+            settings = plan_settings({"method": method}, f"{source}: plan")
+        else:
+            settings = other_method(settings, method, f"{source}: plan")
     if settings is None:
         raise BadInput(f"{source}: plan: is missing; add one or give --method")
 
@@ -138,6 +138,28 @@ def report(
     target = out or (bags[0] if bags[0].is_dir() else bags[0].parent) / "report.html"
     write_report([_bag(path) for path in bags], target)
     screen.print(f"written {target}")
+
+
+@app.command()
+def compare(
+    file: TrialFile = None,
+    out: Annotated[Path, typer.Option(help="The HTML file.")] = Path("compare.html"),
+    as_json: Json = False,
+) -> None:
+    """Fly one manoeuvre with every planner on testbeds that differ from the planned one.
+
+    Example: `./flexslew compare --out compare.html`
+    """
+    from flexslew_lab import compare as comparison
+
+    source = file or DEFAULT
+    wanted = load_trial(source)
+    with _progress("compare") as advance:
+        if as_json:
+            print(json.dumps(comparison.compared(wanted, str(source), advance).rows(), indent=2))
+        else:
+            comparison.compare(wanted, str(source), out, advance)
+            screen.print(f"written {out}")
 
 
 @app.command()

@@ -68,7 +68,11 @@ def switch_controller(
         FlexslewError: there is no bench.
     """
     request = srv.SwitchController.Request(
-        controller=controller, at=stamp(at), strict=strict, max_effort_step=max_effort_step
+        controller=controller,
+        at=stamp(at),
+        strict=strict,
+        max_effort_step=max_effort_step,
+        timeout=_TIMEOUT / 2,
     )
     with _operator() as node:
         reply = _call(node, srv.SwitchController, topics.SWITCH_CONTROLLER, request)

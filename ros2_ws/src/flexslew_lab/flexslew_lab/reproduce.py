@@ -44,7 +44,10 @@ REPRODUCTIONS: dict[str, Reproduction] = {
         "csa_figures",
     ),
     "time-optimal": Reproduction(
-        "time-optimal and robust slews (papers/001)", "reproduce_time_optimal", "time_optimal_rows"
+        "time-optimal and robust slews (papers/001)",
+        "reproduce_time_optimal",
+        "time_optimal_rows",
+        "time_optimal_figures",
     ),
     "ofc": Reproduction("output feedback control (papers/002)", "reproduce_laws", "ofc_rows"),
     "pi": Reproduction("PI control with an estimator (papers/004)", "reproduce_laws", "pi_rows"),

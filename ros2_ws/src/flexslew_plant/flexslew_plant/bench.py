@@ -36,6 +36,7 @@ from flexslew_plant.testbeds import build_model
 
 _LARGEST = float(np.finfo(np.float64).max)
 
+
 class Bench:
     """The tick machine.
 

@@ -3,14 +3,14 @@
 from time import monotonic
 from typing import Any
 
-from flexslew_msgs import msg, srv
-from std_srvs.srv import Trigger
+from flexslew_msgs import msg
 
 from flexslew_plant import topics
-from flexslew_plant.bench import Bench, BenchSettings, SwitchRequest
+from flexslew_plant.bench import Bench, BenchSettings
 from flexslew_plant.display_node import Display
 from flexslew_plant.events import Event, Level
 from flexslew_plant.pacing import Pacing
+from flexslew_plant.plant_services_node import Services
 from flexslew_plant.ros_node import (
     LOOP,
     Loop,
@@ -53,23 +53,23 @@ class Plant:
         self.node = node = new_node("plant")
         loop.add(node)
         self._settings: PlantSettings = settings_of(node, PlantSettings)
-        self._bench = Bench(self._settings.bench)
-        self._bench.truth()  # loads its machine code before a tick needs it
+        self.bench = Bench(self._settings.bench)
+        self.bench.truth()  # loads its machine code before a tick needs it
         self._pacing = Pacing(
             self._settings.bench.period, self._settings.rate_factor, self._settings.answer_timeout
         )
-        self._state = "waiting" if self._settings.autostart else "paused"
+        self.state = "waiting" if self._settings.autostart else "paused"
         self._steps_left = 0
         self._waiting_for: list[str] = []
         self._started = self._next_progress = monotonic()
-        self._controllers: dict[str, msg.ControllerStatus] = {}
-        self._standby = Standby(patience=self._settings.answer_timeout, paced=self._pacing.paced)
+        self.controllers: dict[str, msg.ControllerStatus] = {}
+        self.standby = Standby(patience=self._settings.answer_timeout, paced=self._pacing.paced)
 
         self._measurement = node.create_publisher(msg.Measurement, topics.MEASUREMENT, LOOP)
         self._truth = node.create_publisher(msg.PlantState, topics.TRUTH, LOOP)
         self._events = node.create_publisher(msg.Event, topics.EVENTS, latched(1000))
         self._testbed = node.create_publisher(msg.Testbed, topics.TESTBED, latched(1))
-        self._display = Display(node, self._bench, self._settings.display_rate)
+        self._display = Display(node, self.bench, self._settings.display_rate)
         node.create_subscription(msg.EffortCommand, topics.EFFORT_COMMAND, self._on_command, LOOP)
         node.create_subscription(
             msg.ControllerStatus, topics.CONTROLLER_STATUS, self._on_status, latched(100)
@@ -77,23 +77,18 @@ class Plant:
         node.create_subscription(
             msg.RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, latched(10)
         )
-        node.create_service(Trigger, topics.START, self._on_start)
-        node.create_service(Trigger, topics.PAUSE, self._on_pause)
-        node.create_service(Trigger, topics.RESET, self._on_reset)
-        node.create_service(srv.Step, topics.STEP, self._on_step)
-        node.create_service(srv.SwitchController, topics.SWITCH_CONTROLLER, self._on_switch)
-        node.create_service(srv.ListControllers, topics.LIST_CONTROLLERS, self._on_list)
-        node.create_service(srv.InjectFault, topics.INJECT_FAULT, self._on_inject)
+        self._services = Services(self, loop)
         self._testbed.publish(self._testbed_message())
 
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
-        if self._state == "waiting":
+        self._services.poll()
+        if self.state == "waiting":
             self._try_start()
-            return 0.0 if self._state == "running" else 0.02
-        if self._state != "running":
+            return 0.0 if self.state == "running" else 0.02
+        if self.state != "running":
             return 0.5
-        now, bench = monotonic(), self._bench
+        now, bench = monotonic(), self.bench
         if self._settings.progress and now >= self._next_progress:
             print(f"tick {bench.tick} of {bench.last_tick}", flush=True)
             self._next_progress = now + 0.5
@@ -107,17 +102,17 @@ class Plant:
 
     def close(self) -> None:
         """Say goodbye, whole."""
-        if self._state in ("running", "paused") and self._bench.tick:
-            self._say(Level.WARNING, "interrupted", f"stopped at tick {self._bench.tick}")
+        if self.state in ("running", "paused") and self.bench.tick:
+            self._say(Level.WARNING, "interrupted", f"stopped at tick {self.bench.tick}")
         self.node.destroy_node()
 
     def _missing(self) -> list[str]:
         """Return whom the start has to wait for, and why."""
-        active = self._bench.drive.active
+        active = self.bench.drive.active
         crew = {*self._settings.controllers, active} if active else set()
         missing = set(unmatched(self.node, [self._measurement], sorted(crew)))
         for name in crew:
-            status = self._controllers.get(name)
+            status = self.controllers.get(name)
             if status is None or not status.ready:
                 why = "not announced" if status is None else status.reason
                 missing = {*missing - {name}, f"{name} ({why})"}
@@ -131,32 +126,32 @@ class Plant:
                 self.node.get_logger().info(f"waiting for {', '.join(missing)}")
                 self._waiting_for = missing
             return
-        self._state = "running"
+        self.state = "running"
         self._started = monotonic()
         self._pacing.start(self._started)
-        word = "started" if self._bench.tick == 0 else "resumed"
-        self._say(Level.INFO, word, f"{word} at tick {self._bench.tick}")
+        word = "started" if self.bench.tick == 0 else "resumed"
+        self._say(Level.INFO, word, f"{word} at tick {self.bench.tick}")
         self._publish_tick()
 
     def _on_command(self, message: msg.EffortCommand) -> None:
-        if self._state != "running":
+        if self.state != "running":
             return
-        taken = self._bench.offer(command_of(message))
+        taken = self.bench.offer(command_of(message))
         if taken and not self._pacing.paced:
             if not self._held_back(monotonic()):
                 self._advance()
-        elif self._bench.events:
+        elif self.bench.events:
             self._publish_events()
-            if not self._bench.answered:  # a refused switch asks its predecessor
-                self._measurement.publish(measurement_message(self._bench.question))
+            if not self.bench.answered:  # a refused switch asks its predecessor
+                self._measurement.publish(measurement_message(self.bench.question))
 
     def _held_back(self, now: float) -> bool:
         """Return whether a standby is too far behind for another question."""
-        return bool(self._standby.slow(self._bench.tick + 1, self._bench.epoch, now))
+        return bool(self.standby.slow(self.bench.tick + 1, self.bench.epoch, now))
 
     def _advance(self) -> None:
-        self._bench.advance()
-        if self._bench.done:
+        self.bench.advance()
+        if self.bench.done:
             self._finish()
         else:
             self._pacing.asked(monotonic())
@@ -164,16 +159,16 @@ class Plant:
             if self._steps_left:
                 self._steps_left -= 1
                 if not self._steps_left:
-                    self._state = "paused"
+                    self.state = "paused"
 
     def _publish_tick(self) -> None:
         """Ask first: the answer is under way while the rest goes out."""
-        self._measurement.publish(measurement_message(self._bench.question))
+        self._measurement.publish(measurement_message(self.bench.question))
         self._publish_truth()
         self._publish_events()
 
     def _publish_truth(self) -> None:
-        truth = self._bench.truth()
+        truth = self.bench.truth()
         if self._settings.truth:
             message = msg.PlantState(
                 tick=truth.tick,
@@ -190,8 +185,8 @@ class Plant:
         self._display.show(truth)
 
     def _publish_events(self) -> None:
-        while self._bench.events:
-            event = self._bench.events.popleft()
+        while self.bench.events:
+            event = self.bench.events.popleft()
             self._events.publish(event_message(event))
             words = f"t = {event.time:.2f} s: {event.message}"
             # rclpy ties a severity to the line of the call
@@ -203,10 +198,10 @@ class Plant:
                 self.node.get_logger().error(words)
 
     def _finish(self) -> None:
-        self._state = "finished"
+        self.state = "finished"
         self._publish_truth()
         wall = monotonic() - self._started
-        bench = self._bench
+        bench = self.bench
         self._say(
             Level.INFO,
             "finished",
@@ -227,95 +222,58 @@ class Plant:
     def _say(
         self, level: Level, kind: str, message: str, data: dict[str, Any] | None = None
     ) -> None:
-        bench = self._bench
+        bench = self.bench
         bench.events.append(
             Event(bench.tick, bench.time, bench.epoch, level, "plant", kind, message, data or {})
         )
         self._publish_events()
 
     def _on_status(self, message: msg.ControllerStatus) -> None:
-        self._controllers[message.controller] = message
-        self._standby.heard(message.controller, message.last_tick, message.epoch)
-        if self._state == "running":
-            self._bench.note_readiness(message.controller, message.reason)
+        self.controllers[message.controller] = message
+        self.standby.heard(message.controller, message.last_tick, message.epoch)
+        if self.state == "running":
+            self.bench.note_readiness(message.controller, message.reason)
             self._publish_events()
 
     def _on_recorder(self, message: msg.RecorderStatus) -> None:
-        self._standby.heard(message.recorder, message.tick, message.epoch)
+        self.standby.heard(message.recorder, message.tick, message.epoch)
 
-    def _on_start(self, _: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
-        if self._state == "finished":
-            return _refused(reply, "the run is over; call reset first")
-        if self._state == "running":
-            return _refused(reply, "already running")
-        self._state = "waiting"
-        reply.success, reply.message = True, f"starting at tick {self._bench.tick}"
-        return reply
+    def start(self) -> tuple[bool, str]:
+        """Start or resume as soon as all are there; return whether, and words."""
+        if self.state == "finished":
+            return False, "the run is over; call reset first"
+        if self.state == "running":
+            return False, "already running"
+        self.state = "waiting"
+        return True, f"starting at tick {self.bench.tick}"
 
-    def _on_pause(self, _: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
-        if self._state not in ("running", "waiting"):
-            return _refused(reply, f"not running but {self._state}")
-        self._state = "paused"
-        self._say(Level.INFO, "paused", f"paused at tick {self._bench.tick}")
-        reply.success, reply.message = True, f"paused at tick {self._bench.tick}"
-        return reply
+    def pause(self) -> tuple[bool, str]:
+        """Stop between two ticks; return whether, and words."""
+        if self.state not in ("running", "waiting"):
+            return False, f"not running but {self.state}"
+        self.state = "paused"
+        words = f"paused at tick {self.bench.tick}"
+        self._say(Level.INFO, "paused", words)
+        return True, words
 
-    def _on_reset(self, _: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
-        self._bench.reset()
-        self._state = "paused"
-        self._say(Level.INFO, "reset", f"reset, epoch {self._bench.epoch}; call start")
-        reply.success, reply.message = True, f"epoch {self._bench.epoch}, paused at tick 0"
-        return reply
+    def reset(self) -> tuple[bool, str]:
+        """Return to tick 0 in a new epoch and pause there; return whether, and words."""
+        self.bench.reset()
+        self.state = "paused"
+        words = f"reset, epoch {self.bench.epoch}; call start"
+        self._say(Level.INFO, "reset", words)
+        return True, words
 
-    def _on_step(self, request: srv.Step.Request, reply: srv.Step.Response) -> srv.Step.Response:
-        reply.tick = self._bench.tick
-        if self._state != "paused":
-            reply.message = f"not paused but {self._state}; call pause first"
-            return reply
-        self._steps_left = max(1, request.ticks)
-        self._state = "waiting"
-        reply.ok, reply.tick = True, self._bench.tick + self._steps_left
-        reply.message = f"flying {self._steps_left} ticks"
-        return reply
-
-    def _on_switch(
-        self, request: srv.SwitchController.Request, reply: srv.SwitchController.Response
-    ) -> srv.SwitchController.Response:
-        status = self._controllers.get(request.controller)
-        behind = self._standby.reason(request.controller, self._bench.tick, self._bench.epoch)
-        if status is None:
-            known = ", ".join(sorted(self._controllers)) or "none"
-            reply.message = f"unknown controller {request.controller}; on the graph: {known}"
-        elif not status.ready:
-            reply.message = f"{request.controller} is not ready: {status.reason}"
-        elif behind:
-            reply.message = f"{request.controller} is not ready: {behind}"
-        else:
-            at = request.at.sec + request.at.nanosec * 1e-9
-            tick = max(round(at / self._settings.bench.period), self._bench.tick + 1)
-            limit = request.max_effort_step or float("inf")
-            wish = SwitchRequest(request.controller, tick, request.strict, limit)
-            reply.message = self._bench.request_switch(wish) or f"switch at tick {tick}"
-            reply.ok, reply.tick = reply.message.startswith("switch at"), tick
-        return reply
-
-    def _on_inject(
-        self, request: srv.InjectFault.Request, reply: srv.InjectFault.Response
-    ) -> srv.InjectFault.Response:
-        at = request.at.sec + request.at.nanosec * 1e-9
-        tick = round(at / self._settings.bench.period)
-        reply.ok, reply.message, reply.tick = self._bench.inject(request.fault, tick)
-        return reply
-
-    def _on_list(
-        self, _: srv.ListControllers.Request, reply: srv.ListControllers.Response
-    ) -> srv.ListControllers.Response:
-        reply.controllers = [self._controllers[name] for name in sorted(self._controllers)]
-        reply.active = self._bench.drive.active
-        return reply
+    def step(self, ticks: int) -> tuple[bool, str]:
+        """Fly some ticks of a paused bench; return whether, and words."""
+        if self.state != "paused":
+            return False, f"not paused but {self.state}; call pause first"
+        self._steps_left = max(1, ticks)
+        self.state = "waiting"
+        return True, f"flying {self._steps_left} ticks"
 
     def _testbed_message(self) -> msg.Testbed:
-        bench, settings = self._bench, self._settings
+        bench, settings = self.bench, self._settings
         return msg.Testbed(
             kind=settings.bench.testbed.kind,
             joint_names=list(bench.model.joint_names),
@@ -326,11 +284,6 @@ class Plant:
             effort_limit=doubles(bench.limit),
             settings=yaml_text(plain(settings)),
         )
-
-
-def _refused(reply: Trigger.Response, why: str) -> Trigger.Response:
-    reply.success, reply.message = False, why
-    return reply
 
 
 def main() -> None:

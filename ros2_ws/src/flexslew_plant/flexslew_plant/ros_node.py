@@ -22,6 +22,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
+from rclpy.task import Future
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput, FlexslewError
@@ -193,6 +194,10 @@ class Loop:
     def add(self, node: Node) -> None:
         """Serve this node, too."""
         self._executor.add_node(node)
+
+    def future(self) -> Future:
+        """Return a future that a coroutine of this loop may await."""
+        return self._executor.create_future()
 
     def close(self) -> None:
         """Let go of the nodes."""
