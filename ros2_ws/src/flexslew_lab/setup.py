@@ -6,13 +6,13 @@ setup(
     name="flexslew_lab",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"flexslew_lab": ["py.typed", "*.j2"]},
+    package_data={"flexslew_lab": ["py.typed", "*.j2", "trials/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/flexslew_lab"]),
         ("share/flexslew_lab", ["package.xml"]),
         ("share/flexslew_lab/launch", glob("launch/*.launch.py")),
         ("share/flexslew_lab/config", glob("config/*")),
-        ("share/flexslew_lab/trials", glob("trials/*.yaml")),
+        ("share/flexslew_lab/trials", glob("flexslew_lab/trials/*.yaml")),
     ],
     install_requires=["setuptools"],
     zip_safe=False,
@@ -21,7 +21,8 @@ setup(
         "console_scripts": [
             "flexslew = flexslew_lab.cli:main",
             "recorder = flexslew_lab.recorder_node:main",
-            "director = flexslew_lab.director_node:main",
+            "play = flexslew_lab.play_node:main",
+            "live = flexslew_lab.live_node:main",
         ]
     },
 )

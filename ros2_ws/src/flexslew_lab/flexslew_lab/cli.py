@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from flexslew_lab.cli_log import log, register
 from flexslew_lab.trial import DEFAULT, load_trial
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
 
@@ -23,8 +24,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="A lab bench in software: slew a flexible spacecraft testbed on ROS 2 without ringing.",
 )
-log = typer.Typer(no_args_is_help=True, help="Look into bags, check, mend and export them.")
 app.add_typer(log, name="log")
+register(app)
 
 screen = Console(stderr=True)  # for people; standard output is for results
 

@@ -139,11 +139,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     plans = {p.hash: plan_of_log(p, str(bag.path)) for p in bag.overview.plans}
     following: dict[str, str] = {}
     found = []
-    started = False
-    for topic, kind, _, _, data in bag.messages(("/controller_status", "/measurement")):
-        if topic == "/measurement":
-            started = True
-            continue
+    for _, kind, _, _, data in bag.messages(("/controller_status",)):
         status = decode(kind, data)
         name, wanted = status.controller, status.plan_hash
         if not wanted or following.get(name) == wanted:
@@ -153,6 +149,8 @@ def adoptions(bag: BagReader) -> list[Adoption]:
                 f"{bag.path}: {name} follows plan {wanted[:12]}, which is not in the log"
             )
         following[name] = wanted
-        seen = (int(status.epoch), int(status.last_tick)) if started else (0, -1)
+        seen = int(status.epoch), int(status.last_tick)
+        if seen == (0, 0):  # said by one that has seen none, too; nobody plans within tick 0
+            seen = 0, -1
         found.append(Adoption(name, seen, plans[wanted]))
     return sorted(found, key=lambda adoption: adoption.seen)

@@ -1,0 +1,104 @@
+"""The `live` node: a Foxglove WebSocket server on this machine that shows the bench as it runs."""
+
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from flexslew_lab.bag_layout import TOPICS
+from flexslew_lab.cdr import stamp_of
+from flexslew_lab.schemas import schema_text
+from flexslew_plant.errors import BadInput
+from flexslew_plant.ros_node import LOOP, Loop, latched, new_node, run_node, settings_of
+from flexslew_plant.settings import section
+
+HOST = "127.0.0.1"  # never another one: nobody is asked for a password
+
+
+@section
+class LiveSettings:
+    """The parameters of the node."""
+
+    port: Annotated[int, Field(ge=0, le=65535)] = 8765  # 0: any free one
+
+
+class LiveNode:
+    """Forwards the serialised messages with their schemas; reads none of them but for the time.
+
+    Args:
+        settings: None: the parameters of the node.
+        say: told where the server listens.
+        loop: that serves the node.
+
+    Raises:
+        BadInput: the server's library is not installed, or the port is taken.
+    """
+
+    def __init__(
+        self, settings: LiveSettings | None, say: Callable[[str], None], loop: Loop
+    ) -> None:
+        try:
+            import foxglove
+        except ImportError:
+            raise BadInput("live: needs the package foxglove-sdk; pip install it") from None
+        self.node = node = new_node("live")
+        loop.add(node)
+        chosen: LiveSettings = settings or settings_of(node, LiveSettings)
+        context = foxglove.Context()
+        try:
+            self._server = foxglove.start_server(
+                name="flexslew", host=HOST, port=chosen.port, context=context
+            )
+        except Exception as error:  # a type of its own below the binding
+            raise BadInput(f"live: port {chosen.port} cannot be opened: {error}") from None
+        self._last = 0  # simulated time of the last message [ns]
+        for topic, known in TOPICS.items():
+            text = schema_text(known.type).encode()
+            channel = foxglove.Channel(
+                topic,
+                schema=foxglove.Schema(name=known.type, encoding="ros2msg", data=text),
+                message_encoding="cdr",
+                context=context,
+            )
+            node.create_subscription(
+                _message_class(known.type),
+                topic,
+                partial(self._forward, channel, known.type),
+                latched(known.depth) if known.latched else LOOP,
+                raw=True,
+            )
+        say(f"open ws://{HOST}:{self._server.port} in Foxglove; Ctrl-C ends it")
+
+    def poll(self) -> float:
+        """Return the wall seconds until it wants to look again: everything comes by itself."""
+        return 0.5
+
+    def close(self) -> None:
+        """End the server and leave the graph."""
+        self._server.stop()
+        self.node.destroy_node()
+
+    def _forward(self, channel: Any, kind: str, data: bytes) -> None:
+        self._last = stamp_of(kind, data, self._last)
+        channel.log(data, log_time=self._last)
+
+
+def live(port: int, say: Callable[[str], None]) -> None:
+    """Serve from this process until it is interrupted, then exit."""
+    run_node(partial(LiveNode, LiveSettings(port=port), say), args=[])
+
+
+def _message_class(kind: str) -> Any:
+    package, _, name = kind.split("/")
+    return getattr(import_module(f"{package}.msg"), name)
+
+
+def main() -> None:
+    """Run the node with the parameters of LiveSettings."""
+    run_node(partial(LiveNode, None, print))
+
+
+if __name__ == "__main__":
+    main()
