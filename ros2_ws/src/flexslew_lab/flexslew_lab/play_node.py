@@ -27,6 +27,7 @@ from flexslew_plant.ros_node import (
 )
 
 _DEPTH = 4000  # of LOOP, which drops what is older
+_LOOK = 0.05  # until the next poll, for what a service has changed [wall s]
 _LOT = 1000  # messages between two looks at whether all were heard
 _PATIENCE = Duration(seconds=2)  # with a listener that does not take what it is sent
 
@@ -80,7 +81,7 @@ class PlayNode:
             self._report(self._player.time, self._player.last * 1e-9)
             self.loop.stop(0)
             return 0.0
-        return min(self._player.wait(monotonic()), self._until_clock(), 0.5)
+        return min(self._player.wait(monotonic()), self._until_clock(), _LOOK)
 
     def close(self) -> None:
         """Leave the graph."""
