@@ -59,6 +59,7 @@ class ControllerNode:
         self._last_reason: str | None = None
         self._settings_text = ""
         self._next_look = 0.0
+        self._heard = False  # by all who must listen to its answers
         self._last_status_tick = 0
         self._epoch = 0
         self._state = node.create_publisher(msg.ControllerState, topics.CONTROLLER_STATE, LOOP)
@@ -91,8 +92,11 @@ class ControllerNode:
             return "no testbed announced yet"
         if self._controller.reason:
             return self._plan_refused or self._controller.reason
+        if self._heard:
+            return ""
         missing = unmatched(self.node, [self._command], ["plant", *self._settings.wait_for])
         missing += unmatched(self.node, [self._state], self._settings.wait_for)
+        self._heard = not missing
         return f"not heard by {', '.join(sorted(set(missing)))}" if missing else ""
 
     def _announce(self, always: bool = False) -> None:

@@ -2,8 +2,9 @@
 
 import json
 import struct
-from functools import partial
+from bisect import bisect_right
 from importlib import import_module
+from operator import itemgetter
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -31,6 +32,8 @@ from flexslew_plant.settings import section
 
 _TICK_AND_EPOCH = struct.Struct("<QI")  # of a Measurement, behind the header with its empty frame
 _REPORT_EVERY = 100  # ticks
+_TAKE_EVERY = 0.01  # [wall s]
+_time, _by_time = itemgetter(0), itemgetter(0, 1)
 
 
 @section
@@ -52,46 +55,72 @@ class Recorder:
         self._writer = BagWriter(Path(self._settings.folder), json.loads(self._settings.metadata))
         self._events = node.create_publisher(msg.Event, topics.EVENTS, latched(100))
         self._status = node.create_publisher(msg.RecorderStatus, topics.RECORDER_STATUS, latched(1))
-        self._last = 0  # simulated time of the last message [ns]
+        self._last = 0  # newest simulated time of any message [ns]
+        self._waiting: list[tuple[int, int, str, bytes]] = []  # stamp, rank of topic, topic, CDR
         self._stopped = False
         self._next_look = 0.0
-        subscriptions = {
-            topic: node.create_subscription(
+        # The ears are not on the loop: taking many messages at once costs the bench far less than
+        # waking up for each of them.
+        self._ears = new_node(f"{node.get_name()}_ears", own_parameters=False)
+        self._subscriptions = {
+            topic: self._ears.create_subscription(
                 _message_class(kind.type),
                 topic,
-                partial(self._on_message, topic, kind.type),
+                lambda _: None,
                 _qos(kind.latched, kind.depth),
                 raw=True,
             )
             for topic, kind in TOPICS.items()
         }
-        self._watch = PlantWatch(
-            loop, subscriptions["/measurement"], self._settings.exit_with_plant
-        )
+        measurement = self._subscriptions["/measurement"]
+        self._watch = PlantWatch(loop, measurement, self._settings.exit_with_plant)
         self._say(Level.INFO, "recording", f"recording into {self._settings.folder}")
 
     def poll(self) -> float:
-        """Look for the plant; return the wall seconds until the next look."""
+        """Take what has come and look for the plant; return when to do so again [wall s]."""
         now = monotonic()
         if now >= self._next_look:
             self._watch.look(3 if self._stopped else 0)
             self._next_look = now + 0.2
-        return self._next_look - now
+        self._take_all()
+        return _TAKE_EVERY
 
     def close(self) -> None:
         """Make the bag whole."""
+        self._take_all(last=True)
         try:
             self._writer.close({"messages": str(self._writer.messages)})
         except RecordingStopped as error:
             self.node.get_logger().error(str(error))
+        self._ears.destroy_node()
         self.node.destroy_node()
 
-    def _on_message(self, topic: str, kind: str, data: bytes) -> None:
+    def _take_all(self, last: bool = False) -> None:
+        """Take what has arrived; write in the order of simulated time what is surely complete.
+
+        The topics of one tick do not arrive at one moment, so what is newer than the newest message
+        of the call before waits for the next one.
+        """
+        horizon = self._last
+        for rank, (topic, subscription) in enumerate(self._subscriptions.items()):
+            kind = TOPICS[topic].type
+            with subscription.handle:
+                take = subscription.handle.take_message
+                while (taken := take(subscription.msg_type, True)) is not None:
+                    at = stamp_of(kind, taken[0], horizon)
+                    self._waiting.append((at, rank, topic, taken[0]))
+                    self._last = max(self._last, at)
+        self._waiting.sort(key=_by_time)
+        ready = len(self._waiting) if last else bisect_right(self._waiting, horizon, key=_time)
+        for at, _, topic, data in self._waiting[:ready]:
+            self._write(at, topic, data)
+        del self._waiting[:ready]
+
+    def _write(self, at: int, topic: str, data: bytes) -> None:
         if self._stopped:
             return
-        self._last = stamp_of(kind, data, self._last)
         try:
-            self._writer.write(topic, kind, data, self._last)
+            self._writer.write(topic, TOPICS[topic].type, data, at)
             if topic == "/measurement":
                 self._report(*_TICK_AND_EPOCH.unpack_from(data, 20))
         except RecordingStopped as error:

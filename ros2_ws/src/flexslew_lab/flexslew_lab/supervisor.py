@@ -29,7 +29,7 @@ class Supervisor:
     """The processes of one run.
 
     Args:
-        processes: what to start; the plant's end is the end of the run.
+        processes: what to start; the end of the last one, the plant, is the end of the run.
         parameters: the ROS parameter file.
         log: file for what the processes say.
         domain: ROS_DOMAIN_ID for all of them.
@@ -45,6 +45,7 @@ class Supervisor:
         progress: Callable[[int, int], None],
     ) -> None:
         self._progress = progress
+        self._plant = processes[-1].name
         self._tick = -1
         self._complaint = ""
         self._log = log.open("wb")
@@ -70,9 +71,9 @@ class Supervisor:
     def run(self) -> Outcome:
         """Wait for the plant to end, then for the others; Ctrl-C ends all of them."""
         try:
-            while "plant" in self._running:
+            while self._plant in self._running:
                 self._serve(0.2)
-                dead = [n for n, code in self._codes.items() if n != "plant" and code]
+                dead = [n for n, code in self._codes.items() if n != self._plant and code]
                 if dead and self._tick < 0:
                     self._end()
                     code = 2 if self._codes[dead[0]] == 2 else 3
@@ -141,7 +142,7 @@ class Supervisor:
 
     def _end(self) -> None:
         """End what still runs: the plant first, so that the recorder hears its last words."""
-        order = sorted(self._running, key=lambda name: (name == "recorder", name != "plant"))
+        order = sorted(self._running, key=lambda name: (name == "recorder", name != self._plant))
         for name in order:
             child = self._running.get(name)
             for strength in _SIGNALS:
@@ -154,12 +155,12 @@ class Supervisor:
         self._serve(0.0)
 
     def _verdict(self) -> Outcome:
-        if self._codes["plant"] not in (0, 3):
+        if self._codes[self._plant] not in (0, 3):
             return self._outcome(3, "the plant ended by itself")
         for name, code in self._codes.items():
-            if name != "plant" and code:
+            if name != self._plant and code:
                 return self._outcome(3, f"{name} ended during the run")
-        if self._codes["plant"]:
+        if self._codes[self._plant]:
             return self._outcome(3, "a controller fell silent; see the events")
         return self._outcome(0, "")
 

@@ -138,7 +138,9 @@ class Plant:
             return
         taken = self.bench.offer(command_of(message))
         if taken and not self._pacing.paced:
-            if not self._held_back(monotonic()):
+            if self._held_back(monotonic()):
+                self.loop.hurry()
+            else:
                 self._advance()
         elif self.bench.events:
             self._publish_events()
@@ -156,6 +158,8 @@ class Plant:
         else:
             self._pacing.asked(monotonic())
             self._publish_tick()
+            if self.bench.switch_results or not self.bench.drive.active:
+                self.loop.hurry()
             if self._steps_left:
                 self._steps_left -= 1
                 if not self._steps_left:
@@ -245,6 +249,7 @@ class Plant:
         if self.state == "running":
             return False, "already running"
         self.state = "waiting"
+        self.loop.hurry()
         return True, f"starting at tick {self.bench.tick}"
 
     def pause(self) -> tuple[bool, str]:
@@ -270,6 +275,7 @@ class Plant:
             return False, f"not paused but {self.state}; call pause first"
         self._steps_left = max(1, ticks)
         self.state = "waiting"
+        self.loop.hurry()
         return True, f"flying {self._steps_left} ticks"
 
     def _testbed_message(self) -> msg.Testbed:

@@ -52,10 +52,18 @@ def latched(depth: int) -> QoSProfile:
     )
 
 
-def new_node(name: str) -> Node:
-    """Return a node that takes any parameter; `settings_of` says which are right."""
+def new_node(name: str, own_parameters: bool = True) -> Node:
+    """Return a node that takes any parameter; `settings_of` says which are right.
+
+    Args:
+        name: unless the command line says another one.
+        own_parameters: False for the second node of a process, which has neither a name from the
+            command line nor parameters.
+    """
     return Node(
         name,
+        use_global_arguments=own_parameters,
+        start_parameter_services=own_parameters,
         allow_undeclared_parameters=True,
         automatically_declare_parameters_from_overrides=True,
     )
@@ -190,6 +198,11 @@ class Loop:
     def __init__(self) -> None:
         self._executor = EventsExecutor()
         self._code: int | None = None
+        self._due = 0.0  # when to poll [wall s]
+
+    def hurry(self) -> None:
+        """Poll before the next event: something changed that it has to know."""
+        self._due = 0.0
 
     def add(self, node: Node) -> None:
         """Serve this node, too."""
@@ -211,20 +224,21 @@ class Loop:
         """Serve the graph until stopped; return the exit code.
 
         Args:
-            poll: called between events, returns the wall seconds after which it wants to be
-                called again.
+            poll: called between events, returns after how many wall seconds it wants to be called
+                again.
         """
         supervisor = int(os.environ.get(SUPERVISOR, "0"))
         next_look = 0.0
         while self._code is None:
+            now = monotonic()
+            if now >= self._due:
+                self._due = now + poll()
             # never without a timeout: this executor would neither dispatch nor see a signal
-            self._executor.spin_once(timeout_sec=max(poll(), 0.0))
-            if not rclpy.ok():
-                return 130
-            if supervisor and monotonic() >= next_look:
-                if os.getppid() != supervisor:
+            self._executor.spin_once(timeout_sec=max(self._due - now, 0.0))
+            if now >= next_look:
+                if not rclpy.ok() or (supervisor and os.getppid() != supervisor):
                     return 130  # nobody would ever end this process
-                next_look = monotonic() + 0.5
+                next_look = now + 0.5
         return self._code
 
 
