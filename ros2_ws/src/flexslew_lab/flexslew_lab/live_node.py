@@ -1,5 +1,6 @@
 """The `live` node: a Foxglove WebSocket server on this machine that shows the bench as it runs."""
 
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
@@ -14,6 +15,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.ros_node import LOOP, Loop, latched, new_node, run_node, settings_of
 from flexslew_plant.settings import section
 
+_GUESTS = 20  # latched messages that are kept where several nodes publish one each
 HOST = "127.0.0.1"  # never another one: nobody is asked for a password
 
 
@@ -22,6 +24,20 @@ class LiveSettings:
     """The parameters of the node."""
 
     port: Annotated[int, Field(ge=0, le=65535)] = 8765  # 0: any free one
+
+
+class _Listener:
+    """Notes the topics that a client begins to listen to; called from the server's threads."""
+
+    def __init__(self, newcomers: deque[str]) -> None:
+        self._newcomers = newcomers
+
+    def on_subscribe(self, client: Any, channel: Any) -> None:
+        """Take the topic of the channel."""
+        self._newcomers.append(channel.topic)
+
+    def on_unsubscribe(self, client: Any, channel: Any) -> None:
+        """Nothing to do."""
 
 
 class LiveNode:
@@ -46,10 +62,17 @@ class LiveNode:
         self.node = node = new_node("live")
         loop.add(node)
         chosen: LiveSettings = settings or settings_of(node, LiveSettings)
-        context = foxglove.Context()
+        self._newcomers: deque[str] = deque()  # topics that somebody has begun to listen to
+        self._latched: dict[str, deque[tuple[bytes, int]]] = {}  # with log times
+        self._channels: dict[str, Any] = {}
+        self._context = context = foxglove.Context()  # its channels close with it
         try:
             self._server = foxglove.start_server(
-                name="flexslew", host=HOST, port=chosen.port, context=context
+                name="flexslew",
+                host=HOST,
+                port=chosen.port,
+                context=context,
+                server_listener=_Listener(self._newcomers),
             )
         except Exception as error:  # a type of its own below the binding
             raise BadInput(f"live: port {chosen.port} cannot be opened: {error}") from None
@@ -62,27 +85,36 @@ class LiveNode:
                 message_encoding="cdr",
                 context=context,
             )
+            self._channels[topic] = channel
+            if known.latched:
+                self._latched[topic] = deque(maxlen=max(known.depth, _GUESTS))
             node.create_subscription(
                 _message_class(known.type),
                 topic,
-                partial(self._forward, channel, known.type),
-                latched(known.depth) if known.latched else LOOP,
+                partial(self._forward, topic, known.type),
+                latched(max(known.depth, _GUESTS)) if known.latched else LOOP,
                 raw=True,
             )
         say(f"open ws://{HOST}:{self._server.port} in Foxglove; Ctrl-C ends it")
 
     def poll(self) -> float:
-        """Return the wall seconds until it wants to look again: everything comes by itself."""
-        return 0.5
+        """Say again what is latched to newcomers; return when to look again [wall s]."""
+        while self._newcomers:
+            topic = self._newcomers.popleft()
+            for data, time in self._latched.get(topic, ()):
+                self._channels[topic].log(data, log_time=time)
+        return 0.2
 
     def close(self) -> None:
         """End the server and leave the graph."""
         self._server.stop()
         self.node.destroy_node()
 
-    def _forward(self, channel: Any, kind: str, data: bytes) -> None:
+    def _forward(self, topic: str, kind: str, data: bytes) -> None:
         self._last = stamp_of(kind, data, self._last)
-        channel.log(data, log_time=self._last)
+        self._channels[topic].log(data, log_time=self._last)
+        if topic in self._latched:
+            self._latched[topic].append((data, self._last))
 
 
 def live(port: int, say: Callable[[str], None]) -> None:

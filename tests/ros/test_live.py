@@ -1,0 +1,128 @@
+"""The Foxglove server on loopback: channels with their schemas, and the bytes of the topics."""
+
+import base64
+import json
+import os
+import socket
+import struct
+import time
+
+import pytest
+
+from flexslew_lab.bag_reader import BagReader
+from flexslew_lab.domain import own_domain
+from flexslew_lab.processes import NodeProcess, parameter_file
+from flexslew_lab.run import run_trial
+from flexslew_lab.schemas import schema_text
+from flexslew_lab.supervisor import Supervisor
+
+from .flight import slew
+
+pytest.importorskip("foxglove")
+
+
+class Client:
+    """A WebSocket client that speaks as little as it can."""
+
+    def __init__(self, port: int):
+        self._socket = socket.create_connection(("127.0.0.1", port), timeout=20.0)
+        key = base64.b64encode(os.urandom(16)).decode()
+        self._socket.sendall(
+            f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
+            f"Connection: Upgrade\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n"
+            "Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n".encode()
+        )
+        reply = b""
+        while b"\r\n\r\n" not in reply:
+            reply += self._read(1)
+        assert b" 101 " in reply, reply
+
+    def receive(self) -> bytes | dict:
+        """Return the next message: JSON or binary."""
+        first, size = self._read(2)
+        if size == 126:
+            (size,) = struct.unpack(">H", self._read(2))
+        elif size == 127:
+            (size,) = struct.unpack(">Q", self._read(8))
+        data = self._read(size)
+        return json.loads(data) if first & 15 == 1 else data
+
+    def send(self, message: dict) -> None:
+        data, mask = json.dumps(message).encode(), os.urandom(4)
+        masked = bytes(byte ^ mask[i % 4] for i, byte in enumerate(data))
+        assert len(data) < 126  # else the length takes more bytes
+        self._socket.sendall(struct.pack(">BB", 0x81, 0x80 | len(data)) + mask + masked)
+
+    def _read(self, size: int) -> bytes:
+        data = b""
+        while len(data) < size:
+            part = self._socket.recv(size - len(data))
+            assert part, "the server has closed"
+            data += part
+        return data
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def connected(port: int, supervisor: Supervisor) -> Client:
+    for _ in range(400):
+        supervisor._serve(0.05)
+        try:
+            return Client(port)
+        except ConnectionRefusedError:
+            continue
+    raise AssertionError("the server never opened")
+
+
+def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path):
+    run = tmp_path / "run"
+    run_trial(slew(duration=6.0), "test", run, in_process=True, report=False)
+    port = free_port()
+    processes = [
+        NodeProcess("live", "flexslew_lab", "live", {"port": port}),
+        NodeProcess(
+            "plant", "flexslew_lab", "play",
+            {"bag": str(run / "bag"), "topics": ["/truth", "/testbed"], "rate": 0.2},
+        ),
+    ]  # fmt: skip
+    parameters = tmp_path / "parameters.yaml"
+    parameters.write_text(parameter_file(processes))
+    with own_domain() as domain:
+        log = tmp_path / "nodes.log"
+        supervisor = Supervisor(processes, parameters, log, domain, lambda tick, last: None)
+        try:
+            client = connected(port, supervisor)
+            channels = {}
+            while not {"/truth", "/testbed"} <= {*channels}:
+                message = client.receive()
+                if isinstance(message, dict) and message["op"] == "advertise":
+                    channels |= {c["topic"]: c for c in message["channels"]}
+            truth = channels["/truth"]
+            assert (truth["encoding"], truth["schemaEncoding"]) == ("cdr", "ros2msg")
+            assert truth["schema"] == schema_text("flexslew_msgs/msg/PlantState")
+            found = {7: subscribed(client, 7, truth["id"])}
+            time.sleep(0.5)  # by now the testbed has announced itself, once
+            found[8] = subscribed(client, 8, channels["/testbed"]["id"])
+        finally:
+            supervisor._end()
+    for number, topic in ((7, "/truth"), (8, "/testbed")):
+        logged = {m.data.rstrip(b"\0") for m in BagReader(run / "bag").messages([topic])}
+        stamp, data = found[number]
+        assert data.rstrip(b"\0") in logged  # DDS rounds lengths up
+        assert stamp % 10_000_000 == 0  # simulated time of a tick
+
+
+def subscribed(client: Client, number: int, channel: int) -> tuple[int, bytes]:
+    """Return time and bytes of the first message of a channel."""
+    subscription = {"id": number, "channelId": channel}
+    client.send({"op": "subscribe", "subscriptions": [subscription]})
+    while True:
+        message = client.receive()
+        if isinstance(message, bytes):
+            kind, of, stamp = struct.unpack_from("<BIQ", message)
+            if (kind, of) == (1, number):
+                return stamp, message[13:]
