@@ -5,6 +5,7 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from flexslew_msgs import msg
 
 from flexslew_control.controller import Answer, Controller
@@ -15,11 +16,9 @@ from flexslew_plant.ros_node import (
     LOOP,
     Loop,
     PlantWatch,
-    command_message,
     declared,
     doubles,
     latched,
-    measurement_of,
     new_node,
     parameters_of,
     run_node,
@@ -27,6 +26,7 @@ from flexslew_plant.ros_node import (
     unmatched,
 )
 from flexslew_plant.settings import section
+from flexslew_plant.wire import Stamp, command_bytes, measurement_from
 
 _LOOK = 0.02  # between two looks at the graph while not ready [wall s]
 _RENEW = 100  # ticks between two status messages
@@ -68,7 +68,7 @@ class ControllerNode:
             msg.ControllerStatus, topics.CONTROLLER_STATUS, latched(1)
         )
         measurement = node.create_subscription(
-            msg.Measurement, topics.MEASUREMENT, self._on_measurement, LOOP
+            msg.Measurement, topics.MEASUREMENT, self._on_measurement, LOOP, raw=True
         )
         self._watch = PlantWatch(loop, measurement, self._settings.exit_with_plant)
         node.create_subscription(msg.Testbed, topics.TESTBED, self._on_testbed, latched(1))
@@ -146,24 +146,24 @@ class ControllerNode:
                 self.node.get_logger().warning(f"plan refused: {self._plan_refused}")
         self._announce(always=True)
 
-    def _on_measurement(self, message: msg.Measurement) -> None:
+    def _on_measurement(self, data: bytes) -> None:
         controller = self._controller
         if controller is None:
             return
-        self._epoch = message.epoch
-        answer = controller.observe(measurement_of(message, controller.period))
+        question, at = measurement_from(data, controller.period)
+        self._epoch = question.epoch
+        answer = controller.observe(question)
         if answer is not None:
-            self._command.publish(command_message(answer.command, message.header.stamp))
-            self._publish_state(answer, message)
-        if message.tick >= self._last_status_tick + _RENEW or message.tick == 0:
+            self._command.publish(command_bytes(answer.command, at))
+            self._publish_state(answer, at)
+        if question.tick >= self._last_status_tick + _RENEW or question.tick == 0:
             self._announce(always=True)
 
-    def _publish_state(self, answer: Answer, question: msg.Measurement) -> None:
-        reference, estimate = answer.reference, answer.estimate
+    def _publish_state(self, answer: Answer, at: Stamp) -> None:
+        command, reference, estimate = answer.command, answer.reference, answer.estimate
         state = msg.ControllerState(
-            header=question.header,
-            tick=question.tick,
-            epoch=question.epoch,
+            tick=command.tick,
+            epoch=command.epoch,
             controller=self._name,
             reference_position=doubles(reference.position),
             reference_velocity=doubles(reference.velocity),
@@ -174,10 +174,11 @@ class ControllerNode:
             covariance_diagonal=doubles(np.diagonal(estimate.covariance)),
             innovation=doubles(estimate.innovation),
             nis=estimate.nis,
-            effort=doubles(answer.command.effort),
+            effort=doubles(command.effort),
             term_names=list(answer.terms),
             terms=doubles(np.concatenate(list(answer.terms.values()))) if answer.terms else [],
         )
+        state.header.stamp = Time(sec=at.sec, nanosec=at.nanosec)
         self._state.publish(state)
 
 

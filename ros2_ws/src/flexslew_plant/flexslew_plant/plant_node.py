@@ -14,11 +14,9 @@ from flexslew_plant.plant_services_node import Services
 from flexslew_plant.ros_node import (
     LOOP,
     Loop,
-    command_of,
     doubles,
     event_message,
     latched,
-    measurement_message,
     new_node,
     run_node,
     settings_of,
@@ -27,6 +25,7 @@ from flexslew_plant.ros_node import (
 )
 from flexslew_plant.settings import NonNegative, Positive, plain, section, yaml_text
 from flexslew_plant.standby import Standby
+from flexslew_plant.wire import command_from, measurement_bytes
 
 
 @section
@@ -70,7 +69,9 @@ class Plant:
         self._events = node.create_publisher(msg.Event, topics.EVENTS, latched(1000))
         self._testbed = node.create_publisher(msg.Testbed, topics.TESTBED, latched(1))
         self._display = Display(node, self.bench, self._settings.display_rate)
-        node.create_subscription(msg.EffortCommand, topics.EFFORT_COMMAND, self._on_command, LOOP)
+        node.create_subscription(
+            msg.EffortCommand, topics.EFFORT_COMMAND, self._on_command, LOOP, raw=True
+        )
         node.create_subscription(
             msg.ControllerStatus, topics.CONTROLLER_STATUS, self._on_status, latched(100)
         )
@@ -97,7 +98,7 @@ class Plant:
                 return 0.005
             self._advance()
         elif not bench.answered and self._pacing.repeat_due(now):
-            self._measurement.publish(measurement_message(bench.question))
+            self._measurement.publish(measurement_bytes(bench.question))
         return 0.0 if bench.answered and not self._pacing.paced else self._pacing.wait(monotonic())
 
     def close(self) -> None:
@@ -133,10 +134,10 @@ class Plant:
         self._say(Level.INFO, word, f"{word} at tick {self.bench.tick}")
         self._publish_tick()
 
-    def _on_command(self, message: msg.EffortCommand) -> None:
+    def _on_command(self, data: bytes) -> None:
         if self.state != "running":
             return
-        taken = self.bench.offer(command_of(message))
+        taken = self.bench.offer(command_from(data))
         if taken and not self._pacing.paced:
             if self._held_back(monotonic()):
                 self.loop.hurry()
@@ -145,7 +146,7 @@ class Plant:
         elif self.bench.events:
             self._publish_events()
             if not self.bench.answered:  # a refused switch asks its predecessor
-                self._measurement.publish(measurement_message(self.bench.question))
+                self._measurement.publish(measurement_bytes(self.bench.question))
 
     def _held_back(self, now: float) -> bool:
         """Return whether a standby is too far behind for another question."""
@@ -167,7 +168,7 @@ class Plant:
 
     def _publish_tick(self) -> None:
         """Ask first: the answer is under way while the rest goes out."""
-        self._measurement.publish(measurement_message(self.bench.question))
+        self._measurement.publish(measurement_bytes(self.bench.question))
         self._publish_truth()
         self._publish_events()
 

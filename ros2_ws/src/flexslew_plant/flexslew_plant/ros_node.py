@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from time import monotonic
 from typing import Any
 
-import numpy as np
 import rclpy
 from builtin_interfaces.msg import Time
 from flexslew_msgs import msg
@@ -27,7 +26,6 @@ from rclpy.task import Future
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.events import Event
-from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.settings import flat, load_yaml, plain, validated
 
 # environment variable: id of the process that started this node and without which it ends
@@ -127,55 +125,6 @@ def stamp(seconds: float) -> Time:
 def doubles(values: Vector) -> "array[float]":
     """Return an array as the type that rclpy copies fastest."""
     return array("d", values.tobytes())
-
-
-def measurement_message(m: Measurement) -> msg.Measurement:
-    """Return the question as a message."""
-    message = msg.Measurement(
-        tick=m.tick,
-        epoch=m.epoch,
-        controller=m.controller,
-        joint_position=doubles(m.joint_position),
-        joint_velocity=doubles(m.joint_velocity),
-        tip_deflection=doubles(m.tip_deflection),
-        root_curvature=doubles(m.root_curvature),
-        applied_effort=doubles(m.applied_effort),
-    )
-    message.header.stamp = stamp(m.time)
-    return message
-
-
-def measurement_of(message: msg.Measurement, period: float) -> Measurement:
-    """Return the message as the question; its time is that of the tick to the last bit."""
-    return Measurement(
-        message.tick,
-        message.epoch,
-        message.tick * period,
-        message.controller,
-        np.frombuffer(message.joint_position),
-        np.frombuffer(message.joint_velocity),
-        np.frombuffer(message.tip_deflection),
-        np.frombuffer(message.root_curvature),
-        np.frombuffer(message.applied_effort),
-    )
-
-
-def command_message(command: EffortCommand, at: Time) -> msg.EffortCommand:
-    """Return the answer as a message with the stamp of its question."""
-    return msg.EffortCommand(
-        stamp=at,
-        tick=command.tick,
-        epoch=command.epoch,
-        controller=command.controller,
-        effort=doubles(command.effort),
-    )
-
-
-def command_of(message: msg.EffortCommand) -> EffortCommand:
-    """Return the message as the answer."""
-    return EffortCommand(
-        message.tick, message.epoch, message.controller, np.frombuffer(message.effort)
-    )
 
 
 def event_message(event: Event) -> msg.Event:

@@ -1,0 +1,59 @@
+"""The hand-packed bytes are what the middleware reads and writes."""
+
+from array import array
+
+import numpy as np
+import pytest
+from flexslew_msgs import msg
+from rclpy.serialization import deserialize_message, serialize_message
+
+from flexslew_plant.measurement import EffortCommand, Measurement
+from flexslew_plant.ros_node import stamp
+from flexslew_plant.wire import (
+    Stamp,
+    command_bytes,
+    command_from,
+    measurement_bytes,
+    measurement_from,
+)
+
+NAMES = ("", "a", "pd_feedforward", "an_even_longer_name")
+ARRAYS = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature", "applied_effort")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("sizes", [(2, 2, 2, 2, 2), (1, 1, 0, 0, 1), (3, 3, 1, 0, 3)])
+def test_a_measurement_has_the_bytes_of_the_message(name, sizes):
+    arrays = [np.arange(n) - 0.1 for n in sizes]
+    question = Measurement(1234, 5, 12.34, name, *arrays)
+    message = msg.Measurement(tick=1234, epoch=5, controller=name)
+    message.header.stamp = stamp(12.34)
+    for field, values in zip(ARRAYS, arrays, strict=True):
+        setattr(message, field, array("d", values))
+    data = measurement_bytes(question)
+    assert deserialize_message(data, msg.Measurement) == message
+    assert len(data) == len(bytes(serialize_message(message)))
+    again, at = measurement_from(data, 0.01)
+    assert again[:4] == (1234, 5, 1234 * 0.01, name)
+    assert at == Stamp(12, 340_000_000)
+    for values, back in zip(arrays, again[4:], strict=True):
+        assert values.tolist() == back.tolist()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("size", [0, 1, 2, 5])
+def test_a_command_has_the_bytes_of_the_message(name, size):
+    effort = np.arange(size) * 0.3
+    data = command_bytes(EffortCommand(7, 1, name, effort), Stamp(3, 4))
+    message = deserialize_message(data, msg.EffortCommand)
+    assert len(data) == len(bytes(serialize_message(message)))
+    assert (message.tick, message.epoch, message.controller) == (7, 1, name)
+    assert command_from(data).effort.tolist() == list(message.effort) == effort.tolist()
+
+
+def test_a_frame_in_the_header_shifts_nothing():
+    message = msg.Measurement(tick=9, controller="x", joint_position=array("d", [1.0]))
+    message.header.frame_id = "hub_frame"
+    question, _ = measurement_from(bytes(serialize_message(message)), 0.01)
+    assert (question.tick, question.controller) == (9, "x")
+    assert question.joint_position.tolist() == [1.0]
