@@ -40,7 +40,10 @@ fi
 install_packages() {
   local told="$venv/pip.log"
   "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off "$@" 2>"$told" |
-    awk '/^Collecting/ { printf "\r  %d %s\033[K", ++n, $2; fflush() } /^Installing/ { printf "\r  installing %d packages\033[K\n", n; fflush() }' >&2 ||
+    awk -v end="$(if [ -t 2 ]; then printf '\033[K'; else printf '\n'; fi)" '
+      /^Collecting/ { if (++n % 10 == 1 || end != "\n") printf "\r  %d %s%s", n, $2, end }
+      /^Installing/ { printf "\r  unpacking %d%s\n", n, end }
+      { fflush() }' >&2 ||
     { grep -v WARNING "$told" | tail -5 >&2; fail "pip could not install $lock; the whole story is in $told"; }
 }
 installed_ros=${FLEXSLEW_INSTALLED_ROS:-}

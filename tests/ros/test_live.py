@@ -105,7 +105,8 @@ def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path):
             assert (truth["encoding"], truth["schemaEncoding"]) == ("cdr", "ros2msg")
             assert truth["schema"] == schema_text("flexslew_msgs/msg/PlantState")
             found = {7: subscribed(client, 7, truth["id"])}
-            time.sleep(0.5)  # by now the testbed has announced itself, once
+            for _ in range(10):  # by now the testbed has announced itself, once
+                client.receive()
             found[8] = subscribed(client, 8, channels["/testbed"]["id"])
         finally:
             supervisor._end()
