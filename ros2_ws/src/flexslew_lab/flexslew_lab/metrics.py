@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexslew_lab.bag_layout import RUN_RECORD
 from flexslew_lab.bag_reader import BagReader, Overview
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -190,7 +191,8 @@ def _result(r: _Running, overview: Overview) -> dict[str, Any]:
     events = [e for e in overview.events if e.epoch == r.epoch]
     steps = [_step(e.data) for e in events if e.kind == "switched"]
     finished = [e.data for e in events if e.kind == "finished" and isinstance(e.data, dict)]
-    wall = [data["wall_time"] for data in finished if "wall_time" in data]
+    wall = [float(data["wall_time"]) for data in finished if "wall_time" in data]
+    wall += [float(t) for t in [overview.metadata.get(RUN_RECORD, {}).get("wall_time")] if t]
     aimed = m.goal is not None
     return {
         "residual_tip_deflection": r.residual_tip if r.seen_end else None,
