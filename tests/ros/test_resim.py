@@ -17,7 +17,9 @@ def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path):
         answers.append(switch_controller("output_feedback", 0.0, False, 1.0))
 
     answers = []
-    flight = Flight(slew(duration=150.0, more=CREW, extra="display_rate: 0.0"), tmp_path, 1, by_hand)
+    flight = Flight(
+        slew(duration=150.0, more=CREW, extra="display_rate: 0.0"), tmp_path, 1, by_hand
+    )
     assert flight.outcome == (0, "")
     assert answers[0][0], answers
     again = resim(flight.bag)
