@@ -17,6 +17,7 @@ from flexslew_control.controller import Controller
 from flexslew_control.law import Estimator, Law
 from flexslew_control.user_law import build_user_law, find_law
 from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
 from flexslew_plant.model import Model
 from flexslew_plant.settings import NonNegative, plain, validated, yaml_text
 
@@ -69,7 +70,11 @@ def build_controller(
     built: Law
     if law in CONTROLLERS:
         kind = CONTROLLERS[law]
-        estimator, built = kind.build(validated(kind.settings, own, source), period, limit)
+        settings = validated(kind.settings, own, source)
+        try:
+            estimator, built = kind.build(settings, period, limit)
+        except BadInput as error:
+            raise BadInput(f"{source}: {error}") from None
     else:
         found = find_law(law, source, tuple(CONTROLLERS))
         estimator, built = build_user_law(found, law, own, period, limit, source)

@@ -27,7 +27,7 @@ from flexslew_lab.trial import (
     trial_text,
 )
 from flexslew_plant.bench import Bench
-from flexslew_plant.errors import BadInput
+from flexslew_plant.errors import BadInput, PlanFailed
 
 Progress = Callable[[int, int], None]  # tick, last tick
 
@@ -84,7 +84,10 @@ def run_trial(
     """
     bench = Bench(bench_settings(trial))
     controllers = build_controllers(trial, bench, source)
-    plan = plan_of_trial(trial)
+    try:
+        plan = plan_of_trial(trial)
+    except (BadInput, PlanFailed) as error:
+        raise type(error)(f"{source}: plan: {error}") from None
     for controller in controllers.values():
         refused = controller.adopt(plan) if plan is not None else ""
         if refused:

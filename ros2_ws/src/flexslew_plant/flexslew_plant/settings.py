@@ -37,7 +37,7 @@ def validated(kind: Any, values: Any, source: str) -> Any:
     try:
         return TypeAdapter(kind).validate_python(values)
     except ValidationError as error:
-        raise BadInput(_one_line(error, kind, source)) from None
+        raise BadInput(_one_line(error, kind, values, source)) from None
 
 
 def plain(section_value: Any) -> Any:
@@ -90,11 +90,11 @@ def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     return result
 
 
-def _one_line(error: ValidationError, kind: Any, source: str) -> str:
+def _one_line(error: ValidationError, kind: Any, values: Any, source: str) -> str:
     """Say the first error as `file: key: value is not allowed: why`."""
     first = error.errors()[0]
     place = [str(part) for part in first["loc"]]
-    key = ".".join(place) or "(whole file)"
+    key = ".".join(_written(first["loc"], values)) or "(whole file)"
     if first["type"] == "unexpected_keyword_argument":
         known = _known_keys(error, kind, place[:-1])
         close = difflib.get_close_matches(place[-1], known, n=1)
@@ -105,6 +105,21 @@ def _one_line(error: ValidationError, kind: Any, source: str) -> str:
     value = repr(first["input"])
     value = value if len(value) <= 60 else value[:57] + "..."
     return f"{source}: {key}: {value} is not allowed: {first['msg']}{more}"
+
+
+def _written(place: tuple[int | str, ...], values: Any) -> list[str]:
+    """Return the path as the file has it: without the tags of unions."""
+    path = []
+    for part in place:
+        inside = isinstance(part, int) or (isinstance(values, dict) and part in values)
+        if inside or part == place[-1]:
+            path.append(str(part))
+        if inside:
+            try:
+                values = values[part]
+            except (LookupError, TypeError):
+                values = None
+    return path
 
 
 def _known_keys(error: ValidationError, kind: Any, place: list[str]) -> list[str]:
