@@ -17,6 +17,7 @@ from flexslew_plant.bench import Bench, Truth
 from flexslew_plant.events import Event
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.wire import stamp_of
 
 
 class BagObserver:
@@ -78,8 +79,7 @@ class BagObserver:
 
     def question(self, question: Measurement) -> None:
         """Write a measurement."""
-        nanoseconds = round(question.time * 1e9)
-        self._now = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+        self._now = stamp_of(question.time)._asdict()
         values = question._asdict()
         del values["time"]
         self._put("/measurement", header=self._header(), **values)
@@ -87,8 +87,7 @@ class BagObserver:
     def truth(self, truth: Truth) -> None:
         """Write the state at a tick."""
         values = truth._asdict()
-        nanoseconds = round(values.pop("time") * 1e9)
-        self._now = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+        self._now = stamp_of(values.pop("time"))._asdict()
         self._put("/truth", header=self._header(), **values)
 
     def answer(self, answer: Answer) -> None:
@@ -118,8 +117,7 @@ class BagObserver:
     def event(self, event: Event) -> None:
         """Write an event."""
         values = event._asdict() | {"level": int(event.level), "data": json.dumps(event.data)}
-        nanoseconds = round(values.pop("time") * 1e9)
-        at = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+        at = stamp_of(values.pop("time"))._asdict()
         self._put("/events", stamp=at, **values)
 
     def _header(self) -> dict[str, Any]:

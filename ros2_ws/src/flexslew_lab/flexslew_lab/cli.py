@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from flexslew_lab.cli_log import log, register
+from flexslew_lab.cli_log import Json, bag_of, log, register, screen
 from flexslew_lab.trial import DEFAULT, load_trial
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
 
@@ -27,9 +27,6 @@ app = typer.Typer(
 app.add_typer(log, name="log")
 register(app)
 
-screen = Console(stderr=True)  # for people; standard output is for results
-
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 TrialFile = Annotated[Path | None, typer.Argument(help="Trial file; without it manoeuvre M1.")]
 Bags = Annotated[list[Path], typer.Argument(help="Folders of runs, or bags.")]
 
@@ -137,7 +134,7 @@ def report(
     from flexslew_lab.report import write_report
 
     target = out or (bags[0] if bags[0].is_dir() else bags[0].parent) / "report.html"
-    write_report([_bag(path) for path in bags], target)
+    write_report([bag_of(path) for path in bags], target)
     screen.print(f"written {target}")
 
 
@@ -310,11 +307,6 @@ def _short(value: Any) -> str:
 
 def _content(folder: Path) -> list[str]:
     return sorted(path.name + "/" * path.is_dir() for path in folder.iterdir())
-
-
-def _bag(path: Path) -> Path:
-    """Return the bag of a run's folder, or the path itself."""
-    return path / "bag" if (path / "bag").is_dir() else path
 
 
 def _root() -> Path:

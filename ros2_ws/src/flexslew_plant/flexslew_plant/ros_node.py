@@ -27,6 +27,7 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.events import Event
 from flexslew_plant.settings import flat, load_yaml, plain, validated
+from flexslew_plant.wire import stamp_of
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
@@ -118,8 +119,7 @@ def unmatched(node: Node, publishers: Sequence[Publisher], listeners: Sequence[s
 
 def stamp(seconds: float) -> Time:
     """Return simulated seconds as a stamp."""
-    nanoseconds = round(seconds * 1e9)
-    return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
+    return Time(**stamp_of(seconds)._asdict())
 
 
 def doubles(values: Vector) -> "array[float]":
