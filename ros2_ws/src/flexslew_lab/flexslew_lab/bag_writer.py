@@ -91,36 +91,6 @@ class BagWriter:
         """How many messages were taken so far."""
         return sum(track.count for track in self._tracks.values())
 
-    def add_topic(self, topic: str, type_name: str) -> None:
-        """Announce a topic; `write` does it by itself at the first message.
-
-        Args:
-            topic: absolute name.
-            type_name: `package/msg/Type`.
-        """
-        if topic in self._tracks:
-            return
-        if type_name not in self._schemas:
-            self._schemas[type_name] = len(self._schemas) + 1
-            text = schema_text(type_name).encode()
-            number = self._schemas[type_name]
-            self._announce(Schema(id=number, name=type_name, encoding="ros2msg", data=text))
-        track = _Track(len(self._tracks) + 1, type_name)
-        qos = {
-            "offered_qos_profiles": plain_yaml([qos_profile(topic)]),
-            "topic_type_hash": type_hash(type_name),
-        }
-        self._announce(
-            Channel(
-                id=track.channel,
-                topic=topic,
-                message_encoding="cdr",
-                metadata=qos,
-                schema_id=self._schemas[type_name],
-            )
-        )
-        self._tracks[topic] = track
-
     def write(self, topic: str, type_name: str, data: bytes, stamp: int) -> None:
         """Append one message.
 
@@ -137,8 +107,7 @@ class BagWriter:
         """
         track = self._tracks.get(topic)
         if track is None:
-            self.add_topic(topic, type_name)
-            track = self._tracks[topic]
+            track = self._new_track(topic, type_name)
         if stamp <= self.last:
             stamp = self.last + 1
         self.last = stamp
@@ -210,6 +179,30 @@ class BagWriter:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _new_track(self, topic: str, type_name: str) -> _Track:
+        """Announce a topic; a message follows, so no announcement waits for a chunk in vain."""
+        if type_name not in self._schemas:
+            self._schemas[type_name] = len(self._schemas) + 1
+            text = schema_text(type_name).encode()
+            number = self._schemas[type_name]
+            self._announce(Schema(id=number, name=type_name, encoding="ros2msg", data=text))
+        track = _Track(len(self._tracks) + 1, type_name)
+        qos = {
+            "offered_qos_profiles": plain_yaml([qos_profile(topic)]),
+            "topic_type_hash": type_hash(type_name),
+        }
+        self._announce(
+            Channel(
+                id=track.channel,
+                topic=topic,
+                message_encoding="cdr",
+                metadata=qos,
+                schema_id=self._schemas[type_name],
+            )
+        )
+        self._tracks[topic] = track
+        return track
 
     def _announce(self, record: McapRecord) -> None:
         self._records.append(record)
