@@ -80,6 +80,20 @@ class Manoeuvre:
             np.empty((len(drive), n)),
         )
 
+    def efforts(self, edges: Vector, feedforward: Matrix, path: Matrix) -> Matrix:
+        """Return feedforward and feedback (16) at the edges, shape (steps + 1, joints) [N m].
+
+        Args:
+            edges: shape (steps + 1,) [s].
+            feedforward: at the edges, shape (steps + 1, joints) [N m].
+            path: the states there, shape (steps + 1, 2 n).
+        """
+        n, joints = self.model.coordinates, self.model.joints
+        wanted = rest_to_rest(self.reference, self.start, self.goal, self.duration, edges)
+        feedback = self.kp * (wanted.position - path[:, :joints])
+        feedback += self.kd * (wanted.velocity - path[:, n : n + joints])
+        return np.asarray(feedforward + feedback)
+
 
 def _fastest_rate(model: Model, kp: Vector, kd: Vector, joints: Vector) -> float:
     """Return the largest |pole| about the rest at joints, from M x'' + (D + Kd) x' + (K + Kp) x."""
@@ -114,6 +128,13 @@ def _tables(basis: Basis, profile: Profile, substeps: int) -> tuple[Vector, Matr
     return edges, basis.values(times), unit.position, unit.velocity
 
 
+@lru_cache(maxsize=16)
+def _at_edges(basis: Basis, substeps: int) -> Matrix:
+    """Return the basis at the edges of the integration, shape (steps + 1, n_u)."""
+    nodes = basis.nodes
+    return basis.values(np.linspace(0.0, basis.duration, (len(nodes) - 1) * substeps + 1))
+
+
 def substeps_for(manoeuvre: Manoeuvre, basis: Basis) -> int:
     """Return into how many steps each piece of the basis is cut for an error in Y below 1e-8."""
     piece = basis.duration / (len(basis.nodes) - 1)
@@ -145,6 +166,7 @@ class TerminalMap:
         self._work["states"] = np.empty((stages, 2 * n))
         self._work["accelerations"] = np.empty((stages, n))
         self._work["adjoint"] = np.empty((stages, m.model.joints * 2 * n))
+        self._work["path"] = np.empty((0, 2 * n))
 
     @property
     def steps(self) -> int:
@@ -161,7 +183,7 @@ class TerminalMap:
         edges, table, _, _ = _tables(self.basis, m.reference, self.substeps)
         drive = table @ weights.reshape(m.model.joints, -1).T
         drive += self._work["drive"]
-        path = roll_out(
+        path = self._work["path"] = roll_out(
             m.model.kind,
             m.model.packed,
             m.initial_state,
@@ -178,20 +200,48 @@ class TerminalMap:
     def sensitivity(self) -> Matrix:
         """Return G = dY/dU (24) at the weights of the last terminal_error, exact, (2 n, N_U)."""
         m = self.manoeuvre
-        edges, table, _, _ = _tables(self.basis, m.reference, self.substeps)
-        final_sensitivity(
-            m.model.kind,
-            m.model.packed,
-            edges,
-            m.kp,
-            m.kd,
-            self._sizes,
-            self._work["states"],
-            self._work["accelerations"],
-            self._work["adjoint"],
-        )
+        table = _tables(self.basis, m.reference, self.substeps)[1]
+        self._differentiate(np.empty((0, 0)))
         by_joint = (self._work["adjoint"].T @ table).reshape(m.model.joints, -1, table.shape[1])
         return np.concatenate(by_joint, axis=1)
+
+    def efforts(self, weights: Vector) -> Matrix:
+        """Return feedforward and feedback (16) at the edges of the last terminal_error.
+
+        Args:
+            weights: U, those of the last terminal_error.
+
+        Returns:
+            shape (steps + 1, joints) [N m].
+        """
+        m = self.manoeuvre
+        edges = _tables(self.basis, m.reference, self.substeps)[0]
+        feedforward = _at_edges(self.basis, self.substeps) @ weights.reshape(m.model.joints, -1).T
+        return m.efforts(edges, feedforward, self._work["path"])
+
+    def sensitivities(self) -> tuple[Matrix, Matrix]:
+        """Return the derivatives of terminal_error and efforts by the weights, exact.
+
+        Returns:
+            G = dY/dU, shape (2 n, N_U), and that of the efforts, shape (steps + 1, joints, N_U).
+        """
+        m = self.manoeuvre
+        n, joints, steps = m.model.coordinates, m.model.joints, self.steps
+        table = _tables(self.basis, m.reference, self.substeps)[1].reshape(steps, STAGES, -1)
+        flat = np.empty((steps, 4 * n * n))
+        self._differentiate(flat)
+        transitions = flat.reshape(steps, 2 * n, 2 * n).swapaxes(1, 2)
+        by_stage = self._work["adjoint"].reshape(steps, STAGES, joints * 2 * n).swapaxes(1, 2)
+        by_joint = (by_stage @ table).reshape(steps, joints, 2 * n, -1)
+        gained = np.concatenate(by_joint.swapaxes(0, 1), axis=2)
+        path = np.zeros((steps + 1, *gained.shape[1:]))
+        for k in range(steps):
+            path[k + 1] = transitions[k] @ path[k] + gained[k]
+        efforts = -m.kp[:, None] * path[:, :joints] - m.kd[:, None] * path[:, n : n + joints]
+        rows = _at_edges(self.basis, self.substeps)
+        for j in range(joints):
+            efforts[:, j, j * rows.shape[1] : (j + 1) * rows.shape[1]] += rows
+        return path[-1], efforts
 
     def secant(self, weights: Vector, error: Vector, change: float = 1e-2) -> Matrix:
         """Return G by the paper's finite differences: each weight in turn changed [N m]."""
@@ -200,6 +250,22 @@ class TerminalMap:
             for step in change * np.eye(len(weights))
         ]
         return np.array(columns).T
+
+    def _differentiate(self, transitions: Matrix) -> None:
+        """Write the adjoint of the last roll-out into the work space."""
+        m = self.manoeuvre
+        final_sensitivity(
+            m.model.kind,
+            m.model.packed,
+            _tables(self.basis, m.reference, self.substeps)[0],
+            m.kp,
+            m.kd,
+            self._sizes,
+            self._work["states"],
+            self._work["accelerations"],
+            self._work["adjoint"],
+            transitions,
+        )
 
     @property
     def _sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:

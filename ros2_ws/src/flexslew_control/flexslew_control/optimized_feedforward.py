@@ -80,14 +80,7 @@ def plan_optimized_feedforward(
     settings: OptimizedFeedforward, period: float, effort_limit: Vector, progress: Progress
 ) -> Plan:
     """Return the plan with the optimal feedforward; see make_plan."""
-    manoeuvre = csa_manoeuvre(
-        settings.model,
-        settings.initial,
-        settings.goal,
-        settings.duration,
-        settings.feedback,
-        settings.reference,
-    )
+    manoeuvre = csa_manoeuvre(settings)
     basis, optimum = find_feedforward(settings, manoeuvre, progress)
     weights = optimum.weights.reshape(manoeuvre.model.joints, -1).T
     plan = on_ticks(settings, manoeuvre, basis, weights, period, effort_limit)
@@ -134,15 +127,10 @@ def on_ticks(
     kept = np.append(True, np.diff(edges) > 1e-9 * manoeuvre.duration)
     edges = edges[kept]  # a node beside a tick by rounding is the tick
     path = manoeuvre.fly(edges, basis.values(stage_times(edges)) @ weights)
-    n, joints = manoeuvre.model.coordinates, manoeuvre.model.joints
     reference = rest_to_rest(
-        manoeuvre.reference, manoeuvre.start, manoeuvre.goal, manoeuvre.duration, edges
+        manoeuvre.reference, manoeuvre.start, manoeuvre.goal, manoeuvre.duration, ticks
     )
-    effort = (
-        basis.values(edges) @ weights
-        + manoeuvre.kp * (reference.position - path[:, :joints])
-        + manoeuvre.kd * (reference.velocity - path[:, n : n + joints])
-    )
+    effort = manoeuvre.efforts(edges, basis.values(edges) @ weights, path)
     peak = np.abs(effort).max(axis=0)
     _refuse_saturation(manoeuvre, peak, effort_limit)
     at = np.searchsorted(edges, ticks - 1e-9 * manoeuvre.duration)
@@ -151,8 +139,8 @@ def on_ticks(
         joint_names=manoeuvre.model.joint_names,
         start=settings.start,
         period=period,
-        position=reference.position[at],
-        velocity=reference.velocity[at],
+        position=reference.position,
+        velocity=reference.velocity,
         effort=basis.means(ticks) @ weights,
         state=path[at],
         duration=manoeuvre.duration,

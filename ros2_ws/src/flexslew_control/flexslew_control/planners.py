@@ -82,14 +82,7 @@ def plan_reference_only(
     settings: ReferenceOnly, period: float, effort_limit: Vector, progress: Progress
 ) -> Plan:
     """Return the plan with the reference and zero feedforward, to compare with."""
-    manoeuvre = csa_manoeuvre(
-        settings.model,
-        settings.initial,
-        settings.goal,
-        settings.duration,
-        settings.feedback,
-        settings.reference,
-    )
+    manoeuvre = csa_manoeuvre(settings)
     nothing = Basis("constant", 1, settings.duration)
     weights = np.zeros((1, manoeuvre.model.joints))
     return on_ticks(settings, manoeuvre, nothing, weights, period, effort_limit)

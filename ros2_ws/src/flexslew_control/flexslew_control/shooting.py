@@ -84,6 +84,7 @@ def final_sensitivity(
     states: Matrix,
     accelerations: Matrix,
     out: Matrix,
+    transitions: Matrix,
 ) -> None:
     """Write d x(T) / d drive, the exact derivative of roll_out, by its adjoint.
 
@@ -91,10 +92,15 @@ def final_sensitivity(
     the adjoint of the step's end and A = [[0, I], [P, Q]], M [P Q] = -[dr/dq + Kp, dr/dv + Kd].
     One pass serves all 2 n components of x(T), whatever the number of inputs.
 
+    With room in `transitions` every step is taken for the last one: then `out` holds the
+    derivatives of the state at the step's own end.
+
     Args:
         kind, p, edges, kp, kd, sizes: as in roll_out.
         states, accelerations: what roll_out wrote.
         out: shape (STAGES steps, joints 2 n): per stage and joint the 2 n derivatives.
+        transitions: out, shape (steps, (2 n)^2): entry k 2 n + r of a row is the derivative of
+            component r at the step's end by component k at its start; or shape (0, 0).
     """
     n, m, steps = len(sizes[0]), len(sizes[1]), edges.size - 1
     rows = 2 * n
@@ -171,3 +177,9 @@ def final_sensitivity(
         for i in range(STAGES):
             for k in range(2 * half):
                 end[k] += g[i, k]
+        if transitions.size:
+            for k in range(2 * half):
+                transitions[step, k] = end[k]
+                end[k] = 0.0
+            for k in range(rows):
+                end[k * rows + k] = 1.0

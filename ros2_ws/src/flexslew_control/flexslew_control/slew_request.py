@@ -3,7 +3,7 @@
 import importlib.metadata
 import platform
 from functools import lru_cache
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -45,15 +45,37 @@ class Feedback:
     kd: _Gain = (920.0, 920.0)  # [N m s/rad]
 
 
-def csa_manoeuvre(
-    model: CsaModel,
-    initial: CsaInitial,
-    goal: CsaGoal,
-    duration: float,
-    feedback: Feedback,
-    reference: Profile,
-) -> Manoeuvre:
-    """Return the slew that these sections describe."""
+class CsaSlew(Protocol):
+    """What the `plan` sections of all methods that plan under the feedback have."""
+
+    @property
+    def model(self) -> CsaModel:
+        """What the planner believes."""
+
+    @property
+    def initial(self) -> CsaInitial:
+        """Where the joints rest at the start."""
+
+    @property
+    def goal(self) -> CsaGoal:
+        """Where they shall rest at the end."""
+
+    @property
+    def duration(self) -> float:
+        """Of the manoeuvre [s]."""
+
+    @property
+    def reference(self) -> Profile:
+        """Profile of the reference."""
+
+    @property
+    def feedback(self) -> Feedback:
+        """The gains that the planner counts with."""
+
+
+def csa_manoeuvre(section: CsaSlew) -> Manoeuvre:
+    """Return the slew that a `plan` section describes."""
+    model, initial, goal = section.model, section.initial, section.goal
     testbed = CsaTestbed(
         variant=model.variant,
         modes=model.modes,
@@ -62,12 +84,12 @@ def csa_manoeuvre(
     )
     return Manoeuvre(
         model=build_model(testbed),
-        kp=np.array(feedback.kp),
-        kd=np.array(feedback.kd),
+        kp=np.array(section.feedback.kp),
+        kd=np.array(section.feedback.kd),
         start=np.array([initial.base_yaw, initial.hub_pitch]),
         goal=np.array([goal.base_yaw, goal.hub_pitch]),
-        duration=duration,
-        reference=reference,
+        duration=section.duration,
+        reference=section.reference,
     )
 
 

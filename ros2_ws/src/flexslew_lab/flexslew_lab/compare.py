@@ -27,6 +27,7 @@ _STIFFNESS = {  # the parameter that an error of the stiffness changes, by testb
     "hub_with_appendages": "elastic_modulus",
     "floating_oscillator": "stiffness",
 }
+_SAME_TIME = {"optimized_feedforward", "robust_feedforward", "reference_only"}
 _VARIANTS: dict[str, dict[str, Any]] = {  # ways to use a method that are compared too
     "input_shaping, zvd": {"shaper": "zvd"},
     "time_optimal, robust": {"robust": True},
@@ -200,7 +201,7 @@ def _planned(trial: Trial, source: str, name: str) -> Entry:
     method = name.partition(",")[0]
     own: dict[str, Any] = dict(_VARIANTS.get(name, {}))
     duration = plain(trial.plan).get("duration")
-    if method == "reference_only" and duration:
+    if duration and {method, trial.plan.method} <= _SAME_TIME:
         own["duration"] = duration
     if method == "time_optimal" and trial.plan.method != method:
         own["amplitude"] = _AUTHORITY * trial.testbed.effort_limit[0]
