@@ -4,9 +4,12 @@ import os
 from collections import defaultdict
 from pathlib import Path
 
+import numpy as np
 import pytest
 import rclpy
-from flexslew_msgs.srv import Step
+from builtin_interfaces.msg import Time
+from flexslew_msgs.msg import Event, Plan
+from flexslew_msgs.srv import Seek, Step
 from std_srvs.srv import Trigger
 
 from flexslew_lab.bag_reader import BagReader
@@ -14,6 +17,7 @@ from flexslew_lab.domain import own_domain
 from flexslew_lab.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run import run_trial
 from flexslew_lab.supervisor import Supervisor
+from flexslew_plant.ros_node import latched
 
 from .flight import slew
 
@@ -89,7 +93,8 @@ def call(kind, name, request):
 
 def test_pause_step_seek_and_resume_over_services(flown, tmp_path):
     def operate():
-        answers.append(call(Step, "/plant/seek", Step.Request(ticks=300)))
+        answers.append(call(Seek, "/plant/seek", Seek.Request(time=Time(sec=7))))
+        answers.append(call(Seek, "/plant/seek", Seek.Request(time=Time(sec=3))))
         answers.append(call(Step, "/plant/step", Step.Request(ticks=10)))
         answers.append(call(Trigger, "/plant/resume", Trigger.Request()))
 
@@ -99,9 +104,71 @@ def test_pause_step_seek_and_resume_over_services(flown, tmp_path):
         topics=["/truth", "/measurement"],
     )  # fmt: skip
     assert playing.outcome.exit_code == 0, playing.log
-    seek, step, resume = answers
-    assert (seek.ok, seek.tick) == (True, 300)
+    refused, seek, step, resume = answers
+    assert not refused.ok
+    assert "7 s is outside of the bag, which is played from 0 s to 6 s" in refused.message
+    assert seek.ok
+    assert seek.message == "next at 3.000 s"
     assert (step.ok, step.tick) == (True, 310)
     assert resume.success
     ticks = BagReader(playing.bag).columns("/truth", {"tick"})["tick"]
     assert ticks.tolist() == list(range(300, 601))
+
+
+def late_listener(expected):
+    """Return plans and events of a listener that comes now, once it has heard enough."""
+    rclpy.init()
+    node = rclpy.create_node("late")
+    plans, events = [], []
+    try:
+        node.create_subscription(Plan, "/plan", plans.append, latched(1000))
+        node.create_subscription(Event, "/events", events.append, latched(1000))
+        client = node.create_client(Trigger, "/plant/pause")
+        while not (plans and len([e for e in events if e.source == "plant"]) >= expected):
+            rclpy.spin_once(node, timeout_sec=20.0)
+        # a way there and back, in which what is too much would arrive, too
+        rclpy.spin_until_future_complete(node, client.call_async(Trigger.Request()))
+        return len(plans), [e.kind for e in events if e.source == "plant"]
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def test_after_a_seek_a_late_listener_knows_what_was_known_there_and_no_more(tmp_path):
+    extra = "schedule: [{at: 1.0, until: 3.0, disturbance: {base_yaw: 1.0}}]"
+    folder = tmp_path / "flown"
+    run_trial(slew(duration=6.0, extra=extra), "test", folder, in_process=True, report=False)
+    events = BagReader(folder / "bag").overview.events
+    assert [(e.kind, e.time) for e in events] == [
+        ("started", 0.0), ("disturbance", 1.0), ("disturbance", 3.0), ("finished", 6.0),
+    ]  # fmt: skip
+
+    def operate():
+        for time in (5, 2, 4):
+            answers.append(call(Seek, "/plant/seek", Seek.Request(time=Time(sec=time))))
+            known = [event.kind for event in events if event.time < time]
+            heard.append((late_listener(len(known)), (1, known)))
+        answers.append(call(Trigger, "/plant/resume", Trigger.Request()))
+
+    answers, heard = [], []
+    playing = Playing(folder / "bag", tmp_path / "again", operate, paused=True, rate=0.0)
+    assert playing.outcome.exit_code == 0, playing.log
+    assert [told for told, _ in heard] == [known for _, known in heard]
+    ticks = BagReader(playing.bag).columns("/truth", {"tick"})["tick"]
+    assert ticks.tolist() == list(range(400, 601))
+
+
+def test_a_part_of_the_bag_with_a_clock_of_its_own(flown, tmp_path):
+    playing = Playing(
+        flown, tmp_path / "again", rate=20.0, start=1.0, duration=2.0, clock=1000.0,
+        topics=["/truth", "/measurement"],
+    )  # fmt: skip
+    assert playing.outcome.exit_code == 0, playing.log
+    again = BagReader(playing.bag)
+    ticks = again.columns("/truth", {"tick"})["tick"]
+    assert ticks.tolist() == list(range(100, 300))
+    clock = again.columns("/clock")
+    seconds = clock["clock.sec"] + clock["clock.nanosec"] * 1e-9
+    assert len(seconds) > 10
+    assert (np.diff(seconds) >= 0.0).all()
+    assert 1.0 <= seconds[0] <= seconds[-1] <= 3.0 + 1e-6

@@ -237,8 +237,8 @@ def play(
 ) -> None:
     """Publish a bag on its topics again, in order, with its stamps.
 
-    Services: /play/pause, /play/resume (Trigger), /play/step and /play/seek (flexslew_msgs/Step;
-    seek takes the tick to go to).
+    Services: /play/pause, /play/resume (Trigger), /play/step (flexslew_msgs/Step) and /play/seek
+    (flexslew_msgs/Seek).
 
     Example: `./flexslew play runs/m1-20260101-120000 --rate 10 --topics /truth --topics /events`
     """

@@ -12,7 +12,7 @@ from flexslew_lab.bag_layout import MAGIC
 from flexslew_plant.errors import BadInput
 
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
-METADATA, DATA_END = 0x0C, 0x0F
+CHUNK_INDEX, METADATA, DATA_END = 0x08, 0x0C, 0x0F
 LARGEST = 1 << 30  # of one record [B]; ours stay below a few MiB
 _SCHEMA_LIKE = frozenset({SCHEMA, CHANNEL})
 _DATA_RECORDS = frozenset({1, 3, 4, 5, 6, 7, 9, 0x0C, 0x0F})

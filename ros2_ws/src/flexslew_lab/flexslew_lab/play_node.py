@@ -1,6 +1,6 @@
 """The `play` node: a bag back onto the topics, byte for byte."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from functools import partial
 from importlib import import_module
 from time import monotonic
@@ -12,7 +12,6 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from flexslew_lab.bag_layout import TOPICS
 from flexslew_lab.player import CLOCK, Outgoing, Player, PlaySettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros_node import (
@@ -52,17 +51,15 @@ class PlayNode:
             raise BadInput("node play: bag: give the folder of a bag")
         self._player = Player(self._settings)
         self._period = self._player.period  # services count in ticks of the recorded bench
-        self._publishers: dict[str, Publisher[Any]] = {
-            topic: node.create_publisher(_message_class(kind), topic, _qos(topic))
-            for topic, kind in self._player.topics.items()
-        }
+        self._publishers: dict[str, Publisher[Any]] = {}
+        self._publish(set(self._player.topics))
         self._clock: Publisher[Any] | None = None
         if self._settings.clock:
             self._clock = node.create_publisher(Clock, CLOCK, LOOP)
         node.create_service(Trigger, "~/pause", self._on_pause)
         node.create_service(Trigger, "~/resume", self._on_resume)
         node.create_service(srv.Step, "~/step", self._on_step)
-        node.create_service(srv.Step, "~/seek", self._on_seek)
+        node.create_service(srv.Seek, "~/seek", self._on_seek)
         self._waiting: list[str] | None = None  # for whom; None: not any more
         self._unheard = 0
         self._next_report = self._next_clock = 0.0
@@ -86,6 +83,16 @@ class PlayNode:
     def close(self) -> None:
         """Leave the graph."""
         self.node.destroy_node()
+
+    def _publish(self, topics: Set[str]) -> None:
+        """Offer these topics; a publisher that is there already is forgotten with its history."""
+        for topic in topics:
+            if topic in self._publishers:
+                self.node.destroy_publisher(self._publishers[topic])
+            kind = _message_class(self._player.topics[topic])
+            # deeper than the original: a second of playing may be a day of it
+            qos = latched(_DEPTH) if topic in self._player.latched else LOOP
+            self._publishers[topic] = self.node.create_publisher(kind, topic, qos)
 
     def _all_there(self) -> bool:
         missing = unmatched(self.node, list(self._publishers.values()), self._settings.wait_for)
@@ -144,9 +151,17 @@ class PlayNode:
         reply.message = f"{len(messages)} messages, next at {self._player.time:.3f} s"
         return reply
 
-    def _on_seek(self, request: srv.Step.Request, reply: srv.Step.Response) -> srv.Step.Response:
-        time = self._player.seek(request.ticks * self._period)
-        reply.ok, reply.tick, reply.message = True, self._tick(), f"next at {time:.3f} s"
+    def _on_seek(self, request: srv.Seek.Request, reply: srv.Seek.Response) -> srv.Seek.Response:
+        try:
+            time = self._player.seek(request.time.sec + request.time.nanosec * 1e-9)
+        except BadInput as error:
+            reply.message = str(error)
+            return reply
+        self._hear_out()
+        self._publish(self._player.latched)
+        self._next_report = 0.0
+        self.loop.hurry()
+        reply.ok, reply.message = True, f"next at {time:.3f} s"
         return reply
 
 
@@ -158,12 +173,6 @@ def play(settings: PlaySettings, report: Report = lambda time, end: None) -> Non
 def _message_class(kind: str) -> Any:
     package, _, name = kind.split("/")
     return getattr(import_module(f"{package}.msg"), name)
-
-
-def _qos(topic: str) -> Any:
-    """Return the QoS of the original; deeper, because a second of playing may be a day of it."""
-    known = TOPICS.get(topic)
-    return latched(_DEPTH) if known is not None and known.latched else LOOP
 
 
 def main() -> None:

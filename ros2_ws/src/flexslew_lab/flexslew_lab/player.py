@@ -1,16 +1,21 @@
 """What of a bag is due at which wall time: order, rate, pause, step, seek, loop; without ROS."""
 
 from collections.abc import Collection, Iterator, Mapping
+from itertools import takewhile
 from math import inf
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
+from flexslew_lab import cdr
+from flexslew_lab.bag_index import BagIndex
 from flexslew_lab.bag_layout import TOPICS
-from flexslew_lab.bag_reader import BagMessage, BagReader
+from flexslew_lab.bag_reader import BagMessage
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 
 CLOCK = "/clock"
+_stamp = attrgetter("stamp")
 
 
 @section
@@ -41,8 +46,9 @@ class Outgoing(NamedTuple):
 class Player:
     """A position in a bag that moves with the wall clock, which its caller reads.
 
-    Messages come in the order of the bag. What is latched and lies before the start (plan,
-    testbed, events, ...) comes first, so that a listener knows what it would have known.
+    Messages come in the order of the bag. After a start or a jump the latched messages that hold
+    there (plan, testbed, events, ...) come first, in a pause, too: a listener knows what it would
+    have known.
 
     Args:
         settings: how to play.
@@ -53,24 +59,31 @@ class Player:
 
     def __init__(self, settings: PlaySettings) -> None:
         self.settings = settings
-        self._bag = BagReader(Path(settings.bag))
-        overview = self._bag.overview
-        self.first, self.last = overview.first, overview.last
-        self.period = 0.01 if overview.testbed is None else float(overview.testbed.period)
+        self._bag = bag = BagIndex(Path(settings.bag))
+        self.first, self.last = bag.first, bag.last
+        self.period = 0.01  # [s]
+        for testbed in bag.held("/testbed", bag.last + 1):
+            self.period = float(cdr.decode(testbed.type, testbed.data).period)
         start = round(settings.start * 1e9)
         if start > self.last:
             end = self.last * 1e-9
             raise BadInput(f"--start: {settings.start} s is behind the end of the bag, {end:g} s")
         self._start = start
         self._end = start + settings.duration * 1e9 if settings.duration else inf
-        self._types = dict(overview.types)
+        self._types = bag.types
         self._chosen = _chosen(settings.topics, self._types, str(self._bag.path))
         if settings.clock:
             self._chosen -= {CLOCK}
         self._names = _remapped(settings.remap, self._types)
+        self._latched = {t for t in self._chosen if t in TOPICS and TOPICS[t].latched}
+        for topic, new in self._names.items():
+            kind = self._types.get(new, self._types[topic])
+            if new in self._chosen - {*self._names} and kind != self._types[topic]:
+                raise BadInput(f"--remap: {new} is a {kind}, {topic} a {self._types[topic]}")
         self.paused = settings.paused
         self.rounds = 0  # how often the end was met
         self._anchor: tuple[float, float] | None = None  # wall time and simulated time [s, ns]
+        self._held: list[Outgoing] = []  # latched, due at once
         self._next: BagMessage | None = None
         self._go_to(start)
 
@@ -78,6 +91,11 @@ class Player:
     def topics(self) -> dict[str, str]:
         """Types of what will be published, by the names after remapping."""
         return {self._names.get(t, t): self._types[t] for t in sorted(self._chosen)}
+
+    @property
+    def latched(self) -> set[str]:
+        """The names after remapping whose last messages a late listener must get."""
+        return {self._names.get(t, t) for t in self._latched}
 
     @property
     def time(self) -> float:
@@ -98,32 +116,39 @@ class Player:
         self.paused = True
 
     def seek(self, time: float) -> float:
-        """Move to a simulated time; return where the next message lies [s].
+        """Move to a simulated time [s]; return where the next message lies [s].
 
-        Args:
-            time: [s]; one before the first or behind the last message becomes that.
+        Raises:
+            BadInput: that is outside of what is played, or the bag is damaged there; nothing is
+                changed.
         """
-        self._go_to(min(max(round(time * 1e9), self.first), self.last))
+        stamp, end = round(time * 1e9), min(self.last, self._end)
+        if not self.first <= stamp <= end:
+            raise BadInput(
+                f"{time:g} s is outside of the bag, which is played from {self.first * 1e-9:g} s "
+                f"to {end * 1e-9:g} s"
+            )
+        self._go_to(stamp)
         return self.time
 
     def step(self, until: float) -> list[Outgoing]:
         """Return everything before a simulated time [s] at once, whether paused or not."""
         self._anchor = None
-        return list(self._before(round(until * 1e9), 1 << 62))
+        return [*self._take_held(), *self._before(round(until * 1e9), 1 << 62)]
 
     def due(self, now: float, most: int = 1000) -> list[Outgoing]:
-        """Return what is due by now, at most so many messages.
+        """Return what is due by now, at most so many messages and what is latched.
 
         Args:
             now: wall clock [s].
             most: keeps listeners from drowning.
         """
         if self.paused:
-            return []
+            return self._take_held()
         if self._next is None and self.settings.loop:
             self.rounds += 1
             self._go_to(self._start)
-        return list(self._before(self.simulated(now), most))
+        return [*self._take_held(), *self._before(self.simulated(now), most)]
 
     def simulated(self, now: float) -> float:
         """Return the simulated time at the wall time now [ns]."""
@@ -138,6 +163,8 @@ class Player:
 
     def wait(self, now: float) -> float:
         """Return the wall seconds until something is due."""
+        if self._held:
+            return 0.0
         if self.paused or self.done:
             return inf
         if self._next is None or self.settings.rate == 0.0:
@@ -148,26 +175,28 @@ class Player:
     def _before(self, limit: float, most: int) -> Iterator[Outgoing]:
         """Yield the messages up to a log time [ns]."""
         while self._next is not None and self._next.stamp <= limit and most > 0:
-            m = self._next
+            message = self._next
             self._next = next(self._messages, None)
             most -= 1
-            yield Outgoing(self._names.get(m.topic, m.topic), m.type, m.stamp, m.data)
+            yield self._outgoing(message)
+
+    def _outgoing(self, message: BagMessage) -> Outgoing:
+        topic, kind, stamp, _, data = message
+        return Outgoing(self._names.get(topic, topic), kind, stamp, data)
+
+    def _take_held(self) -> list[Outgoing]:
+        held, self._held = self._held, []
+        return held
 
     def _go_to(self, stamp: int) -> None:
-        self._anchor = None
-        self._messages = self._from(stamp)
-        self._next = next(self._messages, None)
+        """Read at the new place first, so that a damage there changes nothing."""
+        held = sorted((m for t in self._latched for m in self._bag.held(t, stamp)), key=_stamp)
+        messages = self._from(stamp)
+        self._next, self._messages, self._anchor = next(messages, None), messages, None
+        self._held = [self._outgoing(message) for message in held]
 
     def _from(self, stamp: int) -> Iterator[BagMessage]:
-        """Yield from a log time on, what is latched from the beginning of the bag on."""
-        latched = {topic for topic in self._chosen if topic in TOPICS and TOPICS[topic].latched}
-        for message in self._bag.messages(self._chosen):
-            if message.stamp > self._end:
-                return
-            if message.stamp >= stamp:
-                yield message
-            elif message.topic in latched:
-                yield message._replace(stamp=stamp)
+        return takewhile(lambda m: m.stamp <= self._end, self._bag.messages(self._chosen, stamp))
 
 
 def _chosen(wanted: Collection[str], types: Mapping[str, str], path: str) -> set[str]:
