@@ -46,6 +46,15 @@ def test_every_foxglove_panel_has_its_place() -> None:
     assert sorted(panels(layout["layout"])) == sorted(layout["configById"])
 
 
+def test_every_foxglove_panel_has_a_title_and_every_plot_its_unit() -> None:
+    layout = json.loads((CONFIG / "foxglove.json").read_text())
+    for name, config in layout["configById"].items():
+        title = config["foxglovePanelTitle"]
+        assert title == config["lichtblickPanelTitle"]  # its open fork reads another key
+        if name.startswith("Plot!"):
+            assert title.endswith(f"[{config['yAxisLabel']}]")
+
+
 def test_plotjuggler_draws_fields_of_our_topics() -> None:
     root = ElementTree.parse(CONFIG / "plotjuggler.xml").getroot()
     curves = [c.attrib["name"] for c in root.iter("curve")]

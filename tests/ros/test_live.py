@@ -96,6 +96,7 @@ def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path):
         try:
             client = connected(port, supervisor)
             channels = {}
+            assert client.receive()["capabilities"] == ["time"]
             while not {"/truth", "/testbed"} <= {*channels}:
                 message = client.receive()
                 if isinstance(message, dict) and message["op"] == "advertise":
@@ -107,6 +108,7 @@ def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path):
             for _ in range(10):  # by now the testbed has announced itself, once
                 client.receive()
             found[8] = subscribed(client, 8, channels["/testbed"]["id"])
+            (now,) = struct.unpack_from("<Q", binary(client, 2), 1)
         finally:
             supervisor._end()
     for number, topic in ((7, "/truth"), (8, "/testbed")):
@@ -114,6 +116,16 @@ def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path):
         stamp, data = found[number]
         assert data.rstrip(b"\0") in logged  # DDS rounds lengths up
         assert stamp % 10_000_000 == 0  # simulated time of a tick
+    assert found[7][0] <= now <= 6_000_000_000  # the server's clock is the bench's
+    assert now % 10_000_000 == 0
+
+
+def binary(client: Client, kind: int) -> bytes:
+    """Return the next binary message of a kind."""
+    while True:
+        message = client.receive()
+        if isinstance(message, bytes) and message[0] == kind:
+            return message
 
 
 def subscribed(client: Client, number: int, channel: int) -> tuple[int, bytes]:
@@ -121,8 +133,7 @@ def subscribed(client: Client, number: int, channel: int) -> tuple[int, bytes]:
     subscription = {"id": number, "channelId": channel}
     client.send({"op": "subscribe", "subscriptions": [subscription]})
     while True:
-        message = client.receive()
-        if isinstance(message, bytes):
-            kind, of, stamp = struct.unpack_from("<BIQ", message)
-            if (kind, of) == (1, number):
-                return stamp, message[13:]
+        message = binary(client, 1)
+        of, stamp = struct.unpack_from("<IQ", message, 1)
+        if of == number:
+            return stamp, message[13:]

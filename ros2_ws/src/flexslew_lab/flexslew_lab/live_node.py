@@ -15,6 +15,8 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.ros_node import LOOP, Loop, latched, new_node, run_node, settings_of
 from flexslew_plant.settings import section
 
+_REFRESH = 0.05  # how often clients hear the simulated time [wall s]
+_CLOCKS = {"/clock", "/measurement", "/truth"}  # the plant's own: each rises until a reset
 _GUESTS = 20  # latched messages that are kept where several nodes publish one each
 HOST = "127.0.0.1"  # never another one: nobody is asked for a password
 
@@ -71,12 +73,16 @@ class LiveNode:
                 name="flexslew",
                 host=HOST,
                 port=chosen.port,
+                capabilities=[foxglove.websocket.Capability.Time],
                 context=context,
                 server_listener=_Listener(self._newcomers),
             )
         except Exception as error:  # a type of its own below the binding
             raise BadInput(f"live: port {chosen.port} cannot be opened: {error}") from None
         self._last = 0  # simulated time of the last message [ns]
+        self._stamps = dict.fromkeys(_CLOCKS, 0)  # of their last messages [ns]
+        self._now = 0  # simulated time of the bench [ns]
+        self._told = -1  # what the clients think it is [ns]
         for topic, known in TOPICS.items():
             text = schema_text(known.type).encode()
             channel = foxglove.Channel(
@@ -98,12 +104,15 @@ class LiveNode:
         say(f"open ws://{HOST}:{self._server.port} in Foxglove; Ctrl-C ends it")
 
     def poll(self) -> float:
-        """Say again what is latched to newcomers; return when to look again [wall s]."""
+        """Tell the time, and newcomers what is latched; return when to look again [wall s]."""
+        if self._newcomers or self._now != self._told:
+            self._told = self._now
+            self._server.broadcast_time(self._now)  # else a client plots over its own clock
         while self._newcomers:
             topic = self._newcomers.popleft()
             for data, time in self._latched.get(topic, ()):
                 self._channels[topic].log(data, log_time=time)
-        return 0.2
+        return _REFRESH
 
     def close(self) -> None:
         """End the server and leave the graph."""
@@ -115,6 +124,10 @@ class LiveNode:
         self._channels[topic].log(data, log_time=self._last)
         if topic in self._latched:
             self._latched[topic].append((data, self._last))
+        elif topic in _CLOCKS:
+            if self._last > self._now or self._last < self._stamps[topic]:
+                self._now = self._last
+            self._stamps[topic] = self._last
 
 
 def live(port: int, say: Callable[[str], None]) -> None:
