@@ -61,7 +61,13 @@ def test_plotjuggler_draws_fields_of_our_topics() -> None:
     assert len(curves) > 8
     for curve in curves:
         assert_exists(curve)
-    assert {t.attrib["name"] for t in root.iter("topic")} <= set(TOPICS)
+    lists = [t.attrib["value"] for t in root.iter("selected_topics")]
+    lists += [t.attrib["selected_topics"] for t in root.iter("parameters")]
+    assert len(lists) == len(list(root.iter("plugin")))
+    for topics in lists:
+        chosen = topics.split(";")
+        assert set(chosen) <= set(TOPICS)
+        assert all(curve.startswith(tuple(f"{topic}/" for topic in chosen)) for curve in curves)
 
 
 @pytest.mark.parametrize(
