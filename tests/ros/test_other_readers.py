@@ -1,0 +1,67 @@
+"""What rosbags and mcap-ros2-support read in a bag that came over ROS 2, on every topic."""
+
+import json
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from flexslew_lab.bag_layout import TOPICS
+from flexslew_lab.bag_reader import BagReader
+from flexslew_lab.cdr import decode, encode
+
+from .flight import Flight, slew
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return Flight(slew(duration=3.0), tmp_path_factory.mktemp("flight")).bag
+
+
+def test_every_topic_but_the_static_frames_is_recorded(bag):
+    assert {*BagReader(bag).overview.counts} == {*TOPICS} - {"/tf_static"}
+
+
+def test_rosbags_reads_every_message_as_we_do(bag):
+    store = get_typestore(Stores.EMPTY)
+    read = Counter()
+    with Reader(bag) as reader:
+        for connection in reader.connections:
+            store.register(get_types_from_msg(connection.msgdef.data, connection.msgtype))
+        for connection, _, data in reader.messages():
+            kind = connection.msgtype
+            theirs = store.serialize_cdr(store.deserialize_cdr(data, kind), kind)
+            ours = encode(kind, decode(kind, data))  # the recorded bytes have noise as padding
+            assert bytes(theirs) == ours, connection.topic
+            read[connection.topic] += 1
+    assert read == Counter(m.topic for m in BagReader(bag).messages())
+
+
+def test_mcap_decodes_every_message(bag):
+    with next(bag.glob("*.mcap")).open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        decoded = [(channel.topic, ros) for _, channel, _, ros in reader.iter_decoded_messages()]
+    recorded = Counter(m.topic for m in BagReader(bag).messages())
+    assert Counter(topic for topic, _ in decoded) == recorded
+    frames = {t.child_frame_id for topic, ros in decoded if topic == "/tf" for t in ros.transforms}
+    spaces = {m.ns for topic, ros in decoded if topic == "/markers" for m in ros.markers}
+    (robot,) = [ros.data for topic, ros in decoded if topic == "/robot_description"]
+    joints = [ros for topic, ros in decoded if topic == "/joint_states"]
+    assert all(f'<link name="{frame}"' in robot for frame in frames)
+    assert spaces
+    assert all(list(ros.name) == ["base_yaw", "hub_pitch"] for ros in joints)
+
+
+def test_pymcap_finds_no_fault(bag):
+    doctor = [Path(sys.executable).with_name("pymcap-cli"), "doctor", "--format", "jsonl"]
+    lines = subprocess.run(
+        [*doctor, next(bag.glob("*.mcap"))], capture_output=True, text=True, check=True
+    ).stdout
+    summary = json.loads(lines.splitlines()[-1])
+    assert (summary["errors"], summary["warnings"], summary["complete"]) == (0, 0, True)
