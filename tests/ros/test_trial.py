@@ -1,10 +1,16 @@
 """A trial over DDS is the trial in one process, to the last bit."""
 
+import signal
+from collections import defaultdict
+
 import pytest
 
+from flexslew_lab.bag_layout import TOPICS
+from flexslew_lab.bag_reader import BagReader
+from flexslew_lab.cdr import stamp_of
 from flexslew_lab.run import run_trial
 
-from .flight import Flight, slew
+from .flight import Flight, kill, slew
 
 
 @pytest.fixture(scope="module")
@@ -36,3 +42,25 @@ def test_nothing_is_lost_in_the_log(tmp_path):
 
     flight = Flight(slew(duration=3.0, extra="display_rate: 50.0"), tmp_path)
     assert [finding for finding in check_log(flight.bag) if not finding.ok] == []
+
+
+def test_a_recorder_that_was_held_up_has_every_display_message(tmp_path):
+    class Holding(Flight):
+        """Stops the recorder from one report of progress to the next, half a second later."""
+
+        def _progress(self, tick: int, last: int) -> None:
+            if tick >= 100 and self._reports < 2:
+                self._reports += 1
+                kill("recorder", (signal.SIGSTOP, signal.SIGCONT)[self._reports - 1])(
+                    self._supervisor.pids
+                )
+
+        _reports = 0
+
+    flight = Holding(slew(duration=30.0, rate=10.0), tmp_path)
+    assert flight._reports == 2
+    topics = ["/clock", "/joint_states", "/appendage_states", "/tf", "/markers"]
+    stamps = defaultdict(list)
+    for m in BagReader(flight.bag).messages(topics):
+        stamps[m.topic].append(stamp_of(TOPICS[m.topic].type, m.data, 0))
+    assert dict(stamps) == {topic: [k * 20_000_000 for k in range(1501)] for topic in topics}

@@ -12,7 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from flexslew_plant import topics
 from flexslew_plant.bench import Bench, Truth
 from flexslew_plant.display import Scene
-from flexslew_plant.ros_node import doubles, latched, stamp
+from flexslew_plant.ros_node import LOOP, doubles, latched, stamp
 
 
 class Display:
@@ -30,11 +30,11 @@ class Display:
             return
         self._bench = bench
         self._scene = Scene(bench.settings.testbed)
-        self._clock = node.create_publisher(Clock, topics.CLOCK, 10)
-        self._joints = node.create_publisher(JointState, topics.JOINT_STATES, 10)
-        self._appendages = node.create_publisher(AppendageState, topics.APPENDAGE_STATES, 10)
-        self._tf = node.create_publisher(TFMessage, topics.TF, 100)
-        self._markers = node.create_publisher(MarkerArray, topics.MARKERS, 10)
+        self._clock = node.create_publisher(Clock, topics.CLOCK, LOOP)
+        self._joints = node.create_publisher(JointState, topics.JOINT_STATES, LOOP)
+        self._appendages = node.create_publisher(AppendageState, topics.APPENDAGE_STATES, LOOP)
+        self._tf = node.create_publisher(TFMessage, topics.TF, LOOP)
+        self._markers = node.create_publisher(MarkerArray, topics.MARKERS, LOOP)
         self._description = node.create_publisher(String, topics.ROBOT_DESCRIPTION, latched(1))
         self._description.publish(String(data=self._scene.robot_description()))
 
