@@ -1,6 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from flexslew_control.linear_time_optimal import programmed_durations
+from flexslew_control.optimal_switching import extremal_durations, shortest_durations
 from flexslew_control.pontryagin import switching_function
 from flexslew_control.switching import BangBang, continued_durations, linear_durations
 from flexslew_control.time_optimal import TimeOptimal, plan_time_optimal
@@ -117,7 +121,7 @@ def test_the_sensitivities_to_the_durations_are_exact():
     d, h = linear_durations(of), 1e-5
     for i, unit in enumerate(np.eye(d.size)):
         slope = (of.residual(d + h * unit) - of.residual(d - h * unit)) / (2 * h)
-        assert of.jacobian(d)[:, i] == pytest.approx(slope, abs=1e-5)
+        assert of.linearised(d)[1][:, i] == pytest.approx(slope, abs=1e-5)
 
 
 def test_pontryagins_condition_fails_on_arcs_that_are_not_extremal():
@@ -139,6 +143,79 @@ def test_the_reference_is_the_trajectory_and_the_effort_its_mean():
     assert np.abs(plan.effort).max() <= 100.0 + 1e-9
 
 
+PD = {"kp": [460.0, 460.0], "kd": [920.0, 920.0]}
+
+
+def residual_tip(plan, factor, kp, kd):
+    """Return the largest tip deflection in 75 s after the end [m], under PD on base yaw."""
+    model = with_stiffness(build_model(CsaTestbed(modes=1)), factor)
+    x, tips = plan.state[0], []
+    for k in range(plan.ticks + 7500):
+        r = plan.reference(k)
+        feedback = kp * (r.position[0] - x[0]) + kd * (r.velocity[0] - x[3])
+        x = model.advance(x, r.effort + np.array([feedback, 0.0]), 0.01, 1)
+        if k >= plan.ticks:
+            tips.append(abs(x[2]))
+    return max(tips)
+
+
+def test_a_robust_slew_that_counts_with_the_feedback_is_better_under_it():
+    open_loop = planned(CSA, "base_yaw", 100.0, True)
+    # the published warning: the feedback spoils what is insensitive without it
+    assert residual_tip(open_loop, 1.1, 0.0, 0.0) == pytest.approx(0.250, abs=2e-3)
+    assert residual_tip(open_loop, 1.1, 460.0, 920.0) == pytest.approx(0.535, abs=0.015)
+    modes = planned(CSA, "base_yaw", 100.0, True, feedback=PD)
+    whole = planned(CSA, "base_yaw", 100.0, True, feedback=PD, insensitive="state")
+    left = [
+        max(residual_tip(plan, factor, 460.0, 920.0) for factor in (0.9, 1.1))
+        for plan in (open_loop, modes, whole)
+    ]
+    assert left[1] < 0.5 * left[0]
+    assert left[2] < 0.2 * left[0]
+    assert modes.duration < open_loop.duration < whole.duration
+    assert modes.summary["optimal"] and whole.summary["optimal"]  # noqa: PT018
+    assert abs(modes.summary["joint_sensitivity"]) > 0.1
+    assert abs(whole.summary["joint_sensitivity"]) < 1e-9
+
+
+def test_a_feedback_is_left_some_of_the_torque():
+    plans = [
+        planned(CSA, "base_yaw", None, False, **more)
+        for more in ({}, {"feedback": PD}, {"feedback": PD, "reserve": 0.5})
+    ]
+    assert [plan.summary["amplitude"] for plan in plans] == [150.0, 120.0, 75.0]
+
+
+def test_the_optimum_of_the_robust_hub_slew_has_fifteen_switches():
+    of = slew(HubTestbed(), 2.0 * FOOT_POUND, True)
+    arcs = extremal_durations(of)
+    assert (arcs.size - 1, arcs.sum()) == (15, pytest.approx(6.319994, abs=1e-6))
+    assert switching_function(of, arcs).holds
+    with_hub = replace(of, insensitive="state")
+    arcs = shortest_durations(with_hub, arcs)
+    assert (arcs.size - 1, arcs.sum()) == (15, pytest.approx(6.328065, abs=1e-6))
+    assert switching_function(with_hub, arcs).holds
+
+
+def test_more_modes_need_more_switches_and_end_at_rest():
+    three = planned({"kind": "csa", "modes": 3}, "base_yaw", 100.0, False)
+    assert three.summary["switches"] == 7
+    assert three.summary["optimal"]
+    assert np.abs(three.summary["terminal_error"]).max() < 1e-9
+    assert three.duration > 19.190624
+
+
+def test_an_optimal_structure_is_the_closed_form_where_that_is_extremal():
+    optimal = planned(OSCILLATOR, "mass", 1.0, True, structure="optimal")
+    assert optimal.summary["switch_times"] == pytest.approx(PUBLISHED[1][4][:-1], abs=1e-6)
+
+
+def test_a_linear_programme_with_too_few_intervals_says_so():
+    of = slew(CsaTestbed(modes=1), 100.0, True)
+    with pytest.raises(PlanFailed, match=r"the linear programme of a slew of .* s failed"):
+        programmed_durations(of, 4)
+
+
 def test_a_slew_backwards_is_the_mirror_image():
     ahead, back = (planned(HUB, "hub", 2.0 * FOOT_POUND, False, goal=g) for g in (0.7, -0.7))
     assert back.summary["switch_times"] == pytest.approx(ahead.summary["switch_times"], abs=1e-9)
@@ -150,7 +227,7 @@ def test_what_cannot_be_done_is_said_in_one_line():
         planned(HUB, "elbow", 2.0, False)
     with pytest.raises(BadInput, match="above the drive's limit"):
         planned(HUB, "hub", 200.0, False)
-    with pytest.raises(BadInput, match="modes: 3"):
-        planned({"kind": "csa", "modes": 3}, "base_yaw", 100.0, False)
+    with pytest.raises(BadInput, match=r"1 kp and 2 kd .*: csa has 2, base_yaw, hub_pitch"):
+        planned(CSA, "base_yaw", 100.0, True, feedback={"kp": [460.0], "kd": [920.0, 920.0]})
     with pytest.raises(PlanFailed, match=r"takes 19\.1906 s .* N m are needed"):
         planned(CSA, "base_yaw", 100.0, False, longest=15.0)

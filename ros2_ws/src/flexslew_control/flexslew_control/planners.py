@@ -162,7 +162,7 @@ def other_method(settings: PlanSettings, method: str, source: str, **more: Any) 
             model |= {"modes": 1, "initial": asked["initial"]}
         asked["model"] = model
     known = {field.name for field in fields(PLANNERS[method].settings)}
-    values = {key: asked[key] for key in _MANOEUVRE if key in asked and key in known}
+    values = {key: asked[key] for key in _MANOEUVRE if key in known and asked.get(key) is not None}
     return plan_settings({**values, **more, "method": method}, source)
 
 

@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.arcs import costate_backwards
-from flexslew_control.switching import STENCIL, BangBang
+from flexslew_control.arcs import costate_backwards, final_states
+from flexslew_control.switching import BangBang
 from flexslew_plant.arrays import Vector
-from flexslew_plant.testbeds import with_stiffness
 
 _ALLOWED = 1e-5  # wrong-signed part of the switching function, relative to its largest value
 
@@ -25,30 +24,16 @@ class Extremality(NamedTuple):
 def switching_function(slew: BangBang, durations: Vector) -> Extremality:
     """Return the switching function of the slew with these arcs.
 
-    lambda(t_f) solves (dr/dd)^T lambda = 1: then H = 1 on every arc, which makes sigma zero at
-    the switches. A robust slew has costates of the sensitivities too: the same function on the
-    models of the difference stencil, with its weights.
+    lambda(t_f) = C^T mu with (dr/dd)^T mu = 1: then H = 1 on every arc, which makes sigma zero at
+    the switches. A robust slew has costates of its followers too.
     """
-    jacobian = slew.jacobian(durations)
+    jacobian = slew.linearised(durations)[1]
     multipliers = np.linalg.lstsq(jacobian.T, np.ones(durations.size), rcond=None)[0]
     efforts = slew.efforts(durations.size)
-    rows, modal = slew.rows, slew.modal_rows
-    costate = np.zeros(slew.start.size)
-    costate[rows] = multipliers[: rows.size]
-    parts = [(1.0, costate)]
-    if slew.robust:
-        for factor, weight in STENCIL:
-            c = np.zeros(slew.start.size)
-            c[modal] = weight * multipliers[rows.size :]
-            parts.append((factor, c))
-    times, sigma = np.zeros(0), np.zeros(0)
-    for factor, c in parts:
-        model = with_stiffness(slew.model, factor)
-        final = slew.final(durations, factor)
-        times, values = costate_backwards(
-            model.kind, model.packed, final, c, efforts, durations, slew.step
-        )
-        sigma = values[:, slew.joint] + (sigma if sigma.size else 0.0)
+    final = final_states(*slew.flock, slew.start, efforts, durations, slew.step).ravel()
+    costate = slew.conditions.T @ multipliers
+    times, values = costate_backwards(*slew.flock, final, costate, efforts, durations, slew.step)
+    sigma = values[:, slew.joint]
     times, sigma = times[::-1], sigma[::-1]
     arc = np.searchsorted(np.cumsum(durations)[:-1], times, side="right")
     signed = sigma * np.sign(efforts[arc, slew.joint])

@@ -13,11 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.arcs import costate_backwards
-from flexslew_control.switching import STENCIL, BangBang
+from flexslew_control.arcs import costate_backwards, final_states, rates
+from flexslew_control.switching import BangBang
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
-from flexslew_plant.testbeds import with_stiffness
 
 _ROOM = 0.5  # part of an arc that a step may take away
 
@@ -75,30 +74,20 @@ def switch_time_optimisation(
 
 def gradients(slew: BangBang, durations: Vector) -> Matrix:
     """Return dr/dp of the end conditions by switch times and final time, shape (rows, N + 1)."""
-    rows = [_gradient(slew, durations, 1.0, row) for row in slew.rows]
-    if slew.robust:
-        rows += [
-            sum((w * _gradient(slew, durations, f, row) for f, w in STENCIL), np.zeros(()))
-            for row in slew.modal_rows
-        ]
-    return np.array(rows)
-
-
-def _gradient(slew: BangBang, durations: Vector, factor: float, row: int) -> Vector:
-    """Return the gradient of one final coordinate with the stiffness times factor."""
-    model = with_stiffness(slew.model, factor)
     efforts = slew.efforts(durations.size)
-    final = slew.final(durations, factor)
-    costate = np.zeros(final.size)
-    costate[row] = 1.0
-    times, values = costate_backwards(
-        model.kind, model.packed, final, costate, efforts, durations, slew.step
-    )
-    switches = np.cumsum(durations)[:-1]
-    at = [int(np.argmin(np.abs(times - switch))) for switch in switches]
+    final = final_states(*slew.flock, slew.start, efforts, durations, slew.step).ravel()
+    ends = np.cumsum(durations)
     jumps = -np.diff(efforts[:, slew.joint])
-    rate = float(model.derivative(final, efforts[-1])[row])
-    return np.append(values[at, slew.joint] * jumps, rate)
+    rows = []
+    for condition in slew.conditions:
+        times, values = costate_backwards(
+            *slew.flock, final, condition, efforts, durations, slew.step
+        )
+        at = [int(np.argmin(np.abs(times - switch))) for switch in ends[:-1]]
+        rows.append(values[at, slew.joint] * jumps)
+    last = np.empty(final.size)
+    rates(*slew.flock, final, efforts[-1], last)
+    return np.column_stack((rows, slew.conditions @ last))
 
 
 def _by_relative_change(slew: BangBang, durations: Vector) -> Matrix:

@@ -1,22 +1,27 @@
 """Bang-bang slews of one joint by their switch times (papers/001, sections 2 and 3).
 
 The unknowns are the durations d of the arcs between the switches. The end conditions are rest at
-the goal and, for a robust slew, no sensitivity of the modes to the stiffness:
-    r(d) = x(t_f) - x_goal = 0,    dq/dk(t_f) = dq'/dk(t_f) = 0    (5), (13), (30).
+the goal and, for a robust slew, no sensitivity to the stiffness k:
+    r(d) = x(t_f) - x_goal = 0,    dx/dk(t_f) = 0    (5), (13), (30),
+where x are the modes or the whole state. The sensitivity is that of a bench which follows the
+slew under its feedback; without gains, of the open loop, as in the paper.
 Newton's method solves them from the closed form of the linear model. Where that start is too far
 away, goal and effort are both scaled up from nearly zero, where the closed form is exact.
 """
 
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from flexslew_control.arcs import final_sensitivity, final_state
+from flexslew_control.arcs import final_sensitivity, final_states
 from flexslew_control.linear_switching import five_switches, three_switches
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.model import Model
 from flexslew_plant.testbeds import with_stiffness
+
+Insensitive: TypeAlias = Literal["modes", "state"]
 
 # fourth-order difference by the stiffness factor: exact to about 1e-11 of the derivative
 _CHANGE = 1e-3
@@ -37,7 +42,9 @@ class BangBang:
         start: state at rest, shape (2 n,).
         distance: how far the joint goes [rad or m].
         amplitude: of the effort [N m or N].
-        robust: whether the modes must not be sensitive to the stiffness at the end.
+        robust: whether the end must not be sensitive to the stiffness.
+        kp, kd: gains of the joint's feedback that flies the slew; none: open loop.
+        insensitive: what must not be: the modes (5 switches for one) or the whole state.
     """
 
     model: Model
@@ -46,6 +53,14 @@ class BangBang:
     distance: float
     amplitude: float
     robust: bool
+    kp: float = 0.0
+    kd: float = 0.0
+    insensitive: Insensitive = "modes"
+
+    @property
+    def open_loop(self) -> bool:
+        """Whether nothing feeds back."""
+        return self.kp == 0.0 and self.kd == 0.0
 
     @property
     def step(self) -> float:
@@ -72,11 +87,37 @@ class BangBang:
         return np.concatenate((half, n + half))
 
     @property
-    def modal_rows(self) -> Vector:
+    def insensitive_rows(self) -> Vector:
         """Which entries of the state may not be sensitive to the stiffness."""
         n, m = self.model.coordinates, self.model.joints
-        half = np.arange(m, n)
-        return np.concatenate((half, n + half))
+        modal = np.arange(m, n)
+        return np.concatenate((modal, n + modal)) if self.insensitive == "modes" else self.rows
+
+    @property
+    def conditions(self) -> Matrix:
+        """C of the end conditions r = C z - goal, z the final states of leader and followers."""
+        size = self.start.size
+        nominal: Matrix = np.eye(size)[self.rows]
+        if not self.robust:
+            return nominal
+        derivative: Matrix = np.eye(size)[self.insensitive_rows]
+        whole = np.zeros((len(nominal) + len(derivative), size * (1 + len(STENCIL))))
+        whole[: len(nominal), :size] = nominal
+        for k, (_, weight) in enumerate(STENCIL, start=1):
+            whole[len(nominal) :, k * size : (k + 1) * size] = weight * derivative
+        return whole
+
+    @property
+    def flock(self) -> tuple[int, Matrix, Vector, Vector]:
+        """What the kernels of `arcs` fly: kind, numbers of all copies, and the gains."""
+        return self.copies((1.0, *(factor for factor, _ in STENCIL)) if self.robust else (1.0,))
+
+    def copies(self, factors: tuple[float, ...]) -> tuple[int, Matrix, Vector, Vector]:
+        """Return a flock of models with the stiffness times these factors, the leader's first."""
+        packed = np.array([with_stiffness(self.model, factor).packed for factor in factors])
+        kp, kd = np.zeros(self.model.joints), np.zeros(self.model.joints)
+        kp[self.joint], kd[self.joint] = self.kp, self.kd
+        return self.model.kind, packed, kp, kd
 
     def efforts(self, arcs: int, scale: float = 1.0) -> Matrix:
         """Return the effort of each arc, shape (arcs, joints)."""
@@ -85,38 +126,38 @@ class BangBang:
         out[:, self.joint] = scale * self.amplitude * np.sign(self.distance) * signs
         return out
 
-    def final(self, durations: Vector, factor: float = 1.0, scale: float = 1.0) -> Vector:
-        """Return the state at the end with the stiffness times factor, shape (2 n,)."""
-        model = with_stiffness(self.model, factor)
-        efforts = self.efforts(durations.size, scale)
-        return final_state(model.kind, model.packed, self.start, efforts, durations, self.step)
+    def final(self, durations: Vector, factor: float = 1.0, feedback: bool = False) -> Vector:
+        """Return the state at the end with the stiffness times factor, shape (2 n,).
+
+        Args:
+            durations: of the arcs [s].
+            factor: of the stiffness [-].
+            feedback: whether the gains hold it to the nominal slew.
+        """
+        factors = (1.0, factor) if feedback else (factor,)
+        efforts = self.efforts(durations.size)
+        return np.asarray(
+            final_states(*self.copies(factors), self.start, efforts, durations, self.step)[-1]
+        )
 
     def residual(self, durations: Vector, scale: float = 1.0) -> Vector:
         """Return what misses the end conditions, divided by scale."""
+        efforts = self.efforts(durations.size, scale)
+        z = final_states(*self.flock, self.start, efforts, durations, self.step)
+        return self._missed(z.ravel(), scale)
+
+    def linearised(self, durations: Vector, scale: float = 1.0) -> tuple[Vector, Matrix]:
+        """Return the residual and its derivatives by the durations, dr/dd."""
+        efforts = self.efforts(durations.size, scale)
+        z, slopes = final_sensitivity(*self.flock, self.start, efforts, durations, self.step)
+        return self._missed(z, scale), np.asarray(self.conditions @ slopes / scale)
+
+    def _missed(self, z: Vector, scale: float) -> Vector:
         goal = self.start.copy()
         goal[self.joint] += scale * self.distance
-        r = (self.final(durations, 1.0, scale) - goal)[self.rows]
-        if self.robust:
-            s = sum(w * self.final(durations, f, scale)[self.modal_rows] for f, w in STENCIL)
-            r = np.concatenate((r, s))
+        r = self.conditions @ z
+        r[: self.rows.size] -= goal[self.rows]
         return np.asarray(r / scale)
-
-    def jacobian(self, durations: Vector, scale: float = 1.0) -> Matrix:
-        """Return dr/dd; the rows of the sensitivities from a central difference."""
-        efforts = self.efforts(durations.size, scale)
-
-        def by_duration(factor: float) -> Matrix:
-            model = with_stiffness(self.model, factor)
-            return final_sensitivity(
-                model.kind, model.packed, self.start, efforts, durations, self.step
-            )[1]
-
-        rows = by_duration(1.0)[self.rows]
-        if self.robust:
-            e = 0.1 * _CHANGE
-            ahead, behind = by_duration(1.0 + e), by_duration(1.0 - e)
-            rows = np.vstack((rows, (ahead - behind)[self.modal_rows] / (2.0 * e)))
-        return np.asarray(rows / scale)
 
 
 def linear_durations(slew: BangBang) -> Vector:
@@ -145,8 +186,7 @@ def solve_durations(slew: BangBang, guess: Vector, scale: float = 1.0) -> Vector
     """Return the durations that meet the end conditions, by Newton's method; None if it fails."""
     d = guess.copy()
     for _ in range(25):
-        r = slew.residual(d, scale)
-        j = slew.jacobian(d, scale)
+        r, j = slew.linearised(d, scale)
         if not (np.isfinite(r).all() and np.isfinite(j).all()) or np.linalg.cond(j) > 1e13:
             return None
         change = -np.linalg.solve(j, r)
@@ -186,14 +226,12 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
     half = slew.rigid_duration / 2.0
     rows = np.array([slew.joint, slew.model.joints])
     middle = slew.start[rows] + np.array([0.5 * slew.distance, 0.0])
-    model, efforts = slew.model, slew.efforts(3)
+    flock, efforts = slew.copies((1.0,)), slew.efforts(3)
 
     def arcs(p: float) -> Vector | None:
         d = np.array([p, 0.0, half - p])
         for _ in range(20):
-            x, by_duration = final_sensitivity(
-                model.kind, model.packed, slew.start, efforts, d, slew.step
-            )
+            x, by_duration = final_sensitivity(*flock, slew.start, efforts, d, slew.step)
             change = np.linalg.solve(by_duration[rows, 1:], middle - x[rows])
             if not np.isfinite(change).all() or np.abs(change).max() > half:
                 return None

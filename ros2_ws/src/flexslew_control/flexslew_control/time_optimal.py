@@ -1,16 +1,19 @@
 """The planner of papers/001: time-optimal and robust time-optimal slews of one joint."""
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
+from flexslew_control.optimal_switching import extremal_durations
 from flexslew_control.plan import Plan
 from flexslew_control.pontryagin import Extremality, switching_function
 from flexslew_control.slew_request import software_versions, tick_times
 from flexslew_control.switching import (
     STENCIL,
     BangBang,
+    Insensitive,
     continued_durations,
     five_switch_durations,
 )
@@ -19,6 +22,17 @@ from flexslew_plant.csa import CsaTestbed
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, plain, section
 from flexslew_plant.testbeds import Testbed, build_model
+
+Share: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
+_RESERVE = 0.2  # of the limit, left to a feedback [-]
+
+
+@section
+class JointFeedback:
+    """The gains of the PD that flies the plan, which a robust slew counts with."""
+
+    kp: tuple[NonNegative, ...] = (460.0, 460.0)  # one a joint [N m/rad or N/m]
+    kd: tuple[NonNegative, ...] = (920.0, 920.0)  # one a joint [N m s/rad or N s/m]
 
 
 @section
@@ -29,8 +43,12 @@ class TimeOptimal:
     model: Testbed = CsaTestbed(modes=1)  # what the planner believes; its `initial` is the start
     goal: dict[str, float]  # where joints rest at the end, by name [rad or m]
     start: NonNegative = 0.0  # [s]
-    robust: bool = False  # no sensitivity of the modes to the stiffness at the end
-    amplitude: Positive | None = None  # of the effort [N m or N]; the drive's limit if left out
+    robust: bool = False  # no sensitivity to the stiffness at the end
+    insensitive: Insensitive = "modes"  # what, if robust: the modes, or the joint as well
+    feedback: JointFeedback | None = None  # that flies the slew; null: open loop
+    structure: Literal["fewest", "optimal"] = "fewest"  # how many switches
+    amplitude: Positive | None = None  # of the effort [N m or N]; null: the limit less the reserve
+    reserve: Share | None = None  # of the limit, for the feedback; null: 0.2 if there is one [-]
     longest: Positive | None = None  # refuse a slew that takes longer [s]
 
 
@@ -49,7 +67,7 @@ def plan_time_optimal(
         PlanFailed: no such slew, or it takes longer than allowed.
     """
     slew = requested_slew(settings, effort_limit)
-    durations = found_durations(slew)
+    durations = found_durations(slew, settings.structure)
     duration = float(durations.sum())
     if settings.longest is not None and duration > settings.longest:
         needed = slew.amplitude * (duration / settings.longest) ** 2
@@ -96,12 +114,16 @@ def requested_slew(settings: TimeOptimal, effort_limit: Vector) -> BangBang:
     Raises:
         BadInput: see plan_time_optimal.
     """
-    if settings.model.modes != 1:
-        raise BadInput(
-            f"plan: model: modes: {settings.model.modes} is not allowed: time_optimal plans on 1"
-        )
     model = build_model(settings.model)
     names = model.joint_names
+    kp, kd = (0.0,) * model.joints, (0.0,) * model.joints
+    if settings.feedback is not None:
+        kp, kd = settings.feedback.kp, settings.feedback.kd
+        if not len(kp) == len(kd) == model.joints:
+            raise BadInput(
+                f"plan: feedback: {len(kp)} kp and {len(kd)} kd are not allowed: "
+                f"{settings.model.kind} has {model.joints}, {', '.join(names)}"
+            )
     unknown = [name for name in settings.goal if name not in names]
     if unknown:
         raise BadInput(
@@ -119,36 +141,62 @@ def requested_slew(settings: TimeOptimal, effort_limit: Vector) -> BangBang:
         )
     joint = int(moving[0])
     limit = float(effort_limit[joint])
-    amplitude = limit if settings.amplitude is None else settings.amplitude
+    reserve = settings.reserve
+    if reserve is None:
+        reserve = 0.0 if settings.feedback is None else _RESERVE
+    amplitude = (1.0 - reserve) * limit if settings.amplitude is None else settings.amplitude
     if amplitude > limit:
         raise BadInput(f"plan: amplitude: {amplitude:g} is above the drive's limit {limit:g}")
     start = np.concatenate((first, np.zeros(model.modes + model.coordinates)))
     return BangBang(
-        model, joint, start, float(last[joint] - first[joint]), amplitude, settings.robust
+        model,
+        joint,
+        start,
+        float(last[joint] - first[joint]),
+        amplitude,
+        settings.robust,
+        kp[joint],
+        kd[joint],
+        settings.insensitive,
     )
 
 
-def found_durations(slew: BangBang) -> Vector:
-    """Return the arcs of the slew: three switches (robust: five), five where three fail.
+def found_durations(slew: BangBang, structure: Literal["fewest", "optimal"] = "fewest") -> Vector:
+    """Return the arcs of the slew.
+
+    Args:
+        slew: what is turned.
+        structure: fewest, three switches (robust: five), five where three fail, of one mode in
+            open loop; optimal, as many as an extremal has. All else is optimal anyway.
 
     Raises:
-        PlanFailed: neither was found.
+        PlanFailed: none were found.
     """
-    durations = continued_durations(slew)
-    if durations is None and not slew.robust:
-        durations = five_switch_durations(slew)
+    finders = [extremal_durations]
+    under_feedback = slew.robust and not slew.open_loop
+    if slew.model.modes == 1 and slew.insensitive == "modes" and not under_feedback:
+        finders.insert(0 if structure == "fewest" else 1, _closed_form_durations)
+    found = (finder(slew) for finder in finders)
+    durations = next((arcs for arcs in found if arcs is not None), None)
     if durations is None:
         raise PlanFailed(
-            f"no slew by {slew.distance:g} with {'five' if slew.robust else 'three or five'} "
-            f"switches at {slew.amplitude:g} N m was found (rigid bound "
-            f"{slew.rigid_duration:.4f} s); use a smaller amplitude or another goal"
+            f"no{' robust' if slew.robust else ''} slew by {slew.distance:g} at "
+            f"{slew.amplitude:g} was found (rigid bound {slew.rigid_duration:.4f} s); use a "
+            "smaller amplitude or another goal"
         )
     return durations
 
 
+def _closed_form_durations(slew: BangBang) -> Vector | None:
+    durations = continued_durations(slew)
+    if durations is None and not slew.robust:
+        return five_switch_durations(slew)
+    return durations
+
+
 def joint_sensitivity(slew: BangBang, durations: Vector) -> float:
-    """Return d(joint position at the end)/d(stiffness factor), which no condition asks for."""
-    return float(sum(w * slew.final(durations, f)[slew.joint] for f, w in STENCIL))
+    """Return d(joint position at the end)/d(stiffness factor), under the feedback if any."""
+    return float(sum(w * slew.final(durations, f, True)[slew.joint] for f, w in STENCIL))
 
 
 def statement(slew: BangBang, durations: Vector, check: Extremality) -> str:
@@ -158,7 +206,8 @@ def statement(slew: BangBang, durations: Vector, check: Extremality) -> str:
         return f"extremal with {switches} switches: Pontryagin's condition holds"
     return (
         f"best of the {switches}-switch family, not time-optimal: the switching function has the "
-        f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value)"
+        f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value); "
+        "structure: optimal looks for more switches"
     )
 
 
