@@ -1,11 +1,23 @@
 """What was flown over ROS 2, with a hand on it, flies again in process to the last bit."""
 
 import os
+import shutil
 import signal
+from pathlib import Path
 from threading import Timer
 
+import pytest
+import rclpy
+from flexslew_msgs.srv import InjectFault, SwitchController
+from std_srvs.srv import Trigger
+
+from flexslew_lab.bag_reader import BagReader
+from flexslew_lab.log_check import check_log
 from flexslew_lab.operator_node import switch_controller
+from flexslew_lab.processes import NodeProcess
 from flexslew_lab.resim import resim
+from flexslew_plant.errors import BadInput
+from flexslew_plant.ros_node import stamp
 
 from .flight import Flight, slew
 
@@ -41,3 +53,101 @@ def test_late_answers_and_a_fallback_fly_again_to_the_same_hash(tmp_path):
     assert again.replayed["missed"] == flight.metrics["missed_ticks"] > 0
     assert again.first_difference is None
     assert again.hash == flight.metrics["trajectory_hash"]
+
+
+def ask(*requests):
+    """Return the bench's answers to requests typed one after another."""
+    rclpy.init()
+    node = rclpy.create_node("operator")
+    answers = []
+    try:
+        for kind, name, values in requests:
+            client = node.create_client(kind, name)
+            assert client.wait_for_service(timeout_sec=20.0), name
+            future = client.call_async(kind.Request(**values))
+            rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
+            answers.append(future.result())
+        return answers
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def test_a_session_with_swaps_a_fault_and_a_reset_flies_again_to_the_same_hash(tmp_path):
+    def swap(name, at=0.0):
+        return SwitchController, "switch_controller", {"controller": name, "at": stamp(at)}
+
+    def fault(text, at=0.0):
+        return InjectFault, "inject_fault", {"fault": text, "at": stamp(at)}
+
+    def by_hand(pids):
+        answers.extend(
+            ask(
+                swap("output_feedback"),
+                fault("{disturbance: {base_yaw: 3.0}}"),
+                swap("pd_feedforward"),
+                (Trigger, "reset", {}),
+                (Trigger, "start", {}),
+                fault("{kind: command_lost, probability: 0.2, until: 31.0}", 30.0),
+                swap("output_feedback", 40.0),
+                swap("pd_feedforward"),
+            )
+        )
+
+    answers = []
+    trial = slew(
+        duration=80.0, more=CREW, extra="display_rate: 0.0\nallow_faults: true\nmax_missed: 100"
+    )
+    flight = Flight(trial, tmp_path, 1, by_hand)
+    words = [answer.message for answer in answers]
+    assert [getattr(a, "ok", getattr(a, "success", False)) for a in answers] == [True] * 8, words
+    events = BagReader(flight.bag).overview.events
+    assert {event.epoch for event in events if event.source == "plant"} == {0, 1}
+    again = resim(flight.bag)
+    assert again.first_difference is None
+    assert again.replayed["switch_requested"] == 4
+    assert again.replayed["injected"] == 2
+    assert again.hash == again.recorded_hash == flight.metrics["trajectory_hash"]
+    assert flight.metrics["missed_ticks"] > 0
+    wrong = [f for f in check_log(flight.bag) if not f.ok]
+    assert [f for f in wrong if not f.detail.endswith("ticks twice")] == []  # asked again
+
+
+def guest(name, law, **values):
+    """Return a controller that is not in the trial, with a law of the user's own."""
+    return NodeProcess(
+        name, "flexslew_control", "controller",
+        {"law": law, "wait_for": ["recorder_ears"], "exit_with_plant": True, **values},
+    )  # fmt: skip
+
+
+def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_path):
+    def by_hand(pids):
+        answers.extend(switch_controller(name, 0.0, False, 1.0) for name in ("own", "stiff"))
+
+    answers = []
+    file = tmp_path / "guest_law.py"
+    shutil.copy(Path(__file__).parents[2] / "docs" / "examples" / "my_law.py", file)
+    guests = [
+        guest("own", f"{file}:MyLaw", kp=300.0, kd=800.0),
+        guest("stiff", "pd_feedforward", kp=[600.0, 600.0]),
+    ]
+    flight = Flight(
+        slew(duration=100.0, extra="display_rate: 0.0"), tmp_path / "run", 1, by_hand, guests
+    )
+    assert flight.outcome == (0, "")
+    assert [ok for ok, _ in answers] == [True, True], answers
+    blended = [
+        state.controller
+        for _, _, state in BagReader(flight.bag).decoded(("/controller_state",))
+        if "handover" in state.term_names
+    ]
+    assert blended == ["own"] * 100 + ["stiff"] * 100  # 1 s, as documented
+    again = resim(flight.bag)
+    assert flight.events.count("switched") == 2
+    assert again.first_difference is None
+    assert again.hash == flight.metrics["trajectory_hash"]
+    file.unlink()
+    with pytest.raises(BadInput, match=r"controllers\.own: .*guest_law\.py") as missing:
+        resim(flight.bag)
+    assert "\n" not in str(missing.value)

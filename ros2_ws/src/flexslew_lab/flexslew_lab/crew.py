@@ -126,7 +126,9 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
     laws = {n: law_of(n, values or {}) for n, values in trial_of(bag).controllers.items()}
     for name, status in bag.overview.statuses.items():
         if name not in laws:
-            laws[name] = status.law, yaml.safe_load(status.settings) or {}
+            values = yaml.safe_load(status.settings) or {}
+            values.pop("computed", None)  # is said there, too, and follows from the others
+            laws[name] = status.law, values
     return laws
 
 

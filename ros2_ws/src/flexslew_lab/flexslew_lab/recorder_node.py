@@ -30,10 +30,13 @@ from flexslew_plant.ros_node import (
 )
 from flexslew_plant.settings import section
 
-_TICK_AND_EPOCH = struct.Struct("<QI")  # of a Measurement, behind the header with its empty frame
+_TICK_AND_EPOCH = struct.Struct("<QI")
+_BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame
+_OF_PLANT = ("/measurement", "/truth")  # their epoch counts
+_DISPLAYED = ("/clock", "/joint_states", "/appendage_states", "/tf", "/markers")  # they have none
 _REPORT_EVERY = 100  # ticks
 _TAKE_EVERY = 0.01  # [wall s]
-_time, _by_time = itemgetter(0), itemgetter(0, 1)
+_time, _by_time = itemgetter(0, 1), itemgetter(0, 1, 2)
 
 
 @section
@@ -55,8 +58,10 @@ class Recorder:
         self._writer = BagWriter(Path(self._settings.folder), json.loads(self._settings.metadata))
         self._events = node.create_publisher(msg.Event, topics.EVENTS, latched(100))
         self._status = node.create_publisher(msg.RecorderStatus, topics.RECORDER_STATUS, latched(1))
-        self._last = 0  # newest simulated time of any message [ns]
-        self._waiting: list[tuple[int, int, str, bytes]] = []  # stamp, rank of topic, topic, CDR
+        self._last = 0, 0  # newest epoch, and newest simulated time in it [ns]
+        self._displayed = dict.fromkeys(_DISPLAYED, (0, 0))  # the same by topic
+        self._offset = 0, 0  # epoch that is written, and when it began in log time [ns]
+        self._waiting: list[tuple[int, int, int, str, bytes]] = []  # epoch, stamp, rank, topic, CDR
         self._stopped = False
         self._next_look = 0.0
         # The ears are not on the loop: taking many messages at once costs the bench far less than
@@ -102,37 +107,60 @@ class Recorder:
         of the call before waits for the next one.
         """
         horizon = self._last
+        fresh: list[tuple[int, int, str, bytes]] = []
         for rank, (topic, subscription) in enumerate(self._subscriptions.items()):
             kind = TOPICS[topic].type
             with subscription.handle:
                 take = subscription.handle.take_message
                 while (taken := take(subscription.msg_type, True)) is not None:
-                    at = stamp_of(kind, taken[0], horizon)
-                    self._waiting.append((at, rank, topic, taken[0]))
-                    self._last = max(self._last, at)
+                    at = stamp_of(kind, taken[0], horizon[1])
+                    fresh.append((at, rank, topic, taken[0]))
+                    if topic in _OF_PLANT:
+                        epoch = _TICK_AND_EPOCH.unpack_from(taken[0], _BEHIND_HEADER)[1]
+                        self._last = max(self._last, (epoch, at))
+        self._waiting += [(self._epoch(t, at, data), at, r, t, data) for at, r, t, data in fresh]
         self._waiting.sort(key=_by_time)
         ready = len(self._waiting) if last else bisect_right(self._waiting, horizon, key=_time)
-        for at, _, topic, data in self._waiting[:ready]:
-            self._write(at, topic, data)
+        for epoch, at, _, topic, data in self._waiting[:ready]:
+            self._write(epoch, at, topic, data)
         del self._waiting[:ready]
 
-    def _write(self, at: int, topic: str, data: bytes) -> None:
-        if self._stopped:
-            return
-        try:
-            self._writer.write(topic, TOPICS[topic].type, data, at)
-            if topic == "/measurement":
-                self._report(*_TICK_AND_EPOCH.unpack_from(data, 20))
-        except RecordingStopped as error:
-            self._stopped = True
-            self._say(Level.FAULT, "recording_stopped", str(error))
+    def _epoch(self, topic: str, at: int, data: bytes) -> int:
+        """Return the epoch to which a message belongs; the plant's newest one is known."""
+        newest = self._last[0]
+        if topic in self._displayed:
+            epoch, before = self._displayed[topic]
+            epoch = newest if at < before else epoch
+            self._displayed[topic] = epoch, at
+            return epoch
+        if not newest:
+            return 0
+        if topic in _OF_PLANT or topic == "/controller_state":
+            return min(newest, int(_TICK_AND_EPOCH.unpack_from(data, _BEHIND_HEADER)[1]))
+        if topic in ("/effort_command", "/events"):
+            return min(newest, int(_TICK_AND_EPOCH.unpack_from(data, _BEHIND_STAMP)[1]))
+        return newest
+
+    def _write(self, epoch: int, at: int, topic: str, data: bytes) -> None:
+        """Write a message; in log time, an epoch begins where the one before has ended."""
+        if epoch > self._offset[0]:
+            self._offset = epoch, self._writer.last - at
+        at += self._offset[1]
+        if not self._stopped:
+            try:
+                self._writer.write(topic, TOPICS[topic].type, data, at)
+            except RecordingStopped as error:
+                self._stopped = True
+                self._say(Level.FAULT, "recording_stopped", str(error))
+        if topic == "/measurement":  # also when stopped: the plant need not wait for us
+            self._report(*_TICK_AND_EPOCH.unpack_from(data, _BEHIND_HEADER))
 
     def _report(self, tick: int, epoch: int) -> None:
         """Tell the plant, which holds back rather than lose anything."""
         if tick % _REPORT_EVERY == 0:
             self._status.publish(
                 msg.RecorderStatus(
-                    stamp=stamp(self._last * 1e-9),
+                    stamp=stamp(self._last[1] * 1e-9),
                     recorder=self.node.get_name(),
                     tick=tick,
                     epoch=epoch,
@@ -141,7 +169,7 @@ class Recorder:
             )
 
     def _say(self, level: Level, kind: str, words: str) -> None:
-        event = Event(0, self._last * 1e-9, 0, level, "recorder", kind, words, {})
+        event = Event(0, self._last[1] * 1e-9, 0, level, "recorder", kind, words, {})
         self._events.publish(event_message(event))
         self.node.get_logger().info(words)
 
