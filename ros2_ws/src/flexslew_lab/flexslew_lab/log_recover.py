@@ -3,6 +3,7 @@
 import os
 import shutil
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ from flexslew_lab.bag_layout import METADATA_FILE, RUN_RECORD, TRIAL_RECORD
 from flexslew_lab.bag_lock import LOCK_FILE, lock_folder, unlock_folder
 from flexslew_lab.bag_lookup import Lookup
 from flexslew_lab.bag_reader import BagReader, find_mcap
-from flexslew_lab.bag_writer import BagWriter
+from flexslew_lab.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.mcap_scan import (
     CHANNEL,
     CHUNK,
@@ -151,6 +152,11 @@ def _copy(path: Path, target: Path) -> Recovery:
                     chunks_lost += 1
                     continue
                 _copy_chunk(content, lookup, writer, tally)
+    except RecordingStopped:  # the new file has no room
+        if writer is not None:
+            with suppress(RecordingStopped):
+                writer.close()
+        raise
     except (BadInput, ValueError) as error:  # damage that hides where the next record starts
         reason, bytes_lost = str(error).removeprefix(f"{path}: "), path.stat().st_size - stream.at
     if stream.cut:

@@ -4,6 +4,7 @@ import struct
 import tempfile
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -134,7 +135,8 @@ class McapFile:
     def close(self) -> None:
         """Give the files back to the system."""
         self._stream.close()
-        self._index.close()
+        with suppress(OSError):  # on a full disk, where the rest of the index has no room
+            self._index.close()
 
     def guarded(self, action: Callable[..., Any], *arguments: Any) -> None:
         """Do something with the system; its failure ends the recording."""
