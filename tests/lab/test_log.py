@@ -15,6 +15,7 @@ import pyarrow.parquet
 import pytest
 from rosbags.rosbag2 import Reader
 
+from flexslew_lab import log_export
 from flexslew_lab.bag_layout import TOPICS
 from flexslew_lab.bag_reader import BagReader
 from flexslew_lab.bag_writer import CHUNK_SIZE, BagWriter, RecordingStopped
@@ -295,6 +296,17 @@ def test_csv_holds_the_same(bag: Path, tmp_path: Path) -> None:
     assert columns["truth.csv"]["tip_deflection_1"]["unit"] == "m"
     kinds = pyarrow.csv.read_csv(exported.files["/events"])["kind"].to_pylist()
     assert kinds == ["started", "switched", "missed"]
+
+
+def test_long_rows_are_written_in_more_groups_and_are_the_same(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = export_log(bag, tmp_path / "whole").files["/controller_state"]
+    monkeypatch.setattr(log_export, "BYTES", 20_000)
+    parts = export_log(bag, tmp_path / "parts").files["/controller_state"]
+    assert pyarrow.parquet.ParquetFile(whole).num_row_groups == 1
+    assert pyarrow.parquet.ParquetFile(parts).num_row_groups > 3
+    assert pyarrow.parquet.read_table(parts).equals(pyarrow.parquet.read_table(whole))
 
 
 def test_an_export_of_an_unknown_topic_names_those_there(bag: Path, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexslew_lab.report import write_report
-from flexslew_lab.run_data import Thinner, read_run
+from flexslew_lab.run_data import LOT, Thinner, read_run
 from flexslew_plant.errors import BadInput
 
 Message = tuple[str, bytes, int]
@@ -126,3 +126,17 @@ def test_phases_say_who_was_in_charge(bag: Path) -> None:
         ("pd_feedforward", 0.0, 3.0),
         ("pi", 3.0, 5.0),
     ]
+
+
+@pytest.mark.parametrize("size", [3, 7000])
+def test_what_waits_to_be_thinned_does_not_grow_with_the_run(size: int) -> None:
+    thinner, lot = Thinner(size), 100
+    for k in range(2000):
+        time = np.arange(k * lot, (k + 1) * lot, dtype=float)
+        thinner.add(time, np.sin(time)[:, None])
+        assert sum(len(rows) for rows, _ in thinner._pending) <= max(LOT, size) + lot
+    time = np.arange(2000 * lot, dtype=float)
+    kept = np.sort(thinner.trace().value[:, 0])
+    buckets = np.split(np.sin(time), range(size, len(time), size))
+    extremes = np.sort([x for b in buckets for x in (b.min(), b.max())])
+    assert np.array_equal(kept, extremes)

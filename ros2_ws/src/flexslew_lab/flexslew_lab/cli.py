@@ -27,6 +27,7 @@ app = typer.Typer(
 app.add_typer(log, name="log")
 register(app)
 
+LONG = ("day",)  # benchmarks that take hours
 TrialFile = Annotated[Path | None, typer.Argument(help="Trial file; without it manoeuvre M1.")]
 Bags = Annotated[list[Path], typer.Argument(help="Folders of runs, or bags.")]
 
@@ -196,6 +197,8 @@ def bench(
 ) -> None:
     """Measure the speed, each figure beside a floor of the same run.
 
+    `day`, memory and reading over a run of FLEXSLEW_BENCH_HOURS (24), is measured only when named.
+
     Example: `./flexslew bench planning --json`
     """
     import importlib.util
@@ -203,7 +206,7 @@ def bench(
     folder = _root() / "benchmarks"
     known = sorted(path.stem for path in folder.glob("*.py"))
     figures: dict[str, float] = {}
-    for name in names or known:
+    for name in names or [name for name in known if name not in LONG]:
         if name not in known:
             raise BadInput(f"{name} is not a benchmark; allowed: {', '.join(known)}")
         with screen.status(f"measuring {name}"):

@@ -5,7 +5,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import yaml
@@ -17,6 +17,7 @@ from flexslew_lab.mcap_scan import RecordStream
 from flexslew_plant.errors import BadInput
 
 TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
+_HEAD = struct.Struct("<BQ")
 _FOOTER = struct.Struct("<BQQQI")
 
 
@@ -161,32 +162,45 @@ def _index(path: Path, messages: int) -> Finding:
     data_end = RecordStream(path)
     for _ in data_end:
         pass
+    start = data_end.at + _HEAD.size + 4  # behind the data section's end record
+    foot = path.stat().st_size - len(MAGIC) - _FOOTER.size
     with path.open("rb") as file:
-        file.seek(data_end.at)
-        tail = file.read()
-    at = 9 + 4  # the data section's end record
-    foot = len(tail) - len(MAGIC) - _FOOTER.size - 0
-    try:
-        opcode, length, start, _, crc = _FOOTER.unpack_from(tail, foot)
-        if opcode != 2 or length != 20 or start != data_end.at + at:
-            raise ValueError("the footer is damaged")
-        if crc and zlib.crc32(tail[at : foot + _FOOTER.size - 4]) != crc:
-            raise ValueError("the checksum of the summary does not match")
-        count = _statistics(tail[at:foot])
-        if count != messages:
-            raise ValueError(f"it counts {count} messages, the file has {messages}")
-    except (struct.error, ValueError) as error:
-        return Finding(False, "index", f"{error}; `log recover` makes it again")
+        try:
+            file.seek(foot)
+            opcode, length, summary, _, crc = _FOOTER.unpack(file.read(_FOOTER.size))
+            if opcode != 2 or length != 20 or summary != start:
+                raise ValueError("the footer is damaged")
+            if crc and _crc(file, start, foot + _FOOTER.size - 4) != crc:
+                raise ValueError("the checksum of the summary does not match")
+            count = _statistics(file, start, foot)
+            if count != messages:
+                raise ValueError(f"it counts {count} messages, the file has {messages}")
+        except (struct.error, ValueError) as error:
+            return Finding(False, "index", f"{error}; `log recover` makes it again")
     return Finding(True, "index", f"checksum right, {messages} messages")
 
 
-def _statistics(summary: bytes) -> int:
-    at = 0
-    while at + 9 <= len(summary):
-        opcode, length = struct.unpack_from("<BQ", summary, at)
+def _crc(file: BinaryIO, start: int, end: int) -> int:
+    """Return the checksum of a part of a file, read piece by piece."""
+    crc = 0
+    file.seek(start)
+    while start < end:
+        piece = file.read(min(end - start, 1 << 20))
+        if not piece:
+            raise ValueError("the summary is cut")
+        crc = zlib.crc32(piece, crc)
+        start += len(piece)
+    return crc
+
+
+def _statistics(file: BinaryIO, at: int, end: int) -> int:
+    """Return how many messages the summary counts."""
+    while at + _HEAD.size <= end:
+        file.seek(at)
+        opcode, length = _HEAD.unpack(file.read(_HEAD.size))
         if opcode == 0x0B:
-            return int(struct.unpack_from("<Q", summary, at + 9)[0])
-        at += 9 + length
+            return int(struct.unpack("<Q", file.read(8))[0])
+        at += _HEAD.size + length
     raise ValueError("it has no statistics")
 
 

@@ -19,7 +19,7 @@ from flexslew_lab.schemas import definition, field_types, type_hash
 from flexslew_plant.errors import BadInput
 
 WIDEST = 64  # longer sequences stay one column: a list in Parquet, JSON in CSV
-ROWS = 16_384  # of a row group
+ROWS, BYTES = 16_384, 1 << 24  # of a row group, which ends at the first of them
 _UNIT = re.compile(r"\[([^\]]+)\]")
 
 
@@ -197,15 +197,17 @@ def _sink(path: Path, schema: pa.Schema, kind: str) -> Any:
 
 
 def _batches(bag: BagReader, topics: Collection[str]) -> Iterator[tuple[str, list[Block]]]:
-    """Yield blocks of a topic in lots of about ROWS rows."""
+    """Yield blocks of a topic in lots of about ROWS rows, or of about BYTES where rows are long."""
     waiting: dict[str, list[Block]] = {topic: [] for topic in topics}
-    rows = dict.fromkeys(topics, 0)
+    rows, size = dict.fromkeys(topics, 0), dict.fromkeys(topics, 0)
     for block in bag.blocks(topics):
-        waiting[block.topic].append(block)
-        rows[block.topic] += len(block.stamp)
-        if rows[block.topic] >= ROWS:
-            yield block.topic, waiting[block.topic]
-            waiting[block.topic], rows[block.topic] = [], 0
+        topic = block.topic
+        waiting[topic].append(block)
+        rows[topic] += len(block.stamp)
+        size[topic] += sum(column.nbytes for column in block.columns.values())
+        if rows[topic] >= ROWS or size[topic] >= BYTES:
+            yield topic, waiting[topic]
+            waiting[topic], rows[topic], size[topic] = [], 0, 0
     for topic, blocks in waiting.items():
         if blocks:
             yield topic, blocks

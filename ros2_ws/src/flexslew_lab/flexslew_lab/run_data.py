@@ -14,6 +14,7 @@ from flexslew_plant.arrays import Matrix, Vector
 
 BUCKETS = 1200  # of which each keeps its smallest and its largest value
 FRAMES = 500  # of the animation
+LOT = 8192  # rows that wait before they are thinned, or one bucket where that is more
 
 
 class Trace(NamedTuple):
@@ -63,7 +64,7 @@ class Thinner:
             self._reduce(everything=True)
         self._pending.append((time, value))
         self._rows += len(time)
-        if self._rows >= 64 * self._size:
+        if self._rows >= max(self._size, LOT):
             self._reduce()
 
     def gap(self) -> None:
