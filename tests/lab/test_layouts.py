@@ -61,6 +61,7 @@ def test_plotjuggler_draws_fields_of_our_topics() -> None:
     assert len(curves) > 8
     for curve in curves:
         assert_exists(curve)
+    assert all(area.attrib["name"].endswith("]") for area in root.iter("DockArea"))  # a unit
     lists = [t.attrib["value"] for t in root.iter("selected_topics")]
     lists += [t.attrib["selected_topics"] for t in root.iter("parameters")]
     assert len(lists) == len(list(root.iter("plugin")))
