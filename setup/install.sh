@@ -51,7 +51,7 @@ lock=$root/setup/requirements.lock.txt
 [ -n "$installed_ros" ] && lock=$root/setup/requirements.installed_ros.txt
 stamp=$venv/flexslew.$(digest "$lock")
 if [ ! -e "$stamp" ]; then
-  say "[2/4] Python packages into .venv ($(grep -vc '^#' "$lock") distributions, about 600 MB)"
+  say "[2/4] Python packages into .venv ($(grep -vc '^#' "$lock") distributions, about 1.6 GB)"
   rm -rf "$venv" "$root/ros2_ws/build" "$root/ros2_ws/install"
   if [ -n "$installed_ros" ]; then
     "$python" -m venv --system-site-packages "$venv"

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexslew_control.linear_time_optimal import programmed_durations
-from flexslew_control.pontryagin import switching_function
+from flexslew_control.pontryagin import Arcs, switching_function
 from flexslew_control.switching import BangBang
 from flexslew_plant.arrays import Matrix, Vector
 
@@ -41,7 +41,7 @@ def extremal_durations(slew: BangBang) -> Vector | None:
     return best
 
 
-def shortest_durations(slew: BangBang, guess: Vector) -> Vector | None:
+def shortest_durations(slew: Arcs, guess: Vector) -> Vector | None:
     """Return the arcs of the shortest slew with as many arcs near these; None if it fails."""
     d, j = guess, slew.linearised(guess)[1]
     if d.size < len(j):
@@ -66,8 +66,21 @@ def shortest_durations(slew: BangBang, guess: Vector) -> Vector | None:
     return None
 
 
+def nearest_durations(slew: Arcs, guess: Vector) -> Vector | None:
+    """Return the arcs next to these that meet the end conditions; None if Newton's method fails."""
+    d = guess
+    for _ in range(_ITERATIONS):
+        r, j = slew.linearised(d)
+        if not np.isfinite(r).all() or d.min() <= 0.0:
+            return None
+        if np.abs(r).max() < _END:
+            return np.asarray(d)
+        d = d - np.linalg.lstsq(j, r, rcond=None)[0]
+    return None
+
+
 def _curvature(
-    slew: BangBang, durations: Vector, slopes: Matrix, scale: Vector, multipliers: Vector
+    slew: Arcs, durations: Vector, slopes: Matrix, scale: Vector, multipliers: Vector
 ) -> Matrix:
     """Return the second derivatives of multipliers^T r by the durations, from its slopes."""
     rows = []

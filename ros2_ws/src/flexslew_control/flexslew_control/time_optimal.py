@@ -1,14 +1,15 @@
-"""The planner of papers/001: time-optimal and robust time-optimal slews of one joint."""
+"""The planner of papers/001: time-optimal and robust time-optimal slews."""
 
-from collections.abc import Callable
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
 
+from flexslew_control.all_drives import AllDrives, fastest_slew
+from flexslew_control.gauss_newton import Progress
 from flexslew_control.optimal_switching import extremal_durations
 from flexslew_control.plan import Plan
-from flexslew_control.pontryagin import Extremality, switching_function
+from flexslew_control.pontryagin import Arcs, Extremality, switching_function
 from flexslew_control.slew_request import software_versions, tick_times
 from flexslew_control.switching import (
     STENCIL,
@@ -20,6 +21,7 @@ from flexslew_control.switching import (
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.csa import CsaTestbed
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.model import Model
 from flexslew_plant.settings import NonNegative, Positive, plain, section
 from flexslew_plant.testbeds import Testbed, build_model
 
@@ -47,32 +49,31 @@ class TimeOptimal:
     insensitive: Insensitive = "modes"  # what, if robust: the modes, or the joint as well
     feedback: JointFeedback | None = None  # that flies the slew; null: open loop
     structure: Literal["fewest", "optimal"] = "fewest"  # how many switches
+    drives: Literal["moving", "all"] = "moving"  # which push; all if the goal moves several joints
     amplitude: Positive | None = None  # of the effort [N m or N]; null: the limit less the reserve
     reserve: Share | None = None  # of the limit, for the feedback; null: 0.2 if there is one [-]
     longest: Positive | None = None  # refuse a slew that takes longer [s]
 
 
 def plan_time_optimal(
-    settings: TimeOptimal,
-    period: float,
-    effort_limit: Vector,
-    progress: Callable[[Any], None],
+    settings: TimeOptimal, period: float, effort_limit: Vector, progress: Progress
 ) -> Plan:
     """Return the bang-bang slew to the goal; see make_plan.
 
     The reference is the optimal trajectory itself, so feedback adds nothing nominally.
 
     Raises:
-        BadInput: the goal names no joint or asks for what one bang-bang joint cannot do.
+        BadInput: the goal names no joint or asks for what bang-bang efforts cannot do.
         PlanFailed: no such slew, or it takes longer than allowed.
     """
-    slew = requested_slew(settings, effort_limit)
-    durations = found_durations(slew, settings.structure)
+    slew, durations = found_slew(settings, effort_limit, progress)
     duration = float(durations.sum())
+    efforts = slew.efforts(durations.size)
+    amplitude = np.abs(efforts).max(axis=0)
     if settings.longest is not None and duration > settings.longest:
-        needed = slew.amplitude * (duration / settings.longest) ** 2
+        needed = float(amplitude.max()) * (duration / settings.longest) ** 2
         raise PlanFailed(
-            f"the slew takes {duration:.4f} s with {slew.amplitude:g} N m, {settings.longest:g} s "
+            f"the slew takes {duration:.4f} s with {amplitude.max():g} N m, {settings.longest:g} s "
             f"allowed; rigid bound {slew.rigid_duration:.4f} s; about {needed:.4g} N m are needed"
         )
     check = switching_function(slew, durations)
@@ -80,6 +81,21 @@ def plan_time_optimal(
     state, effort = on_ticks(slew, durations, ticks)
     m, n = slew.model.joints, slew.model.coordinates
     switches = np.cumsum(durations)[:-1]
+    summary: dict[str, Any] = {
+        "duration": duration,
+        "switch_times": switches.tolist(),
+        "switches": int(switches.size),
+        "amplitude": float(amplitude.max()),
+        "arc_efforts": efforts.tolist(),
+        "peak_effort": np.abs(effort).max(axis=0).tolist(),
+        "terminal_error": slew.linearised(durations)[0].tolist(),
+        "rigid_duration": slew.rigid_duration,
+        "optimal": check.holds,
+        "switching_function_violation": check.violation,
+        "optimality": statement(slew, durations, check),
+    }
+    if isinstance(slew, BangBang):
+        summary["joint_sensitivity"] = joint_sensitivity(slew, durations)
     return Plan(
         method=settings.method,
         joint_names=slew.model.joint_names,
@@ -91,39 +107,52 @@ def plan_time_optimal(
         state=state,
         duration=duration,
         request=plain(settings),
-        summary={
-            "duration": duration,
-            "switch_times": switches.tolist(),
-            "switches": int(switches.size),
-            "amplitude": slew.amplitude,
-            "peak_effort": np.abs(effort).max(axis=0).tolist(),
-            "terminal_error": slew.residual(durations).tolist(),
-            "rigid_duration": slew.rigid_duration,
-            "joint_sensitivity": joint_sensitivity(slew, durations),
-            "optimal": check.holds,
-            "switching_function_violation": check.violation,
-            "optimality": statement(slew, durations, check),
-        },
+        summary=summary,
         versions=software_versions(),
     )
 
 
-def requested_slew(settings: TimeOptimal, effort_limit: Vector) -> BangBang:
-    """Return the slew that a `plan` section asks for.
+def found_slew(
+    settings: TimeOptimal, effort_limit: Vector, progress: Progress
+) -> tuple[BangBang | AllDrives, Vector]:
+    """Return the slew that a `plan` section asks for, and the durations of its arcs.
 
     Raises:
-        BadInput: see plan_time_optimal.
+        BadInput, PlanFailed: see plan_time_optimal.
     """
     model = build_model(settings.model)
-    names = model.joint_names
-    kp, kd = (0.0,) * model.joints, (0.0,) * model.joints
-    if settings.feedback is not None:
-        kp, kd = settings.feedback.kp, settings.feedback.kd
-        if not len(kp) == len(kd) == model.joints:
+    first, last = _ends(settings, model)
+    moving = np.flatnonzero(last != first)
+    amplitude = _amplitude(settings, model, effort_limit)
+    rest = np.zeros(model.modes + model.coordinates)
+    start = np.concatenate((first, rest))
+    if settings.drives == "all" or moving.size > 1 or moving[0] != 0 or first[1:].any():
+        if model.joints == 1:
+            raise BadInput("plan: drives: all is not allowed: there is one; use moving")
+        if settings.robust:
             raise BadInput(
-                f"plan: feedback: {len(kp)} kp and {len(kd)} kd are not allowed: "
-                f"{settings.model.kind} has {model.joints}, {', '.join(names)}"
+                "plan: robust: true is not allowed: a slew by all drives is not made robust; use "
+                "robust_feedforward"
             )
+        return fastest_slew(model, start, np.concatenate((last, rest)), amplitude, progress)
+    kp, kd = _gains(settings, model)
+    slew = BangBang(
+        model,
+        0,
+        start,
+        float(last[0] - first[0]),
+        float(amplitude[0]),
+        settings.robust,
+        kp[0],
+        kd[0],
+        settings.insensitive,
+    )
+    return slew, found_durations(slew, settings.structure)
+
+
+def _ends(settings: TimeOptimal, model: Model) -> tuple[Vector, Vector]:
+    """Return where the joints rest at the start and at the end."""
+    names = model.joint_names
     unknown = [name for name in settings.goal if name not in names]
     if unknown:
         raise BadInput(
@@ -131,34 +160,37 @@ def requested_slew(settings: TimeOptimal, effort_limit: Vector) -> BangBang:
         )
     first = np.array([getattr(settings.model.initial, name) for name in names])
     last = np.array([settings.goal.get(name, at) for name, at in zip(names, first, strict=True)])
-    moving = np.flatnonzero(last != first)
-    if moving.size == 0:
+    if (last == first).all():
         raise BadInput("plan: goal: the joints are there already; give another goal")
-    if moving.size > 1 or moving[0] != 0 or (first[1:] != 0.0).any():
-        raise BadInput(
-            f"plan: goal: time_optimal turns {names[0]} alone with the others at 0; "
-            "use optimized_feedforward or input_shaping for more"
-        )
-    joint = int(moving[0])
-    limit = float(effort_limit[joint])
+    return first, last
+
+
+def _amplitude(settings: TimeOptimal, model: Model, effort_limit: Vector) -> Vector:
+    """Return the effort of every drive, shape (joints,) [N m or N]."""
     reserve = settings.reserve
     if reserve is None:
         reserve = 0.0 if settings.feedback is None else _RESERVE
-    amplitude = (1.0 - reserve) * limit if settings.amplitude is None else settings.amplitude
-    if amplitude > limit:
-        raise BadInput(f"plan: amplitude: {amplitude:g} is above the drive's limit {limit:g}")
-    start = np.concatenate((first, np.zeros(model.modes + model.coordinates)))
-    return BangBang(
-        model,
-        joint,
-        start,
-        float(last[joint] - first[joint]),
-        amplitude,
-        settings.robust,
-        kp[joint],
-        kd[joint],
-        settings.insensitive,
-    )
+    if settings.amplitude is None:
+        return np.asarray((1.0 - reserve) * effort_limit)
+    if settings.amplitude > effort_limit.min():
+        raise BadInput(
+            f"plan: amplitude: {settings.amplitude:g} is above the drive's limit "
+            f"{effort_limit.min():g}"
+        )
+    return np.full(model.joints, settings.amplitude)
+
+
+def _gains(settings: TimeOptimal, model: Model) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return kp and kd of the joints; zeros for open loop."""
+    if settings.feedback is None:
+        return (0.0,) * model.joints, (0.0,) * model.joints
+    kp, kd = settings.feedback.kp, settings.feedback.kd
+    if not len(kp) == len(kd) == model.joints:
+        raise BadInput(
+            f"plan: feedback: {len(kp)} kp and {len(kd)} kd are not allowed: "
+            f"{settings.model.kind} has {model.joints}, {', '.join(model.joint_names)}"
+        )
+    return kp, kd
 
 
 def found_durations(slew: BangBang, structure: Literal["fewest", "optimal"] = "fewest") -> Vector:
@@ -199,11 +231,16 @@ def joint_sensitivity(slew: BangBang, durations: Vector) -> float:
     return float(sum(w * slew.final(durations, f, True)[slew.joint] for f, w in STENCIL))
 
 
-def statement(slew: BangBang, durations: Vector, check: Extremality) -> str:
+def statement(slew: BangBang | AllDrives, durations: Vector, check: Extremality) -> str:
     """Return in one sentence what is known of the slew's optimality."""
     switches = durations.size - 1
     if check.holds:
         return f"extremal with {switches} switches: Pontryagin's condition holds"
+    if isinstance(slew, AllDrives) and slew.transcribed:
+        return (
+            f"the optimum of a transcription on {switches + 1} intervals; its arcs do not settle, "
+            "for some effort hardly matters"
+        )
     return (
         f"best of the {switches}-switch family, not time-optimal: the switching function has the "
         f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value); "
@@ -211,7 +248,7 @@ def statement(slew: BangBang, durations: Vector, check: Extremality) -> str:
     )
 
 
-def on_ticks(slew: BangBang, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
+def on_ticks(slew: Arcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
     """Return the states at the ticks and the mean effort of every tick.
 
     Args:

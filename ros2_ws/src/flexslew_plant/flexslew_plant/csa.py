@@ -6,7 +6,7 @@ Variants:
     complete  with the kinetic energy term sin(psi) theta' psi' m^T q that (1) leaves out.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -83,6 +83,25 @@ def packed(testbed: CsaTestbed) -> Vector:
         p.hub_inertia_2 + j_a,
     ]
     return np.concatenate((head, m, m_qq, k_qq, c_qq))
+
+
+class Unpacked(NamedTuple):
+    """The numbers of the equations by name."""
+
+    complete: bool
+    j_a: float  # [kg m^2]
+    j_1: float  # [kg m^2]
+    j_2: float  # [kg m^2]
+    coupling: Vector  # m_theta_q, (modes,) [kg m]
+    mass: Vector  # diagonal of M_qq, (modes,) [kg]
+    stiffness: Vector  # diagonal of K_qq, (modes,) [N/m]
+    damping: Vector  # diagonal of C_qq, (modes,) [N s/m]
+
+
+def unpacked(p: Vector) -> Unpacked:
+    """Return what packed has put together."""
+    complete, j_a, j_1, j_2 = p[:_MODES]
+    return Unpacked(complete > 0.5, j_a, j_1, j_2, *p[_MODES:].reshape(4, -1))
 
 
 def packed_frequency_scale(p: Vector, factor: float) -> Vector:
