@@ -51,6 +51,7 @@ def test_feedforward_is_worth_something_and_robust_is_robust(yaw):
     assert rows["reference_only"]["residual_tip"] > 1.0
     worst = {name: row["worst_residual_tip"] for name, row in rows.items()}
     assert worst["robust_feedforward"] < worst["optimized_feedforward"] / 2.0
+    assert rows["robust_feedforward"]["duration"] == rows["optimized_feedforward"]["duration"]
     assert worst["time_optimal, robust"] < worst["time_optimal"]
     assert worst["input_shaping, zvd"] < worst["input_shaping"]
 

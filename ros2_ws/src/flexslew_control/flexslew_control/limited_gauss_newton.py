@@ -42,6 +42,13 @@ class Problem:
     rho: float
     effort_limit: Vector
 
+    @property
+    def maps(self) -> list[TerminalMap]:
+        """Return every member's terminal error as a function of the weights, on one grid."""
+        slews = [member.manoeuvre for member in self.members]
+        substeps = max(_EDGES, *(substeps_for(slew, self.basis) for slew in slews))
+        return [TerminalMap(slew, self.basis, substeps) for slew in slews]
+
     def beyond(self, efforts: Vector) -> Vector:
         """Return how far efforts, one joint after the other, are beyond their limits [N m]."""
         limit = np.tile(self.effort_limit, efforts.size // self.effort_limit.size)
@@ -68,9 +75,7 @@ def limited_gauss_newton(
     Raises:
         PlanFailed: it does not settle.
     """
-    members, basis = problem.members, problem.basis
-    substeps = max(_EDGES, *(substeps_for(member.manoeuvre, basis) for member in members))
-    maps = [TerminalMap(member.manoeuvre, basis, substeps) for member in members]
+    members, basis, maps = problem.members, problem.basis, problem.maps
     scales = [member.weight / np.sqrt(len(members)) for member in members]
 
     def flown(weights: Vector) -> tuple[Vector, Vector]:
