@@ -1,7 +1,9 @@
 """A trial over DDS is the trial in one process, to the last bit."""
 
+import os
 import signal
 from collections import defaultdict
+from threading import Timer
 
 import pytest
 
@@ -11,6 +13,8 @@ from flexslew_lab.cdr import stamp_of
 from flexslew_lab.run import run_trial
 
 from .flight import Flight, kill, slew
+
+DISPLAY = ("/clock", "/joint_states", "/appendage_states", "/tf", "/markers")
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +48,14 @@ def test_nothing_is_lost_in_the_log(tmp_path):
     assert [finding for finding in check_log(flight.bag) if not finding.ok] == []
 
 
+def displayed(flight):
+    """Return the stamps of all display messages by topic [ns]."""
+    stamps = defaultdict(list)
+    for m in BagReader(flight.bag).messages(DISPLAY):
+        stamps[m.topic].append(stamp_of(TOPICS[m.topic].type, m.data, 0))
+    return dict(stamps)
+
+
 def test_a_recorder_that_was_held_up_has_every_display_message(tmp_path):
     class Holding(Flight):
         """Stops the recorder from one report of progress to the next, half a second later."""
@@ -59,8 +71,20 @@ def test_a_recorder_that_was_held_up_has_every_display_message(tmp_path):
 
     flight = Holding(slew(duration=30.0, rate=10.0), tmp_path)
     assert flight._reports == 2
-    topics = ["/clock", "/joint_states", "/appendage_states", "/tf", "/markers"]
-    stamps = defaultdict(list)
-    for m in BagReader(flight.bag).messages(topics):
-        stamps[m.topic].append(stamp_of(TOPICS[m.topic].type, m.data, 0))
-    assert dict(stamps) == {topic: [k * 20_000_000 for k in range(1501)] for topic in topics}
+    assert displayed(flight) == {topic: [k * 20_000_000 for k in range(1501)] for topic in DISPLAY}
+
+
+def test_a_recorder_that_is_held_up_until_after_the_end_has_every_message(tmp_path):
+    def hold_up(pids):
+        os.kill(pids["recorder"], signal.SIGSTOP)
+        Timer(2.5, os.kill, (pids["recorder"], signal.SIGCONT)).start()
+
+    trial = slew(duration=12.0, rate=10.0, extra="max_missed: 10000")
+    flight = Flight(trial, tmp_path, 1, hold_up)
+    assert displayed(flight) == {topic: [k * 20_000_000 for k in range(601)] for topic in DISPLAY}
+    ticks = {
+        topic: set(BagReader(flight.bag).columns(topic, {"tick"})["tick"].tolist())
+        for topic in ("/truth", "/measurement", "/effort_command", "/controller_state")
+    }
+    assert ticks.pop("/truth") == set(range(1201))
+    assert ticks == {topic: set(range(1200)) for topic in ticks}

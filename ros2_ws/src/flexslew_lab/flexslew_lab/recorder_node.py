@@ -33,9 +33,11 @@ from flexslew_plant.settings import section
 _TICK_AND_EPOCH = struct.Struct("<QI")
 _BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame
 _OF_PLANT = ("/measurement", "/truth")  # their epoch counts
+_OF_CREW = ("/effort_command", "/controller_state", "/plan")  # they leave after the plant
 _DISPLAYED = ("/clock", "/joint_states", "/appendage_states", "/tf", "/markers")  # they have none
 _REPORT_EVERY = 100  # ticks
 _TAKE_EVERY = 0.01  # [wall s]
+_SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
 _time, _by_time = itemgetter(0, 1), itemgetter(0, 1, 2)
 
 
@@ -64,6 +66,7 @@ class Recorder:
         self._waiting: list[tuple[int, int, int, str, bytes]] = []  # epoch, stamp, rank, topic, CDR
         self._stopped = False
         self._next_look = 0.0
+        self._heard = 0.0  # when something came [wall s]
         # The ears are not on the loop: taking many messages at once costs the bench far less than
         # waking up for each of them.
         self._ears = new_node(f"{node.get_name()}_ears", own_parameters=False)
@@ -85,7 +88,7 @@ class Recorder:
         """Take what has come and look for the plant; return when to do so again [wall s]."""
         now = monotonic()
         if now >= self._next_look:
-            self._watch.look(3 if self._stopped else 0)
+            self._watch.look(3 if self._stopped else 0, stay=self._expects_more(now))
             self._next_look = now + 0.2
         self._take_all()
         return _TAKE_EVERY
@@ -99,6 +102,11 @@ class Recorder:
             self.node.get_logger().error(str(error))
         self._ears.destroy_node()
         self.node.destroy_node()
+
+    def _expects_more(self, now: float) -> bool:
+        """Return whether those who leave after the plant may still have something to say."""
+        crew = (self._subscriptions[topic].get_publisher_count() for topic in _OF_CREW)
+        return now < self._heard + _SILENCE and any(crew)
 
     def _take_all(self, last: bool = False) -> None:
         """Take what has arrived; write in the order of simulated time what is surely complete.
@@ -118,6 +126,8 @@ class Recorder:
                     if topic in _OF_PLANT:
                         epoch = _TICK_AND_EPOCH.unpack_from(taken[0], _BEHIND_HEADER)[1]
                         self._last = max(self._last, (epoch, at))
+        if fresh:
+            self._heard = monotonic()
         self._waiting += [(self._epoch(t, at, data), at, r, t, data) for at, r, t, data in fresh]
         self._waiting.sort(key=_by_time)
         ready = len(self._waiting) if last else bisect_right(self._waiting, horizon, key=_time)

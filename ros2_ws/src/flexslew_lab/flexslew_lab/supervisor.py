@@ -15,6 +15,7 @@ from flexslew_lab.processes import NodeProcess
 
 _TICK = re.compile(rb"^tick (\d+) of (\d+)$")
 _GRACE = 10.0  # from one signal to the next stronger one [wall s]
+_LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.LAST_WORDS
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 
 
@@ -133,8 +134,8 @@ class Supervisor:
             self._log.flush()
 
     def _wait_for_rest(self) -> None:
-        """The others leave by themselves when the plant is gone."""
-        end = monotonic() + _GRACE
+        """The others leave by themselves when the plant is gone and they were heard."""
+        end = monotonic() + _LEAVING
         while self._running and monotonic() < end:
             self._serve(0.05)
         if self._running:

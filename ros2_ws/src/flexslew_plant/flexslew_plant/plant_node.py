@@ -22,6 +22,7 @@ from flexslew_plant.ros_node import (
     settings_of,
     stamp,
     unmatched,
+    wait_until_heard,
 )
 from flexslew_plant.settings import NonNegative, Positive, plain, section, yaml_text
 from flexslew_plant.standby import Standby
@@ -59,6 +60,7 @@ class Plant:
         )
         self.state = "waiting" if self._settings.autostart else "paused"
         self._steps_left = 0
+        self._shown = (0, -1)  # epoch and tick of the newest truth that was published
         self._waiting_for: list[str] = []
         self._started = self._next_progress = monotonic()
         self.controllers: dict[str, msg.ControllerStatus] = {}
@@ -105,6 +107,7 @@ class Plant:
         """Say goodbye, whole."""
         if self.state in ("running", "paused") and self.bench.tick:
             self._say(Level.WARNING, "interrupted", f"stopped at tick {self.bench.tick}")
+            wait_until_heard(self.node)
         self.node.destroy_node()
 
     def _missing(self) -> list[str]:
@@ -174,6 +177,9 @@ class Plant:
 
     def _publish_truth(self) -> None:
         truth = self.bench.truth()
+        if (truth.epoch, truth.tick) == self._shown:  # resumed: only the question is repeated
+            return
+        self._shown = truth.epoch, truth.tick
         if self._settings.truth:
             message = msg.PlantState(
                 tick=truth.tick,
@@ -219,8 +225,6 @@ class Plant:
                 "rejected": dict(bench.drive.rejected),
             },
         )
-        for publisher in (self._truth, self._measurement, self._events):
-            publisher.wait_for_all_acked()
         if self._settings.exit_when_done:
             self.loop.stop(3 if bench.faulted else 0)
 

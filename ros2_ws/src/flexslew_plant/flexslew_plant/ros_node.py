@@ -14,6 +14,7 @@ import rclpy
 from builtin_interfaces.msg import Time
 from flexslew_msgs import msg
 from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
@@ -31,6 +32,10 @@ from flexslew_plant.wire import stamp_of
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
+# How long a node stays at most until all have heard it [wall s]. For a listener that was held up,
+# DDS repairs 256 messages of a topic every 3 s.
+LAST_WORDS = 60.0
+_HURRIED = 5.0  # the same when somebody has interrupted it
 
 # Nothing on the loop may be lost: reliable, and deeper than the 1,000 ticks by which the plant lets
 # anyone fall behind (Standby). Keeping all in DDS would stop every writer when a reader dies.
@@ -117,6 +122,29 @@ def unmatched(node: Node, publishers: Sequence[Publisher], listeners: Sequence[s
     return sorted(missing)
 
 
+def wait_until_heard(node: Node, patience: float = _HURRIED) -> None:
+    """Wait until everything that the node has published has arrived.
+
+    A writer that leaves takes with it what its listeners have not acknowledged, reliable or not.
+
+    Args:
+        node: that will leave.
+        patience: [wall s]
+    """
+    start, unheard = monotonic(), list(node.publishers)
+    for limit, words in ((1.0, "stays until all is heard"), (patience, "leaves, not all heard")):
+        unheard = [
+            publisher
+            for publisher in unheard
+            if not publisher.wait_for_all_acked(
+                Duration(seconds=max(start + limit - monotonic(), 0.0))
+            )
+        ]
+        if unheard:
+            names = ", ".join(publisher.topic_name for publisher in unheard)
+            node.get_logger().warning(f"{words}: {names}")
+
+
 def stamp(seconds: float) -> Time:
     """Return simulated seconds as a stamp."""
     return Time(**stamp_of(seconds)._asdict())
@@ -161,8 +189,10 @@ class Loop:
         """Return a future that a coroutine of this loop may await."""
         return self._executor.create_future()
 
-    def close(self) -> None:
-        """Let go of the nodes."""
+    def close(self, patience: float) -> None:
+        """Let go of the nodes as soon as they were heard, or patience is at an end [wall s]."""
+        for node in self._executor.get_nodes():
+            wait_until_heard(node, patience)
         self._executor.shutdown()
 
     def stop(self, code: int) -> None:
@@ -204,10 +234,10 @@ class PlantWatch:
         self._loop, self._subscription, self._enabled = loop, subscription, enabled
         self._seen = False
 
-    def look(self, code: int = 0) -> None:
-        """Look for the plant; stop the loop with this code if it has left."""
+    def look(self, code: int = 0, stay: bool = False) -> None:
+        """Look for the plant; stop the loop with this code if it has left, unless told to stay."""
         here = self._subscription.get_publisher_count() > 0
-        if self._enabled and self._seen and not here:
+        if self._enabled and self._seen and not here and not stay:
             self._loop.stop(code)
         self._seen = self._seen or here
 
@@ -241,7 +271,7 @@ def run_node(build: Callable[[Loop], Any], args: list[str] | None = None) -> Non
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # from here on it ends anyway
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         if thing is not None and loop is not None:
-            loop.close()
+            loop.close(_HURRIED if code == 130 else LAST_WORDS)
             thing.close()
         # the graph hears of our leaving only if the participant is really destroyed
         del thing, loop
