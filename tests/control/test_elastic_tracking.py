@@ -77,3 +77,16 @@ def test_a_goal_that_is_reached_already_is_refused():
 def test_a_feedforward_above_the_limit_fails():
     with pytest.raises(PlanFailed, match="above the limit"):
         start_coast_stop(settings(), PERIOD, np.array([20.0, 150.0]))
+
+
+def test_a_given_duration_is_kept_and_takes_the_least_amplitude():
+    plan = start_coast_stop(StartCoastStop(duration=30.0), 0.01)
+    assert plan.duration == pytest.approx(30.0, abs=1e-12)
+    assert plan.position[-1] == pytest.approx([np.pi / 6, 0.5])
+    again = start_coast_stop(StartCoastStop(amplitude=plan.summary["pulse_amplitude"]), 0.01)
+    assert again.duration == pytest.approx(30.0, abs=1e-9)
+    np.testing.assert_allclose(again.effort, plan.effort, atol=1e-8)
+    with pytest.raises(PlanFailed, match=r"do not fit .* longer by 4\.99\d s or a higher"):
+        start_coast_stop(StartCoastStop(duration=20.0), 0.01)
+    with pytest.raises(BadInput, match="amplitude and duration: only one"):
+        start_coast_stop(StartCoastStop(duration=30.0, amplitude=50.0), 0.01)

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -86,6 +88,17 @@ def test_every_planner_refuses_more_effort_than_the_drives_have(method):
     with pytest.raises((BadInput, PlanFailed), match=r"limit") as caught:
         planned(method, limit=(1.0, 1.0), **more)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("method", ["optimized_feedforward", "robust_feedforward"])
+def test_too_short_a_duration_is_refused_with_one_that_does(method):
+    with pytest.raises(PlanFailed, match=r"is enough; a rigid body takes 13\.72 s") as caught:
+        planned(method, duration=8.0)
+    enough = float(re.search(r"about ([\d.]+) s \(now 8 s\)", str(caught.value))[1])
+    assert 13.72 < enough < 25.0
+    assert planned(method, duration=enough).duration == enough
+    with pytest.raises(PlanFailed, match=r"no duration up to .* is enough; use a higher effort"):
+        planned(method, limit=(0.1, 0.1))
 
 
 @pytest.mark.parametrize("given", PLANNERS)

@@ -11,7 +11,7 @@ from flexslew_lab.in_process import fly
 from flexslew_plant.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.settings import validated
+from flexslew_plant.settings import load_yaml, validated
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = f"{ROOT / 'docs' / 'examples' / 'my_law.py'}:MyLaw"
@@ -133,7 +133,9 @@ def test_a_law_gets_its_settings_the_period_and_the_limits():
     assert [(name, term.tolist()) for name, term in answer.terms.items()] == [
         ("steady", [1.0, 2.0])
     ]
-    assert "gain: 3.0" in settings_text(built, HERE + "Steady", {"gain": 3.0})
+    values = {"gain": 3.0, "handover_time": 0.5}
+    logged = load_yaml(settings_text(built, HERE + "Steady", values), "log")
+    assert logged == {**values, "computed": {}}
 
 
 @pytest.mark.parametrize("how", REASONS)

@@ -16,6 +16,7 @@ import numpy as np
 from flexslew_control.arcs import final_sensitivity
 from flexslew_control.gauss_newton import Progress, Update
 from flexslew_control.optimal_switching import nearest_durations, shortest_durations
+from flexslew_control.trajectories import rigid_duration
 from flexslew_plant import csa
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -69,16 +70,9 @@ class AllDrives:
 
     @property
     def rigid_duration(self) -> float:
-        """Duration of the slowest joint's time-optimal slew on a rigid body [s].
-
-        With the smaller one of its inertias at the start and at the goal.
-        """
-        n, m = self.model.coordinates, self.model.joints
-        inertia = np.minimum(
-            *(np.diag(self.model.mass_matrix(x[:n]))[:m] for x in (self.start, self.goal))
-        )
-        way = np.abs(self.goal - self.start)[:m]
-        return float((2.0 * np.sqrt(inertia * way / self.amplitude)).max())
+        """Duration of the slowest joint's time-optimal slew on a rigid body [s]."""
+        m = self.model.joints
+        return rigid_duration(self.model, self.start[:m], self.goal[:m], self.amplitude)
 
     def efforts(self, arcs: int) -> Matrix:
         """Return the effort of each arc, shape (arcs, joints)."""

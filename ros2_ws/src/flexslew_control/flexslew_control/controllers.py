@@ -63,8 +63,7 @@ def build_controller(
     Raises:
         BadInput: unknown law, wrong settings, or a design that does not exist.
     """
-    handover_time = validated(NonNegative, values.get("handover_time", 1.0), source)
-    own = {key: value for key, value in values.items() if key != "handover_time"}
+    handover_time, own = _parted(values, source)
     limit = np.array(effort_limit, dtype=float)
     estimator: Estimator
     built: Law
@@ -89,9 +88,16 @@ def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> s
         law: what it runs.
         values: its section of a trial file; defaults are filled in where they are known.
     """
-    own = {key: value for key, value in values.items() if key != "handover_time"}
+    handover_time, own = _parted(values, law)
     settings = plain(validated(CONTROLLERS[law].settings, own, law)) if law in CONTROLLERS else own
-    return yaml_text({**settings, "computed": _arrays(controller.law)})
+    computed = _arrays(controller.law)
+    return yaml_text({**settings, "handover_time": handover_time, "computed": computed})
+
+
+def _parted(values: dict[str, Any], source: str) -> tuple[float, dict[str, Any]]:
+    """Return the handover time [s] and the settings of the law itself."""
+    own = {key: value for key, value in values.items() if key != "handover_time"}
+    return validated(NonNegative, values.get("handover_time", 1.0), source), own
 
 
 def _arrays(design: Any) -> dict[str, Any]:

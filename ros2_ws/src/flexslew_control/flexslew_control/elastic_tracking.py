@@ -39,7 +39,8 @@ class StartCoastStop:
     initial: CsaInitial | None = None  # where the joints rest; null: as the model's `initial`
     goal: Goal = Goal()
     start: NonNegative = 0.0  # [s]
-    amplitude: Positive = 100.0  # T_amp of (47), before shaping [N m]
+    amplitude: Positive | None = None  # T_amp of (47), before shaping; null: 100 [N m]
+    duration: Positive | None = None  # instead: of it all, pulses, coast and shaper [s]
     pulse_frequency: Positive = 0.4  # Omega of (47) [rad/s]
     shaper: Literal["clamped", "system", "none"] = "clamped"  # whose first frequency is shaped
     shaper_damping: float = Field(default=0.0, ge=0.0, lt=1.0)  # zeta [-]
@@ -88,6 +89,9 @@ class Pulses:
         return self.amplitude * (0.5 * s - np.sin(2.0 * omega * s) / (4.0 * omega))
 
 
+_AMPLITUDE = 100.0  # unless it or the duration is given [N m]
+
+
 def pulses(angle: float, amplitude: float, frequency: float, inertia: float) -> Pulses:
     """Return the pulses that turn a rigid inertia by `angle`, weaker where they would overlap.
 
@@ -105,6 +109,28 @@ def pulses(angle: float, amplitude: float, frequency: float, inertia: float) -> 
         strength = 2.0 * abs(angle) / length**2
     stop = 2.0 * abs(angle) / (strength * length) if strength > 0.0 else length
     return Pulses(float(np.copysign(strength, angle)), frequency, float(stop))
+
+
+def pulses_in(angle: float, duration: float, frequency: float) -> Pulses:
+    """Return the pulses that turn by `angle` in the time given: T/I = 2 angle/(t_0 t_s).
+
+    Args:
+        angle: positive or negative [rad].
+        duration: of pulses and coast [s].
+        frequency: Omega [rad/s].
+
+    Raises:
+        PlanFailed: the pulses alone take longer.
+    """
+    length = np.pi / frequency
+    if duration < 2.0 * length:
+        raise PlanFailed(
+            f"two pulses of {length:.4g} s do not fit into {duration:.4g} s (the duration less the "
+            f"shaper's); use a duration longer by {2.0 * length - duration:.4g} s or a higher "
+            f"pulse_frequency than {frequency:g} rad/s"
+        )
+    stop = duration - length
+    return Pulses(2.0 * angle / (length * stop), frequency, stop)
 
 
 def two_impulses(frequency: float, damping: float) -> tuple[float, float, float]:
@@ -154,9 +180,15 @@ def start_coast_stop(
         raise BadInput("plan: goal: the joints are there already; give another goal")
     leader = 0 if span[0] != 0.0 else 1  # whose torque the pulses are
     rest = np.concatenate((first, np.zeros(model.modes)))
-    inertia = float(model.mass_matrix(rest)[leader, leader])
-    motion = pulses(float(span[leader]), settings.amplitude, settings.pulse_frequency, inertia)
     shape, delay = _shaped(model, rest, settings)
+    way, frequency = float(span[leader]), settings.pulse_frequency
+    inertia = float(model.mass_matrix(rest)[leader, leader])
+    if settings.duration is None:
+        motion = pulses(way, settings.amplitude or _AMPLITUDE, frequency, inertia)
+    elif settings.amplitude is None:
+        motion = pulses_in(way, settings.duration - delay, frequency)
+    else:
+        raise BadInput("plan: amplitude and duration: only one of them may be given; leave one out")
     duration = motion.duration + delay
     ticks = int(np.ceil(duration / period - 1e-9))
     t: Vector = np.arange(_FINE * ticks + 1, dtype=np.float64) * (period / _FINE)
@@ -186,6 +218,7 @@ def start_coast_stop(
         request=plain(settings),
         summary={
             "duration": duration,
+            "pulse_amplitude": abs(motion.amplitude) * inertia,
             "pulse_length": motion.length,
             "coast_end": motion.stop,
             "shaper_delay": delay,

@@ -21,6 +21,7 @@ from flexslew_control.slew_request import (
     CsaGoal,
     CsaModel,
     Feedback,
+    TooMuchTorque,
     csa_manoeuvre,
     software_versions,
     tick_times,
@@ -28,7 +29,7 @@ from flexslew_control.slew_request import (
 from flexslew_control.trajectories import Profile, rest_to_rest
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.csa import CsaInitial
-from flexslew_plant.errors import PlanFailed
+from flexslew_plant.model import Model
 from flexslew_plant.settings import NonNegative, Positive, plain, section
 
 
@@ -120,7 +121,7 @@ def on_ticks(
         effort_limit: shape (joints,) [N m].
 
     Raises:
-        PlanFailed: feedforward and feedback together need more than the limit.
+        TooMuchTorque: feedforward and feedback together need more than the limit.
     """
     ticks = tick_times(settings.start, manoeuvre.duration, period)
     edges = np.union1d(ticks, basis.nodes)
@@ -132,7 +133,7 @@ def on_ticks(
     )
     effort = manoeuvre.efforts(edges, basis.values(edges) @ weights, path)
     peak = np.abs(effort).max(axis=0)
-    _refuse_saturation(manoeuvre, peak, effort_limit)
+    _refuse_saturation(manoeuvre.model, peak, effort_limit)
     at = np.searchsorted(edges, ticks - 1e-9 * manoeuvre.duration)
     return Plan(
         method=settings.method,
@@ -150,10 +151,9 @@ def on_ticks(
     )
 
 
-def _refuse_saturation(manoeuvre: Manoeuvre, peak: Vector, limit: Vector) -> None:
-    for name, needed, allowed in zip(manoeuvre.model.joint_names, peak, limit, strict=True):
+def _refuse_saturation(model: Model, peak: Vector, limit: Vector) -> None:
+    for name, needed, allowed in zip(model.joint_names, peak, limit, strict=True):
         if not needed <= allowed:
-            raise PlanFailed(
-                f"the manoeuvre needs {needed:.4g} N m on {name}, the limit is {allowed:g} N m; "
-                f"use a longer duration than {manoeuvre.duration:g} s or a higher effort_limit"
+            raise TooMuchTorque(
+                f"the manoeuvre needs {needed:.4g} N m on {name}, the limit is {allowed:g} N m"
             )

@@ -1,7 +1,7 @@
 """Which planners there are. A new one is a file with a section and a function, and a line here."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -22,15 +22,16 @@ from flexslew_control.slew_request import (
     CsaGoal,
     CsaModel,
     Feedback,
+    TooMuchTorque,
     csa_manoeuvre,
     software_versions,
     tick_times,
 )
 from flexslew_control.time_optimal import TimeOptimal, plan_time_optimal
-from flexslew_control.trajectories import Profile
+from flexslew_control.trajectories import Profile, rigid_duration
 from flexslew_plant.arrays import Vector
 from flexslew_plant.csa import JOINTS, CsaInitial
-from flexslew_plant.errors import BadInput
+from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, plain, section, validated
 
 
@@ -102,6 +103,8 @@ PLANNERS: dict[str, _Planner] = {
     "start_coast_stop": _Planner(StartCoastStop, start_coast_stop),
     "time_optimal": _Planner(TimeOptimal, plan_time_optimal),
 }
+
+_LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
 
 # what sections of several methods share
 _MANOEUVRE = ("goal", "start", "model", "initial", "feedback", "reference")
@@ -190,7 +193,31 @@ def make_plan(
     if limit.ndim != 1 or not np.all(limit > 0.0):
         raise BadInput(f"effort_limit: {limit.tolist()} is not allowed: positive, one a joint")
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
-    return PLANNERS[settings.method].plan(settings, period, limit, progress or _unheard)
+    try:
+        return PLANNERS[settings.method].plan(settings, period, limit, progress or _unheard)
+    except TooMuchTorque as error:
+        raise PlanFailed(f"{error}; {_enough_time(settings, period, limit)}") from None
+
+
+def _enough_time(settings: Any, period: float, limit: Vector) -> str:
+    """Return what duration would do for a section that has one, or that none was found."""
+    now = settings.duration
+    slew = csa_manoeuvre(settings)
+    rigid = rigid_duration(slew.model, slew.start, slew.goal, limit)
+    for longer in now * 1.05 ** np.arange(1, _LONGER + 1):
+        if longer < rigid:
+            continue
+        try:
+            PLANNERS[settings.method].plan(
+                replace(settings, duration=float(longer)), period, limit, _unheard
+            )
+        except PlanFailed:
+            continue
+        return (
+            f"a duration of about {longer:.3g} s (now {now:g} s) is enough; a rigid body takes "
+            f"{rigid:.4g} s"
+        )
+    return f"no duration up to {longer:.3g} s (now {now:g} s) is enough; use a higher effort_limit"
 
 
 def _unheard(update: Update) -> None:

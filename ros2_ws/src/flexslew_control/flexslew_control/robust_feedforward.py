@@ -27,11 +27,16 @@ from flexslew_control.limited_gauss_newton import Problem, limited_gauss_newton
 from flexslew_control.manoeuvre import Manoeuvre
 from flexslew_control.optimized_feedforward import on_ticks
 from flexslew_control.plan import Plan
-from flexslew_control.slew_request import CsaGoal, CsaModel, Feedback, csa_manoeuvre
+from flexslew_control.slew_request import (
+    CsaGoal,
+    CsaModel,
+    Feedback,
+    TooMuchTorque,
+    csa_manoeuvre,
+)
 from flexslew_control.trajectories import Profile
 from flexslew_plant.arrays import Vector
 from flexslew_plant.csa import CsaInitial
-from flexslew_plant.errors import PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds import with_stiffness
 
@@ -85,7 +90,8 @@ def plan_robust_feedforward(
     """Return the plan whose feedforward suits the whole ensemble; see make_plan.
 
     Raises:
-        PlanFailed: the iteration does not settle, or a member needs more than the drives have.
+        PlanFailed: the iteration does not settle.
+        TooMuchTorque: a member needs more than the drives have.
     """
     members = ensemble(settings)
     nominal = csa_manoeuvre(settings)
@@ -98,10 +104,10 @@ def plan_robust_feedforward(
     for j, name in enumerate(nominal.model.joint_names):
         worst = int(np.argmax(peaks[:, j]))
         if not peaks[worst, j] <= effort_limit[j]:
-            raise PlanFailed(
+            raise TooMuchTorque(
                 f"the ensemble needs {peaks[worst, j]:.4g} N m on {name} (EI "
                 f"{100.0 * members[worst].stiffness_error:+g} %), the limit is "
-                f"{effort_limit[j]:g} N m; use a longer duration than {settings.duration:g} s"
+                f"{effort_limit[j]:g} N m"
             )
     plan = on_ticks(settings, nominal, basis, weights, period, effort_limit)
     plan = _about_its_own_trajectory(plan, nominal)

@@ -12,7 +12,7 @@ from flexslew_control.manoeuvre import Manoeuvre
 from flexslew_control.trajectories import Profile
 from flexslew_plant.arrays import Vector
 from flexslew_plant.csa import CsaInitial, CsaParameters, CsaTestbed
-from flexslew_plant.errors import BadInput
+from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds import build_model
 
@@ -43,6 +43,10 @@ class Feedback:
 
     kp: _Gain = (460.0, 460.0)  # [N m/rad]
     kd: _Gain = (920.0, 920.0)  # [N m s/rad]
+
+
+class TooMuchTorque(PlanFailed):
+    """The slew needs more than the drives have; a longer one may not."""
 
 
 class CsaSlew(Protocol):

@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.model import Model
 
 Profile: TypeAlias = Literal["cubic", "quintic"]
 
@@ -64,3 +65,20 @@ PROFILES: dict[Profile, Callable[[Vector], tuple[Vector, Vector, Vector]]] = {
     "cubic": _cubic,
     "quintic": _quintic,
 }
+
+
+def rigid_duration(model: Model, first: Vector, last: Vector, effort_limit: Vector) -> float:
+    """Return the least time for a rigid body, 2 sqrt(J d/u) of the slowest joint [s].
+
+    J is the smaller one of the inertias at the start and at the goal.
+
+    Args:
+        model: what is turned.
+        first, last: where the joints rest, shape (joints,) [rad or m].
+        effort_limit: shape (joints,) [N m or N].
+    """
+    straight = np.zeros(model.modes)
+    inertia = np.minimum(
+        *(np.diag(model.mass_matrix(np.concatenate((q, straight)))) for q in (first, last))
+    )[: model.joints]
+    return float((2.0 * np.sqrt(inertia * np.abs(last - first) / effort_limit)).max())

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, make_plan, other_method
+from flexslew_control.trajectories import rigid_duration
 from flexslew_lab.in_process import Observer, fly
 from flexslew_lab.trial import Trial, bench_settings, build_controllers
 from flexslew_plant.arrays import Matrix, Vector
@@ -180,7 +181,11 @@ def compared(
             flights.append(flight)
         entries[k] = replace(entry, flights=tuple(flights))
     model = build_model(trial.testbed)
-    bound = max((_rigid_bound(trial, plan) for plan in plans), default=0.0)
+    first = np.array([getattr(trial.testbed.initial, name) for name in model.joint_names])
+    limit = np.array(trial.testbed.effort_limit)
+    bound = max(
+        (rigid_duration(model, first, plan.position[-1], limit) for plan in plans), default=0.0
+    )
     return Comparison(trial, model.joint_names, model.joint_units, bound, tuple(entries))
 
 
@@ -265,19 +270,3 @@ def _measured(truths: list[Truth], plan: Plan, error: float, end: float) -> Flig
         tip=largest[shown],
         applied=applied[shown],
     )
-
-
-def _rigid_bound(trial: Trial, plan: Plan) -> float:
-    """Return T = 2 sqrt(J d / u), the least duration for a rigid body; of the slowest joint [s].
-
-    J is the smaller one of the inertias at the start and at the goal.
-    """
-    model = build_model(trial.testbed)
-    straight = np.zeros(model.modes)
-    first = np.array([getattr(trial.testbed.initial, name) for name in model.joint_names])
-    goal = plan.position[-1]
-    inertia = np.minimum(
-        *(np.diag(model.mass_matrix(np.concatenate((q, straight)))) for q in (first, goal))
-    )[: model.joints]
-    limit = np.array(trial.testbed.effort_limit)
-    return float((2.0 * np.sqrt(inertia * np.abs(goal - first) / limit)).max())
