@@ -19,7 +19,7 @@ from flexslew_lab import log_export
 from flexslew_lab.bag_layout import TOPICS
 from flexslew_lab.bag_reader import BagReader
 from flexslew_lab.bag_writer import CHUNK_SIZE, BagWriter, RecordingStopped
-from flexslew_lab.cdr import decode
+from flexslew_lab.cdr import decode, encode
 from flexslew_lab.log_check import check_log
 from flexslew_lab.log_export import export_log, units_of
 from flexslew_lab.log_info import log_info
@@ -242,6 +242,81 @@ def test_gaps_are_named_by_their_ticks(
     (finding,) = [f for f in check_log(write_bag(tmp_path / "run", some)) if not f.ok]
     assert finding.what == "/measurement"
     assert finding.detail == "3 ticks missing in 2 gaps, first between tick 16 and 19"
+
+
+def about_tick(messages: list[Message], topic: str, tick: int, **other: Any) -> Message:
+    """Return the message of a tick with another content."""
+    kind = TOPICS[topic].type
+    return next(
+        (t, encode(kind, as_dict(decode(kind, data)) | other), at)
+        for t, data, at in messages
+        if t == topic and decode(kind, data).tick == tick
+    )
+
+
+def as_dict(message: Any) -> dict[str, Any]:
+    return {
+        name: as_dict(value) if hasattr(value, "__dict__") else value
+        for name, value in vars(message).items()
+    }
+
+
+ASKED = ("/measurement", "/effort_command", "/controller_state")
+
+
+def test_a_repeated_question_and_the_same_answer_are_said_and_not_wrong(
+    tmp_path: Path, write_bag: Write, messages: list[Message], bag: Path
+) -> None:
+    some = [m for m in messages for _ in range(4 if m[0] in ASKED and m[2] % 10**9 == 0 else 1)]
+    folder = write_bag(tmp_path / "run", some)
+    assert bad(folder) == []
+    found = {f.what: f.detail for f in check_log(folder)}
+    words = "501 ticks without a gap; 18 repetitions, the same to the bit"
+    assert [found[topic] for topic in ASKED] == [words] * 3
+    assert metrics_of(folder) == metrics_of(bag)
+
+
+@pytest.mark.parametrize("topic", ["/measurement", "/effort_command", "/controller_state"])
+def test_a_second_word_about_a_tick_is_found(
+    tmp_path: Path, write_bag: Write, messages: list[Message], topic: str
+) -> None:
+    name = "applied_effort" if topic == "/measurement" else "effort"
+    other = about_tick(messages, topic, 77, **{name: [1.0, 2.0]})
+    place = next(k for k, m in enumerate(messages) if m[2] > other[2])
+    some = [*messages[:place], other, *messages[place:]]
+    (finding,) = [f for f in check_log(write_bag(tmp_path / "run", some)) if not f.ok]
+    assert finding.what == topic
+    assert finding.detail == "1 ticks twice, and not the same"
+
+
+def test_the_truth_is_told_once(tmp_path: Path, write_bag: Write, messages: list[Message]) -> None:
+    some = [m for m in messages for _ in range(2 if m[0] == "/truth" and m[2] == 0 else 1)]
+    assert bad(write_bag(tmp_path / "run", some)) == ["/truth"]
+
+
+def test_two_are_asked_at_a_tick_only_after_a_refused_switch(
+    tmp_path: Path, write_bag: Write, messages: list[Message]
+) -> None:
+    other = about_tick(messages, "/measurement", 300, controller="pd_feedforward")
+    place = next(k for k, m in enumerate(messages) if m[2] > other[2])
+    some = [*messages[:place], other, *messages[place:]]
+    assert bad(write_bag(tmp_path / "unsaid", some)) == ["/measurement"]
+    said = {
+        "stamp": other[2], "tick": 300, "epoch": 0, "level": 1, "source": "plant",
+        "kind": "switch_refused", "message": "too large a step", "data": "{}",
+    }  # fmt: skip
+    event = "/events", encode(TOPICS["/events"].type, said), other[2]
+    assert bad(write_bag(tmp_path / "said", [*some[:place], event, *some[place:]])) == []
+
+
+def test_late_answers_of_one_among_those_of_its_successor_are_not_wrong(
+    tmp_path: Path, write_bag: Write, messages: list[Message]
+) -> None:
+    late = [about_tick(messages, "/effort_command", tick) for tick in range(290, 300)]
+    rest = [m for m in messages if m not in late]
+    place = next(k for k, m in enumerate(rest) if m[2] > 3_100_000_000)
+    folder = write_bag(tmp_path / "run", [*rest[:place], *late, *rest[place:]])
+    assert bad(folder) == []
 
 
 def test_a_clock_that_steps_back_is_found(

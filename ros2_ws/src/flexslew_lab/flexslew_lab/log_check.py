@@ -3,64 +3,19 @@
 import json
 import struct
 import zlib
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
-import numpy as np
 import yaml
 
-from flexslew_lab.bag_columns import Block
 from flexslew_lab.bag_layout import MAGIC, METADATA_FILE, RUN_RECORD
 from flexslew_lab.bag_reader import BagReader
 from flexslew_lab.mcap_scan import RecordStream
+from flexslew_lab.tick_check import Finding, check_ticks
 from flexslew_plant.errors import BadInput
 
-TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
 _HEAD = struct.Struct("<BQ")
 _FOOTER = struct.Struct("<BQQQI")
-
-
-class Finding(NamedTuple):
-    """One thing that was looked at."""
-
-    ok: bool
-    what: str
-    detail: str
-
-
-class _Topic:
-    """Ticks and times of a topic, block after block."""
-
-    def __init__(self) -> None:
-        self.messages, self.gaps, self.missing, self.repeated = 0, 0, 0, 0
-        self.first_gap = ""
-        self.backwards = 0
-        self.not_finite = 0
-        self.last: tuple[int, int, float] | None = None  # epoch, tick, time
-
-    def add(self, block: Block) -> None:
-        columns = block.columns
-        tick = columns["tick"].astype(np.int64)
-        epoch = columns["epoch"].astype(np.int64)
-        prefix = "header.stamp." if "header.stamp.sec" in columns else "stamp."
-        time = columns[prefix + "sec"] + columns[prefix + "nanosec"] * 1e-9
-        if self.last is not None:
-            tick, epoch = np.append(self.last[1], tick), np.append(self.last[0], epoch)
-            time = np.append(self.last[2], time)
-        step, same = np.diff(tick), np.diff(epoch) == 0
-        gap = same & (step > 1)
-        if gap.any() and not self.first_gap:
-            k = int(np.argmax(gap))
-            self.first_gap = f"first between tick {tick[k]} and {tick[k + 1]}"
-        self.gaps += int(gap.sum())
-        self.missing += int((step[gap] - 1).sum())
-        self.repeated += int((same & (step == 0)).sum())
-        self.backwards += int((same & (np.diff(time) < 0)).sum())
-        floats = (c for c in columns.values() if c.dtype.kind == "f")
-        self.not_finite += sum(int((~np.isfinite(c)).sum()) for c in floats)
-        self.messages += len(block.stamp)
-        self.last = int(epoch[-1]), int(tick[-1]), float(time[-1])
 
 
 def check_log(path: Path) -> list[Finding]:
@@ -99,62 +54,11 @@ def check_log(path: Path) -> list[Finding]:
             ended.get("recovered", "") or ("recorded" if ended else "the recorder did not say it"),
         )
     )
-    findings += _ticks(bag)
+    findings += check_ticks(bag)
     drops = [e for e in overview.events if e.kind in ("dropped", "recording_stopped")]
     words = "; ".join(f"{e.time:g} s: {e.message}" for e in drops[:5]) or "none reported"
     findings.append(Finding(not drops, "drops", words))
     return findings
-
-
-def _ticks(bag: BagReader) -> Iterator[Finding]:
-    topics = {name: _Topic() for name in TICKED}
-    rising, last = True, -1
-    clock = _Clock()
-    for block in bag.blocks([*TICKED, "/clock"]):
-        if block.topic == "/clock":
-            clock.add(block)
-        else:
-            topics[block.topic].add(block)
-    for message in bag.messages():
-        rising, last = rising and message.stamp > last, message.stamp
-    yield Finding(rising, "log times", "unique and rising" if rising else "not rising")
-    if clock.messages:
-        detail = f"{clock.backwards} steps back" if clock.backwards else "never steps back"
-        yield Finding(clock.backwards <= clock.resets(topics), "/clock", detail)
-    for name, topic in topics.items():
-        if not topic.messages:
-            if name in ("/truth", "/measurement"):
-                yield Finding(False, name, "not in the log")
-            continue
-        bad = {
-            f"{topic.missing} ticks missing in {topic.gaps} gaps, {topic.first_gap}": topic.gaps,
-            f"{topic.repeated} ticks twice": topic.repeated,
-            f"{topic.backwards} times the stamp steps back": topic.backwards,
-            f"{topic.not_finite} numbers are not finite": topic.not_finite,
-        }
-        words = "; ".join(text for text, count in bad.items() if count)
-        optional = name in ("/effort_command", "/controller_state") and not (
-            topic.repeated or topic.backwards or topic.not_finite
-        )
-        yield Finding(not words or optional, name, words or f"{topic.messages} ticks without a gap")
-
-
-class _Clock:
-    def __init__(self) -> None:
-        self.messages, self.backwards, self.last = 0, 0, -1
-
-    def add(self, block: Block) -> None:
-        sec, nanosec = block.columns["clock.sec"], block.columns["clock.nanosec"]
-        time = np.append(self.last, sec.astype(np.int64) * 10**9 + nanosec)
-        self.backwards += int((np.diff(time) < 0).sum())
-        self.messages += len(sec)
-        self.last = int(time[-1])
-
-    @staticmethod
-    def resets(topics: dict[str, _Topic]) -> int:
-        """Return how often time may start again."""
-        last = topics["/truth"].last
-        return last[0] if last else 0
 
 
 def _index(path: Path, messages: int) -> Finding:
