@@ -19,9 +19,10 @@ from flexslew_lab.bag_layout import (
 )
 from flexslew_lab.bag_lock import lock_folder, unlock_folder
 from flexslew_lab.mcap_file import Chunk, McapFile, RecordingStopped, record_bytes
-from flexslew_lab.rosbag2_folder import TopicCount, information, plain_yaml, write_description
+from flexslew_lab.rosbag2_folder import TopicCount, information, write_description
 from flexslew_lab.schemas import schema_text, type_hash
 from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import yaml_text
 
 __all__ = ["CHUNK_SIZE", "BagWriter", "RecordingStopped"]
 
@@ -161,7 +162,9 @@ class BagWriter:
             start, end = max(self._first, 0), max(self.last, 0)
             topics = [TopicCount(t, track.type, track.count) for t, track in self._tracks.items()]
             content = information(self.path.name, start, end, topics, self._distribution)
-            self._file.add_metadata(ROSBAG_RECORD, {"serialized_metadata": plain_yaml(content)})
+            self._file.add_metadata(
+                ROSBAG_RECORD, {"serialized_metadata": yaml_text(content, False)}
+            )
             counts = {track.channel: track.count for track in self._tracks.values() if track.count}
             self._file.finish(self._records, counts, start, end)
             self._file.guarded(write_description, self.folder / METADATA_FILE, content)
@@ -189,7 +192,7 @@ class BagWriter:
             self._announce(Schema(id=number, name=type_name, encoding="ros2msg", data=text))
         track = _Track(len(self._tracks) + 1, type_name)
         qos = {
-            "offered_qos_profiles": plain_yaml([qos_profile(topic)]),
+            "offered_qos_profiles": yaml_text([qos_profile(topic)], False),
             "topic_type_hash": type_hash(type_name),
         }
         self._announce(

@@ -1,19 +1,16 @@
 """The command line: one subcommand a task, machine-readable output under --json."""
 
 import json
-import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
-from flexslew_lab.cli_log import Json, bag_of, log, register, screen
+from flexslew_lab.cli_checkout import bench, test
+from flexslew_lab.cli_log import Json, bag_of, log, recover
+from flexslew_lab.cli_replay import check, live, play, resim
+from flexslew_lab.screen import print_table, progress, screen, short
 from flexslew_lab.trial import DEFAULT, load_trial
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
 
@@ -25,9 +22,7 @@ app = typer.Typer(
     help="A lab bench in software: slew a flexible spacecraft testbed on ROS 2 without ringing.",
 )
 app.add_typer(log, name="log")
-register(app)
 
-LONG = ("day",)  # benchmarks that take hours
 TrialFile = Annotated[Path | None, typer.Argument(help="Trial file; without it manoeuvre M1.")]
 Bags = Annotated[list[Path], typer.Argument(help="Folders of runs, or bags.")]
 
@@ -59,7 +54,7 @@ def trial(
         if rate < 0.0:
             raise BadInput(f"--rate: {rate} is not allowed: 0 is as fast as it goes, 1 real time")
         wanted = replace(wanted, rate_factor=rate)
-    with _progress(wanted.name) as advance:
+    with progress(wanted.name) as advance:
         result = run_trial(
             wanted, str(source), out, in_process, not no_report, advance, screen.print
         )
@@ -119,8 +114,8 @@ def plan(
     if as_json:
         print(json.dumps(summary, indent=2))
     else:
-        rows = [(k, _short(v)) for k, v in summary.items() if k not in ("weights", "history")]
-        _print_table(("", made.method), rows)
+        rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
+        print_table(("", made.method), rows)
 
 
 @app.command()
@@ -153,7 +148,7 @@ def compare(
 
     source = file or DEFAULT
     wanted = load_trial(source)
-    with _progress("compare") as advance:
+    with progress("compare") as advance:
         if as_json:
             print(json.dumps(comparison.compared(wanted, str(source), advance).rows(), indent=2))
         else:
@@ -183,53 +178,9 @@ def reproduce(
         print(json.dumps(rows, indent=2))
     else:
         columns = ("item", "paper", "reference", "ours", "tolerance", "ok")
-        _print_table(columns, [[_short(row[column]) for column in columns] for row in rows])
+        print_table(columns, [[short(row[column]) for column in columns] for row in rows])
     if not all(row["ok"] for row in rows):
         raise typer.Exit(1)
-
-
-@app.command()
-def bench(
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Only these files of benchmarks/.")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Measure the speed, each figure beside a floor of the same run.
-
-    `day`, memory and reading over a run of FLEXSLEW_BENCH_HOURS (24), is measured only when named.
-
-    Example: `./flexslew bench planning --json`
-    """
-    import importlib.util
-
-    folder = _root() / "benchmarks"
-    known = sorted(path.stem for path in folder.glob("*.py"))
-    figures: dict[str, float] = {}
-    for name in names or [name for name in known if name not in LONG]:
-        if name not in known:
-            raise BadInput(f"{name} is not a benchmark; allowed: {', '.join(known)}")
-        with screen.status(f"measuring {name}"):
-            spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
-            assert spec is not None
-            assert spec.loader is not None
-            module = importlib.util.module_from_spec(spec)
-            spec.loader.exec_module(module)
-            figures |= module.figures()
-    if as_json:
-        print(json.dumps(figures, indent=2))
-    else:
-        _print_table(("figure", "value"), [(k, f"{v:.4g}") for k, v in figures.items()])
-
-
-@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
-def test(context: typer.Context) -> None:
-    """Run the tests; what follows goes to pytest.
-
-    Example: `./flexslew test tests/plant -k energy`
-    """
-    command = [sys.executable, "-m", "pytest", *context.args]
-    raise typer.Exit(subprocess.run(command, cwd=_root(), check=False).returncode)
 
 
 @app.command()
@@ -245,8 +196,8 @@ def controllers(as_json: Json = False) -> None:
         print(json.dumps({"active": active, "controllers": rows}, indent=2))
     else:
         columns = ("controller", "law", "ready", "reason", "last_tick")
-        table = [[_short(row[c]) for c in columns] for row in rows]
-        _print_table(("in charge", *columns), [["*" * (r[0] == active), *r] for r in table])
+        table = [[short(row[c]) for c in columns] for row in rows]
+        print_table(("in charge", *columns), [["*" * (r[0] == active), *r] for r in table])
 
 
 @app.command()
@@ -268,17 +219,9 @@ def switch(
         raise typer.Exit(1)
 
 
-@contextmanager
-def _progress(name: str) -> Iterator[Any]:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=screen, transient=True) as bar:
-        task = bar.add_task(f"{name} [dim]ticks[/dim]", total=None)
-        yield lambda tick, last: bar.update(task, completed=tick, total=last)
+for often in (recover, resim, check, play, live, bench):
+    app.command()(often)
+app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(test)
 
 
 def _summary(metrics: dict[str, Any]) -> None:
@@ -287,37 +230,12 @@ def _summary(metrics: dict[str, Any]) -> None:
     rows = []
     for key, value in metrics.items():
         unit = METRICS[key].unit if key in METRICS else ""
-        rows.append((key, _short(value), unit))
-    _print_table(("metric", "value", "unit"), rows)
-
-
-def _print_table(columns: Any, rows: Any) -> None:
-    table = Table(*columns, box=None, header_style="bold")
-    for row in rows:
-        table.add_row(*map(str, row))
-    Console().print(table)
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{key} {_short(entry)}" for key, entry in value.items())
-    if isinstance(value, list | tuple):
-        return ", ".join(map(_short, value[:8])) + (", ..." if len(value) > 8 else "")
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    return "-" if value is None else str(value)
+        rows.append((key, short(value), unit))
+    print_table(("metric", "value", "unit"), rows)
 
 
 def _content(folder: Path) -> list[str]:
     return sorted(path.name + "/" * path.is_dir() for path in folder.iterdir())
-
-
-def _root() -> Path:
-    """Return the root of the checkout, above ros2_ws."""
-    for folder in Path(__file__).resolve().parents:
-        if (folder / "benchmarks").is_dir() and (folder / "tests").is_dir():
-            return folder
-    raise BadInput("tests and benchmarks are in the source tree; call ./flexslew of a checkout")
 
 
 def main() -> None:

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
 from flexslew_control.controller import Controller
 from flexslew_control.controllers import CONTROLLERS, build_controller
@@ -14,6 +13,7 @@ from flexslew_lab.bag_reader import BagReader
 from flexslew_lab.cdr import decode
 from flexslew_lab.trial import Trial, law_of, parse_trial
 from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
 
 Key = tuple[int, int]  # epoch and tick
 
@@ -50,7 +50,7 @@ def plan_of_log(message: Any, source: str) -> Plan:
         return np.asarray(getattr(message, name)).reshape(count, -1)
 
     def text(name: str) -> Any:
-        return yaml.safe_load(getattr(message, name)) or {}
+        return load_yaml(getattr(message, name), f"{source}: the plan is damaged: {name}") or {}
 
     try:
         plan = Plan(
@@ -126,7 +126,7 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
     laws = {n: law_of(n, values or {}) for n, values in trial_of(bag).controllers.items()}
     for name, status in bag.overview.statuses.items():
         if name not in laws:
-            values = yaml.safe_load(status.settings) or {}
+            values = load_yaml(status.settings, f"{bag.path}: controllers.{name}") or {}
             values.pop("computed", None)  # is said there, too, and follows from the others
             laws[name] = status.law, values
     return laws

@@ -7,8 +7,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
-
 from flexslew_lab import cdr
 from flexslew_lab.bag_layout import METADATA_FILE, RUN_RECORD, TRIAL_RECORD
 from flexslew_lab.bag_lock import LOCK_FILE, lock_folder, unlock_folder
@@ -27,6 +25,7 @@ from flexslew_lab.mcap_scan import (
     read_metadata,
 )
 from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
 
 
 class Recovery(NamedTuple):
@@ -183,7 +182,7 @@ def _copy_chunk(content: bytes, lookup: Lookup, writer: BagWriter, tally: _Tally
 
 def _unrecorded(trial: dict[str, str], tick: int) -> int | None:
     """Return how many ticks of the trial are behind the last one in the log."""
-    settings = yaml.safe_load(trial.get("trial", "")) or {}
+    settings = load_yaml(trial.get("trial", ""), "trial") or {}
     if not isinstance(settings, dict) or "duration" not in settings:
         return None
     ticks = round(float(settings["duration"]) / float(settings.get("period", 0.01)))

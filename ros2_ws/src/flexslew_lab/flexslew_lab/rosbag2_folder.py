@@ -4,10 +4,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
-
 from flexslew_lab.bag_layout import qos_profile
 from flexslew_lab.schemas import type_hash
+from flexslew_plant.settings import yaml_text
 
 
 class TopicCount(NamedTuple):
@@ -16,18 +15,6 @@ class TopicCount(NamedTuple):
     topic: str
     type: str
     messages: int
-
-
-class _Plain(yaml.SafeDumper):
-    """YAML without anchors, which rosbag2's reader does not know."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
-
-
-def plain_yaml(data: Any) -> str:
-    """Return data as YAML without anchors."""
-    return str(yaml.dump(data, Dumper=_Plain, sort_keys=False, default_flow_style=False))
 
 
 def information(
@@ -84,5 +71,5 @@ def information(
 def write_description(path: Path, content: dict[str, Any]) -> None:
     """Write metadata.yaml such that it is there whole or not at all."""
     draft = path.with_suffix(".tmp")
-    draft.write_text(plain_yaml({"rosbag2_bagfile_information": content}), encoding="utf-8")
+    draft.write_text(yaml_text({"rosbag2_bagfile_information": content}, False), encoding="utf-8")
     draft.replace(path)

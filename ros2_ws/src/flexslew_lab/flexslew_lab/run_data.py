@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from flexslew_lab.bag_reader import BagReader, Overview
 from flexslew_lab.metrics import joint_names_of, metrics_from
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.settings import load_yaml
 
 BUCKETS = 1200  # of which each keeps its smallest and its largest value
 FRAMES = 500  # of the animation
@@ -114,7 +114,7 @@ def read_run(path: Path, label: str = "") -> RunData:
     bag = BagReader(path)
     overview = bag.overview
     metrics = metrics_from(bag)
-    trial = yaml.safe_load(bag.trial_text) or {}
+    trial = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     trial = trial if isinstance(trial, dict) else {}
     collector = _Collector(overview.counts)
     for block in bag.blocks(["/truth", "/controller_state", "/measurement"]):
