@@ -8,7 +8,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from flexslew_control.controller import Controller
 from flexslew_control.optimized_feedforward import OptimizedFeedforward
+from flexslew_control.plan import Plan
 from flexslew_control.planners import ReferenceOnly
 from flexslew_control.slew_request import software_versions
 from flexslew_lab.bag_observer import BagObserver
@@ -39,6 +41,14 @@ class Result(NamedTuple):
     exit_code: int
     message: str
     metrics: dict[str, Any]
+
+
+class _Crew(NamedTuple):
+    """What stands on the bench and who flies it, before tick 0."""
+
+    bench: Bench
+    controllers: dict[str, Controller]
+    plan: Plan | None
 
 
 def new_folder(name: str, out: Path | None) -> Path:
@@ -82,6 +92,28 @@ def run_trial(
     Raises:
         BadInput, PlanFailed: before anything was written.
     """
+    crew = _crew(trial, source)
+    folder = new_folder(trial.name, out)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "trial.yaml").write_text(trial_text(trial))
+    metadata = {"trial_file": source, "versions": json.dumps(software_versions())}
+    bag = folder / "bag"
+    if in_process:
+        outcome = _in_process(trial, crew, bag, metadata, progress)
+    else:
+        outcome = _over_ros(trial, folder, metadata, progress, say)
+    result = _finished(folder, bag, outcome)
+    if report and result.metrics:
+        write_report([bag], folder / "report.html", _without_feedforward(trial, source, folder))
+    return result
+
+
+def _crew(trial: Trial, source: str) -> _Crew:
+    """Return what the trial flies in process, with the plan adopted.
+
+    Raises:
+        BadInput, PlanFailed: with the place in the trial file.
+    """
     bench = Bench(bench_settings(trial))
     controllers = build_controllers(trial, bench, source)
     try:
@@ -92,30 +124,13 @@ def run_trial(
         refused = controller.adopt(plan) if plan is not None else ""
         if refused:
             raise BadInput(f"{source}: plan: {refused}")
-    folder = new_folder(trial.name, out)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "trial.yaml").write_text(trial_text(trial))
-    metadata = {"trial_file": source, "versions": json.dumps(software_versions())}
-    bag = folder / "bag"
-    if in_process:
-        outcome = _in_process(trial, source, bag, metadata, progress)
-    else:
-        outcome = _over_ros(trial, folder, metadata, progress, say)
-    result = _finished(folder, bag, outcome)
-    if report and result.metrics:
-        write_report([bag], folder / "report.html", _without_feedforward(trial, source, folder))
-    return result
+    return _Crew(bench, controllers, plan)
 
 
 def _in_process(
-    trial: Trial, source: str, bag: Path, metadata: dict[str, str], progress: Progress
+    trial: Trial, crew: _Crew, bag: Path, metadata: dict[str, str], progress: Progress
 ) -> Outcome:
-    bench = Bench(bench_settings(trial))
-    controllers = build_controllers(trial, bench, source)
-    plan = plan_of_trial(trial)
-    for controller in controllers.values():
-        if plan is not None:
-            controller.adopt(plan)
+    bench, controllers, plan = crew
     last = bench.last_tick or 0
     with BagWriter(bag, {"trial": trial_text(trial), **metadata}) as writer:
         observer = BagObserver(writer)
@@ -134,7 +149,8 @@ def _without_feedforward(trial: Trial, source: str, folder: Path) -> Path | None
     bare = ReferenceOnly(**{key: getattr(plan, key) for key in keys})
     bag = folder / "without_feedforward"
     other = replace(trial, name=f"{trial.name}-without-feedforward", plan=bare)
-    _in_process(other, source, bag, {"trial_file": source}, lambda tick, last: None)
+    crew = _crew(other, source)
+    _in_process(other, crew, bag, {"trial_file": source}, lambda tick, last: None)
     return bag
 
 
