@@ -24,7 +24,7 @@ def yaw():
     found = compared(
         parse_trial(YAW, "yaw.yaml"), "yaw.yaml", lambda *at: heard.append(at), (-0.2, 0.0)
     )
-    assert heard[-1][0] == heard[-1][1] == len(heard) == 2 * len(found.flown)
+    assert heard[-1][0] == heard[-1][1] == len(heard) == 4 * len(found.flown)
     return found
 
 
@@ -35,7 +35,8 @@ def test_every_method_flies_the_same_yaw_slew(yaw):
     assert not [entry for entry in yaw.entries if entry.refused]
     for entry in flown.values():
         np.testing.assert_allclose(entry.plan.position[-1], [1.0, 0.0], atol=1e-6)
-        assert [flight.error for flight in entry.flights] == [-0.2, 0.0]
+        assert [flight.error for flight in entry.by_stiffness] == [-0.2, 0.0]
+        assert [flight.payload for flight in entry.by_payload] == [-0.2, 0.0, 0.2]
         assert np.all(entry.nominal.peak_effort <= 150.0)
 
 
@@ -51,6 +52,13 @@ def test_feedforward_is_worth_something_and_robust_is_robust(yaw):
     assert rows["reference_only"]["residual_tip"] > 1.0
     worst = {name: row["worst_residual_tip"] for name, row in rows.items()}
     assert worst["robust_feedforward"] < worst["optimized_feedforward"] / 2.0
+    with_payload = rows["robust_feedforward, payload"]["residual_tip_by_payload"]
+    assert max(with_payload.values()) < max(
+        rows["optimized_feedforward"]["residual_tip_by_payload"].values()
+    )
+    longer = rows["robust_feedforward, 1.2 x time"]
+    assert longer["duration"] == 1.2 * rows["optimized_feedforward"]["duration"]
+    assert longer["worst_residual_tip"] < worst["robust_feedforward"]
     assert rows["robust_feedforward"]["duration"] == rows["optimized_feedforward"]["duration"]
     assert worst["time_optimal, robust"] < worst["time_optimal"]
     assert worst["input_shaping, zvd"] < worst["input_shaping"]

@@ -1,4 +1,4 @@
-"""The same manoeuvre by every method, on the bench with errors of the stiffness, side by side."""
+"""The same manoeuvre by every method, on benches that are not what the planner believes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +19,7 @@ from flexslew_plant.settings import plain, validated
 from flexslew_plant.testbeds import Testbed, build_model
 
 ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of the stiffness, relative [-]
+PAYLOADS = (-0.2, 0.2)  # of the inertias of the CSA testbed's hub, relative [-]
 BAND = 0.02  # a joint has settled within this part of its way [-]
 _WATCHED = 40.0  # at least, after the longest slew [s]
 _AUTHORITY = 0.8  # of the limit that a bang-bang slew takes; the rest is the feedback's
@@ -29,10 +30,17 @@ _STIFFNESS = {  # the parameter that an error of the stiffness changes, by testb
     "floating_oscillator": "stiffness",
 }
 _SAME_TIME = {"optimized_feedforward", "robust_feedforward", "reference_only"}
+_PAYLOAD = ("hub_inertia_1", "hub_inertia_2")
 _VARIANTS: dict[str, dict[str, Any]] = {  # ways to use a method that are compared too
     "input_shaping, zvd": {"shaper": "zvd"},
     "time_optimal, robust": {"robust": True},
+    "robust_feedforward, payload": {
+        "stiffness_errors": (-0.2, 0.0, 0.2),
+        "payload_errors": (-0.2, 0.0, 0.2),
+    },
+    "robust_feedforward, 1.2 x time": {},
 }
+_LONGER = {"robust_feedforward, 1.2 x time": 1.2}  # than the trial's plan [-]
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,7 @@ class Flight:
     """What one method did on one bench."""
 
     error: float  # of the stiffness [-]
+    payload: float  # error of the hub's inertias [-]
     residual_tip: float  # largest |tip deflection| after the end [m]
     residual_joint: float  # largest |joint - goal| after the end [rad or m]
     settling_time: float  # of the slowest joint, from the start of the plan [s]
@@ -61,14 +70,27 @@ class Entry:
     flights: tuple[Flight, ...] = ()
 
     @property
+    def by_stiffness(self) -> tuple[Flight, ...]:
+        """The flights with errors of the stiffness alone."""
+        return tuple(flight for flight in self.flights if flight.payload == 0.0)
+
+    @property
+    def by_payload(self) -> tuple[Flight, ...]:
+        """The flights with errors of the payload alone, the nominal one among them."""
+        middle = self.nominal.error
+        return tuple(
+            sorted((f for f in self.flights if f.error == middle), key=lambda f: f.payload)
+        )
+
+    @property
     def nominal(self) -> Flight:
         """The flight with the smallest error."""
-        return min(self.flights, key=lambda flight: abs(flight.error))
+        return min(self.by_stiffness, key=lambda flight: abs(flight.error))
 
     @property
     def worst_residual(self) -> float:
-        """Largest residual tip deflection over all errors [m]."""
-        return max(flight.residual_tip for flight in self.flights)
+        """Largest residual tip deflection over all errors of the stiffness [m]."""
+        return max(flight.residual_tip for flight in self.by_stiffness)
 
 
 @dataclass(frozen=True)
@@ -101,7 +123,10 @@ class Comparison:
                     "residual_joint": nominal.residual_joint,
                     "worst_residual_tip": entry.worst_residual,
                     "residual_tip_by_error": {
-                        f"{f.error:+g}": f.residual_tip for f in entry.flights
+                        f"{f.error:+g}": f.residual_tip for f in entry.by_stiffness
+                    },
+                    "residual_tip_by_payload": {
+                        f"{f.payload:+g}": f.residual_tip for f in entry.by_payload
                     },
                     "peak_effort": nominal.peak_effort.tolist(),
                     "effort": nominal.effort,
@@ -166,13 +191,16 @@ def compared(
     plans = [entry.plan for entry in entries if entry.plan is not None]
     longest = max((plan.end for plan in plans), default=0.0)
     long_enough = replace(trial, duration=max(trial.duration, longest + _WATCHED))
-    last = len(plans) * len(errors)
+    middle = min(errors, key=abs)
+    payloads = PAYLOADS if trial.testbed.kind == "csa" else ()
+    benches = [(error, 0.0) for error in errors] + [(middle, payload) for payload in payloads]
+    last = len(plans) * len(benches)
     done = 0
     for k, entry in enumerate(entries):
         flights = []
-        for error in errors if entry.plan is not None else ():
+        for error, payload in benches if entry.plan is not None else ():
             assert entry.plan is not None
-            refused, flight = _flown(long_enough, source, entry.plan, error, longest)
+            refused, flight = _flown(long_enough, source, entry.plan, error, payload, longest)
             done += 1
             progress(done, last)
             if flight is None:
@@ -207,7 +235,7 @@ def _planned(trial: Trial, source: str, name: str) -> Entry:
     own: dict[str, Any] = dict(_VARIANTS.get(name, {}))
     duration = plain(trial.plan).get("duration")
     if duration and {method, trial.plan.method} <= _SAME_TIME:
-        own["duration"] = duration
+        own["duration"] = duration * _LONGER.get(name, 1.0)
     if method == "time_optimal" and trial.plan.method != method:
         own["amplitude"] = _AUTHORITY * trial.testbed.effort_limit[0]
     limit = tuple(trial.testbed.effort_limit)
@@ -224,11 +252,13 @@ def _planned(trial: Trial, source: str, name: str) -> Entry:
 
 
 def _flown(
-    trial: Trial, source: str, plan: Plan, error: float, longest: float
+    trial: Trial, source: str, plan: Plan, error: float, payload: float, longest: float
 ) -> tuple[str, Flight | None]:
-    """Return the flight of a plan on the bench with this error, or why the law refuses it."""
+    """Return the flight of a plan on the bench with these errors, or why the law refuses it."""
     testbed = plain(trial.testbed)
     testbed["parameters"][_STIFFNESS[trial.testbed.kind]] *= 1.0 + error
+    for inertia in _PAYLOAD if payload else ():
+        testbed["parameters"][inertia] *= 1.0 + payload
     other = replace(trial, testbed=validated(Testbed, testbed, f"{source}: testbed"))
     bench = Bench(bench_settings(other))
     controllers = build_controllers(other, bench, source)
@@ -240,10 +270,10 @@ def _flown(
     fly(bench, controllers, recorder)
     # a step has no end of its own
     end = plan.end if plan.duration > 0.0 else longest
-    return "", _measured(recorder.truths, plan, error, end)
+    return "", _measured(recorder.truths, plan, (error, payload), end)
 
 
-def _measured(truths: list[Truth], plan: Plan, error: float, end: float) -> Flight:
+def _measured(truths: list[Truth], plan: Plan, errors: tuple[float, float], end: float) -> Flight:
     time = np.array([truth.time for truth in truths])
     joints = len(plan.joint_names)
     position = np.array([truth.position[:joints] for truth in truths])
@@ -259,7 +289,8 @@ def _measured(truths: list[Truth], plan: Plan, error: float, end: float) -> Flig
     held = np.diff(time, prepend=time[0])
     shown = np.unique(np.linspace(0, len(time) - 1, _SHOWN).astype(int))
     return Flight(
-        error=error,
+        error=errors[0],
+        payload=errors[1],
         residual_tip=float(np.abs(largest[over]).max()),
         residual_joint=float(away[over].max()),
         settling_time=settled,

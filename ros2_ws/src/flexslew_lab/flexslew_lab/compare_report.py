@@ -51,28 +51,42 @@ def comparison_page(comparison: Comparison) -> str:
 
 
 def robustness(comparison: Comparison) -> go.Figure:
-    """Return the residual tip deflection against the error of the stiffness, method by method."""
-    figure = go.Figure()
+    """Return the residual tip deflection against stiffness and payload, method by method."""
+    payload = any(len(entry.by_payload) > 1 for entry in comparison.flown)
+    figure = make_subplots(rows=1, cols=1 + payload, shared_yaxes=True, horizontal_spacing=0.04)
     for entry, style in zip(comparison.flown, _lines(comparison), strict=True):
-        figure.add_trace(
-            go.Scatter(
-                x=[100.0 * flight.error for flight in entry.flights],
-                y=[flight.residual_tip for flight in entry.flights],
-                mode="lines+markers",
-                name=entry.name,
-                line=style,
-                hovertemplate="%{x:+g} %: %{y:.4g} m",
+        curves = [[(flight.error, flight.residual_tip) for flight in entry.by_stiffness]]
+        if payload:
+            curves.append([(flight.payload, flight.residual_tip) for flight in entry.by_payload])
+        for column, curve in enumerate(curves, start=1):
+            figure.add_trace(
+                go.Scatter(
+                    x=[100.0 * error for error, _ in curve],
+                    y=[left for _, left in curve],
+                    mode="lines+markers",
+                    name=entry.name,
+                    legendgroup=entry.name,
+                    showlegend=column == 1,
+                    line=style,
+                    hovertemplate="%{x:+g} %: %{y:.4g} m",
+                ),
+                row=1,
+                col=column,
             )
-        )
-    figure.update_xaxes(title_text="error of the stiffness [%]", ticksuffix=" %")
-    figure.update_yaxes(title_text="residual tip deflection [m]", type="log")
-    return _finished(figure, 420)
+    figure.update_xaxes(ticksuffix=" %")
+    figure.update_xaxes(title_text="error of the stiffness", col=1)
+    if payload:
+        figure.update_xaxes(title_text="error of the hub's inertias", col=2)
+    figure.update_yaxes(type="log")
+    figure.update_yaxes(title_text="residual tip deflection [m]", col=1)
+    return _finished(figure, 440)
 
 
 def cost(comparison: Comparison) -> go.Figure:
     """Return the worst residual against the duration, with the rigid-body lower bound."""
     figure = go.Figure()
     timed = [e for e in comparison.flown if e.plan is not None and e.plan.duration > 0.0]
+    timed.sort(key=lambda entry: entry.worst_residual)
     styles = {e.name: s for e, s in zip(comparison.flown, _lines(comparison), strict=True)}
     for number, entry in enumerate(timed):
         assert entry.plan is not None
@@ -83,7 +97,7 @@ def cost(comparison: Comparison) -> go.Figure:
                 mode="markers+text",
                 name=entry.name,
                 text=[entry.name],
-                textposition="bottom center" if number % 2 else "top center",
+                textposition="middle left" if number % 2 else "middle right",
                 marker={"color": styles[entry.name]["color"], "size": 12},
                 hovertemplate="%{x:.3f} s, worst %{y:.4g} m",
                 showlegend=False,
@@ -138,7 +152,10 @@ def _columns(comparison: Comparison) -> list[str]:
     linear = all(unit == "m" for unit in comparison.joint_units)
     torque, joint = ("N", "m") if linear else ("N m", "rad")
     efforts = [f"peak {name} [{torque}]" for name in comparison.joint_names]
-    errors = [f"tip at {f.error:+.0%} [m]" for entry in comparison.flown[:1] for f in entry.flights]
+    errors = []
+    for entry in comparison.flown[:1]:
+        errors += [f"tip, EI {f.error:+.0%} [m]" for f in entry.by_stiffness]
+        errors += [f"tip, hub {f.payload:+.0%} [m]" for f in entry.by_payload if f.payload]
     head = ["duration [s]", "over bound", "settled [s]", f"joint error [{joint}]"]
     return [*head, *errors, *efforts, f"effort [({torque})² s]"]
 
@@ -152,7 +169,8 @@ def _cells(comparison: Comparison, entry: Entry) -> tuple[str, list[str]]:
     numbers = [
         f"{nominal.settling_time:.2f}",
         f"{nominal.residual_joint:.2e}",
-        *(f"{flight.residual_tip:.4f}" for flight in entry.flights),
+        *(f"{flight.residual_tip:.4f}" for flight in entry.by_stiffness),
+        *(f"{flight.residual_tip:.4f}" for flight in entry.by_payload if flight.payload),
         *(f"{peak:.4g}" for peak in nominal.peak_effort),
         f"{nominal.effort:.4g}",
     ]
