@@ -25,6 +25,15 @@ def figures() -> dict[str, float]:
     robust, shaped = (
         plan_settings({"method": name}, "") for name in ("robust_feedforward", "input_shaping")
     )
+    hub = {
+        "method": "time_optimal",
+        "model": {"kind": "hub_with_appendages"},
+        "goal": {"hub": 1.0},
+        "amplitude": 2.0 * FOOT_POUND,
+    }
+    fastest, insensitive = (
+        plan_settings({**hub, "robust": robust}, "") for robust in (False, True)
+    )
     limit = (150.0, 150.0)
     return {
         "shaping_floor_one_simulation_ms": _best(lambda: three.final(arcs)),
@@ -33,6 +42,8 @@ def figures() -> dict[str, float]:
         ),
         "time_optimal_three_switches_ms": _best(lambda: continued_durations(three)),
         "time_optimal_five_switches_ms": _best(lambda: continued_durations(five)),
+        "time_optimal_three_switches_plan_ms": _best(lambda: make_plan(fastest, 0.01, (150.0,))),
+        "time_optimal_five_switches_plan_ms": _best(lambda: make_plan(insensitive, 0.01, (150.0,))),
         "robust_feedforward_five_models_ms": _best(lambda: make_plan(robust, 0.01, limit)),
         "input_shaping_plan_ms": _best(lambda: make_plan(shaped, 0.01, limit)),
     }

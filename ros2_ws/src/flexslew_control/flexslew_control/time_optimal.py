@@ -267,11 +267,11 @@ def on_ticks(slew: Arcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matr
     means = np.diff(gained, axis=0) / np.diff(ticks)[:, None]
     edges = np.union1d(ticks, ends)
     arc = np.searchsorted(ends, 0.5 * (edges[1:] + edges[:-1]))
-    nothing = np.zeros(slew.model.joints)
+    nothing, step = np.zeros(slew.model.joints), slew.step
     states = np.empty((edges.size, slew.start.size))
     states[0] = slew.start
     for k, dt in enumerate(np.diff(edges)):
         effort = efforts[arc[k]] if arc[k] < durations.size else nothing
-        steps = max(1, int(np.ceil(dt / slew.step)))
+        steps = max(1, int(np.ceil(dt / step)))
         states[k + 1] = slew.model.advance(states[k], effort, float(dt), steps)
     return states[np.searchsorted(edges, ticks)], means
