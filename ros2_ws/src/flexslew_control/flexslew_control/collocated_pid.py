@@ -4,12 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from flexslew_control.integral_law import Action, IntegralLaw
 from flexslew_control.law import Estimate, MeasuredJoints, Reference
 from flexslew_control.set_point import require_stable, rest_at, state_names
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.csa import CsaTestbed
 from flexslew_plant.errors import BadInput
-from flexslew_plant.measurement import Measurement
 from flexslew_plant.model import Linearisation
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds import Testbed, build_model
@@ -27,58 +27,20 @@ class CollocatedPid:
     set_point: dict[str, float] = field(default_factory=lambda: {"hub_pitch": 0.5})  # [rad]
 
 
-@dataclass
-class PidLaw:
-    """u = u_ff + Kp e + Kd e' + s, ds/dt = Ki e + (sat(u) - u) / T_t, e = reference - measured.
-
-    Args:
-        kp, ki, kd: shape (joints,).
-        limit: of the efforts, shape (joints,) [N m or N].
-        tracking_time: T_t [s]; None: the integral winds up.
-        period: one tick [s].
-    """
+@dataclass(frozen=True)
+class JointDeviation:
+    """Ki e, Kp e and Kd e' of e = reference - measured; gains of shape (joints,)."""
 
     kp: Vector
     ki: Vector
     kd: Vector
-    limit: Vector
-    tracking_time: float | None
-    period: float
-    terms: dict[str, Vector] = field(init=False, default_factory=dict)
-    _s: Vector = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Start with an empty integral."""
-        self._s = np.zeros_like(self.kp)
-        self._unwinding = 0.0 if self.tracking_time is None else 1.0 / self.tracking_time
-
-    def reset(
-        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
-    ) -> None:
-        """Choose the integral such that the next effort is `effort`, within the limit."""
-        _, proportional, derivative = self._error(estimate, reference)
-        self._s = effort - reference.effort - proportional - derivative
-
-    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
-        """Return the joint efforts within the limit, shape (joints,) [N m or N]."""
-        integrand, proportional, derivative = self._error(estimate, reference)
-        demand = reference.effort + proportional + derivative + self._s
-        effort = np.clip(demand, -self.limit, self.limit)
-        self.terms = {
-            "feedforward": reference.effort,
-            "proportional": proportional,
-            "derivative": derivative,
-            "integral": self._s,
-        }
-        self._s = self._s + self.period * (integrand + self._unwinding * (effort - demand))
-        return effort
-
-    def _error(self, estimate: Estimate, reference: Reference) -> tuple[Vector, Vector, Vector]:
-        """Return Ki e, Kp e and Kd e', each of shape (joints,)."""
+    def __call__(self, estimate: Estimate, reference: Reference) -> Action:
+        """Return what the deviation of the joints asks for."""
         m = self.kp.size
         e = reference.position - estimate.position[:m]
         rate = reference.velocity - estimate.velocity[:m]
-        return self.ki * e, self.kp * e, self.kd * rate
+        return Action(self.ki * e, self.kp * e, self.kd * rate)
 
 
 def closed_loop(linear: Linearisation, kp: Vector, ki: Vector, kd: Vector) -> Matrix:
@@ -100,7 +62,7 @@ def closed_loop(linear: Linearisation, kp: Vector, ki: Vector, kd: Vector) -> Ma
 
 def build(
     settings: CollocatedPid, period: float, effort_limit: Vector
-) -> tuple[MeasuredJoints, PidLaw]:
+) -> tuple[MeasuredJoints, IntegralLaw]:
     """Return the measured joints and the law.
 
     Raises:
@@ -120,4 +82,5 @@ def build(
     names = (*state_names(model), *integrals)
     require_stable(closed_loop(linear, kp, ki, kd), names, "collocated_pid with these gains")
     limit = np.array(effort_limit, dtype=np.float64)
-    return MeasuredJoints(), PidLaw(kp, ki, kd, limit, settings.tracking_time, period)
+    law = IntegralLaw(JointDeviation(kp, ki, kd), limit, settings.tracking_time, period)
+    return MeasuredJoints(), law

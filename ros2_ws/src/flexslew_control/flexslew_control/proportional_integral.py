@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_continuous_are
 
+from flexslew_control.integral_law import Action, IntegralLaw
 from flexslew_control.kalman import FilterSettings, KalmanFilter
 from flexslew_control.law import Estimate, Reference, nominal_state
 from flexslew_control.lqr import ScaledWeights, scaled_problem
@@ -19,7 +20,6 @@ from flexslew_control.set_point import (
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.csa import CsaTestbed
 from flexslew_plant.errors import BadInput
-from flexslew_plant.measurement import Measurement
 from flexslew_plant.model import Linearisation, Model
 from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds import Testbed, build_model
@@ -116,65 +116,24 @@ def closed_loop(linear: Linearisation, gains: PiGains) -> Matrix:
     return np.vstack((top, bottom))
 
 
-@dataclass
-class PiLaw:
-    """tau = tau_ff - Kp e - Kd e' + s, ds/dt = -Ki e + (sat(tau) - tau) / T_t.
-
-    e is the deviation of the estimate from the nominal trajectory, deflections included.
-
-    Args:
-        model: for the sizes.
-        gains: Kp, Kd, Ki.
-        limit: of the efforts, shape (joints,) [N m or N].
-        tracking_time: T_t [s]; None: the integral winds up.
-        period: one tick [s].
-    """
+@dataclass(frozen=True)
+class NominalDeviation:
+    """-Ki e, -Kp e, -Kd e' of the deviation e from the nominal trajectory, deflections included."""
 
     model: Model
     gains: PiGains
-    limit: Vector
-    tracking_time: float | None
-    period: float
-    terms: dict[str, Vector] = field(init=False, default_factory=dict)
-    _s: Vector = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Start with an empty integral."""
-        self._s = np.zeros(self.model.joints)
-        self._unwinding = 0.0 if self.tracking_time is None else 1.0 / self.tracking_time
-
-    def reset(
-        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
-    ) -> None:
-        """Choose the integral such that the next effort is `effort`, within the limit."""
-        _, proportional, derivative = self._deviation(estimate, reference)
-        self._s = effort - reference.effort - proportional - derivative
-
-    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
-        """Return the joint efforts within the limit, shape (joints,) [N m or N]."""
-        integrand, proportional, derivative = self._deviation(estimate, reference)
-        demand = reference.effort + proportional + derivative + self._s
-        effort = np.clip(demand, -self.limit, self.limit)
-        self.terms = {
-            "feedforward": reference.effort,
-            "proportional": proportional,
-            "derivative": derivative,
-            "integral": self._s,
-        }
-        self._s = self._s + self.period * (integrand + self._unwinding * (effort - demand))
-        return effort
-
-    def _deviation(self, estimate: Estimate, reference: Reference) -> tuple[Vector, Vector, Vector]:
-        """Return -Ki e, -Kp e and -Kd e', each of shape (joints,)."""
+    def __call__(self, estimate: Estimate, reference: Reference) -> Action:
+        """Return what the deviation of the estimate asks for."""
         n = self.model.coordinates
         nominal = nominal_state(reference.state, reference, self.model.joints, self.model.modes)
         e, rate = estimate.position - nominal[:n], estimate.velocity - nominal[n:]
-        return -(self.gains.ki @ e), -(self.gains.kp @ e), -(self.gains.kd @ rate)
+        return Action(-(self.gains.ki @ e), -(self.gains.kp @ e), -(self.gains.kd @ rate))
 
 
 def build(
     settings: ProportionalIntegral, period: float, effort_limit: Vector
-) -> tuple[KalmanFilter, PiLaw]:
+) -> tuple[KalmanFilter, IntegralLaw]:
     """Return the disturbance-augmented filter and the law.
 
     Raises:
@@ -192,7 +151,7 @@ def build(
     names = (*state_names(model), *(f"integral of {name}" for name in model.joint_names))
     require_stable(closed_loop(linear, gains), names, "proportional_integral with these gains")
     limit = np.array(effort_limit, dtype=np.float64)
-    law = PiLaw(model, gains, limit, settings.tracking_time, period)
+    law = IntegralLaw(NominalDeviation(model, gains), limit, settings.tracking_time, period)
     return KalmanFilter(model, rest, settings.filter, period), law
 
 

@@ -12,6 +12,7 @@ from flexslew_control.law import Estimator, Law, Reference
 from flexslew_control.output_feedback import OutputFeedback
 from flexslew_control.pd_feedforward import PdFeedforwardSettings
 from flexslew_control.proportional_integral import PiGains, ProportionalIntegral
+from flexslew_control.set_point import rest_at
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.csa import CsaInitial, CsaParameters, CsaTestbed
 from flexslew_plant.measurement import Measurement
@@ -212,7 +213,9 @@ def pi_rows() -> list[dict[str, Any]]:
     settings = ProportionalIntegral(model=believed)
     real = CsaTestbed(variant="printed", modes=3)
     controller = proportional_integral.build(settings, PERIOD, _NO_LIMIT)
-    rows = _gain_rows(controller[1].gains)
+    model = build_model(believed)
+    set_point = model.linearise(rest_at(model, settings.set_point))
+    rows = _gain_rows(proportional_integral.design(set_point, settings.weights))
     still = partial(_held, 0.0, 0.0)
     pushed = closed_loop(real, controller, still, 150.0, disturbance=5.0, from_rest=True)
     error = abs(pushed.state[:, 0])
