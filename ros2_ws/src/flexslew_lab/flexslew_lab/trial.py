@@ -29,6 +29,8 @@ from flexslew_plant.testbeds import Testbed
 
 DEFAULT = Path(str(resources.files("flexslew_lab"))) / "trials" / "m1.yaml"
 
+_BELIEVED = ("kind", "variant", "damping_ratio", "parameters", "initial")  # of the testbed
+
 
 def _pd_alone() -> dict[str, dict[str, Any]]:
     return {"pd_feedforward": {}}
@@ -76,7 +78,7 @@ def parse_trial(text: str, source: str) -> Trial:
     values = load_yaml(text, source)
     if not isinstance(values, dict):
         raise BadInput(f"{source}: holds no keys; see the example {DEFAULT}")
-    trial: Trial = validated(Trial, values, source)
+    trial: Trial = validated(Trial, _with_believed_model(values), source)
     wanted = {"active": trial.active} | {f"fallback.{i}": c for i, c in enumerate(trial.fallback)}
     wanted |= {f"schedule.{i}.switch": e.switch for i, e in enumerate(trial.schedule) if e.switch}
     for key, controller in wanted.items():
@@ -85,6 +87,20 @@ def parse_trial(text: str, source: str) -> Trial:
             raise BadInput(f"{source}: {key}: {controller} is not in controllers; allowed: {known}")
     require_allowed(trial.schedule, trial.allow_faults, source)
     return trial
+
+
+def _with_believed_model(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the keys with the testbed, on one mode, as the model of a plan that names none.
+
+    Only for the method that plans on any kind of testbed; the other ones have their own defaults.
+    """
+    plan, testbed = values.get("plan"), values.get("testbed") or {}
+    if not (isinstance(plan, dict) and isinstance(testbed, dict)):
+        return values
+    if plan.get("method") != "time_optimal" or "model" in plan:
+        return values
+    model = {key: testbed[key] for key in _BELIEVED if key in testbed} | {"modes": 1}
+    return values | {"plan": plan | {"model": model}}
 
 
 def trial_text(trial: Trial) -> str:
