@@ -1,6 +1,7 @@
 """The command line: one subcommand a task, machine-readable output under --json."""
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -95,10 +96,9 @@ def plan(
         raise BadInput(f"{source}: plan: is missing; add one or give --method")
 
     def iteration(update: Any) -> None:
-        screen.print(
-            f"  {update.number:3d}  J {update.objective:.6e}  |Y| {update.norm_terminal_error:.3e}"
-            f"  |U| {update.norm_input:.4f}"
-        )
+        size = f"  |Y| {update.norm_terminal_error:.3e}  |U| {update.norm_input:.4f}"
+        known = not math.isnan(update.norm_input)  # a start of a multistart has none
+        screen.print(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
 
     limit = tuple(wanted.testbed.effort_limit)
     made = make_plan(settings, wanted.period, limit, None if as_json else iteration)
