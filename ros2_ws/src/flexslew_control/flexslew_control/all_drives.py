@@ -2,7 +2,7 @@
 
 The CSA testbed pitches to turn faster: folding the beams towards the yaw axis lowers its inertia.
 Such slews have no closed form. From several random guesses, CasADi and IPOPT solve
-    min T,    x_k+1 = x_k + (T/N) RK4(x_k, u_k),    |u_k| <= amplitude,
+    min T,    x_k+1 = RK4(x_k, u_k, T/N),    |u_k| <= amplitude,
 and the signs of the best one are the structure, whose arcs shortest_durations makes exact.
 CasADi is an optional dependency.
 """

@@ -69,6 +69,15 @@ def _jacobian(
 
 
 @compiled
+def _together(start: Vector, copies: int) -> Vector:
+    """Return the states of all copies at the start, flat."""
+    z = np.empty(copies * start.size)
+    for c in range(copies):
+        z[c * start.size : (c + 1) * start.size] = start
+    return z
+
+
+@compiled
 def final_states(
     kind: int,
     packed: Matrix,
@@ -91,9 +100,7 @@ def final_states(
         step: longest step of the integration [s].
     """
     copies, rows = packed.shape[0], start.size
-    z = np.empty(copies * rows)
-    for c in range(copies):
-        z[c * rows : (c + 1) * rows] = start
+    z = _together(start, copies)
     slopes, at = np.empty((STAGES, z.size)), np.empty(z.size)
     for arc in range(durations.size):
         steps = max(1, int(np.ceil(abs(durations[arc]) / step)))
@@ -127,10 +134,8 @@ def final_sensitivity(
     Returns:
         the states, shape (copies 2 n,), and dz_f/dd, shape (copies 2 n, arcs).
     """
-    arcs, copies, rows = durations.size, packed.shape[0], start.size
-    z = np.empty(copies * rows)
-    for c in range(copies):
-        z[c * rows : (c + 1) * rows] = start
+    arcs = durations.size
+    z = _together(start, packed.shape[0])
     dz, du = np.empty((z.size, z.size)), np.empty((z.size, efforts.shape[1]))
     slopes, at = np.empty((STAGES, z.size)), np.empty(z.size)
     s, s_at = np.zeros((z.size, arcs)), np.zeros((z.size, arcs))

@@ -26,7 +26,7 @@ from flexslew_plant.settings import NonNegative, Positive, plain, section
 from flexslew_plant.testbeds import Testbed, build_model
 
 Share: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
-_RESERVE = 0.2  # of the limit, left to a feedback [-]
+RESERVE = 0.2  # of the limit, left to a feedback [-]
 
 
 @section
@@ -169,7 +169,7 @@ def _amplitude(settings: TimeOptimal, model: Model, effort_limit: Vector) -> Vec
     """Return the effort of every drive, shape (joints,) [N m or N]."""
     reserve = settings.reserve
     if reserve is None:
-        reserve = 0.0 if settings.feedback is None else _RESERVE
+        reserve = 0.0 if settings.feedback is None else RESERVE
     if settings.amplitude is None:
         return np.asarray((1.0 - reserve) * effort_limit)
     if settings.amplitude > effort_limit.min():

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, make_plan, other_method
+from flexslew_control.time_optimal import RESERVE
 from flexslew_control.trajectories import rigid_duration
 from flexslew_lab.in_process import Observer, fly
 from flexslew_lab.trial import Trial, bench_settings, build_controllers
@@ -22,7 +23,6 @@ ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of the stiffness, relative [-]
 PAYLOADS = (-0.2, 0.2)  # of the inertias of the CSA testbed's hub, relative [-]
 BAND = 0.02  # a joint has settled within this part of its way [-]
 _WATCHED = 40.0  # at least, after the longest slew [s]
-_AUTHORITY = 0.8  # of the limit that a bang-bang slew takes; the rest is the feedback's
 _SHOWN = 600  # samples of a curve
 _STIFFNESS = {  # the parameter that an error of the stiffness changes, by testbed
     "csa": "bending_stiffness",
@@ -237,7 +237,7 @@ def _planned(trial: Trial, source: str, name: str) -> Entry:
     if duration and {method, trial.plan.method} <= _SAME_TIME:
         own["duration"] = duration * _LONGER.get(name, 1.0)
     if method == "time_optimal" and trial.plan.method != method:
-        own["amplitude"] = _AUTHORITY * trial.testbed.effort_limit[0]
+        own["reserve"] = RESERVE
     limit = tuple(trial.testbed.effort_limit)
     try:
         if method == "reference_only" and trial.testbed.kind != "csa":
