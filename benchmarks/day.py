@@ -16,12 +16,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flexslew_lab.bag_layout import TOPICS
-from flexslew_lab.bag_observer import BagObserver
-from flexslew_lab.bag_writer import BagWriter
-from flexslew_lab.cdr import encode
-from flexslew_lab.in_process import fly
-from flexslew_lab.trial import (
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.bag_observer import BagObserver
+from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.log.cdr import encode
+from flexslew_lab.trial.in_process import fly
+from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
     build_controllers,
@@ -29,9 +29,9 @@ from flexslew_lab.trial import (
     plan_of_trial,
     trial_text,
 )
-from flexslew_plant.bench import Bench
+from flexslew_plant.bench.bench import Bench
+from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
-from flexslew_plant.measurement import Measurement
 
 HOURS = "FLEXSLEW_BENCH_HOURS"
 SAMPLE = 100.0  # recorded first, to tell the disk that is needed [simulated s]
@@ -121,7 +121,7 @@ def record(folder: Path, hours: float) -> dict[str, float]:
 
 
 def metrics(bag: Path, scratch: Path) -> None:
-    from flexslew_lab.metrics import metrics_of
+    from flexslew_lab.report.metrics import metrics_of
 
     metrics_of(bag)
 
@@ -135,7 +135,7 @@ def mcap_reader(bag: Path, scratch: Path) -> None:
 
 
 def log_check(bag: Path, scratch: Path) -> None:
-    from flexslew_lab.log_check import check_log
+    from flexslew_lab.log.check import check_log
 
     wrong = [finding for finding in check_log(bag) if not finding.ok]
     if wrong:
@@ -143,32 +143,32 @@ def log_check(bag: Path, scratch: Path) -> None:
 
 
 def log_info(bag: Path, scratch: Path) -> None:
-    from flexslew_lab.log_info import log_info
+    from flexslew_lab.log.info import log_info
 
     log_info(bag)
 
 
 def report(bag: Path, scratch: Path) -> None:
-    from flexslew_lab.report import write_report
+    from flexslew_lab.report.report import write_report
 
     write_report([bag], scratch / "report.html")
 
 
 def recover(bag: Path, scratch: Path) -> None:
-    from flexslew_lab.log_recover import recover
+    from flexslew_lab.log.recover import recover
 
     recover(bag, scratch / "recovered")
 
 
 def export(bag: Path, scratch: Path) -> None:
-    from flexslew_lab.log_export import export_log
+    from flexslew_lab.log.export import export_log
 
     export_log(bag, scratch / "tables")
 
 
 def play(bag: Path, scratch: Path) -> None:
     """Jump to the middle and play a minute."""
-    from flexslew_lab.player import Player, PlaySettings
+    from flexslew_lab.replay.player import Player, PlaySettings
 
     player = Player(PlaySettings(bag=str(bag), rate=0.0))
     player.seek(player.last * 0.5e-9)
@@ -176,7 +176,7 @@ def play(bag: Path, scratch: Path) -> None:
 
 
 def resim(bag: Path, scratch: Path) -> None:
-    from flexslew_lab.resim import resim
+    from flexslew_lab.replay.resim import resim
 
     if not resim(bag).identical:
         raise RuntimeError("the run again is another one")

@@ -10,11 +10,11 @@ from pathlib import Path
 from statistics import median
 from time import perf_counter
 
-from flexslew_lab.domain import own_domain
-from flexslew_lab.metrics import metrics_of
-from flexslew_lab.processes import NodeProcess, node_processes, parameter_file
-from flexslew_lab.supervisor import Supervisor
-from flexslew_lab.trial import Trial
+from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
+from flexslew_lab.trial.supervisor import Supervisor
+from flexslew_lab.trial.trial import Trial
 
 TICKS = 6000
 ROUNDS = 3
@@ -26,7 +26,7 @@ def ping_pong(side: str) -> None:
     from flexslew_msgs import msg
     from rclpy.experimental import EventsExecutor
 
-    from flexslew_plant.ros_node import LOOP
+    from flexslew_plant.ros.node import LOOP
 
     rclpy.init()
     node = rclpy.create_node(side)

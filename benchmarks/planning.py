@@ -5,11 +5,11 @@ from time import perf_counter
 
 import numpy as np
 
-from flexslew_control.basis import Basis
-from flexslew_control.gauss_newton import Options, Update, optimise
-from flexslew_control.manoeuvre import Manoeuvre, TerminalMap, substeps_for
-from flexslew_plant.csa import CsaTestbed
+from flexslew_control.planners.feedforward.basis import Basis
+from flexslew_control.planners.feedforward.gauss_newton import Options, Update, optimise
+from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, TerminalMap, substeps_for
 from flexslew_plant.testbeds import build_model
+from flexslew_plant.testbeds.csa import CsaTestbed
 
 _RUNS = 41
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from flexslew_control.controllers import build_controller
 from flexslew_plant.arrays import Vector, compiled
-from flexslew_plant.bench import Bench, BenchSettings
-from flexslew_plant.csa import CsaTestbed
-from flexslew_plant.model import Model
+from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.testbeds import build_model
+from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.model import Model
 
 _ROUNDS = 21
 _TIMES = 4_000  # samples or ticks a round

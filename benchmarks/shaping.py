@@ -6,10 +6,10 @@ from time import perf_counter
 import numpy as np
 
 from flexslew_control.planners import make_plan, plan_settings
-from flexslew_control.shapers import make_shaper
-from flexslew_control.switching import BangBang, continued_durations
-from flexslew_plant.hub_with_appendages import FOOT_POUND, HubTestbed
+from flexslew_control.planners.input_shaping.shapers import make_shaper
+from flexslew_control.planners.time_optimal.switching import BangBang, continued_durations
 from flexslew_plant.testbeds import build_model
+from flexslew_plant.testbeds.hub_with_appendages import FOOT_POUND, HubTestbed
 
 
 def figures() -> dict[str, float]:

@@ -9,9 +9,9 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from flexslew_lab.bag_reader import BagReader
-from flexslew_lab.trial import parse_trial
-from flexslew_plant.csa import beam
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.trial.trial import parse_trial
+from flexslew_plant.testbeds.csa import beam
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

@@ -83,7 +83,7 @@ if [ ! -e "$built" ]; then
     fail "the workspace does not build; the compiler's words are in ros2_ws/log/latest_build"
   say "[4/4] machine code of the models, kept for later runs"
   . "$root/setup/environment.sh"
-  "$venv/bin/python" -m flexslew_lab.warm_up
+  "$venv/bin/python" -m flexslew_lab.trial.compile_kernels
   rm -f "$root"/ros2_ws/install/flexslew.*
   touch "$built"
   say "ready after $((SECONDS - started)) s"

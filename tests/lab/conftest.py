@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import yaml
 
-from flexslew_lab.bag_layout import TOPICS
-from flexslew_lab.bag_writer import BagWriter
-from flexslew_lab.cdr import encode
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.log.cdr import encode
 
 PERIOD = 0.01
 GOAL = np.array([1.0, -0.5])

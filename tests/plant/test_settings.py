@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from flexslew_plant.bench import BenchSettings
-from flexslew_plant.csa import CsaTestbed
+from flexslew_plant.bench.bench import BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import flat, load_yaml, plain, validated, yaml_text
 from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.csa import CsaTestbed
 
 
 def refusal(kind, values):

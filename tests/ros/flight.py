@@ -5,12 +5,12 @@ import signal
 from pathlib import Path
 from typing import Any
 
-from flexslew_lab.bag_reader import BagReader
-from flexslew_lab.domain import own_domain
-from flexslew_lab.metrics import metrics_of
-from flexslew_lab.processes import NodeProcess, node_processes, parameter_file
-from flexslew_lab.supervisor import Outcome, Supervisor
-from flexslew_lab.trial import parse_trial
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
+from flexslew_lab.trial.supervisor import Outcome, Supervisor
+from flexslew_lab.trial.trial import parse_trial
 
 SLEW = """
 name: short

@@ -5,7 +5,7 @@ from array import array
 from flexslew_msgs import msg
 
 from flexslew_plant import topics
-from flexslew_plant.ros_node import LOOP, PlantWatch, new_node, run_node
+from flexslew_plant.ros.node import LOOP, PlantWatch, new_node, run_node
 
 
 class Intruder:

@@ -5,8 +5,8 @@ import signal
 
 import numpy as np
 
-from flexslew_lab.bag_reader import BagReader
-from flexslew_lab.processes import NodeProcess
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.trial.processes import NodeProcess
 
 from .flight import Flight, kill, slew
 
@@ -76,7 +76,7 @@ def test_bad_input_stops_before_a_folder_is_made(tmp_path):
 
     trial = tmp_path / "bad.yaml"
     trial.write_text("testbed: {kind: csa, modez: 3}\n")
-    command = [sys.executable, "-m", "flexslew_lab.cli", "trial", str(trial), "--out"]
+    command = [sys.executable, "-m", "flexslew_lab.cli.main", "trial", str(trial), "--out"]
     done = subprocess.run(
         [*command, str(tmp_path / "run")], capture_output=True, text=True, check=False
     )

@@ -9,12 +9,12 @@ import pytest
 import rclpy
 from flexslew_msgs.msg import Event
 
-from flexslew_lab.bag_reader import BagReader
-from flexslew_lab.bag_writer import RecordingStopped
-from flexslew_lab.log_check import check_log
-from flexslew_lab.log_recover import recover
-from flexslew_lab.metrics import metrics_of
-from flexslew_plant.ros_node import latched
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.bag_writer import RecordingStopped
+from flexslew_lab.log.check import check_log
+from flexslew_lab.log.recover import recover
+from flexslew_lab.report.metrics import metrics_of
+from flexslew_plant.ros.node import latched
 
 from .flight import Flight, slew
 

@@ -8,12 +8,12 @@ import struct
 
 import pytest
 
-from flexslew_lab.bag_reader import BagReader
-from flexslew_lab.domain import own_domain
-from flexslew_lab.processes import NodeProcess, parameter_file
-from flexslew_lab.run import run_trial
-from flexslew_lab.schemas import schema_text
-from flexslew_lab.supervisor import Supervisor
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.schemas import schema_text
+from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.trial.processes import NodeProcess, parameter_file
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.supervisor import Supervisor
 
 from .flight import slew
 

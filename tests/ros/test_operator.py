@@ -10,8 +10,8 @@ from flexslew_msgs import action, msg, srv
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
-from flexslew_lab.domain import own_domain
-from flexslew_plant.ros_node import latched, stamp
+from flexslew_lab.trial.domain import own_domain
+from flexslew_plant.ros.node import latched, stamp
 
 WAIT = 30.0
 
@@ -63,10 +63,10 @@ def operator():
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         plant = ["-p", "rate_factor:=2.0", "-p", "bench.max_missed:=1000"]
         commands = [
-            ["flexslew_control.controller_node", "-r", "__node:=second"],
-            ["flexslew_control.controller_node"],
-            ["flexslew_control.planner_node"],
-            ["flexslew_plant.plant_node", *plant],
+            ["flexslew_control.ros.controller_node", "-r", "__node:=second"],
+            ["flexslew_control.ros.controller_node"],
+            ["flexslew_control.ros.planner_node"],
+            ["flexslew_plant.ros.plant_node", *plant],
         ]
         children = [
             subprocess.Popen([sys.executable, "-m", module, "--ros-args", *rest])

@@ -12,9 +12,9 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from flexslew_lab.bag_layout import TOPICS
-from flexslew_lab.bag_reader import BagReader
-from flexslew_lab.cdr import decode, encode
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.cdr import decode, encode
 
 from .flight import Flight, slew
 

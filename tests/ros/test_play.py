@@ -12,12 +12,12 @@ from flexslew_msgs.msg import Event, Plan
 from flexslew_msgs.srv import Seek, Step
 from std_srvs.srv import Trigger
 
-from flexslew_lab.bag_reader import BagReader
-from flexslew_lab.domain import own_domain
-from flexslew_lab.processes import NodeProcess, node_processes, parameter_file
-from flexslew_lab.run import run_trial
-from flexslew_lab.supervisor import Supervisor
-from flexslew_plant.ros_node import latched
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.supervisor import Supervisor
+from flexslew_plant.ros.node import latched
 
 from .flight import slew
 

@@ -11,13 +11,13 @@ import rclpy
 from flexslew_msgs.srv import InjectFault, SwitchController
 from std_srvs.srv import Trigger
 
-from flexslew_lab.bag_reader import BagReader
-from flexslew_lab.log_check import check_log
-from flexslew_lab.operator_node import switch_controller
-from flexslew_lab.processes import NodeProcess
-from flexslew_lab.resim import resim
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.check import check_log
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.ros.operator import switch_controller
+from flexslew_lab.trial.processes import NodeProcess
 from flexslew_plant.errors import BadInput
-from flexslew_plant.ros_node import stamp
+from flexslew_plant.ros.node import stamp
 
 from .flight import Flight, slew
 

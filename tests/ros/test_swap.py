@@ -1,6 +1,6 @@
 """Every law flies over DDS as in process, also across a swap."""
 
-from flexslew_lab.run import run_trial
+from flexslew_lab.trial.run import run_trial
 
 from .flight import Flight, slew
 

@@ -7,10 +7,10 @@ from threading import Timer
 
 import pytest
 
-from flexslew_lab.bag_layout import TOPICS
-from flexslew_lab.bag_reader import BagReader
-from flexslew_lab.cdr import stamp_of
-from flexslew_lab.run import run_trial
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.cdr import stamp_of
+from flexslew_lab.trial.run import run_trial
 
 from .flight import Flight, kill, slew
 
@@ -42,7 +42,7 @@ def test_a_paced_run_without_a_miss_is_bit_identical_too(tmp_path, in_process_ha
 
 
 def test_nothing_is_lost_in_the_log(tmp_path):
-    from flexslew_lab.log_check import check_log
+    from flexslew_lab.log.check import check_log
 
     flight = Flight(slew(duration=3.0, extra="display_rate: 50.0"), tmp_path)
     assert [finding for finding in check_log(flight.bag) if not finding.ok] == []

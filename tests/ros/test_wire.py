@@ -7,15 +7,15 @@ import pytest
 from flexslew_msgs import msg
 from rclpy.serialization import deserialize_message, serialize_message
 
-from flexslew_plant.measurement import EffortCommand, Measurement
-from flexslew_plant.ros_node import stamp
-from flexslew_plant.wire import (
+from flexslew_plant.bench.measurement import EffortCommand, Measurement
+from flexslew_plant.bench.wire import (
     Stamp,
     command_bytes,
     command_from,
     measurement_bytes,
     measurement_from,
 )
+from flexslew_plant.ros.node import stamp
 
 NAMES = ("", "a", "pd_feedforward", "an_even_longer_name")
 ARRAYS = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature", "applied_effort")

@@ -22,9 +22,9 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "planner = flexslew_control.planner_node:main",
-            "controller = flexslew_control.controller_node:main",
-            *(f"{name} = flexslew_control.controller_node:{name}" for name in CONTROLLERS),
+            "planner = flexslew_control.ros.planner_node:main",
+            "controller = flexslew_control.ros.controller_node:main",
+            *(f"{name} = flexslew_control.ros.controller_node:{name}" for name in CONTROLLERS),
         ]
     },
 )

@@ -6,7 +6,7 @@ setup(
     name="flexslew_lab",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"flexslew_lab": ["py.typed", "*.j2", "trials/*.yaml"]},
+    package_data={"flexslew_lab": ["py.typed", "report/*.j2", "trials/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/flexslew_lab"]),
         ("share/flexslew_lab", ["package.xml"]),
@@ -19,10 +19,10 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "flexslew = flexslew_lab.cli:main",
-            "recorder = flexslew_lab.recorder_node:main",
-            "play = flexslew_lab.play_node:main",
-            "live = flexslew_lab.live_node:main",
+            "flexslew = flexslew_lab.cli.main:main",
+            "recorder = flexslew_lab.ros.recorder_node:main",
+            "play = flexslew_lab.ros.play_node:main",
+            "live = flexslew_lab.ros.live_node:main",
         ]
     },
 )

@@ -12,5 +12,5 @@ setup(
     install_requires=["setuptools"],
     zip_safe=False,
     license="Apache-2.0",
-    entry_points={"console_scripts": ["plant = flexslew_plant.plant_node:main"]},
+    entry_points={"console_scripts": ["plant = flexslew_plant.ros.plant_node:main"]},
 )

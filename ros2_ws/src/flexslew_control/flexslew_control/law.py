@@ -5,8 +5,8 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import FlexslewError
-from flexslew_plant.measurement import Measurement
 
 _NOTHING: Final[Vector] = np.zeros(0)
 _NOTHING.flags.writeable = False

@@ -14,9 +14,9 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from flexslew_lab.processes import node_processes, parameter_file
-from flexslew_lab.run import new_folder
-from flexslew_lab.trial import DEFAULT, load_trial, trial_text
+from flexslew_lab.trial.processes import node_processes, parameter_file
+from flexslew_lab.trial.run import new_folder
+from flexslew_lab.trial.trial import DEFAULT, load_trial, trial_text
 from launch import LaunchContext, LaunchDescription
 
 GRACE = 5.0  # for the others to leave by themselves when the plant is gone [s]

@@ -1,0 +1,114 @@
+"""Which controllers there are. A new one is a file with settings and build, and a line here."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.controllers import (
+    collocated_pid,
+    lqr,
+    output_feedback,
+    pd_feedforward,
+    proportional_integral,
+)
+from flexslew_control.controllers.controller import Controller
+from flexslew_control.controllers.user_law import build_user_law, find_law
+from flexslew_control.law import Estimator, Law
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import NonNegative, plain, validated, yaml_text
+from flexslew_plant.testbeds.model import Model
+
+
+class _Kind(NamedTuple):
+    settings: type[Any]  # its section
+    build: Callable[[Any, float, Vector], tuple[Estimator, Law]]
+
+
+CONTROLLERS: dict[str, _Kind] = {
+    "pd_feedforward": _Kind(pd_feedforward.PdFeedforwardSettings, pd_feedforward.build),
+    "output_feedback": _Kind(output_feedback.OutputFeedback, output_feedback.build),
+    "proportional_integral": _Kind(
+        proportional_integral.ProportionalIntegral, proportional_integral.build
+    ),
+    "lqr": _Kind(lqr.Lqr, lqr.build),
+    "collocated_pid": _Kind(collocated_pid.CollocatedPid, collocated_pid.build),
+}
+
+
+def build_controller(
+    name: str,
+    law: str,
+    values: dict[str, Any],
+    joint_names: tuple[str, ...],
+    period: float,
+    effort_limit: tuple[float, ...],
+    source: str,
+    requires_plan: bool = False,
+) -> Controller:
+    """Return the controller `name` that runs `law`.
+
+    Args:
+        name: unique on the bench.
+        law: a key of CONTROLLERS, or one of the user's own, see user_law.find_law.
+        values: its section of a trial file as plain data; `handover_time` [s] may stand there too.
+        joint_names: of the bench, in the order of the effort.
+        period: one tick [s].
+        effort_limit: of the drives, one a joint [N m or N].
+        source: file or node to name in an error.
+        requires_plan: it is not ready without a plan.
+
+    Raises:
+        BadInput: unknown law, wrong settings, or a design that does not exist.
+    """
+    handover_time, own = _parted(values, source)
+    limit = np.array(effort_limit, dtype=float)
+    estimator: Estimator
+    built: Law
+    if law in CONTROLLERS:
+        kind = CONTROLLERS[law]
+        settings = validated(kind.settings, own, source)
+        try:
+            estimator, built = kind.build(settings, period, limit)
+        except BadInput as error:
+            raise BadInput(f"{source}: {error}") from None
+    else:
+        found = find_law(law, source, tuple(CONTROLLERS))
+        estimator, built = build_user_law(found, law, own, period, limit, source)
+    return Controller(name, estimator, built, joint_names, period, handover_time, requires_plan)
+
+
+def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> str:
+    """Return the settings of a controller and what was computed from them, as YAML for the log.
+
+    Args:
+        controller: as built.
+        law: what it runs.
+        values: its section of a trial file; defaults are filled in where they are known.
+    """
+    handover_time, own = _parted(values, law)
+    settings = plain(validated(CONTROLLERS[law].settings, own, law)) if law in CONTROLLERS else own
+    computed = _arrays(controller.law)
+    return yaml_text({**settings, "handover_time": handover_time, "computed": computed})
+
+
+def _parted(values: dict[str, Any], source: str) -> tuple[float, dict[str, Any]]:
+    """Return the handover time [s] and the settings of the law itself."""
+    own = {key: value for key, value in values.items() if key != "handover_time"}
+    return validated(NonNegative, values.get("handover_time", 1.0), source), own
+
+
+def _arrays(design: Any) -> dict[str, Any]:
+    """Return the matrices of a law's design (gains, hypersurfaces, ...) by field."""
+    found: dict[str, Any] = {}
+    fields = dataclasses.fields(design) if dataclasses.is_dataclass(design) else ()
+    for item in fields:
+        value = None if item.name.startswith("_") else getattr(design, item.name)
+        if isinstance(value, np.ndarray) and not np.iscomplexobj(value):
+            found[item.name] = value.tolist()
+        elif dataclasses.is_dataclass(value) and not isinstance(value, Model):
+            inner = _arrays(value)
+            found |= {item.name: inner} if inner else {}
+    return found

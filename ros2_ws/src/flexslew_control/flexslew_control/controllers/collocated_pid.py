@@ -1,0 +1,86 @@
+"""Collocated PID: one loop a joint on its own encoder, with feedforward and anti-windup."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexslew_control.controllers.integral_action import Action, IntegralLaw
+from flexslew_control.law import Estimate, MeasuredJoints, Reference
+from flexslew_control.linear_design import require_stable, rest_at, state_names
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds import Testbed, build_model
+from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.model import Linearisation
+
+
+@section
+class CollocatedPid:
+    """The settings of controller `collocated_pid`; one number a joint."""
+
+    kp: tuple[NonNegative, ...] = (460.0, 460.0)  # [N m/rad]
+    ki: tuple[NonNegative, ...] = (15.0, 15.0)  # [N m/(rad s)]
+    kd: tuple[NonNegative, ...] = (920.0, 920.0)  # [N m s/rad]
+    tracking_time: Positive | None = 10.0  # T_t of the anti-windup [s]; null: none
+    model: Testbed = CsaTestbed(modes=1)  # on which the gains are checked for stability
+    set_point: dict[str, float] = field(default_factory=lambda: {"hub_pitch": 0.5})  # [rad]
+
+
+@dataclass(frozen=True)
+class JointDeviation:
+    """Ki e, Kp e and Kd e' of e = reference - measured; gains of shape (joints,)."""
+
+    kp: Vector
+    ki: Vector
+    kd: Vector
+
+    def __call__(self, estimate: Estimate, reference: Reference) -> Action:
+        """Return what the deviation of the joints asks for."""
+        m = self.kp.size
+        e = reference.position - estimate.position[:m]
+        rate = reference.velocity - estimate.velocity[:m]
+        return Action(self.ki * e, self.kp * e, self.kd * rate)
+
+
+def closed_loop(linear: Linearisation, kp: Vector, ki: Vector, kd: Vector) -> Matrix:
+    """Return the matrix of (q, v, s), with s only for joints that integrate.
+
+    Args:
+        linear: the small motions about the set point.
+        kp, ki, kd: shape (joints,).
+    """
+    b = linear.input_matrix
+    n = len(b)
+    loop = linear.with_feedback(kp, kd)
+    integrating = ki > 0.0
+    count = int(integrating.sum())
+    top = np.hstack((loop.state_matrix, loop.state_input_matrix[:, integrating]))
+    integral = -(np.diag(ki) @ b.T)[integrating]
+    return np.vstack((top, np.hstack((integral, np.zeros((count, n + count))))))
+
+
+def build(
+    settings: CollocatedPid, period: float, effort_limit: Vector
+) -> tuple[MeasuredJoints, IntegralLaw]:
+    """Return the measured joints and the law.
+
+    Raises:
+        BadInput: not one gain a joint, or gains that do not stabilise the set point.
+    """
+    model = build_model(settings.model)
+    gains = []
+    for name, given in (("kp", settings.kp), ("ki", settings.ki), ("kd", settings.kd)):
+        if len(given) != model.joints:
+            raise BadInput(f"{name}: give {model.joints} numbers, one a joint")
+        gains.append(np.array(given, dtype=np.float64))
+    kp, ki, kd = gains
+    linear = model.linearise(rest_at(model, settings.set_point))
+    integrals = [
+        f"integral of {name}" for name, k in zip(model.joint_names, ki, strict=True) if k > 0.0
+    ]
+    names = (*state_names(model), *integrals)
+    require_stable(closed_loop(linear, kp, ki, kd), names, "collocated_pid with these gains")
+    limit = np.array(effort_limit, dtype=np.float64)
+    law = IntegralLaw(JointDeviation(kp, ki, kd), limit, settings.tracking_time, period)
+    return MeasuredJoints(), law

@@ -1,0 +1,171 @@
+"""A controller: estimator, law and plan behind the one question of the bench."""
+
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_control.law import Estimate, Estimator, Law, LawFailed, Reference
+from flexslew_control.plan import Plan
+from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.measurement import EffortCommand, Measurement
+
+
+class Answer(NamedTuple):
+    """The command and what led to it; see flexslew_msgs/ControllerState."""
+
+    command: EffortCommand
+    reference: Reference
+    estimate: Estimate
+    terms: dict[str, Vector]
+
+
+class Controller:
+    """Keeps its estimator warm on every measurement, answers those that name it.
+
+    Args:
+        name: its name on the bench.
+        estimator: fed with every measurement.
+        law: asked only while in charge.
+        joint_names: in the order of the effort.
+        period: one tick [s].
+        handover_time: over which the effort of the predecessor is blended out [s].
+        requires_plan: it is not ready without one.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        estimator: Estimator,
+        law: Law,
+        joint_names: tuple[str, ...],
+        period: float,
+        handover_time: float = 1.0,
+        requires_plan: bool = False,
+    ) -> None:
+        self.name, self.joint_names, self.period = name, joint_names, period
+        self._estimator, self._law = estimator, law
+        self._handover_ticks = max(1, round(handover_time / period))
+        self._requires_plan = requires_plan
+        self.plan: Plan | None = None
+        self._key = (-1, -1)  # epoch and tick of the last measurement
+        self._answered = -1  # last tick it answered
+        self._answer: Answer | None = None
+        self._offset: Vector = np.zeros(len(joint_names))  # predecessor minus own effort
+        self._handover_tick = 0
+        self._hold = self._at_rest(np.zeros(len(joint_names)))
+        self._failure = ""  # why the law or its estimator gave up
+        self._blind = False  # the estimate is not finite
+
+    @property
+    def law(self) -> Law:
+        """What turns its estimates into efforts."""
+        return self._law
+
+    @property
+    def last_tick(self) -> int:
+        """Tick of the last measurement that the estimator has seen; -1: none."""
+        return self._key[1]
+
+    @property
+    def reason(self) -> str:
+        """Why it could not take charge now; empty when it could."""
+        if self._requires_plan and self.plan is None:
+            return "no plan yet"
+        if self._failure:
+            return self._failure
+        return "its estimate is not finite" if self._blind else ""
+
+    def adopt(self, plan: Plan) -> str:
+        """Follow this plan from its start; return why not, or an empty text.
+
+        A plan that starts at or before a tick that has been seen is refused: which tick would be
+        the first to follow it would depend on the moment of its arrival.
+        """
+        if plan.joint_names != self.joint_names:
+            return f"the plan moves {plan.joint_names}, the bench has {self.joint_names}"
+        if abs(plan.period - self.period) > 1e-9 * self.period:
+            return f"the plan is made for ticks of {plan.period} s, the bench ticks {self.period} s"
+        if self.last_tick > 0 and round(plan.start / self.period) <= self.last_tick:
+            return (
+                f"the plan starts at {plan.start} s, the bench is at "
+                f"{self.last_tick * self.period:.2f} s"
+            )
+        self.plan = plan
+        return ""
+
+    def observe(self, measurement: Measurement) -> Answer | None:
+        """Return the answer if the measurement names this controller.
+
+        The same measurement again gives the same answer; an old one gives none. A law that has
+        failed gives none any more, one without a finite estimate gives none until it has one.
+        """
+        if self._failure:
+            self._key = max(self._key, (measurement.epoch, measurement.tick))
+            return None
+        try:
+            return self._observed(measurement)
+        except LawFailed as failure:
+            self._failure = str(failure)
+            return None
+
+    def _observed(self, measurement: Measurement) -> Answer | None:
+        tick = measurement.tick
+        key = measurement.epoch, tick
+        if key < self._key:
+            return None
+        if key > self._key:
+            follows = key == (self._key[0], self._key[1] + 1)
+            self._key = key
+            self._answer = None
+            if not follows:
+                self._estimator.reset(measurement)
+                self._hold = self._at_rest(measurement.joint_position)
+                self._answered = -1
+            self._estimate = self._estimator.update(measurement)
+            if self._blind:  # a filter that has swallowed NaN keeps it: start it afresh
+                self._estimator.reset(measurement)
+                self._estimate = self._estimator.update(measurement)
+            self._blind = not _finite(self._estimate)
+        if measurement.controller != self.name or self.reason:
+            return None
+        if self._answer is None:
+            self._answer = self._think(measurement, self._estimate)
+            self._answered = tick
+        return self._answer
+
+    def _think(self, measurement: Measurement, estimate: Estimate) -> Answer:
+        reference = self.reference(measurement.tick)
+        takes_over = self._answered != measurement.tick - 1
+        if takes_over:
+            applied = measurement.applied_effort
+            self._law.reset(measurement, estimate, reference, applied)
+        effort = self._law.update(measurement, estimate, reference)
+        if takes_over:
+            self._handover_tick = measurement.tick
+            # at tick 0 there is no predecessor to blend out
+            self._offset = applied - effort if measurement.tick > 0 else np.zeros_like(effort)
+        terms = self._law.terms
+        passed = measurement.tick - self._handover_tick
+        if passed < self._handover_ticks and self._offset.any():
+            blend = (1.0 - passed / self._handover_ticks) * self._offset
+            effort = effort + blend
+            terms = {**terms, "handover": blend}
+        command = EffortCommand(measurement.tick, measurement.epoch, self.name, effort)
+        return Answer(command, reference, estimate, terms)
+
+    def reference(self, tick: int) -> Reference:
+        """Return the plan's reference, or rest where the first measurement was."""
+        if self.plan is not None:
+            return self.plan.reference(tick)
+        return self._hold
+
+    def _at_rest(self, position: Vector) -> Reference:
+        rest = np.zeros(len(self.joint_names))
+        return Reference(position, rest, rest, np.zeros(0))
+
+
+def _finite(estimate: Estimate) -> bool:
+    """Return whether a law can work with the estimate."""
+    numbers = estimate.position.tolist() + estimate.velocity.tolist() + estimate.innovation.tolist()
+    return all(map(isfinite, numbers))

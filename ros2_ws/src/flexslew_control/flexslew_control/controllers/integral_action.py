@@ -1,0 +1,68 @@
+"""The law with an integral and anti-windup that several controllers share."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from flexslew_control.law import Estimate, Reference
+from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.measurement import Measurement
+
+
+class Action(NamedTuple):
+    """What a deviation asks for, each of shape (joints,)."""
+
+    integrand: Vector  # rate of the integral [N m/s or N/s]
+    proportional: Vector  # [N m or N]
+    derivative: Vector  # [N m or N]
+
+
+Deviation: TypeAlias = Callable[[Estimate, Reference], Action]
+
+
+@dataclass
+class IntegralLaw:
+    """u = u_ff + p + d + s, ds/dt = i + (sat(u) - u) / T_t: back-calculation against windup.
+
+    Args:
+        deviation: gives integrand i, proportional p and derivative d.
+        limit: of the efforts, shape (joints,) [N m or N].
+        tracking_time: T_t [s]; None: the integral winds up.
+        period: one tick [s].
+    """
+
+    deviation: Deviation
+    limit: Vector
+    tracking_time: float | None
+    period: float
+    terms: dict[str, Vector] = field(init=False, default_factory=dict)
+    _s: Vector = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Start with an empty integral."""
+        self._s = np.zeros(self.limit.size)
+        self._unwinding = 0.0 if self.tracking_time is None else 1.0 / self.tracking_time
+
+    def reset(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
+    ) -> None:
+        """Choose the integral such that the next effort is `effort`, within the limit."""
+        action = self.deviation(estimate, reference)
+        self._s = effort - reference.effort - action.proportional - action.derivative
+
+    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
+        """Return the joint efforts within the limit, shape (joints,) [N m or N]."""
+        action = self.deviation(estimate, reference)
+        demand = reference.effort + action.proportional + action.derivative + self._s
+        effort = np.clip(demand, -self.limit, self.limit)
+        self.terms = {
+            "feedforward": reference.effort,
+            "proportional": action.proportional,
+            "derivative": action.derivative,
+            "integral": self._s,
+        }
+        integrand = action.integrand + self._unwinding * (effort - demand)
+        self._s = self._s + self.period * integrand
+        return effort

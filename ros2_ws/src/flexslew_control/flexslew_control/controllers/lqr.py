@@ -1,0 +1,167 @@
+"""Linear quadratic regulator with disturbance minimisation (papers/004, (3-1) to (3-10))."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve_continuous_are
+
+from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
+from flexslew_control.law import Estimate, Reference, nominal_state
+from flexslew_control.linear_design import require_controllable, rest_at, state_names
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds import Testbed, build_model
+from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.model import Linearisation, Model
+
+
+@section
+class ScaledWeights:
+    """Q and R in scaled units: joints in rad (or m), deflections in `deflection`, time in `time`.
+
+    An effort counts in J_jj / time^2, J_jj the joint's inertia at the set point.
+    """
+
+    joint: NonNegative = 100.0  # on each joint position [-]
+    mode: NonNegative = 1000.0  # on each modal coordinate [-]
+    joint_rate: NonNegative = 100.0  # on each joint rate [-]
+    mode_rate: NonNegative = 1000.0  # on each modal rate [-]
+    effort: Positive = 1.0  # on each effort (its rate in the PI law) [-]
+    time: Positive = 8.0  # T_0 [s]
+    deflection: Positive = 31.0  # [m]
+
+
+@dataclass(frozen=True)
+class ScaledProblem:
+    """The regulator's problem in SI units, from weights in scaled units.
+
+    Args:
+        a, b: of x' = A x + B u, x = [q, v], shapes (2 n, 2 n), (2 n, m).
+        q: weight on x, shape (2 n, 2 n).
+        effort_weight: weight on u, shape (m, m).
+        effort_scale: what one scaled effort is, shape (m,) [N m or N].
+        time: what one scaled time is [s].
+    """
+
+    a: Matrix
+    b: Matrix
+    q: Matrix
+    effort_weight: Matrix
+    effort_scale: Vector
+    time: float
+
+
+def scaled_problem(linear: Linearisation, weights: ScaledWeights) -> ScaledProblem:
+    """Return A, B and the weights in SI units: Q = S^-1 Qhat S^-1, R = S_u^-1 Rhat S_u^-1.
+
+    Args:
+        linear: the small motions about the set point.
+        weights: in scaled units.
+    """
+    n, m = linear.input_matrix.shape
+    w = weights
+    size = np.array([1.0] * m + [w.deflection] * (n - m))
+    scale = np.concatenate((size, size / w.time))
+    position = [w.joint] * m + [w.mode] * (n - m)
+    rate = [w.joint_rate] * m + [w.mode_rate] * (n - m)
+    effort_scale = np.diag(linear.mass)[:m] / w.time**2
+    return ScaledProblem(
+        linear.state_matrix,
+        linear.state_input_matrix,
+        np.diag(np.array(position + rate) / scale**2),
+        np.diag(w.effort / effort_scale**2),
+        effort_scale,
+        w.time,
+    )
+
+
+def regulator(a: Matrix, b: Matrix, q: Matrix, r: Matrix) -> tuple[Matrix, Matrix]:
+    """Return K = R^-1 B^T P and P of the stationary Riccati equation (3-8), (3-9a).
+
+    0 = P A + A^T P + Q - P B R^-1 B^T P.
+
+    Raises:
+        BadInput: there is no stabilising solution.
+    """
+    try:
+        p = solve_continuous_are(a, b, q, r)
+    except (LinAlgError, ValueError) as error:
+        raise BadInput(f"no optimal regulator: {error}; weigh every mode") from None
+    gain = np.linalg.solve(r, b.T @ p)
+    return np.asarray(gain, dtype=np.float64), np.asarray(p, dtype=np.float64)
+
+
+def disturbance_gain(input_matrix: Matrix) -> Matrix:
+    """Return (B*)^+ = (B*^T B*)^-1 B*^T (3-5); f = -(B*)^+ d leaves the least of d.
+
+    Args:
+        input_matrix: B*, from efforts to generalised forces, shape (n, m).
+    """
+    gain = np.linalg.solve(input_matrix.T @ input_matrix, input_matrix.T)
+    return np.asarray(gain, dtype=np.float64)
+
+
+@section
+class Lqr:
+    """The settings of controller `lqr`."""
+
+    model: Testbed = CsaTestbed(modes=1)  # what the controller believes
+    set_point: dict[str, float] = field(default_factory=lambda: {"hub_pitch": 0.5})  # [rad]
+    weights: ScaledWeights = ScaledWeights()
+    filter: FilterSettings = FilterSettings()
+    minimise_disturbance: bool = True  # whether the estimated disturbance is cancelled (3-4)
+
+
+@dataclass
+class LqrLaw:
+    """u = u_ff - (B*)^+ d_hat - K (x_hat - x*): (3-1) about the nominal trajectory.
+
+    Args:
+        model: for the sizes.
+        gain: K, shape (joints, 2 n).
+        disturbance_gain: (B*)^+ D on the disturbances of the joints, shape (joints, joints).
+    """
+
+    model: Model
+    gain: Matrix
+    disturbance_gain: Matrix
+    terms: dict[str, Vector] = field(init=False, default_factory=dict)
+
+    def reset(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
+    ) -> None:
+        """Nothing to choose: the law has no state of its own."""
+
+    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
+        """Return the joint efforts, shape (joints,) [N m or N]."""
+        nominal = nominal_state(reference.state, reference, self.model.joints, self.model.modes)
+        deviation = np.concatenate((estimate.position, estimate.velocity)) - nominal
+        regulating = -(self.gain @ deviation)
+        cancelling = -(self.disturbance_gain @ estimate.disturbance)
+        self.terms = {
+            "feedforward": reference.effort,
+            "regulator": regulating,
+            "disturbance": cancelling,
+        }
+        return reference.effort + regulating + cancelling
+
+
+def build(settings: Lqr, period: float, effort_limit: Vector) -> tuple[KalmanFilter, LqrLaw]:
+    """Return the filter and the law; the drive limits the effort.
+
+    Raises:
+        BadInput: a mode is not controllable or not observable, or the weights give no regulator.
+    """
+    model = build_model(settings.model)
+    rest = rest_at(model, settings.set_point)
+    linear = model.linearise(rest)
+    problem = scaled_problem(linear, settings.weights)
+    require_controllable(problem.a, problem.b, state_names(model))
+    gain, _ = regulator(problem.a, problem.b, problem.q, problem.effort_weight)
+    b = linear.input_matrix
+    cancel = (
+        disturbance_gain(b) @ b if settings.minimise_disturbance else np.zeros((b.shape[1],) * 2)
+    )
+    return KalmanFilter(model, rest, settings.filter, period), LqrLaw(model, gain, cancel)

@@ -1,0 +1,71 @@
+"""PD + feedforward: collocated feedback of the joints about the plan (papers/000, eqs 12-13)."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from flexslew_control.law import Estimate, Estimator, Law, MeasuredJoints, Reference
+from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import NonNegative, section
+
+Gains = Annotated[tuple[NonNegative, ...], Field(min_length=1)]
+
+
+@section
+class PdFeedforwardSettings:
+    """The gains (17), one a joint; a single value serves every joint."""
+
+    kp: Gains = (460.0,)  # [N m/rad]
+    kd: Gains = (920.0,)  # [N m s/rad]
+
+
+class PdFeedforward:
+    """u = u_ff - k (q - q_d) - b (q' - q_d')."""
+
+    def __init__(self, kp: Vector, kd: Vector) -> None:
+        self._kp, self._kd = kp, kd
+        self.terms: dict[str, Vector] = {}
+
+    def reset(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
+    ) -> None:
+        """Nothing to choose: the law has no free state."""
+
+    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
+        """Return the torques of (12), (13), shape (joints,) [N m or N]."""
+        n = self._kp.size
+        proportional = self._kp * (reference.position - estimate.position[:n])
+        derivative = self._kd * (reference.velocity - estimate.velocity[:n])
+        self.terms = {
+            "feedforward": reference.effort,
+            "proportional": proportional,
+            "derivative": derivative,
+        }
+        return reference.effort + proportional + derivative
+
+
+def build(
+    settings: PdFeedforwardSettings, period: float, effort_limit: Vector
+) -> tuple[Estimator, Law]:
+    """Return the estimator and the law.
+
+    Args:
+        settings: the gains.
+        period: one tick [s].
+        effort_limit: of the drives, shape (joints,) [N m or N].
+
+    Raises:
+        BadInput: neither one gain nor one a joint.
+    """
+    for name, gains in (("kp", settings.kp), ("kd", settings.kd)):
+        if len(gains) not in (1, effort_limit.size):
+            raise BadInput(
+                f"{name}: {list(gains)} is not allowed: give 1 or {effort_limit.size} gains"
+            )
+    joints = np.ones(effort_limit.size)
+    return MeasuredJoints(), PdFeedforward(
+        np.array(settings.kp) * joints, np.array(settings.kd) * joints
+    )

@@ -1,0 +1,166 @@
+"""Proportional-plus-integral, disturbance-accommodating control (papers/004, (3-12) to (3-24))."""
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, solve_continuous_are
+
+from flexslew_control.controllers.integral_action import Action, IntegralLaw
+from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
+from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
+from flexslew_control.law import Estimate, Reference, nominal_state
+from flexslew_control.linear_design import (
+    require_controllable,
+    require_stable,
+    rest_at,
+    state_names,
+)
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import Positive, section
+from flexslew_plant.testbeds import Testbed, build_model
+from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.model import Linearisation, Model
+
+Rows: TypeAlias = tuple[tuple[float, ...], ...]
+
+
+@section
+class GivenGains:
+    """Gains by hand instead of the design: one row a joint, one column a coordinate."""
+
+    kp: Rows  # [N m/rad, N m/m]
+    kd: Rows  # [N m s/rad, N m s/m]
+    ki: Rows  # [N m/(rad s), N m/(m s)]
+
+
+@section
+class ProportionalIntegral:
+    """The settings of controller `proportional_integral`."""
+
+    model: Testbed = CsaTestbed(modes=1)  # what the controller believes
+    set_point: dict[str, float] = field(default_factory=lambda: {"hub_pitch": 0.5})  # [rad]
+    weights: ScaledWeights = ScaledWeights()
+    gains: GivenGains | None = None  # null: designed from the weights
+    tracking_time: Positive | None = 2.0  # T_t of the anti-windup [s]; null: none
+    filter: FilterSettings = FilterSettings()
+
+
+@dataclass(frozen=True)
+class PiGains:
+    """tau = -Kp e - Kd e' - integral of Ki e, each of shape (joints, n).
+
+    `designed_poles` are those of the augmented regulator, which the closed loop has too;
+    empty where the gains were given by hand.
+    """
+
+    kp: Matrix
+    kd: Matrix
+    ki: Matrix
+    designed_poles: NDArray[np.complex128]
+
+
+def design(linear: Linearisation, weights: ScaledWeights) -> PiGains:
+    """Return the gains of the regulator for z = (x, u), u' its input (3-16) to (3-24).
+
+    u' = G1 x + G2 u; with the left inverse B^L = [0, D^T M] of B (momentum in place of the
+    pseudo-inverse) f = Gp x + Gi integral(x), Gp = G2 B^L, Gi = G1 - G2 B^L A. Gp has rates
+    only, so Kd = -Gp; the integral of the rates is the displacement, so Kp is the rate block of
+    -Gi and Ki its displacement block. The equation is solved in scaled units.
+
+    Args:
+        linear: the small motions about the set point.
+        weights: in scaled units; `effort` weighs u' too.
+
+    Raises:
+        BadInput: the augmented system has no stabilising regulator.
+    """
+    n, m = linear.input_matrix.shape
+    p = scaled_problem(linear, weights)
+    augmented = np.zeros((2 * n + m, 2 * n + m))
+    augmented[: 2 * n, : 2 * n], augmented[: 2 * n, 2 * n :] = p.a, p.b
+    inputs = np.eye(2 * n + m)[:, 2 * n :]
+    state_weight = np.zeros_like(augmented)
+    state_weight[: 2 * n, : 2 * n], state_weight[2 * n :, 2 * n :] = p.q, p.effort_weight
+    size = np.concatenate((np.sqrt(np.diag(p.q)), 1.0 / p.effort_scale))
+    size[size == 0.0] = 1.0
+    scale = np.diag(1.0 / size)  # z = scale times its scaled value
+    input_scale = np.diag(p.effort_scale / p.time)
+    a = np.linalg.solve(scale, augmented @ scale) * p.time
+    b = np.linalg.solve(scale, inputs @ input_scale) * p.time
+    r = weights.effort * np.eye(m)
+    try:
+        riccati = solve_continuous_are(a, b, scale @ state_weight @ scale, r)
+    except (LinAlgError, ValueError) as error:
+        raise BadInput(f"no optimal PI law: {error}; weigh every mode") from None
+    gain = -input_scale @ np.linalg.solve(r, b.T @ riccati) @ np.linalg.inv(scale)
+    g1, g2 = gain[:, : 2 * n], gain[:, 2 * n :]
+    left_inverse = np.hstack((np.zeros((m, n)), linear.input_matrix.T @ linear.mass))
+    proportional = g2 @ left_inverse
+    integral = g1 - proportional @ p.a
+    poles = np.linalg.eigvals(augmented + inputs @ gain)
+    return PiGains(-integral[:, n:], -proportional[:, n:], -integral[:, :n], poles)
+
+
+def closed_loop(linear: Linearisation, gains: PiGains) -> Matrix:
+    """Return the matrix of (q, v, s) with M v' = B (s - Kp q - Kd v) - D v - K q, s' = -Ki q.
+
+    Shape (2 n + joints, 2 n + joints).
+    """
+    n, m = linear.input_matrix.shape
+    a, b = linear.state_matrix, linear.state_input_matrix
+    top = np.hstack((a - b @ np.hstack((gains.kp, gains.kd)), b))
+    bottom = np.hstack((-gains.ki, np.zeros((m, n + m))))
+    return np.vstack((top, bottom))
+
+
+@dataclass(frozen=True)
+class NominalDeviation:
+    """-Ki e, -Kp e, -Kd e' of the deviation e from the nominal trajectory, deflections included."""
+
+    model: Model
+    gains: PiGains
+
+    def __call__(self, estimate: Estimate, reference: Reference) -> Action:
+        """Return what the deviation of the estimate asks for."""
+        n = self.model.coordinates
+        nominal = nominal_state(reference.state, reference, self.model.joints, self.model.modes)
+        e, rate = estimate.position - nominal[:n], estimate.velocity - nominal[n:]
+        return Action(-(self.gains.ki @ e), -(self.gains.kp @ e), -(self.gains.kd @ rate))
+
+
+def build(
+    settings: ProportionalIntegral, period: float, effort_limit: Vector
+) -> tuple[KalmanFilter, IntegralLaw]:
+    """Return the disturbance-augmented filter and the law.
+
+    Raises:
+        BadInput: a mode is not controllable or not observable, the weights give no regulator, or
+            gains given by hand have the wrong shape or do not stabilise the set point.
+    """
+    model = build_model(settings.model)
+    rest = rest_at(model, settings.set_point)
+    linear = model.linearise(rest)
+    require_controllable(linear.state_matrix, linear.state_input_matrix, state_names(model))
+    if settings.gains is None:
+        gains = design(linear, settings.weights)
+    else:
+        gains = _given(model, settings.gains)
+    names = (*state_names(model), *(f"integral of {name}" for name in model.joint_names))
+    require_stable(closed_loop(linear, gains), names, "proportional_integral with these gains")
+    limit = np.array(effort_limit, dtype=np.float64)
+    law = IntegralLaw(NominalDeviation(model, gains), limit, settings.tracking_time, period)
+    return KalmanFilter(model, rest, settings.filter, period), law
+
+
+def _given(model: Model, gains: GivenGains) -> PiGains:
+    """Return the gains of the settings as matrices, checked for their shape."""
+    shape = (model.joints, model.coordinates)
+    found = []
+    for name, rows in (("kp", gains.kp), ("kd", gains.kd), ("ki", gains.ki)):
+        if len(rows) != shape[0] or any(len(row) != shape[1] for row in rows):
+            raise BadInput(f"gains.{name}: give {shape[0]} rows of {shape[1]} numbers")
+        found.append(np.array(rows, dtype=np.float64))
+    return PiGains(found[0], found[1], found[2], np.zeros(0, dtype=np.complex128))

@@ -1,0 +1,1 @@
+"""Estimators: from measurements to an estimate of the state."""

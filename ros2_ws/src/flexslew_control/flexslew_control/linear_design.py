@@ -1,0 +1,115 @@
+"""What a linear design asks of a model about a rest, refused in words where it does not hold."""
+
+import numpy as np
+from scipy.linalg import eig, matrix_balance
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.model import Model
+
+_RANK_TOLERANCE = 1e-9  # of the balanced pair
+_RIGID = 1e-6  # of its norm: an eigenvalue below is a rigid motion's, zero
+_DUST = 1e-14  # of the largest entry: rounding, such as cos(pi / 2)
+
+
+def rest_at(model: Model, positions: dict[str, float]) -> Vector:
+    """Return the rest q at the joint positions named, others at zero, shape (n,).
+
+    Args:
+        model: whose joints are meant.
+        positions: joint name to position [rad or m].
+
+    Raises:
+        BadInput: a name is no joint of the model.
+    """
+    unknown = sorted(set(positions) - set(model.joint_names))
+    if unknown:
+        names = ", ".join(model.joint_names)
+        raise BadInput(f"set_point: {unknown[0]} is no joint of the model; its joints are {names}")
+    rest = np.zeros(model.coordinates)
+    rest[: model.joints] = [positions.get(name, 0.0) for name in model.joint_names]
+    return rest
+
+
+def state_names(model: Model) -> tuple[str, ...]:
+    """Return a name for each entry of [q, v]."""
+    q = (*model.joint_names, *(f"mode {j + 1}" for j in range(model.modes)))
+    return (*q, *(f"{name} rate" for name in q))
+
+
+def output_matrix(model: Model, with_tip: bool) -> Matrix:
+    """Return C of y = C x: joint positions, joint rates and, if measured, the first tip.
+
+    Mode shapes are one at the tip, so the tip deflection is the sum of the modal coordinates.
+    Shape (2 joints, 2 n), or one row more.
+    """
+    n, m = model.coordinates, model.joints
+    c = np.zeros((2 * m + with_tip, 2 * n))
+    c[:m, :m] = np.eye(m)
+    c[m : 2 * m, n : n + m] = np.eye(m)
+    if with_tip:
+        c[2 * m, m:n] = 1.0
+    return c
+
+
+def require_controllable(a: Matrix, b: Matrix, names: tuple[str, ...]) -> None:
+    """Check that the efforts move every mode of x' = A x + B u (Popov, Belevitch, Hautus).
+
+    Args:
+        a: shape (k, k).
+        b: shape (k, m).
+        names: of the states, for the message.
+
+    Raises:
+        BadInput: names the eigenvalue and the state that moves most in its mode.
+    """
+    _require(a, b, names, "not controllable", "move it to another set point or add an actuator")
+
+
+def require_observable(a: Matrix, c: Matrix, names: tuple[str, ...]) -> None:
+    """Check that the outputs y = C x show every mode of x' = A x; see require_controllable."""
+    _require(a.T, c.T, names, "not observable", "move it to another set point or add a sensor")
+
+
+def require_stable(a: Matrix, names: tuple[str, ...], what: str) -> None:
+    """Check that every eigenvalue of A has a negative real part.
+
+    Raises:
+        BadInput: names the worst eigenvalue and the state that moves most in its mode.
+    """
+    values, vectors = eig(a)
+    worst = int(np.argmax(values.real))
+    if values[worst].real >= -1e-12 * max(1.0, float(abs(values).max())):
+        state = names[int(np.argmax(abs(vectors[:, worst])))]
+        raise BadInput(
+            f"{what} is not stable: eigenvalue {_number(values[worst])} 1/s, mostly in {state}; "
+            "give other gains"
+        )
+
+
+def _require(a: Matrix, b: Matrix, names: tuple[str, ...], fault: str, remedy: str) -> None:
+    """Refuse if [lambda I - A, B] loses rank at an eigenvalue lambda of A."""
+    a = np.where(abs(a) < _DUST * abs(a).max(), 0.0, a)
+    balanced, (scale, _) = matrix_balance(a, permute=False, separate=True)
+    inputs = b / scale[:, None]
+    inputs = np.where(abs(inputs) < _DUST * abs(inputs).max(axis=0), 0.0, inputs)
+    inputs = inputs / np.maximum(np.linalg.norm(inputs, axis=0), np.finfo(float).tiny)
+    size = max(1.0, float(np.linalg.norm(balanced, 2)))
+    for value in np.linalg.eigvals(balanced):
+        # rigid motions are double and come out of the solver as plus and minus 1e-8
+        at = 0.0 if abs(value) < _RIGID * size else value
+        pencil = np.hstack((at * np.eye(len(a)) - balanced, inputs))
+        left, singular, _ = np.linalg.svd(pencil)
+        if singular[-1] < _RANK_TOLERANCE * size:
+            state = names[int(np.argmax(abs(left[:, -1])))]
+            raise BadInput(
+                f"the model is {fault}: eigenvalue {_number(at)} 1/s, mostly in {state}; {remedy}"
+            )
+
+
+def _number(value: complex) -> str:
+    """Return an eigenvalue in six digits."""
+    if abs(value.imag) < 1e-12:
+        return f"{value.real:.6g}"
+    real = value.real if abs(value.real) > 1e-12 * abs(value) else 0.0
+    return f"{real:.6g}{value.imag:+.6g}j"

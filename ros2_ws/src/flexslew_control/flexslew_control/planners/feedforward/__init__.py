@@ -1,0 +1,1 @@
+"""Feedforward from an optimisation of the terminal error."""

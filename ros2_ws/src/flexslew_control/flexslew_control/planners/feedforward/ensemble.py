@@ -1,0 +1,67 @@
+"""A member of an ensemble: one model under the feedback, and the vibration that it is left with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexslew_control.planners.feedforward.basis import Basis
+from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, stage_times, substeps_for
+from flexslew_plant.arrays import Matrix, Vector
+
+_DOUBLINGS = 14  # of the first interval of the Gramian
+_WATCHED = 75.0  # after the end, for the residual of the summary [s]
+
+
+@dataclass(frozen=True)
+class Member:
+    """One model of the ensemble, as a slew.
+
+    Args:
+        stiffness_error: of its EI [-].
+        payload_error: of its hub's inertias [-].
+        manoeuvre: the slew under the feedback.
+        lever: as how many metres of the tip a radian counts [m/rad].
+    """
+
+    stiffness_error: float
+    payload_error: float
+    manoeuvre: Manoeuvre
+    lever: float
+
+    @property
+    def weight(self) -> Matrix:
+        """W^(1/2), shape (2 n, 2 n): |W^(1/2) Y| is the later vibration [m]."""
+        m = self.manoeuvre
+        n, joints = m.model.coordinates, m.model.joints
+        rest = np.concatenate((m.goal, np.zeros(n - joints)))
+        a = m.model.linearise(rest).with_feedback(m.kp, m.kd).state_matrix
+        seen = np.zeros((joints + 1, 2 * n))
+        seen[:joints, :joints] = self.lever * np.eye(joints)
+        seen[joints, joints:n] = 1.0  # the tip
+        # integral of e^(A^T t) C^T C e^(A t), doubled again and again; it needs no damping
+        h = m.duration / 2.0**_DOUBLINGS
+        step, one = a * h, np.eye(2 * n)
+        power = one + step @ (one + step @ (one + step @ (one + step / 4.0) / 3.0) / 2.0)
+        gramian = h / m.duration * seen.T @ seen
+        for _ in range(_DOUBLINGS):
+            gramian = gramian + power.T @ gramian @ power
+            power = power @ power
+        values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
+        return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
+
+    def flown(self, basis: Basis, weights: Matrix) -> tuple[float, Vector]:
+        """Return the largest tip deflection after the end [m] and the peak effort of the joints.
+
+        Args:
+            basis: of the feedforward.
+            weights: shape (n_u, joints) [N m].
+        """
+        m = self.manoeuvre
+        n, joints = m.model.coordinates, m.model.joints
+        pieces = (len(basis.nodes) - 1) * substeps_for(m, basis)
+        step = m.duration / pieces
+        edges = step * np.arange(pieces + int(np.ceil(_WATCHED / step)) + 1, dtype=np.float64)
+        path = m.fly(edges, basis.values(stage_times(edges)) @ weights)
+        effort = m.efforts(edges, basis.values(edges) @ weights, path)
+        tip = path[pieces:, joints:n].sum(axis=1)
+        return float(np.abs(tip).max()), np.abs(effort).max(axis=0)

@@ -1,0 +1,157 @@
+"""Weights of one feedforward for an ensemble, whose efforts stay within limits.
+
+They minimise
+    sum_i |W_i^(1/2) Y_i(U)|^2 / members + rho |U|^2 + price^2 sum max(0, |u_i| - limit)^2,
+the last sum over the efforts of every member at every edge of the integration. Y and u are
+linearised at every update; what is left is convex and quadratic piece by piece, and is solved
+exactly, by Newton's method on the efforts that are beyond their limit.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexslew_control.planners.feedforward.basis import Basis
+from flexslew_control.planners.feedforward.ensemble import Member
+from flexslew_control.planners.feedforward.gauss_newton import Progress, Update
+from flexslew_control.planners.feedforward.manoeuvre import TerminalMap, substeps_for
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import PlanFailed
+
+_PRICE = 0.01  # of effort beyond its limit [m/(N m)]
+_EDGES = 4  # of the integration in each piece of the basis, so that no peak is missed
+_HALVINGS = 12  # of a step that makes things worse
+_INNER = 50  # Newton steps on one linearisation
+_SETTLED = 1e-9  # relative gain at which a linearisation counts as solved
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is minimised.
+
+    Args:
+        members: the ensemble.
+        basis: of the feedforward.
+        rho: what torque costs [1/(N m)^2].
+        effort_limit: that the efforts keep to, shape (joints,) [N m].
+    """
+
+    members: Sequence[Member]
+    basis: Basis
+    rho: float
+    effort_limit: Vector
+
+    @property
+    def maps(self) -> list[TerminalMap]:
+        """Return every member's terminal error as a function of the weights, on one grid."""
+        slews = [member.manoeuvre for member in self.members]
+        substeps = max(_EDGES, *(substeps_for(slew, self.basis) for slew in slews))
+        return [TerminalMap(slew, self.basis, substeps) for slew in slews]
+
+    def beyond(self, efforts: Vector) -> Vector:
+        """Return how far efforts, one joint after the other, are beyond their limits [N m]."""
+        limit = np.tile(self.effort_limit, efforts.size // self.effort_limit.size)
+        return np.asarray(efforts - np.clip(efforts, -limit, limit))
+
+    def cost(self, weights: Vector, y: Vector, efforts: Vector) -> float:
+        """Return the objective of weights that lead to the vibrations y and these efforts."""
+        excess = self.beyond(efforts)
+        value = y @ y + self.rho * (weights @ weights) + _PRICE**2 * (excess @ excess)
+        return float(value) if np.isfinite(value) else np.inf
+
+
+def limited_gauss_newton(
+    problem: Problem, max_iterations: int, tolerance: float, progress: Progress
+) -> list[tuple[Vector, Update]]:
+    """Return the weights U of every update, the last ones optimal.
+
+    Args:
+        problem: what is minimised.
+        max_iterations: updates before it is given up.
+        tolerance: relative gain of the objective at which it has settled.
+        progress: called with every update.
+
+    Raises:
+        PlanFailed: it does not settle.
+    """
+    members, basis, maps = problem.members, problem.basis, problem.maps
+    scales = [member.weight / np.sqrt(len(members)) for member in members]
+
+    def flown(weights: Vector) -> tuple[Vector, Vector]:
+        y, efforts = [], []
+        for scale, at in zip(scales, maps, strict=True):
+            y.append(scale @ at.terminal_error(weights))
+            efforts.append(at.efforts(weights).ravel())
+        return np.concatenate(y), np.concatenate(efforts)
+
+    def slopes() -> tuple[Matrix, Matrix]:
+        found = [at.sensitivities() for at in maps]
+        g = np.vstack([scale @ rows for scale, (rows, _) in zip(scales, found, strict=True)])
+        return g, np.concatenate([rows for _, rows in found]).reshape(-1, g.shape[1])
+
+    u = np.zeros(basis.functions * members[0].manoeuvre.model.joints)
+    at_u = flown(u)
+    cost = problem.cost(u, *at_u)
+    history: list[tuple[Vector, Update]] = []
+    for k in range(max_iterations):
+        step = _best_step(problem, u, at_u, slopes())
+        for _ in range(_HALVINGS):
+            new = flown(u + step)
+            value = problem.cost(u + step, *new)
+            if value <= cost:
+                break
+            step = 0.5 * step
+        else:
+            break
+        u, at_u, gain, cost = u + step, new, cost - value, value
+        size, error = float(np.linalg.norm(u)), float(np.linalg.norm(at_u[0]))
+        change = float(np.linalg.norm(step)) / max(size, 1e-300)
+        history.append((u, Update(k + 1, cost, error, size, change, True)))
+        progress(history[-1][1])
+        if gain <= tolerance * cost:
+            return history
+    reached = f"relative change {history[-1][1].change:.1e}" if history else "no step helps"
+    raise PlanFailed(
+        f"the ensemble did not settle after {len(history)} updates: {reached}; use a longer "
+        f"duration than {basis.duration:g} s or a larger rho than {problem.rho:g}"
+    )
+
+
+def _best_step(
+    problem: Problem,
+    weights: Vector,
+    at_weights: tuple[Vector, Vector],
+    slopes: tuple[Matrix, Matrix],
+) -> Vector:
+    """Return the change of the weights that is best for the linearised ensemble.
+
+    Args:
+        problem: what is minimised.
+        weights: U.
+        at_weights: the vibrations y and the efforts at U.
+        slopes: their derivatives by U.
+    """
+    (y, efforts), (g, t) = at_weights, slopes
+    quadratic = g.T @ g
+    quadratic.flat[:: weights.size + 1] += problem.rho
+    linear = g.T @ y + problem.rho * weights
+    step = np.zeros(weights.size)
+    cost = problem.cost(weights, y, efforts)
+    for _ in range(_INNER):
+        excess = problem.beyond(efforts + t @ step)
+        active = t[excess != 0.0]
+        slope = linear + quadratic @ step + _PRICE**2 * (active.T @ excess[excess != 0.0])
+        towards = -np.linalg.solve(quadratic + _PRICE**2 * (active.T @ active), slope)
+        for _ in range(_HALVINGS):
+            new = step + towards
+            value = problem.cost(weights + new, y + g @ new, efforts + t @ new)
+            if value <= cost:
+                break
+            towards = 0.5 * towards
+        else:
+            return step
+        step, gain, cost = new, cost - value, value
+        if gain <= _SETTLED * cost:
+            return step
+    return step

@@ -1,0 +1,164 @@
+"""The planner of papers/000, section 3: feedforward (18) that brings the terminal error to zero."""
+
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from flexslew_control.plan import Plan
+from flexslew_control.planners.feedforward.basis import Basis, BasisName
+from flexslew_control.planners.feedforward.gauss_newton import (
+    Optimum,
+    Options,
+    Progress,
+    Reading,
+    Sensitivities,
+    optimise,
+)
+from flexslew_control.planners.feedforward.manoeuvre import (
+    Manoeuvre,
+    TerminalMap,
+    stage_times,
+    substeps_for,
+)
+from flexslew_control.planners.slew import (
+    CsaGoal,
+    CsaModel,
+    Feedback,
+    TooMuchTorque,
+    csa_manoeuvre,
+    software_versions,
+    tick_times,
+)
+from flexslew_control.planners.trajectories import Profile, rest_to_rest
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.settings import NonNegative, Positive, plain, section
+from flexslew_plant.testbeds.csa import CsaInitial
+from flexslew_plant.testbeds.model import Model
+
+
+@section
+class OptimizedFeedforward:
+    """The `plan` section for method optimized_feedforward."""
+
+    method: Literal["optimized_feedforward"] = "optimized_feedforward"
+    model: CsaModel = CsaModel()
+    initial: CsaInitial = CsaInitial()
+    goal: CsaGoal = CsaGoal()
+    start: NonNegative = 0.0  # [s]
+    duration: Positive = 25.0  # T_c [s]
+    reference: Profile = "cubic"
+    feedback: Feedback = Feedback()
+    basis: BasisName = "hat"
+    functions: Annotated[int, Field(ge=1, le=200)] = 9  # n_u, per joint
+    reading: Reading = "levenberg"
+    rho: Positive = 4.0e-8  # [1/(N m)^2]
+    iterations: Literal["converge", "paper"] = "converge"
+    sensitivities: Sensitivities = "exact"
+    max_iterations: Annotated[int, Field(ge=1)] = 100
+    tolerance: Positive = 1e-6  # relative change of the weights
+
+
+def find_feedforward(
+    settings: OptimizedFeedforward, manoeuvre: Manoeuvre, progress: Progress
+) -> tuple[Basis, Optimum]:
+    """Return the basis and its optimal weights for the manoeuvre.
+
+    Raises:
+        PlanFailed: the iteration diverges or does not settle.
+    """
+    basis = Basis(settings.basis, settings.functions, manoeuvre.duration)
+    substeps = substeps_for(manoeuvre, basis)
+    maps = tuple(TerminalMap(manoeuvre, basis, n) for n in ((substeps + 2) // 3, substeps))
+    options = Options(
+        reading=settings.reading,
+        rho=settings.rho,
+        paper=settings.iterations == "paper",
+        sensitivities=settings.sensitivities,
+        max_iterations=settings.max_iterations,
+        tolerance=settings.tolerance,
+    )
+    return basis, optimise((maps[0], maps[1]), options, progress)
+
+
+def plan_optimized_feedforward(
+    settings: OptimizedFeedforward, period: float, effort_limit: Vector, progress: Progress
+) -> Plan:
+    """Return the plan with the optimal feedforward; see make_plan."""
+    manoeuvre = csa_manoeuvre(settings)
+    basis, optimum = find_feedforward(settings, manoeuvre, progress)
+    weights = optimum.weights.reshape(manoeuvre.model.joints, -1).T
+    plan = on_ticks(settings, manoeuvre, basis, weights, period, effort_limit)
+    last = optimum.history[-1]
+    found: dict[str, Any] = {
+        "objective": last.objective,
+        "norm_input": last.norm_input,
+        "norm_terminal_error": last.norm_terminal_error,
+        "terminal_error": optimum.terminal_error.tolist(),
+        "iterations": len(optimum.history),
+        "converged": optimum.converged,
+        "weights": weights.T.tolist(),
+        "history": [update._asdict() for update in optimum.history],
+    }
+    return replace(plan, summary=found | plan.summary)
+
+
+def on_ticks(
+    settings: Any,
+    manoeuvre: Manoeuvre,
+    basis: Basis,
+    weights: Matrix,
+    period: float,
+    effort_limit: Vector,
+) -> Plan:
+    """Return the slew with the feedforward basis @ weights as a Plan on the ticks.
+
+    The nominal states are those of the planner's model under the continuous feedforward; the
+    effort of a tick is its mean over the tick.
+
+    Args:
+        settings: the `plan` section; its method and start are read.
+        manoeuvre: the slew.
+        basis: of the feedforward.
+        weights: shape (n_u, joints) [N m].
+        period: one tick [s].
+        effort_limit: shape (joints,) [N m].
+
+    Raises:
+        TooMuchTorque: feedforward and feedback together need more than the limit.
+    """
+    ticks = tick_times(settings.start, manoeuvre.duration, period)
+    edges = np.union1d(ticks, basis.nodes)
+    kept = np.append(True, np.diff(edges) > 1e-9 * manoeuvre.duration)
+    edges = edges[kept]  # a node beside a tick by rounding is the tick
+    path = manoeuvre.fly(edges, basis.values(stage_times(edges)) @ weights)
+    reference = rest_to_rest(
+        manoeuvre.reference, manoeuvre.start, manoeuvre.goal, manoeuvre.duration, ticks
+    )
+    effort = manoeuvre.efforts(edges, basis.values(edges) @ weights, path)
+    peak = np.abs(effort).max(axis=0)
+    _refuse_saturation(manoeuvre.model, peak, effort_limit)
+    at = np.searchsorted(edges, ticks - 1e-9 * manoeuvre.duration)
+    return Plan(
+        method=settings.method,
+        joint_names=manoeuvre.model.joint_names,
+        start=settings.start,
+        period=period,
+        position=reference.position,
+        velocity=reference.velocity,
+        effort=basis.means(ticks) @ weights,
+        state=path[at],
+        duration=manoeuvre.duration,
+        request=plain(settings),
+        summary={"duration": manoeuvre.duration, "peak_effort": peak.tolist()},
+        versions=software_versions(),
+    )
+
+
+def _refuse_saturation(model: Model, peak: Vector, limit: Vector) -> None:
+    for name, needed, allowed in zip(model.joint_names, peak, limit, strict=True):
+        if not needed <= allowed:
+            raise TooMuchTorque(
+                f"the manoeuvre needs {needed:.4g} N m on {name}, the limit is {allowed:g} N m"
+            )

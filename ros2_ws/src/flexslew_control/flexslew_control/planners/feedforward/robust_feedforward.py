@@ -1,0 +1,146 @@
+"""The planner whose feedforward suits an ensemble of models: little vibration whatever the error.
+
+One feedforward flies every member of the ensemble, each under its own feedback. Its weights U
+minimise
+    sum_i Y_i^T W_i Y_i / members + rho |U|^2
+with no member's effort beyond the limits; Y_i is the terminal error (20) of papers/000 on member
+i. W_i is the mean over one more duration of tip^2 + (lever angle errors)^2 that Y_i leads to in
+the closed loop, linearised at the goal: an error counts by the vibration that it leaves, not by
+its unit.
+
+M1 in 25 s, largest residual with EI off by up to 20 %: 0.18 m with 143 N m, on one mode and on
+three. The plan that is exact for one model leaves 0.64 m with 78 N m. Time does the same as
+torque. What it costs besides is 0.06 m of nominal residual. More functions than the paper's nine
+gain little and wake the modes that the planner does not know.
+"""
+
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from flexslew_control.plan import Plan
+from flexslew_control.planners.feedforward.basis import Basis, BasisName
+from flexslew_control.planners.feedforward.ensemble import Member
+from flexslew_control.planners.feedforward.gauss_newton import Progress
+from flexslew_control.planners.feedforward.limited_gauss_newton import Problem, limited_gauss_newton
+from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre
+from flexslew_control.planners.feedforward.optimized_feedforward import on_ticks
+from flexslew_control.planners.slew import (
+    CsaGoal,
+    CsaModel,
+    Feedback,
+    TooMuchTorque,
+    csa_manoeuvre,
+)
+from flexslew_control.planners.trajectories import Profile
+from flexslew_plant.arrays import Vector
+from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds import with_stiffness
+from flexslew_plant.testbeds.csa import CsaInitial
+
+_Error = Annotated[float, Field(gt=-0.9, le=5.0)]
+_Errors = Annotated[tuple[_Error, ...], Field(min_length=1, max_length=25)]
+
+
+@section
+class RobustFeedforward:
+    """The `plan` section for method robust_feedforward."""
+
+    method: Literal["robust_feedforward"] = "robust_feedforward"
+    model: CsaModel = CsaModel()
+    initial: CsaInitial = CsaInitial()
+    goal: CsaGoal = CsaGoal()
+    start: NonNegative = 0.0  # [s]
+    duration: Positive = 25.0  # T_c [s]
+    reference: Profile = "cubic"
+    feedback: Feedback = Feedback()
+    stiffness_errors: _Errors = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of EI, relative; one a member [-]
+    payload_errors: _Errors = (0.0,)  # of hub_inertia_1 and _2; every pair is a member [-]
+    basis: BasisName = "hat"
+    functions: Annotated[int, Field(ge=1, le=200)] = 9  # n_u, per joint
+    lever: NonNegative = 5.0  # as how many metres of the tip a radian counts [m/rad]
+    rho: Positive = 1.0e-8  # what torque costs [1/(N m)^2]
+    reserve: Annotated[float, Field(ge=0.01, lt=1.0)] = 0.05  # of the effort limit, kept free [-]
+    max_iterations: Annotated[int, Field(ge=1)] = 60
+    tolerance: Positive = 1e-3  # relative gain of the objective
+
+
+def ensemble(settings: RobustFeedforward) -> tuple[Member, ...]:
+    """Return a member for every pair of a stiffness error and a payload error."""
+    members = []
+    for payload in settings.payload_errors:
+        p = settings.model.parameters
+        loaded = replace(
+            p,
+            hub_inertia_1=p.hub_inertia_1 * (1.0 + payload),
+            hub_inertia_2=p.hub_inertia_2 * (1.0 + payload),
+        )
+        slew = csa_manoeuvre(replace(settings, model=replace(settings.model, parameters=loaded)))
+        for error in settings.stiffness_errors:
+            model = with_stiffness(slew.model, 1.0 + error)
+            members.append(Member(error, payload, replace(slew, model=model), settings.lever))
+    return tuple(members)
+
+
+def plan_robust_feedforward(
+    settings: RobustFeedforward, period: float, effort_limit: Vector, progress: Progress
+) -> Plan:
+    """Return the plan whose feedforward suits the whole ensemble; see make_plan.
+
+    Raises:
+        PlanFailed: the iteration does not settle.
+        TooMuchTorque: a member needs more than the drives have.
+    """
+    members = ensemble(settings)
+    nominal = csa_manoeuvre(settings)
+    basis = Basis(settings.basis, settings.functions, settings.duration)
+    problem = Problem(members, basis, settings.rho, (1.0 - settings.reserve) * effort_limit)
+    history = limited_gauss_newton(problem, settings.max_iterations, settings.tolerance, progress)
+    weights = history[-1][0].reshape(nominal.model.joints, -1).T
+    flown = [member.flown(basis, weights) for member in members]
+    peaks = np.array([peak for _, peak in flown])
+    for j, name in enumerate(nominal.model.joint_names):
+        worst = int(np.argmax(peaks[:, j]))
+        if not peaks[worst, j] <= effort_limit[j]:
+            raise TooMuchTorque(
+                f"the ensemble needs {peaks[worst, j]:.4g} N m on {name} (EI "
+                f"{100.0 * members[worst].stiffness_error:+g} %), the limit is "
+                f"{effort_limit[j]:g} N m"
+            )
+    plan = on_ticks(settings, nominal, basis, weights, period, effort_limit)
+    plan = _about_its_own_trajectory(plan, nominal)
+    last = history[-1][1]
+    found: dict[str, Any] = {
+        "objective": last.objective,
+        "norm_input": last.norm_input,
+        "iterations": len(history),
+        "worst_residual": max(residual for residual, _ in flown),
+        "members": [
+            {
+                "stiffness_error": member.stiffness_error,
+                "payload_error": member.payload_error,
+                "residual": residual,  # largest tip deflection in 75 s after the end [m]
+                "peak_effort": peak.tolist(),
+            }
+            for member, (residual, peak) in zip(members, flown, strict=True)
+        ],
+        "worst_peak_effort": peaks.max(axis=0).tolist(),
+        "weights": weights.T.tolist(),
+    }
+    return replace(plan, summary=found | plan.summary)
+
+
+def _about_its_own_trajectory(plan: Plan, slew: Manoeuvre) -> Plan:
+    """Return the plan with the nominal trajectory for its reference: the same efforts in all.
+
+    The effort takes over what the feedback does nominally, so any law can follow the plan.
+    """
+    n, m = slew.model.coordinates, slew.model.joints
+    feedback = slew.kp * (plan.position - plan.state[:, :m])
+    feedback += slew.kd * (plan.velocity - plan.state[:, n : n + m])
+    position, velocity = plan.position.copy(), plan.velocity.copy()
+    position[:-1], velocity[:-1] = plan.state[:-1, :m], plan.state[:-1, n : n + m]
+    effort = plan.effort + 0.5 * (feedback[:-1] + feedback[1:])
+    return replace(plan, position=position, velocity=velocity, effort=effort)

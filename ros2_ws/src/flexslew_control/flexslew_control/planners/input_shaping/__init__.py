@@ -1,0 +1,1 @@
+"""Rigid commands shaped so that the appendages end at rest."""

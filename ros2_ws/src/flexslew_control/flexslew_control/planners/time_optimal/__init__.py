@@ -1,0 +1,1 @@
+"""Time-optimal and robust time-optimal slews."""

@@ -1,0 +1,220 @@
+"""Arcs of constant effort flown as kernels: final states, exact sensitivities and the costate.
+
+A leader flies the effort of the arcs; followers, the same testbed with other numbers, fly it with
+a feedback on the leader's joints besides: u_i = u + Kp (q_0 - q_i) + Kd (v_0 - v_i). Without
+followers, or without gains, that is open loop.
+
+Every arc is integrated from its beginning to its end by steps of order 8, so no step ever crosses
+a switch and the durations may be any real numbers.
+"""
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.testbeds import dynamics
+from flexslew_plant.testbeds.dynamics import STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
+
+
+@compiled
+def rates(
+    kind: int, packed: Matrix, kp: Vector, kd: Vector, z: Vector, effort: Vector, out: Vector
+) -> None:
+    """Write dz/dt of leader and followers.
+
+    Args:
+        kind, packed, kp, kd: as in final_states.
+        z: their states, flat, shape (copies 2 n,).
+        effort: of the arc, shape (joints,) [N m or N].
+        out: same shape as z.
+    """
+    copies, m = packed.shape[0], effort.size
+    rows = z.size // copies
+    n, applied = rows // 2, np.empty(m)
+    for c in range(copies):
+        x = z[c * rows : (c + 1) * rows]
+        for j in range(m):
+            applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
+        out[c * rows : (c + 1) * rows] = dynamics.derivative(kind, packed[c], x, applied)
+
+
+@compiled
+def _jacobian(
+    kind: int,
+    packed: Matrix,
+    kp: Vector,
+    kd: Vector,
+    z: Vector,
+    effort: Vector,
+    dz: Matrix,
+    du: Matrix,
+) -> None:
+    """Write the derivatives of rates by z and by the effort."""
+    copies, m = packed.shape[0], effort.size
+    rows = z.size // copies
+    n, applied = rows // 2, np.empty(m)
+    dz[:] = 0.0
+    for c in range(copies):
+        first, last = c * rows, (c + 1) * rows
+        x = z[first:last]
+        for j in range(m):
+            applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
+        dynamics.jacobian(kind, packed[c], x, applied, dz[first:last, first:last], du[first:last])
+        if c > 0:
+            for j in range(m):
+                for k in range(first, last):
+                    dz[k, j] += du[k, j] * kp[j]
+                    dz[k, n + j] += du[k, j] * kd[j]
+                    dz[k, first + j] -= du[k, j] * kp[j]
+                    dz[k, first + n + j] -= du[k, j] * kd[j]
+
+
+@compiled
+def _together(start: Vector, copies: int) -> Vector:
+    """Return the states of all copies at the start, flat."""
+    z = np.empty(copies * start.size)
+    for c in range(copies):
+        z[c * start.size : (c + 1) * start.size] = start
+    return z
+
+
+@compiled
+def final_states(
+    kind: int,
+    packed: Matrix,
+    kp: Vector,
+    kd: Vector,
+    start: Vector,
+    efforts: Matrix,
+    durations: Vector,
+    step: float,
+) -> Matrix:
+    """Return the states after all arcs, shape (copies, 2 n), the leader's first.
+
+    Args:
+        kind: the model's kernels, as in dynamics.derivative.
+        packed: their numbers, one row a copy.
+        kp, kd: gains of the followers, shape (joints,) [N m/rad, N m s/rad].
+        start: state of all at the beginning of the first arc, shape (2 n,).
+        efforts: one row an arc, shape (arcs, joints) [N m or N].
+        durations: shape (arcs,) [s].
+        step: longest step of the integration [s].
+    """
+    copies, rows = packed.shape[0], start.size
+    z = _together(start, copies)
+    slopes, at = np.empty((STAGES, z.size)), np.empty(z.size)
+    for arc in range(durations.size):
+        steps = max(1, int(np.ceil(abs(durations[arc]) / step)))
+        h = durations[arc] / steps
+        for _ in range(steps):
+            for stage in range(STAGES):
+                dynamics.stage_state(z, slopes, stage, h, at)
+                rates(kind, packed, kp, kd, at, efforts[arc], slopes[stage])
+            dynamics.complete_step(z, slopes, h)
+    return z.reshape((copies, rows))
+
+
+@compiled
+def final_sensitivity(
+    kind: int,
+    packed: Matrix,
+    kp: Vector,
+    kd: Vector,
+    start: Vector,
+    efforts: Matrix,
+    durations: Vector,
+    step: float,
+) -> tuple[Vector, Matrix]:
+    """Return the states after all arcs, flat, and their derivatives by the durations.
+
+    With z' = f(z, u_i) on arc i: dz/dd_i = f at the end of the arc, then S' = (df/dz) S.
+
+    Args:
+        kind, packed, kp, kd, start, efforts, durations, step: as in final_states.
+
+    Returns:
+        the states, shape (copies 2 n,), and dz_f/dd, shape (copies 2 n, arcs).
+    """
+    arcs = durations.size
+    z = _together(start, packed.shape[0])
+    dz, du = np.empty((z.size, z.size)), np.empty((z.size, efforts.shape[1]))
+    slopes, at = np.empty((STAGES, z.size)), np.empty(z.size)
+    s, s_at = np.zeros((z.size, arcs)), np.zeros((z.size, arcs))
+    s_slopes = np.zeros((STAGES, z.size, arcs))
+    for arc in range(arcs):
+        steps = max(1, int(np.ceil(abs(durations[arc]) / step)))
+        h = durations[arc] / steps
+        for _ in range(steps):
+            for stage in range(STAGES):
+                dynamics.stage_state(z, slopes, stage, h, at)
+                rates(kind, packed, kp, kd, at, efforts[arc], slopes[stage])
+                if arc == 0:
+                    continue
+                _jacobian(kind, packed, kp, kd, at, efforts[arc], dz, du)
+                s_at[:] = s
+                for j in range(stage):
+                    weight = h * STAGE_WEIGHTS[stage, j]
+                    if weight != 0.0:
+                        s_at += weight * s_slopes[j]
+                s_slopes[stage] = dz @ s_at
+            dynamics.complete_step(z, slopes, h)
+            if arc > 0:
+                for j in range(STAGES):
+                    if STEP_WEIGHTS[j] != 0.0:
+                        s += h * STEP_WEIGHTS[j] * s_slopes[j]
+        rates(kind, packed, kp, kd, z, efforts[arc], at)
+        s[:, arc] = at
+    return z, s
+
+
+@compiled
+def costate_backwards(
+    kind: int,
+    packed: Matrix,
+    kp: Vector,
+    kd: Vector,
+    final: Vector,
+    costate: Vector,
+    efforts: Matrix,
+    durations: Vector,
+    step: float,
+) -> tuple[Vector, Matrix]:
+    """Return the times and lambda^T df/du along the arcs, from the end to the beginning.
+
+    lambda' = -(df/dz)^T lambda is integrated backwards together with the states.
+
+    Args:
+        kind, packed, kp, kd, efforts, durations, step: as in final_states.
+        final: states at the end, flat, shape (copies 2 n,).
+        costate: lambda at the end, same shape.
+
+    Returns:
+        falling times, shape (samples,) [s]; lambda^T df/du, shape (samples, joints).
+    """
+    rows, m = final.size, efforts.shape[1]
+    counts = np.empty(durations.size, dtype=np.int64)
+    for i in range(durations.size):
+        counts[i] = max(1, int(np.ceil(abs(durations[i]) / step)))
+    times, values = np.empty(counts.sum() + 1), np.empty((counts.sum() + 1, m))
+    dz, du = np.empty((rows, rows)), np.empty((rows, m))
+    y, at = np.concatenate((final, costate)), np.empty(2 * rows)
+    slopes = np.empty((STAGES, 2 * rows))
+    row, t = 0, durations.sum()
+    for back in range(durations.size):
+        arc = durations.size - 1 - back
+        h = -durations[arc] / counts[arc]
+        for _ in range(counts[arc]):
+            for stage in range(STAGES):
+                dynamics.stage_state(y, slopes, stage, h, at)
+                _jacobian(kind, packed, kp, kd, at[:rows], efforts[arc], dz, du)
+                if stage == 0:
+                    times[row] = t
+                    values[row] = du.T @ y[rows:]
+                rates(kind, packed, kp, kd, at[:rows], efforts[arc], slopes[stage, :rows])
+                slopes[stage, rows:] = -(dz.T @ at[rows:])
+            dynamics.complete_step(y, slopes, h)
+            row += 1
+            t += h
+    _jacobian(kind, packed, kp, kd, y[:rows], efforts[0], dz, du)
+    times[row] = t
+    values[row] = du.T @ y[rows:]
+    return times, values

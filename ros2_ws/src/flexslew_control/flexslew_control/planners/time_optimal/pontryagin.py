@@ -1,0 +1,77 @@
+"""Whether a bang-bang slew is an extremal: Pontryagin's condition on its switching function."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from flexslew_control.planners.time_optimal.arcs import costate_backwards, final_states
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.model import Model
+
+_ALLOWED = 1e-5  # wrong-signed part of the switching function, relative to its largest value
+
+
+class Arcs(Protocol):
+    """A slew as a function of the durations of its arcs: BangBang or AllDrives."""
+
+    @property
+    def model(self) -> Model:
+        """What is turned."""
+
+    @property
+    def start(self) -> Vector:
+        """State at the beginning, shape (2 n,)."""
+
+    @property
+    def step(self) -> float:
+        """Longest integration step [s]."""
+
+    @property
+    def rigid_duration(self) -> float:
+        """Duration of the rigid body's time-optimal slew [s]."""
+
+    @property
+    def flock(self) -> tuple[int, Matrix, Vector, Vector]:
+        """What the kernels of `arcs` fly."""
+
+    @property
+    def conditions(self) -> Matrix:
+        """C of the end conditions r = C z - goal."""
+
+    def efforts(self, arcs: int) -> Matrix:
+        """Return the effort of each arc, shape (arcs, joints)."""
+
+    def linearised(self, durations: Vector) -> tuple[Vector, Matrix]:
+        """Return r and dr/dd."""
+
+
+class Extremality(NamedTuple):
+    """The switching functions sigma = lambda^T df/du along a slew, and their verdict."""
+
+    times: Vector  # rising [s]
+    sigma: Matrix  # positive asks for +amplitude; at each time, a column for every driven joint
+    holds: bool  # whether sigma has the sign of the effort everywhere
+    violation: float  # largest wrong-signed |sigma| / largest |sigma| of the joint
+    at: float  # where that is [s]
+
+
+def switching_function(slew: Arcs, durations: Vector) -> Extremality:
+    """Return the switching function of the slew with these arcs.
+
+    lambda(t_f) = C^T mu with (dr/dd)^T mu = 1: then H = 1 on every arc, which makes sigma zero at
+    the switches. A robust slew has costates of its followers too.
+    """
+    jacobian = slew.linearised(durations)[1]
+    multipliers = np.linalg.lstsq(jacobian.T, np.ones(durations.size), rcond=None)[0]
+    efforts = slew.efforts(durations.size)
+    final = final_states(*slew.flock, slew.start, efforts, durations, slew.step).ravel()
+    costate = slew.conditions.T @ multipliers
+    times, values = costate_backwards(*slew.flock, final, costate, efforts, durations, slew.step)
+    driven = efforts.any(axis=0)
+    times, sigma = times[::-1], values[::-1, driven]
+    arc = np.searchsorted(np.cumsum(durations)[:-1], times, side="right")
+    # at a switch the sample belongs to either arc
+    signed = (sigma * np.sign(efforts[:, driven])[arc] / np.abs(sigma).max(axis=0)).min(axis=1)
+    worst = int(np.argmin(signed))
+    violation = float(max(0.0, -signed[worst]))
+    return Extremality(times, sigma, violation <= _ALLOWED, violation, float(times[worst]))

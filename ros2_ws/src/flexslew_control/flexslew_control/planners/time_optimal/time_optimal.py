@@ -1,0 +1,277 @@
+"""The planner of papers/001: time-optimal and robust time-optimal slews."""
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+import numpy as np
+from pydantic import Field
+
+from flexslew_control.plan import Plan
+from flexslew_control.planners.feedforward.gauss_newton import Progress
+from flexslew_control.planners.slew import software_versions, tick_times
+from flexslew_control.planners.time_optimal.all_drives import AllDrives, fastest_slew
+from flexslew_control.planners.time_optimal.optimal_switching import extremal_durations
+from flexslew_control.planners.time_optimal.pontryagin import Arcs, Extremality, switching_function
+from flexslew_control.planners.time_optimal.switching import (
+    STENCIL,
+    BangBang,
+    Insensitive,
+    continued_durations,
+    five_switch_durations,
+)
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.settings import NonNegative, Positive, plain, section
+from flexslew_plant.testbeds import Testbed, build_model
+from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.model import Model
+
+Share: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
+RESERVE = 0.2  # of the limit, left to a feedback [-]
+
+
+@section
+class JointFeedback:
+    """The gains of the PD that flies the plan, which a robust slew counts with."""
+
+    kp: tuple[NonNegative, ...] = (460.0, 460.0)  # one a joint [N m/rad or N/m]
+    kd: tuple[NonNegative, ...] = (920.0, 920.0)  # one a joint [N m s/rad or N s/m]
+
+
+@section
+class TimeOptimal:
+    """The `plan` section for method time_optimal."""
+
+    method: Literal["time_optimal"] = "time_optimal"
+    model: Testbed = CsaTestbed(modes=1)  # what the planner believes; its `initial` is the start
+    goal: dict[str, float]  # where joints rest at the end, by name [rad or m]
+    start: NonNegative = 0.0  # [s]
+    robust: bool = False  # no sensitivity to the stiffness at the end
+    insensitive: Insensitive = "modes"  # what, if robust: the modes, or the joint as well
+    feedback: JointFeedback | None = None  # that flies the slew; null: open loop
+    structure: Literal["fewest", "optimal"] = "fewest"  # how many switches
+    drives: Literal["moving", "all"] = "moving"  # which push; all if the goal moves several joints
+    amplitude: Positive | None = None  # of the effort [N m or N]; null: the limit less the reserve
+    reserve: Share | None = None  # of the limit, for the feedback; null: 0.2 if there is one [-]
+    longest: Positive | None = None  # refuse a slew that takes longer [s]
+
+
+def plan_time_optimal(
+    settings: TimeOptimal, period: float, effort_limit: Vector, progress: Progress
+) -> Plan:
+    """Return the bang-bang slew to the goal; see make_plan.
+
+    The reference is the optimal trajectory itself, so feedback adds nothing nominally.
+
+    Raises:
+        BadInput: the goal names no joint or asks for what bang-bang efforts cannot do.
+        PlanFailed: no such slew, or it takes longer than allowed.
+    """
+    slew, durations = found_slew(settings, effort_limit, progress)
+    duration = float(durations.sum())
+    efforts = slew.efforts(durations.size)
+    amplitude = np.abs(efforts).max(axis=0)
+    if settings.longest is not None and duration > settings.longest:
+        needed = float(amplitude.max()) * (duration / settings.longest) ** 2
+        raise PlanFailed(
+            f"the slew takes {duration:.4f} s with {amplitude.max():g} N m, {settings.longest:g} s "
+            f"allowed; rigid bound {slew.rigid_duration:.4f} s; about {needed:.4g} N m are needed"
+        )
+    check = switching_function(slew, durations)
+    ticks = tick_times(settings.start, duration, period)
+    state, effort = on_ticks(slew, durations, ticks)
+    m, n = slew.model.joints, slew.model.coordinates
+    switches = np.cumsum(durations)[:-1]
+    summary: dict[str, Any] = {
+        "duration": duration,
+        "switch_times": switches.tolist(),
+        "switches": int(switches.size),
+        "amplitude": float(amplitude.max()),
+        "arc_efforts": efforts.tolist(),
+        "peak_effort": np.abs(effort).max(axis=0).tolist(),
+        "terminal_error": slew.linearised(durations)[0].tolist(),
+        "rigid_duration": slew.rigid_duration,
+        "optimal": check.holds,
+        "switching_function_violation": check.violation,
+        "optimality": statement(slew, durations, check),
+    }
+    if isinstance(slew, BangBang):
+        summary["joint_sensitivity"] = joint_sensitivity(slew, durations)
+    return Plan(
+        method=settings.method,
+        joint_names=slew.model.joint_names,
+        start=settings.start,
+        period=period,
+        position=state[:, :m].copy(),
+        velocity=state[:, n : n + m].copy(),
+        effort=effort,
+        state=state,
+        duration=duration,
+        request=plain(settings),
+        summary=summary,
+        versions=software_versions(),
+    )
+
+
+def found_slew(
+    settings: TimeOptimal, effort_limit: Vector, progress: Progress
+) -> tuple[BangBang | AllDrives, Vector]:
+    """Return the slew that a `plan` section asks for, and the durations of its arcs.
+
+    Raises:
+        BadInput, PlanFailed: see plan_time_optimal.
+    """
+    model = build_model(settings.model)
+    first, last = _ends(settings, model)
+    moving = np.flatnonzero(last != first)
+    amplitude = _amplitude(settings, model, effort_limit)
+    rest = np.zeros(model.modes + model.coordinates)
+    start = np.concatenate((first, rest))
+    if settings.drives == "all" or moving.size > 1 or moving[0] != 0 or first[1:].any():
+        if model.joints == 1:
+            raise BadInput("plan: drives: all is not allowed: there is one; use moving")
+        if settings.robust:
+            raise BadInput(
+                "plan: robust: true is not allowed: a slew by all drives is not made robust; use "
+                "robust_feedforward"
+            )
+        return fastest_slew(model, start, np.concatenate((last, rest)), amplitude, progress)
+    kp, kd = _gains(settings, model)
+    slew = BangBang(
+        model,
+        0,
+        start,
+        float(last[0] - first[0]),
+        float(amplitude[0]),
+        settings.robust,
+        kp[0],
+        kd[0],
+        settings.insensitive,
+    )
+    return slew, found_durations(slew, settings.structure)
+
+
+def _ends(settings: TimeOptimal, model: Model) -> tuple[Vector, Vector]:
+    """Return where the joints rest at the start and at the end."""
+    names = model.joint_names
+    unknown = [name for name in settings.goal if name not in names]
+    if unknown:
+        raise BadInput(
+            f"plan: goal: {unknown[0]} is not a joint; {settings.model.kind} has {', '.join(names)}"
+        )
+    first = np.array([getattr(settings.model.initial, name) for name in names])
+    last = np.array([settings.goal.get(name, at) for name, at in zip(names, first, strict=True)])
+    if (last == first).all():
+        raise BadInput("plan: goal: the joints are there already; give another goal")
+    return first, last
+
+
+def _amplitude(settings: TimeOptimal, model: Model, effort_limit: Vector) -> Vector:
+    """Return the effort of every drive, shape (joints,) [N m or N]."""
+    reserve = settings.reserve
+    if reserve is None:
+        reserve = 0.0 if settings.feedback is None else RESERVE
+    if settings.amplitude is None:
+        return np.asarray((1.0 - reserve) * effort_limit)
+    if settings.amplitude > effort_limit.min():
+        raise BadInput(
+            f"plan: amplitude: {settings.amplitude:g} is above the drive's limit "
+            f"{effort_limit.min():g}"
+        )
+    return np.full(model.joints, settings.amplitude)
+
+
+def _gains(settings: TimeOptimal, model: Model) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return kp and kd of the joints; zeros for open loop."""
+    if settings.feedback is None:
+        return (0.0,) * model.joints, (0.0,) * model.joints
+    kp, kd = settings.feedback.kp, settings.feedback.kd
+    if not len(kp) == len(kd) == model.joints:
+        raise BadInput(
+            f"plan: feedback: {len(kp)} kp and {len(kd)} kd are not allowed: "
+            f"{settings.model.kind} has {model.joints}, {', '.join(model.joint_names)}"
+        )
+    return kp, kd
+
+
+def found_durations(slew: BangBang, structure: Literal["fewest", "optimal"] = "fewest") -> Vector:
+    """Return the arcs of the slew.
+
+    Args:
+        slew: what is turned.
+        structure: fewest, three switches (robust: five), five where three fail, of one mode in
+            open loop; optimal, as many as an extremal has. All else is optimal anyway.
+
+    Raises:
+        PlanFailed: none were found.
+    """
+    finders = [extremal_durations]
+    under_feedback = slew.robust and not slew.open_loop
+    if slew.model.modes == 1 and slew.insensitive == "modes" and not under_feedback:
+        finders.insert(0 if structure == "fewest" else 1, _closed_form_durations)
+    found = (finder(slew) for finder in finders)
+    durations = next((arcs for arcs in found if arcs is not None), None)
+    if durations is None:
+        raise PlanFailed(
+            f"no{' robust' if slew.robust else ''} slew by {slew.distance:g} at "
+            f"{slew.amplitude:g} was found (rigid bound {slew.rigid_duration:.4f} s); use a "
+            "smaller amplitude or another goal"
+        )
+    return durations
+
+
+def _closed_form_durations(slew: BangBang) -> Vector | None:
+    durations = continued_durations(slew)
+    if durations is None and not slew.robust:
+        return five_switch_durations(slew)
+    return durations
+
+
+def joint_sensitivity(slew: BangBang, durations: Vector) -> float:
+    """Return d(joint position at the end)/d(stiffness factor), under the feedback if any."""
+    return float(sum(w * slew.final(durations, f, True)[slew.joint] for f, w in STENCIL))
+
+
+def statement(slew: BangBang | AllDrives, durations: Vector, check: Extremality) -> str:
+    """Return in one sentence what is known of the slew's optimality."""
+    switches = durations.size - 1
+    if check.holds:
+        return f"extremal with {switches} switches: Pontryagin's condition holds"
+    if isinstance(slew, AllDrives) and slew.transcribed:
+        return (
+            f"the optimum of a transcription on {switches + 1} intervals; its arcs do not settle, "
+            "for some effort hardly matters"
+        )
+    return (
+        f"best of the {switches}-switch family, not time-optimal: the switching function has the "
+        f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value); "
+        "structure: optimal looks for more switches"
+    )
+
+
+def on_ticks(slew: Arcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
+    """Return the states at the ticks and the mean effort of every tick.
+
+    Args:
+        slew: what is flown.
+        durations: of its arcs [s].
+        ticks: rising, from 0 to the end or a little later, shape (ticks + 1,) [s].
+
+    Returns:
+        states, shape (ticks + 1, 2 n), and efforts, shape (ticks, joints).
+    """
+    ends = np.cumsum(durations)
+    knots = np.concatenate(([0.0], ends))
+    efforts = slew.efforts(durations.size)
+    impulse = np.vstack((np.zeros(slew.model.joints), np.cumsum(efforts * durations[:, None], 0)))
+    gained = np.column_stack([np.interp(ticks, knots, column) for column in impulse.T])
+    means = np.diff(gained, axis=0) / np.diff(ticks)[:, None]
+    edges = np.union1d(ticks, ends)
+    arc = np.searchsorted(ends, 0.5 * (edges[1:] + edges[:-1]))
+    nothing, step = np.zeros(slew.model.joints), slew.step
+    states = np.empty((edges.size, slew.start.size))
+    states[0] = slew.start
+    for k, dt in enumerate(np.diff(edges)):
+        effort = efforts[arc[k]] if arc[k] < durations.size else nothing
+        steps = max(1, int(np.ceil(dt / step)))
+        states[k + 1] = slew.model.advance(states[k], effort, float(dt), steps)
+    return states[np.searchsorted(edges, ticks)], means

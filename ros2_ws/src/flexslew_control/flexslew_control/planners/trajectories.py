@@ -1,0 +1,84 @@
+"""Rest-to-rest references: straight lines in joint space, polynomials in time."""
+
+from collections.abc import Callable
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.model import Model
+
+Profile: TypeAlias = Literal["cubic", "quintic"]
+
+
+class Trajectory(NamedTuple):
+    """A reference at given times: position, velocity and acceleration, each (times, joints)."""
+
+    position: Matrix  # [rad or m]
+    velocity: Matrix  # [rad/s or m/s]
+    acceleration: Matrix  # [rad/s^2 or m/s^2]
+
+
+def rest_to_rest(
+    profile: Profile, start: Vector, goal: Vector, duration: float, times: Vector
+) -> Trajectory:
+    """Return the reference r(t) = start + (goal - start) p(t / T), at rest before 0 and after T.
+
+    With s = t / T clipped to [0, 1] (papers/000, section 3: "a straight line in the actuator
+    coordinate space and a third order polynomial in time"):
+        cubic    p = 3 s^2 - 2 s^3, whose acceleration jumps at both ends;
+        quintic  p = 10 s^3 - 15 s^4 + 6 s^5, whose acceleration is zero there.
+
+    Args:
+        profile: a key of PROFILES.
+        start, goal: joint positions, shape (joints,) [rad or m].
+        duration: T [s], positive.
+        times: shape (k,) [s].
+    """
+    s = np.clip(times / duration, 0.0, 1.0)
+    p, dp, ddp = PROFILES[profile](s)
+    ddp = np.where((times < 0.0) | (times > duration), 0.0, ddp)
+    span = goal - start
+    return Trajectory(
+        start + np.multiply.outer(p, span),
+        np.multiply.outer(dp / duration, span),
+        np.multiply.outer(ddp / duration**2, span),
+    )
+
+
+def _cubic(s: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return p, p' and p'' of the cubic at s, each of the shape of s."""
+    return s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s), 6.0 - 12.0 * s
+
+
+def _quintic(s: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return p, p' and p'' of the quintic at s, each of the shape of s."""
+    r = 1.0 - s
+    return (
+        s**3 * (10.0 - 15.0 * s + 6.0 * s * s),
+        30.0 * (s * r) ** 2,
+        60.0 * s * r * (1.0 - 2.0 * s),
+    )
+
+
+PROFILES: dict[Profile, Callable[[Vector], tuple[Vector, Vector, Vector]]] = {
+    "cubic": _cubic,
+    "quintic": _quintic,
+}
+
+
+def rigid_duration(model: Model, first: Vector, last: Vector, effort_limit: Vector) -> float:
+    """Return the least time for a rigid body, 2 sqrt(J d/u) of the slowest joint [s].
+
+    J is the smaller one of the inertias at the start and at the goal.
+
+    Args:
+        model: what is turned.
+        first, last: where the joints rest, shape (joints,) [rad or m].
+        effort_limit: shape (joints,) [N m or N].
+    """
+    straight = np.zeros(model.modes)
+    inertia = np.minimum(
+        *(np.diag(model.mass_matrix(np.concatenate((q, straight)))) for q in (first, last))
+    )[: model.joints]
+    return float((2.0 * np.sqrt(inertia * np.abs(last - first) / effort_limit)).max())

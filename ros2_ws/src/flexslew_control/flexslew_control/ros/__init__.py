@@ -1,0 +1,1 @@
+"""The controller and planner nodes. ROS is imported here."""

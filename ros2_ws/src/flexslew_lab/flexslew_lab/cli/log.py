@@ -1,0 +1,116 @@
+"""Subcommands about logs: look, check, mend, export."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexslew_lab.cli.terminal import print_table, screen
+
+log = typer.Typer(no_args_is_help=True, help="Look into bags, check, mend and export them.")
+
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Bag = Annotated[Path, typer.Argument(help="Folder of a run, a bag, or an .mcap file.")]
+Out = Annotated[Path | None, typer.Option(help="Folder of the new bag; else in place.")]
+
+
+@log.command()
+def info(bag: Bag, as_json: Json = False) -> None:
+    """Say what a bag holds: topics, plans, controllers, events, how it was recorded.
+
+    Example: `./flexslew log info runs/m1-20260101-120000`
+    """
+    from flexslew_lab.log.info import log_info
+
+    found = log_info(bag_of(bag))
+    if as_json:
+        print(json.dumps(found, indent=2))
+        return
+    bench = found["testbed"] or {"kind": "unknown", "modes": 0, "period": 0.0}
+    whole = "whole" if found["complete"] else f"CUT: {found['cut']['reason']}"
+    plans = ", ".join(f"{p['method']} {p['hash'][:12]}" for p in found["plans"]) or "none"
+    rows = [
+        ("file", f"{found['path']}, {found['size'] / 1e6:.3g} MB, {whole}"),
+        ("time", f"{found['start']:g} s, {found['duration']:g} s long"),
+        ("testbed", f"{bench['kind']}, {bench['modes']} modes, ticks of {bench['period']:g} s"),
+        ("plans", plans),
+        ("controllers", ", ".join(f"{n} ({law})" for n, law in found["controllers"].items())),
+        *((f"  {t['name']}", f"{t['messages']} {t['type']}") for t in found["topics"]),
+    ]
+    rows += [(f"  {e['time']:.2f} s", f"{e['kind']}: {e['message']}") for e in found["events"][:40]]
+    if len(found["events"]) > 40:
+        rows.append(("", f"... and {len(found['events']) - 40} events more, see --json"))
+    print_table(("", bag.name), rows)
+
+
+@log.command("check")
+def check_bag(bag: Bag, as_json: Json = False) -> None:
+    """Check a bag: checksums, gaps, clock, definitions, index. Exit code 1 if something is wrong.
+
+    Example: `./flexslew log check runs/m1-20260101-120000`
+    """
+    from flexslew_lab.log.check import check_log
+
+    findings = check_log(bag_of(bag))
+    if as_json:
+        print(json.dumps([finding._asdict() for finding in findings], indent=2))
+    else:
+        rows = [("ok" if f.ok else "WRONG", f.what, f.detail) for f in findings]
+        print_table(("", "looked at", "found"), rows)
+    demand(all(finding.ok for finding in findings))
+
+
+@log.command()
+def export(
+    bag: Bag,
+    out: Annotated[Path, typer.Option(help="Folder of the tables.")] = Path("export"),
+    kind: Annotated[str, typer.Option("--format", help="parquet or csv.")] = "parquet",
+    topic: Annotated[list[str] | None, typer.Option(help="Only these, again and again.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Write a bag as tables, one a topic, with units in their metadata.
+
+    Example: `./flexslew log export runs/m1-20260101-120000 --out tables --topic /truth`
+    """
+    from flexslew_lab.log.export import export_log
+
+    done = export_log(bag_of(bag), out, kind, topic)  # type: ignore[arg-type]  # it says what is allowed
+    if as_json:
+        files = {t: str(path) for t, path in done.files.items()}
+        print(json.dumps({"files": files, "rows": done.rows, "skipped": done.skipped}, indent=2))
+        return
+    rows = [(t, done.rows[t], str(path)) for t, path in done.files.items()]
+    print_table(
+        ("topic", "rows", "file"), rows + [(t, "-", why) for t, why in done.skipped.items()]
+    )
+
+
+@log.command()
+def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
+    """Make a bag whole after a kill, a full disk or a cut, and say what is missing.
+
+    In place unless --out names a folder; the old file stays beside it as `*.damaged`.
+
+    Example: `./flexslew recover runs/m1-20260101-120000`
+    """
+    from flexslew_lab.log.recover import recover as mend
+
+    done = mend(bag_of(bag), out)
+    if as_json:
+        values = {**done._asdict(), "statement": done.statement}
+        print(json.dumps(values | {k: str(values[k]) for k in ("source", "out")}, indent=2))
+    else:
+        print(done.statement)
+        screen.print(f"[bold]{done.out}[/bold]")
+
+
+def bag_of(path: Path) -> Path:
+    """Return the bag of a run's folder, or the path itself."""
+    return path / "bag" if (path / "bag").is_dir() else path
+
+
+def demand(ok: bool) -> None:
+    """Leave with exit code 1 unless a check was passed."""
+    if not ok:
+        raise typer.Exit(1)

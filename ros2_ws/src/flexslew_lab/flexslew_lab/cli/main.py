@@ -1,0 +1,267 @@
+"""The command line: one subcommand a task, machine-readable output under --json."""
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from flexslew_lab.cli.checkout import bench, test
+from flexslew_lab.cli.log import Json, bag_of, log, recover
+from flexslew_lab.cli.replay import check, live, play, resim
+from flexslew_lab.cli.terminal import print_table, progress, screen, short
+from flexslew_lab.trial.trial import DEFAULT, load_trial
+from flexslew_plant.errors import BadInput, FlexslewError, RunFault
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    help="A lab bench in software: slew a flexible spacecraft testbed on ROS 2 without ringing.",
+)
+app.add_typer(log, name="log")
+
+TrialFile = Annotated[Path | None, typer.Argument(help="Trial file; without it manoeuvre M1.")]
+Bags = Annotated[list[Path], typer.Argument(help="Folders of runs, or bags.")]
+
+
+@app.command()
+def trial(
+    file: TrialFile = None,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="Without ROS: same ticks, same bits.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Leave out report.html.")] = False,
+    rate: Annotated[
+        float | None, typer.Option(help="Instead of the file's rate_factor; 1 is real time.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Fly a trial and leave a folder with the bag, metrics.json and report.html.
+
+    Example: `./flexslew trial my_trial.yaml --rate 1`
+    """
+    from dataclasses import replace
+
+    from flexslew_lab.trial.run import run_trial
+
+    source = file or DEFAULT
+    wanted = load_trial(source)
+    if rate is not None:
+        if rate < 0.0:
+            raise BadInput(f"--rate: {rate} is not allowed: 0 is as fast as it goes, 1 real time")
+        wanted = replace(wanted, rate_factor=rate)
+    with progress(wanted.name) as advance:
+        result = run_trial(
+            wanted, str(source), out, in_process, not no_report, advance, screen.print
+        )
+    if as_json:
+        print(json.dumps(result.metrics, indent=2))
+    else:
+        _summary(result.metrics)
+    screen.print(f"[bold]{result.folder}[/bold]: {', '.join(_content(result.folder))}")
+    if result.exit_code:
+        screen.print(f"[red]{result.message}[/red]")
+        raise typer.Exit(result.exit_code)
+
+
+@app.command()
+def plan(
+    file: TrialFile = None,
+    method: Annotated[str | None, typer.Option(help="Instead of the file's plan.method.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Save the plan, YAML.")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw the plan, HTML.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Plan the manoeuvre of a trial file without flying it.
+
+    Example: `./flexslew plan --out plan.yaml --figure plan.html`
+    """
+    from flexslew_control.plan_file import plan_hash, save_plan
+    from flexslew_control.planners import make_plan, other_method, plan_settings
+
+    source = file or DEFAULT
+    wanted = load_trial(source)
+    settings = wanted.plan
+    if method is not None:
+        if settings is None:
+            settings = plan_settings({"method": method}, f"{source}: plan")
+        else:
+            settings = other_method(settings, method, f"{source}: plan")
+    if settings is None:
+        raise BadInput(f"{source}: plan: is missing; add one or give --method")
+
+    def iteration(update: Any) -> None:
+        size = f"  |Y| {update.norm_terminal_error:.3e}  |U| {update.norm_input:.4f}"
+        known = not math.isnan(update.norm_input)  # a start of a multistart has none
+        screen.print(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
+
+    limit = tuple(wanted.testbed.effort_limit)
+    made = make_plan(settings, wanted.period, limit, None if as_json else iteration)
+    summary = {**made.summary, "duration": made.duration, "hash": plan_hash(made)}
+    if out is not None:
+        save_plan(made, out)
+        screen.print(f"saved {out}")
+    if figure is not None:
+        from flexslew_lab.report.figures import plan_figure
+
+        plan_figure(made).write_html(figure)
+        screen.print(f"drawn {figure}")
+    if as_json:
+        print(json.dumps(summary, indent=2))
+    else:
+        rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
+        print_table(("", made.method), rows)
+
+
+@app.command()
+def report(
+    bags: Bags,
+    out: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
+) -> None:
+    """Write the report of one run, or of several side by side.
+
+    Example: `./flexslew report runs/m1-20260101-120000`
+    """
+    from flexslew_lab.report.report import write_report
+
+    target = out or (bags[0] if bags[0].is_dir() else bags[0].parent) / "report.html"
+    write_report([bag_of(path) for path in bags], target)
+    screen.print(f"written {target}")
+
+
+@app.command()
+def compare(
+    file: TrialFile = None,
+    out: Annotated[Path, typer.Option(help="The HTML file.")] = Path("compare.html"),
+    as_json: Json = False,
+) -> None:
+    """Fly one manoeuvre with every planner on testbeds that differ from the planned one.
+
+    Example: `./flexslew compare --out compare.html`
+    """
+    from flexslew_lab.report import compare as comparison
+
+    source = file or DEFAULT
+    wanted = load_trial(source)
+    with progress("compare") as advance:
+        if as_json:
+            print(json.dumps(comparison.compared(wanted, str(source), advance).rows(), indent=2))
+        else:
+            comparison.compare(wanted, str(source), out, advance)
+            screen.print(f"written {out}")
+
+
+@app.command()
+def reproduce(
+    name: Annotated[str, typer.Argument(help="csa, ofc, pi or time-optimal.")],
+    figures: Annotated[Path | None, typer.Option(help="Draw the paper's figures, HTML.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Compute a paper's numbers again: what it prints, the reference, ours, side by side.
+
+    Example: `./flexslew reproduce csa --figures csa.html`
+    """
+    from flexslew_lab.reproduce import REPRODUCTIONS, write_figures
+
+    if name not in REPRODUCTIONS:
+        raise BadInput(f"{name} is not a paper of ours; allowed: {', '.join(REPRODUCTIONS)}")
+    with screen.status(f"computing {name}"):
+        rows = REPRODUCTIONS[name].rows()
+        if figures is not None:
+            write_figures(name, figures)
+    if as_json:
+        print(json.dumps(rows, indent=2))
+    else:
+        columns = ("item", "paper", "reference", "ours", "tolerance", "ok")
+        print_table(columns, [[short(row[column]) for column in columns] for row in rows])
+    if not all(row["ok"] for row in rows):
+        raise typer.Exit(1)
+
+
+@app.command()
+def controllers(as_json: Json = False) -> None:
+    """Say who is on the graph, who is ready and who is in charge.
+
+    Example: `ROS_DOMAIN_ID=1 ./flexslew controllers`
+    """
+    from flexslew_lab.ros.operator import list_controllers
+
+    active, rows = list_controllers()
+    if as_json:
+        print(json.dumps({"active": active, "controllers": rows}, indent=2))
+    else:
+        columns = ("controller", "law", "ready", "reason", "last_tick")
+        table = [[short(row[c]) for c in columns] for row in rows]
+        print_table(("in charge", *columns), [["*" * (r[0] == active), *r] for r in table])
+
+
+@app.command()
+def switch(
+    controller: Annotated[str, typer.Argument(help="Who takes over.")],
+    at: Annotated[float, typer.Option(help="Simulated time [s]; 0: the next tick.")] = 0.0,
+    strict: Annotated[bool, typer.Option(help="Refuse a larger step of the effort.")] = False,
+    max_effort_step: Annotated[float, typer.Option(help="For --strict [N m].")] = 1.0,
+) -> None:
+    """Give the bench to another controller while it moves.
+
+    Example: `ROS_DOMAIN_ID=1 ./flexslew switch output_feedback --at 12.5`
+    """
+    from flexslew_lab.ros.operator import switch_controller
+
+    ok, message = switch_controller(controller, at, strict, max_effort_step)
+    screen.print(message)
+    if not ok:
+        raise typer.Exit(1)
+
+
+for often in (recover, resim, check, play, live, bench):
+    app.command()(often)
+app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(test)
+
+
+def _summary(metrics: dict[str, Any]) -> None:
+    from flexslew_lab.report.metric_schema import METRICS
+
+    rows = []
+    for key, value in metrics.items():
+        unit = METRICS[key].unit if key in METRICS else ""
+        rows.append((key, short(value), unit))
+    print_table(("metric", "value", "unit"), rows)
+
+
+def _content(folder: Path) -> list[str]:
+    return sorted(path.name + "/" * path.is_dir() for path in folder.iterdir())
+
+
+def main() -> None:
+    """Run the command line; every known error is one line."""
+    code = 0
+    try:
+        code = app(prog_name="./flexslew", standalone_mode=False) or 0
+    except typer.Exit as leave:
+        code = leave.exit_code
+    except typer.Abort:
+        code = 130
+    except KeyboardInterrupt:
+        code = 130
+    except RunFault as error:
+        screen.print(f"[red]error:[/red] {error}", highlight=False)
+        code = 3
+    except FlexslewError as error:
+        screen.print(f"[red]error:[/red] {error}", highlight=False, soft_wrap=True)
+        code = 2
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # click's usage errors have it
+            raise
+        screen.print(f"[red]error:[/red] {error.format_message()}", highlight=False)
+        code = 2
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,188 @@
+"""Subcommands that let a log run again: fly again, check a controller, play, show live."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import BarColumn, Progress, TextColumn
+
+from flexslew_lab.cli.log import Bag, Json, bag_of, demand
+from flexslew_lab.cli.terminal import print_table, progress, screen
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
+
+
+def resim(
+    bag: Bag,
+    elsewhere: Annotated[
+        bool, typer.Option(help="Recorded on another build or processor: accept its rounding.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Fly a run again from nothing but its log and compare the trajectory.
+
+    On the same build every bit must be the same, else the exit code is 1; with --elsewhere the
+    largest difference of each field may be 1e-9 of its largest magnitude.
+
+    Example: `./flexslew resim runs/m1-20260101-120000`
+    """
+    from flexslew_lab.replay.resim import TOLERANCE
+    from flexslew_lab.replay.resim import resim as fly_again
+
+    with progress("resim") as advance:
+        again = fly_again(bag_of(bag), advance)
+    first = again.first_difference
+    if as_json:
+        values = {**again._asdict(), "first_difference": first and first._asdict()}
+        values |= {"within_tolerance": again.within_tolerance, "tolerance": TOLERANCE}
+        print(json.dumps(values, indent=2))
+    else:
+        replayed = ", ".join(f"{count} {kind}" for kind, count in again.replayed.items() if count)
+        rows = [
+            ("recorded", again.recorded_hash),
+            ("again", again.hash),
+            ("ticks", f"{again.ticks}"),
+            ("from the log", replayed or "no wish of an operator, no missed tick"),
+            *((f"largest of {name}", f"{value:.3g}") for name, value in again.largest.items()),
+            *(
+                (f"version of {n}", f"{a} there, {b} here")
+                for n, (a, b) in again.other_versions.items()
+            ),
+        ]
+        print_table(("", "bit-identical" if again.identical else "DIFFERENT"), rows)
+        if first is not None:
+            print(
+                f"first difference: tick {first.tick} of epoch {first.epoch}, {first.field}: "
+                f"recorded {first.recorded!r}, here {first.ours!r}"
+            )
+    demand(again.identical or (elsewhere and again.within_tolerance))
+
+
+def check(
+    bag: Bag,
+    controller: Annotated[str, typer.Argument(help="Its name in the log; none: the first.")] = "",
+    law: Annotated[str | None, typer.Option(help="Instead of the recorded one.")] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="key=value, YAML, instead of the recorded.")
+    ] = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw the differences, HTML.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Feed recorded measurements into a controller and compare every number that it says.
+
+    The exit code is 1 at the first number that is another one.
+
+    Example: `./flexslew check runs/m1-20260101-120000 pd_feedforward --set "kp=[461.0, 460.0]"`
+    """
+    from flexslew_lab.log.bag_reader import BagReader
+    from flexslew_lab.replay.check import check as compare
+    from flexslew_lab.replay.check import difference_figure
+    from flexslew_lab.replay.logged_controllers import logged_laws
+
+    place = bag_of(bag)
+    name = controller or next(iter(logged_laws(BagReader(place))))
+    with progress("check") as advance:
+        result = compare(place, name, law, _settings(settings or []), advance)
+    if figure is not None:
+        difference_figure(result).write_html(figure)
+        screen.print(f"drawn {figure}")
+    first = result.first_divergence
+    if as_json:
+        values = result._asdict()
+        del values["curves"]
+        values["first_divergence"] = first and {k: _plain(v) for k, v in first._asdict().items()}
+        values["rows"] = [row._asdict() for row in result.rows]
+        print(json.dumps(values, indent=2))
+    else:
+        columns = ("field", "compared", "different", "first tick", "largest", "relative")
+        rows = [
+            (
+                *row[:3],
+                "-" if row.first_tick is None else row.first_tick,
+                f"{row[4]:.3g}",
+                f"{row[5]:.3g}",
+            )
+            for row in result.rows
+        ]
+        print_table(columns, rows)
+        print(
+            f"{result.controller} ({result.law}): {result.ticks} answers compared, "
+            f"{result.only_recorded} only in the log, {result.only_ours} only here"
+        )
+        if first is not None:
+            print(
+                f"first divergence: tick {first.tick} of epoch {first.epoch}, {first.field}: "
+                f"recorded {first.recorded!r}, here {first.ours!r}"
+            )
+    demand(result.ok)
+
+
+def play(
+    bag: Bag,
+    rate: Annotated[float, typer.Option(help="Of real time; 0: as fast as it goes.")] = 1.0,
+    start: Annotated[float, typer.Option(help="Simulated time to begin at [s].")] = 0.0,
+    duration: Annotated[float | None, typer.Option(help="Simulated [s].")] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="Again and again.")] = False,
+    topics: Annotated[list[str] | None, typer.Option(help="Only these, again and again.")] = None,
+    remap: Annotated[list[str] | None, typer.Option(help="old:=new, again and again.")] = None,
+    clock: Annotated[float, typer.Option(help="Own /clock instead of the recorded [Hz].")] = 0.0,
+    pause: Annotated[bool, typer.Option("--pause", help="Wait for /play/resume.")] = False,
+    wait_for: Annotated[list[str] | None, typer.Option(help="Nodes that must listen.")] = None,
+) -> None:
+    """Publish a bag on its topics again, in order, with its stamps.
+
+    Services: /play/pause, /play/resume (Trigger), /play/step (flexslew_msgs/Step) and /play/seek
+    (flexslew_msgs/Seek).
+
+    Example: `./flexslew play runs/m1-20260101-120000 --rate 10 --topics /truth --topics /events`
+    """
+    from flexslew_lab.replay.player import PlaySettings
+    from flexslew_lab.ros.play_node import play as run
+    from flexslew_plant.settings import validated
+
+    values = {
+        "bag": str(bag_of(bag)), "rate": rate, "start": start, "duration": duration, "loop": loop,
+        "topics": topics or (), "remap": remap or (), "clock": clock, "paused": pause,
+        "wait_for": wait_for or (),
+    }  # fmt: skip
+    settings: PlaySettings = validated(PlaySettings, values, "play")
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[at]}"))
+    with Progress(*columns, console=screen, transient=True) as bar:
+        task = bar.add_task("play", total=None, at="")
+
+        def report(time: float, end: float) -> None:
+            bar.update(task, completed=time, total=end, at=f"{time:.2f} of {end:.2f} s")
+
+        run(settings, report)
+
+
+def live(
+    port: Annotated[int, typer.Option(help="On 127.0.0.1; 0: any free one.")] = 8765,
+) -> None:
+    """Show a running bench in the Foxglove app: a WebSocket server on this machine only.
+
+    Example: `ROS_DOMAIN_ID=1 ./flexslew live`, then open ws://127.0.0.1:8765 in Foxglove
+    """
+    from flexslew_lab.ros.live_node import live as run
+
+    run(port, screen.print)
+
+
+def _settings(pairs: list[str]) -> dict[str, Any]:
+    """Return `key=value` texts as settings; dots nest."""
+    settings: dict[str, Any] = {}
+    for pair in pairs:
+        key, sign, text = pair.partition("=")
+        if not (key and sign):
+            raise BadInput(f"--set: {pair!r} is not of the form key=value")
+        place = settings
+        *path, last = key.split(".")
+        for part in path:
+            place = place.setdefault(part, {})
+        place[last] = load_yaml(text, f"--set {key}")
+    return settings
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value

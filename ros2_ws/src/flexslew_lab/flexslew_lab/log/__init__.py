@@ -1,0 +1,1 @@
+"""The log: writing, reading, checking, recovering and exporting MCAP bags."""

@@ -1,0 +1,84 @@
+"""Messages of one topic as arrays, without an object for each of them."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_lab.log.cdr_layout import Layout, gather, layout
+from flexslew_lab.log.mcap_scan import RawMessage
+
+
+class Block(NamedTuple):
+    """Messages of one topic that follow one another, as arrays.
+
+    `columns` maps a field (nested names joined by dots) to one value a message, shape (messages,)
+    or (messages, length); texts are objects.
+    """
+
+    topic: str
+    stamp: np.ndarray  # log times, (messages,) [ns]
+    columns: dict[str, Any]
+
+
+def blocks_of(
+    topic: str,
+    kind: str,
+    messages: list[RawMessage],
+    layouts: dict[tuple[str, int], list[Layout]],
+) -> Iterator[Block]:
+    """Yield the messages as blocks of one layout each, in order."""
+    start = 0
+    while start < len(messages):
+        size = len(messages[start].data)
+        stop = next(
+            (i for i in range(start, len(messages)) if len(messages[i].data) != size),
+            len(messages),
+        )
+        rows = np.frombuffer(
+            b"".join([m.data for m in messages[start:stop]]), dtype=np.uint8
+        ).reshape(stop - start, size)
+        stamps = np.array([m.stamp for m in messages[start:stop]], dtype=np.int64)
+        while len(rows):
+            kind_of = _layout_of(kind, rows[0], layouts.setdefault((kind, size), []))
+            places = list(kind_of.shape)
+            same = (rows[:, places] == rows[0, places]).all(axis=1)
+            n = len(rows) if same.all() else int(np.argmin(same))
+            columns = {
+                name: np.full(n, value) if isinstance(value, str) else _texts(value, n)
+                for name, value in gather(kind_of, rows[:n])
+            }
+            yield Block(topic, stamps[:n], columns)
+            rows, stamps = rows[n:], stamps[n:]
+        start = stop
+
+
+def _layout_of(kind: str, row: np.ndarray, known: list[Layout]) -> Layout:
+    """Return the layout of a message, from those met before where one fits."""
+    data = row.tobytes()
+    for one in known:
+        if all(data[i] == one.template[i] for i in one.shape):
+            return one
+    found = layout(kind, data)
+    if len(known) < 64:
+        known.append(found)
+    return found
+
+
+def _texts(value: Any, n: int) -> np.ndarray:
+    """Return a column as an array; a tuple of texts is repeated for every message."""
+    if isinstance(value, tuple):
+        column = np.empty((n, len(value)), dtype=object)
+        column[:] = value
+        return column
+    return np.asarray(value)
+
+
+def widened(part: np.ndarray, width: int) -> np.ndarray:
+    """Return the rows filled up to width, with NaN or empty texts."""
+    if part.ndim == 1 or part.shape[1] == width:
+        return part
+    filler: Any = "" if part.dtype == object else np.nan
+    wide = np.full((len(part), width), filler, dtype=part.dtype if part.dtype == object else float)
+    wide[:, : part.shape[1]] = part
+    return wide

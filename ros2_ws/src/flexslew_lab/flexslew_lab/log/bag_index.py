@@ -1,0 +1,186 @@
+"""Where in a bag a time lies: its chunk index, so that a jump costs no reading from the start."""
+
+import struct
+import zlib
+from collections import deque
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+
+from flexslew_lab.log import cdr
+from flexslew_lab.log.bag_layout import MAGIC, TOPICS
+from flexslew_lab.log.bag_reader import BagMessage, BagReader
+from flexslew_lab.log.mcap_scan import (
+    CHANNEL,
+    CHUNK,
+    CHUNK_INDEX,
+    FOOTER,
+    SCHEMA,
+    RawMessage,
+    Record,
+    RecordStream,
+    chunk_content,
+    chunk_records,
+)
+from flexslew_lab.log.topic_lookup import Lookup
+from flexslew_plant.errors import BadInput
+
+# A controller says so more often than that as long as it is on the graph
+STATUS_EVERY = 20_000_000_000  # simulated [ns]
+_HEAD = struct.Struct("<BQ")
+_FOOTER = struct.Struct("<BQQQI")
+_CHUNK = struct.Struct("<QQQQI")
+_CHANNELS = np.dtype([("channel", "<u2"), ("offset", "<u8")])
+_ROWS = np.dtype([("start", "i8"), ("end", "i8"), ("at", "i8"), ("length", "i8")])
+
+
+class _Place(NamedTuple):
+    """A chunk in the file."""
+
+    start: int  # first log time [ns]
+    end: int  # last log time [ns]
+    at: int  # of its record
+    length: int  # of its record
+    channels: frozenset[int]
+
+
+class BagIndex:
+    """A bag, read from any time on. Its memory is 32 bytes a chunk (64 KiB of messages).
+
+    A bag that was not finished has no index; it is made by one pass.
+
+    Args:
+        path: the rosbag2 folder, or the .mcap file.
+
+    Raises:
+        BadInput: there is no bag, it is damaged, foreign, or of another version; also while
+            reading.
+    """
+
+    def __init__(self, path: Path) -> None:
+        bag = BagReader(path)
+        self.path = bag.path
+        self._lookup = Lookup(self.path)
+        self._sets: dict[frozenset[int], int] = {}  # of channels; most chunks hold the same ones
+        summary = self._summary()
+        rows, kinds = [], []
+        for place in self._indexed(summary) if summary else self._scanned():
+            rows.append(np.array(place[:4], dtype=np.int64).tobytes())
+            kinds.append(self._sets.setdefault(place.channels, len(self._sets)))
+        self._rows = np.frombuffer(b"".join(rows), dtype=_ROWS)
+        self._kinds = np.array(kinds, dtype=np.uint16)
+        self.types = dict(map(self._lookup.topic, self._lookup.channels))
+        self.first = int(self._rows["start"][0]) if rows else 0
+        self.last = int(self._rows["end"][-1]) if rows else 0
+
+    def messages(self, topics: Collection[str], start: int = 0) -> Iterator[BagMessage]:
+        """Yield the messages of the topics from a log time [ns] on, in their order."""
+        for place in self._places(topics, self._rows["end"] >= start):
+            for message in self._chunk(place, topics):
+                if message.stamp >= start:
+                    yield message
+
+    def held(self, topic: str, before: int) -> list[BagMessage]:
+        """Return what a listener that comes at a log time [ns] is told of a latched topic.
+
+        That are the last messages before it, as many as the topic's publisher keeps; of
+        /controller_status, which everybody publishes for himself, the last one of each.
+        """
+        everybody = topic == "/controller_status"
+        depth = 1 << 62 if everybody else TOPICS[topic].depth
+        found: deque[BagMessage] = deque()
+        names: set[str] = set()
+        for place in self._places([topic], self._rows["start"] < before, backwards=True):
+            chunk = [m for m in self._chunk(place, [topic]) if m.stamp < before]
+            for message in reversed(chunk):
+                if everybody:
+                    if found and message.stamp < found[-1].stamp - STATUS_EVERY:
+                        return list(found)
+                    name = cdr.decode(message.type, message.data).controller
+                    if name in names:
+                        continue
+                    names.add(name)
+                found.appendleft(message)
+                if len(found) == depth:
+                    return list(found)
+        return list(found)
+
+    def _places(
+        self, topics: Collection[str], mask: Any, backwards: bool = False
+    ) -> Iterator[tuple[int, int]]:
+        """Yield position and length of the chunks that hold these topics."""
+        channels = {n for n in self._lookup.channels if self._lookup.topic(n)[0] in topics}
+        wanted = [number for kinds, number in self._sets.items() if kinds & channels]
+        rows = self._rows[mask & np.isin(self._kinds, wanted)]
+        for row in rows[::-1] if backwards else rows:
+            yield int(row["at"]), int(row["length"])
+
+    def _chunk(self, place: tuple[int, int], topics: Collection[str]) -> Iterator[BagMessage]:
+        at, length = place
+        with open(self.path, "rb") as file:
+            record = _record(file, at, self.path)
+        if record.opcode != CHUNK or len(record.body) + _HEAD.size != length:
+            raise BadInput(f"{self.path}: damaged at byte {at}: its index names another record")
+        for m in chunk_records(
+            chunk_content(record.body, f"{self.path}: byte {at}"), str(self.path)
+        ):
+            if isinstance(m, RawMessage):
+                topic, kind = self._lookup.topic(m.channel)
+                if topic in topics:
+                    yield BagMessage(topic, kind, m.stamp, m.sequence, m.data)
+
+    def _summary(self) -> bytes:
+        """Return the summary section, checked; empty where the file was not finished."""
+        size = self.path.stat().st_size
+        with open(self.path, "rb") as file:
+            file.seek(max(size - len(MAGIC) - _FOOTER.size, 0))
+            foot = file.read()
+            if len(foot) != _FOOTER.size + len(MAGIC) or not foot.endswith(MAGIC):
+                return b""
+            opcode, _, start, _, crc = _FOOTER.unpack_from(foot)
+            if opcode != FOOTER or not 0 < start < size:
+                raise BadInput(f"{self.path}: damaged: no footer; `log recover` it")
+            file.seek(start)
+            data = file.read(size - start - len(MAGIC))
+        if crc and zlib.crc32(data[:-4]) != crc:
+            raise BadInput(f"{self.path}: damaged: the checksum of the summary does not match")
+        return data[: -_FOOTER.size]
+
+    def _indexed(self, summary: bytes) -> Iterator[_Place]:
+        at = 0
+        while at < len(summary):
+            opcode, length = _HEAD.unpack_from(summary, at)
+            at += _HEAD.size
+            if opcode in (SCHEMA, CHANNEL):
+                self._lookup.take(Record(opcode, summary[at : at + length], at))
+            elif opcode == CHUNK_INDEX:
+                start, end, place, size, room = _CHUNK.unpack_from(summary, at)
+                count = room // _CHANNELS.itemsize
+                held = np.frombuffer(summary, _CHANNELS, count, at + _CHUNK.size)["channel"]
+                yield _Place(start, end, place, size, frozenset(held.tolist()))
+            at += length
+
+    def _scanned(self) -> Iterator[_Place]:
+        for record in RecordStream(self.path):
+            if record.opcode in (SCHEMA, CHANNEL):
+                self._lookup.take(record)
+            elif record.opcode == CHUNK:
+                channels = set()
+                data = chunk_content(record.body, f"{self.path}: byte {record.offset}")
+                for m in chunk_records(data, str(self.path)):
+                    if isinstance(m, RawMessage):
+                        channels.add(m.channel)
+                    else:
+                        self._lookup.take(m)
+                start, end = struct.unpack_from("<QQ", record.body)
+                length = _HEAD.size + len(record.body)
+                yield _Place(start, end, record.offset, length, frozenset(channels))
+
+
+def _record(file: BinaryIO, at: int, path: Path) -> Record:
+    file.seek(at)
+    head = file.read(_HEAD.size)
+    opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
+    return Record(opcode, file.read(min(length, path.stat().st_size)), at)

@@ -1,0 +1,234 @@
+"""A bag as tables: Parquet or CSV, one a topic, with units."""
+
+import json
+import re
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from flexslew_lab.log.bag_columns import Block
+from flexslew_lab.log.bag_reader import BagReader, Overview
+from flexslew_lab.log.cdr import Field, fields
+from flexslew_lab.log.schemas import definition, field_types, type_hash
+from flexslew_plant.errors import BadInput
+
+WIDEST = 64  # longer sequences stay one column: a list in Parquet, JSON in CSV
+ROWS, BYTES = 16_384, 1 << 24  # of a row group, which ends at the first of them
+_UNIT = re.compile(r"\[([^\]]+)\]")
+
+
+class Exported(NamedTuple):
+    """What was written, and which topics have no table."""
+
+    files: dict[str, Path]  # by topic
+    rows: dict[str, int]
+    skipped: dict[str, str]  # topic -> why
+
+
+class _Column(NamedTuple):
+    name: str
+    source: str  # field, dots joined
+    place: int | None  # into a sequence; None: the whole
+    width: int  # -1: a number; else the longest sequence
+    type: pa.DataType
+    unit: str
+
+
+def export_log(
+    path: Path,
+    out: Path,
+    kind: Literal["parquet", "csv"] = "parquet",
+    topics: Collection[str] | None = None,
+) -> Exported:
+    """Return the files that were written: `<out>/<topic>.<kind>`, one a topic.
+
+    Columns: `log_time` [ns], then the fields; the k-th of a sequence is `name_k`. Units and
+    meanings stand in the metadata of the Arrow fields; for CSV in `<out>/columns.json`.
+
+    Args:
+        path: the bag's folder or file.
+        out: a folder, made if missing.
+        kind: parquet or csv.
+        topics: absolute names; default: all that fit into a table.
+
+    Raises:
+        BadInput: the bag cannot be read, or a topic is not in it.
+
+    """
+    if kind not in ("parquet", "csv"):
+        raise BadInput(f"export: {kind!r} is not known; choose parquet or csv")
+    bag = BagReader(path)
+    overview = bag.overview
+    unknown = [t for t in topics or () if t not in overview.counts]
+    if unknown:
+        there = ", ".join(sorted(overview.counts))
+        raise BadInput(f"{bag.path}: no topic {unknown[0]}; it has {there}")
+    wanted = list(topics or sorted(overview.counts))
+    skipped = {t: why for t in wanted if (why := _objection(overview.types[t]))}
+    wanted = [t for t in wanted if t not in skipped]
+    widths = _widths(bag, wanted)
+    out.mkdir(parents=True, exist_ok=True)
+    columns = {t: _columns(overview, t, widths[t], kind) for t in wanted}
+    files = {t: out / f"{t.strip('/').replace('/', '_')}.{kind}" for t in wanted}
+    rows = dict.fromkeys(wanted, 0)
+    with ExitStack() as stack:
+        sinks = {}
+        for topic in wanted:
+            schema = _schema(overview, topic, columns[topic])
+            sinks[topic] = stack.enter_context(_sink(files[topic], schema, kind)), schema
+        for topic, blocks in _batches(bag, wanted):
+            sink, schema = sinks[topic]
+            table = _table(blocks, columns[topic], schema, kind)
+            rows[topic] += table.num_rows
+            sink.write_table(table)
+    if kind == "csv":
+        described = {
+            str(files[t].name): {c.name: {"unit": c.unit, "field": c.source} for c in columns[t]}
+            for t in wanted
+        }
+        (out / "columns.json").write_text(json.dumps(described, indent=1), encoding="utf-8")
+    return Exported(files, rows, skipped)
+
+
+def units_of(type_name: str, name: str) -> tuple[str, ...]:
+    """Return the units in the comment of a field: one, or one for each part of a sequence."""
+    for _, field, comment in field_types(definition(type_name)):
+        if field == name:
+            return tuple(_UNIT.findall(comment))
+    return ()
+
+
+def _objection(type_name: str) -> str:
+    """Return why the type does not fit into a table; empty where it does."""
+
+    def nested_sequence(name: str) -> Field | None:
+        for field in fields(name):
+            if field.nested:
+                found = field if field.array else nested_sequence(field.nested)
+                if found:
+                    return found
+        return None
+
+    found = nested_sequence(type_name)
+    return f"{found.name} is a sequence of {found.nested}" if found else ""
+
+
+def _widths(bag: BagReader, topics: Collection[str]) -> dict[str, dict[str, tuple[int, str]]]:
+    """Return the longest length (-1 of a number) and kind of every field that occurs."""
+    widths: dict[str, dict[str, tuple[int, str]]] = {topic: {} for topic in topics}
+    for block in bag.blocks(topics):
+        known = widths[block.topic]
+        for name, column in block.columns.items():
+            width = column.shape[1] if column.ndim == 2 else -1
+            kind = column.dtype.str if column.dtype.kind not in "OU" else "text"
+            before = known.get(name, (width, kind))
+            known[name] = max(width, before[0]), before[1]
+    return widths
+
+
+def _columns(
+    overview: Overview, topic: str, widths: dict[str, tuple[int, str]], kind: str
+) -> list[_Column]:
+    columns = []
+    type_name = overview.types[topic]
+    for name, (width, code) in widths.items():
+        base = pa.string() if code == "text" else pa.from_numpy_dtype(np.dtype(code))
+        units = units_of(type_name, name) if "." not in name else _stamp_unit(name)
+        if width < 0:
+            columns.append(_Column(name, name, None, -1, base, units[0] if units else ""))
+        elif width > WIDEST:
+            whole = pa.string() if kind == "csv" else pa.list_(base)
+            columns.append(_Column(name, name, None, width, whole, ", ".join(units)))
+        else:
+            columns += [
+                _Column(f"{name}_{k}", name, k, width, base, _unit(overview, units, k))
+                for k in range(width)
+            ]
+    return columns
+
+
+def _stamp_unit(name: str) -> tuple[str, ...]:
+    return {"sec": ("s",), "nanosec": ("ns",)}.get(name.rsplit(".", 1)[-1], ())
+
+
+def _unit(overview: Overview, units: tuple[str, ...], k: int) -> str:
+    """Return the unit of the k-th value of a sequence: joints first, then modes.
+
+    Comments write `[rad or m]` for joints, `[rad or m], ... [m]` or `[rad/s, m/s]` where modes
+    follow them.
+    """
+    if not units:
+        return ""
+    testbed = overview.testbed
+    kinds = list(testbed.joint_units) if testbed is not None else []
+    if len(units) == 1 and ", " in units[0]:
+        units = (units[0].replace(", ", " or "), units[0].rsplit(", ", 1)[1])
+    unit = units[0] if len(units) == 1 or k < len(kinds) else units[1]
+    choices = unit.split(" or ")
+    if len(choices) == 2 and k < len(kinds):
+        return choices[1 if kinds[k] == "m" else 0]
+    return unit
+
+
+def _schema(overview: Overview, topic: str, columns: list[_Column]) -> pa.Schema:
+    type_name = overview.types[topic]
+    found = [pa.field("log_time", pa.int64(), metadata={"unit": "ns"})]
+    for c in columns:
+        comments = {f: text for _, f, text in field_types(definition(type_name))}
+        meaning = comments.get(c.source.split(".")[0], "")
+        found.append(pa.field(c.name, c.type, metadata={"unit": c.unit, "meaning": meaning}))
+    names = {} if overview.testbed is None else {"joints": ",".join(overview.testbed.joint_names)}
+    return pa.schema(
+        found,
+        metadata={"topic": topic, "type": type_name, "type_hash": type_hash(type_name), **names},
+    )
+
+
+def _sink(path: Path, schema: pa.Schema, kind: str) -> Any:
+    if kind == "csv":
+        return pyarrow.csv.CSVWriter(path, schema)
+    return pyarrow.parquet.ParquetWriter(path, schema, compression="zstd")
+
+
+def _batches(bag: BagReader, topics: Collection[str]) -> Iterator[tuple[str, list[Block]]]:
+    """Yield blocks of a topic in lots of about ROWS rows, or of about BYTES where rows are long."""
+    waiting: dict[str, list[Block]] = {topic: [] for topic in topics}
+    rows, size = dict.fromkeys(topics, 0), dict.fromkeys(topics, 0)
+    for block in bag.blocks(topics):
+        topic = block.topic
+        waiting[topic].append(block)
+        rows[topic] += len(block.stamp)
+        size[topic] += sum(column.nbytes for column in block.columns.values())
+        if rows[topic] >= ROWS or size[topic] >= BYTES:
+            yield topic, waiting[topic]
+            waiting[topic], rows[topic], size[topic] = [], 0, 0
+    for topic, blocks in waiting.items():
+        if blocks:
+            yield topic, blocks
+
+
+def _table(blocks: list[Block], columns: list[_Column], schema: pa.Schema, kind: str) -> pa.Table:
+    arrays = [pa.array(np.concatenate([b.stamp for b in blocks]))]
+    for c in columns:
+        parts = [_values(b.columns[c.source], c, kind) for b in blocks]
+        arrays.append(pa.concat_arrays(parts))
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _values(column: Any, c: _Column, kind: str) -> pa.Array:
+    if c.width >= 0 and c.place is None:
+        rows = [row.tolist() for row in column]
+        if kind == "csv":
+            return pa.array([json.dumps(row) for row in rows], type=c.type)
+        return pa.array(rows, type=c.type)
+    if c.place is not None:
+        if c.place >= column.shape[1]:
+            return pa.nulls(len(column), c.type)
+        column = np.ascontiguousarray(column[:, c.place])
+    return pa.array(column, type=c.type)

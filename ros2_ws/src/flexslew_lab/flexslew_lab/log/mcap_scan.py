@@ -1,0 +1,270 @@
+"""MCAP records one after another, each checked before anyone sees it."""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import zstandard
+
+from flexslew_lab.log.bag_layout import MAGIC
+from flexslew_plant.errors import BadInput
+
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
+CHUNK_INDEX, METADATA, DATA_END = 0x08, 0x0C, 0x0F
+LARGEST = 1 << 30  # of one record [B]; ours stay below a few MiB
+_SCHEMA_LIKE = frozenset({SCHEMA, CHANNEL})
+_DATA_RECORDS = frozenset({1, 3, 4, 5, 6, 7, 9, 0x0C, 0x0F})
+_HEAD = struct.Struct("<BQ")
+_MESSAGE_HEAD = struct.Struct("<BQHIQQ")
+
+
+class Record(NamedTuple):
+    """One record of the data section."""
+
+    opcode: int
+    body: bytes
+    offset: int  # in the file
+
+
+class RawMessage(NamedTuple):
+    """A message inside a chunk, not decoded."""
+
+    channel: int
+    sequence: int
+    stamp: int  # log time [ns]
+    data: bytes
+
+
+class Cut(NamedTuple):
+    """Where a file stops that was never finished."""
+
+    offset: int  # first byte that is not part of a whole record
+    lost: int  # bytes behind it
+    reason: str
+
+
+class RecordStream:
+    """The data section of one file. After the iteration `cut` says whether the file is whole.
+
+    A file without its end (killed recorder, full disk) is read up to its last whole record. A
+    file with an end must be right to the last bit of the data section: the CRC over it says so.
+
+    Raises:
+        BadInput: while iterating: the file is no MCAP file, or damaged.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.cut: Cut | None = None
+        self.at = 0  # where the last whole record ends
+        try:
+            self._file: BinaryIO = open(path, "rb")  # noqa: SIM115
+        except OSError as error:
+            raise BadInput(f"{path}: {error.strerror}") from None
+        self._size = path.stat().st_size
+
+    def __iter__(self) -> Iterator[Record]:
+        """Yield the records in their order."""
+        with self._file as file:
+            file.seek(max(self._size - len(MAGIC), 0))
+            finished = file.read() == MAGIC and self._size > 2 * len(MAGIC)
+            file.seek(0)
+            magic = file.read(len(MAGIC))
+            if magic != MAGIC:
+                raise BadInput(f"{self.path}: not an MCAP file")
+            at, crc = len(magic), zlib.crc32(magic)
+            while True:
+                head = file.read(_HEAD.size)
+                opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
+                room = self._size - at - _HEAD.size
+                if len(head) < _HEAD.size or opcode not in _DATA_RECORDS or length > room:
+                    self._stop(at, finished, self._why(head, opcode, length, room))
+                    return
+                if length > LARGEST:
+                    raise self._damaged(at, f"a record of {length} bytes")
+                body = file.read(length)
+                if opcode == DATA_END:
+                    self._check_end(at, body, crc)
+                    if not finished:
+                        self.cut = Cut(at, self._size - at, "the summary is not finished")
+                    return
+                crc = zlib.crc32(body, zlib.crc32(head, crc))
+                self.at = at + _HEAD.size + length
+                yield Record(opcode, body, at)
+                at = self.at
+
+    def _stop(self, at: int, finished: bool, why: str) -> None:
+        if finished or why.startswith("unknown"):
+            raise self._damaged(at, why)
+        self.cut = Cut(at, self._size - at, why)
+
+    def _check_end(self, at: int, body: bytes, crc: int) -> None:
+        if len(body) != 4:
+            raise self._damaged(at, "its data section has no proper end")
+        (expected,) = struct.unpack("<I", body)
+        if expected and expected != crc:
+            raise self._damaged(at, "the checksum over all data does not match")
+
+    def _damaged(self, at: int, why: str) -> BadInput:
+        return BadInput(
+            f"{self.path}: damaged at byte {at}: {why}; take a copy or `log recover` it"
+        )
+
+    @staticmethod
+    def _why(head: bytes, opcode: int, length: int, room: int) -> str:
+        if len(head) < _HEAD.size:
+            return "the file ends between two records" if not head else "a record's head is cut"
+        if opcode not in _DATA_RECORDS:
+            return f"unknown kind of record {opcode}"
+        return f"a record of {length} bytes is cut after {room}"
+
+
+def chunk_content(body: bytes, where: str) -> bytes:
+    """Return the uncompressed records of a chunk, CRC checked.
+
+    Raises:
+        BadInput: the chunk is damaged or compressed in another way.
+
+    """
+    try:
+        start, end, size, crc, n = struct.unpack_from("<QQQII", body)
+        compression = body[32 : 32 + n].decode()
+        (length,) = struct.unpack_from("<Q", body, 32 + n)
+        data = body[40 + n :]
+        if len(data) != length or end < start:
+            raise ValueError("its lengths contradict each other")
+        if compression == "zstd":
+            if size > LARGEST:
+                raise ValueError(f"{size} bytes when unpacked")
+            data = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+        elif compression:
+            raise ValueError(f"compressed with {compression!r}")
+        if len(data) != size or (crc and zlib.crc32(data) != crc):
+            raise ValueError("its checksum does not match")
+    except (struct.error, ValueError, UnicodeDecodeError, zstandard.ZstdError) as error:
+        raise BadInput(f"{where}: damaged chunk: {error}") from None
+    return data
+
+
+def chunk_records(data: bytes, where: str) -> Iterator[Record | RawMessage]:
+    """Yield schemas and channels (as records) and messages of an unpacked chunk.
+
+    Raises:
+        BadInput: the records do not fill the chunk.
+
+    """
+    at, end = 0, len(data)
+    unpack, head, message = _MESSAGE_HEAD.unpack_from, _HEAD.size, _MESSAGE_HEAD.size
+    while at < end:
+        try:
+            opcode, length, channel, sequence, stamp, _ = unpack(data, at)
+        except struct.error:  # a short record at the very end
+            if at + head > end:
+                raise BadInput(f"{where}: damaged chunk: a record is cut") from None
+            opcode, length = _HEAD.unpack_from(data, at)
+            channel = sequence = stamp = 0
+        stop = at + head + length
+        if stop > end or (opcode == MESSAGE and length < message - head):
+            raise BadInput(f"{where}: damaged chunk: a record is cut")
+        if opcode == MESSAGE:
+            yield RawMessage(channel, sequence, stamp, data[at + message : stop])
+        elif opcode in _SCHEMA_LIKE:
+            yield Record(opcode, data[at + head : stop], at)
+        at = stop
+
+
+class SchemaRecord(NamedTuple):
+    """What a channel's messages look like."""
+
+    id: int
+    name: str
+    encoding: str
+    text: str
+
+
+class ChannelRecord(NamedTuple):
+    """A topic in a file."""
+
+    id: int
+    schema: int
+    topic: str
+    encoding: str
+    metadata: dict[str, str]
+
+
+def read_schema(body: bytes) -> SchemaRecord:
+    """Return a schema record.
+
+    Raises:
+        ValueError: it is damaged.
+
+    """
+    (number,) = _unpack("<H", body, 0)
+    name, at = _string(body, 2)
+    encoding, at = _string(body, at)
+    text, _ = _string(body, at)
+    return SchemaRecord(number, name, encoding, text)
+
+
+def read_channel(body: bytes) -> ChannelRecord:
+    """Return a channel record.
+
+    Raises:
+        ValueError: it is damaged.
+
+    """
+    number, schema = _unpack("<HH", body, 0)
+    topic, at = _string(body, 4)
+    encoding, at = _string(body, at)
+    return ChannelRecord(number, schema, topic, encoding, _mapping(body, at))
+
+
+def read_metadata(body: bytes) -> tuple[str, dict[str, str]]:
+    """Return name and content of a metadata record.
+
+    Raises:
+        ValueError: it is damaged.
+
+    """
+    name, at = _string(body, 0)
+    return name, _mapping(body, at)
+
+
+def read_header(body: bytes) -> tuple[str, str]:
+    """Return profile and library of the header record.
+
+    Raises:
+        ValueError: it is damaged.
+
+    """
+    profile, at = _string(body, 0)
+    return profile, _string(body, at)[0]
+
+
+def _unpack(code: str, body: bytes, at: int) -> tuple[int, ...]:
+    try:
+        return struct.unpack_from(code, body, at)
+    except struct.error as error:
+        raise ValueError(str(error)) from None
+
+
+def _string(body: bytes, at: int) -> tuple[str, int]:
+    (size,) = _unpack("<I", body, at)
+    end = at + 4 + size
+    if end > len(body):
+        raise ValueError("a text is cut")
+    return body[at + 4 : end].decode(), end
+
+
+def _mapping(body: bytes, at: int) -> dict[str, str]:
+    (size,) = _unpack("<I", body, at)
+    end, at, found = at + 4 + size, at + 4, {}
+    if end > len(body):
+        raise ValueError("a mapping is cut")
+    while at < end:
+        key, at = _string(body, at)
+        found[key], at = _string(body, at)
+    return found

@@ -1,0 +1,189 @@
+"""A bag made whole again after a kill, a full disk, a cut or damage, and what is missing in it."""
+
+import os
+import shutil
+from collections import Counter
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+from flexslew_lab.log import cdr
+from flexslew_lab.log.bag_layout import METADATA_FILE, RUN_RECORD, TRIAL_RECORD
+from flexslew_lab.log.bag_lock import LOCK_FILE, lock_folder, unlock_folder
+from flexslew_lab.log.bag_reader import BagReader, find_mcap
+from flexslew_lab.log.bag_writer import BagWriter, RecordingStopped
+from flexslew_lab.log.mcap_scan import (
+    CHANNEL,
+    CHUNK,
+    METADATA,
+    SCHEMA,
+    Record,
+    RecordStream,
+    chunk_content,
+    chunk_records,
+    read_metadata,
+)
+from flexslew_lab.log.topic_lookup import Lookup
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
+
+
+class Recovery(NamedTuple):
+    """What was kept and what is missing."""
+
+    source: Path
+    out: Path
+    kept: dict[str, int]  # messages by topic
+    lost: dict[str, int]  # messages by topic that were recorded in between and are damaged
+    reason: str  # why the file was not whole; empty if it was
+    bytes_lost: int  # that could not be read
+    chunks_lost: int  # damaged ones, left out
+    last_time: float  # simulated time of the last truth [s]
+    last_tick: int
+    missing_ticks: int  # that the truth skips
+    unrecorded_ticks: int | None  # from the last tick to the trial's end; None: unknown
+
+    @property
+    def statement(self) -> str:
+        """The same in words."""
+        kept = sum(self.kept.values())
+        parts = [f"{kept} messages kept, up to tick {self.last_tick} ({self.last_time:g} s)"]
+        if not self.reason and not self.chunks_lost:
+            parts.append("the file was whole")
+        if self.reason:
+            parts.append(f"{self.reason}: {self.bytes_lost} bytes not readable")
+        if self.chunks_lost:
+            lost = sum(self.lost.values())
+            parts.append(
+                f"{self.chunks_lost} damaged chunks left out, {lost} messages lost in them"
+            )
+        if self.missing_ticks:
+            parts.append(f"{self.missing_ticks} ticks missing in between")
+        if self.unrecorded_ticks:
+            parts.append(f"{self.unrecorded_ticks} ticks of the trial missing at the end")
+        return "; ".join(parts)
+
+
+def recover(source: Path, out: Path | None = None) -> Recovery:
+    """Return what became of a bag that was not finished or is damaged.
+
+    Args:
+        source: the bag's folder or file.
+        out: folder of the new bag; default: in place, with the old file kept as `*.damaged`.
+
+    Raises:
+        BadInput: there is nothing to recover, another recorder still writes, or it is foreign.
+
+    """
+    path = find_mcap(Path(source))
+    target = path.parent / ".recovering" if out is None else Path(out)
+    if out is None:
+        shutil.rmtree(target, ignore_errors=True)
+    if (path.parent / LOCK_FILE).exists():  # refuses while a recorder lives
+        unlock_folder(lock_folder(path.parent), path.parent)
+    BagReader(path)  # refuses what is foreign before anything is written
+    try:
+        result = _copy(path, target)
+    except BaseException:
+        if out is None:
+            shutil.rmtree(target, ignore_errors=True)
+        raise
+    if out is None:
+        new = find_mcap(target)
+        os.replace(path, path.with_suffix(".mcap.damaged"))
+        os.replace(new, path)
+        text = (target / METADATA_FILE).read_text(encoding="utf-8")
+        (path.parent / METADATA_FILE).write_text(text.replace(new.name, path.name), "utf-8")
+        shutil.rmtree(target)
+        result = result._replace(out=path.parent)
+    return result
+
+
+class _Tally:
+    """Counts while messages are copied."""
+
+    def __init__(self) -> None:
+        self.kept: Counter[str] = Counter()
+        self.lost: Counter[str] = Counter()
+        self.sequence: dict[str, int] = {}
+        self.tick, self.time = -1, 0.0
+        self.missing, self.epoch = 0, 0
+
+    def add(self, topic: str, sequence: int, data: bytes) -> None:
+        self.kept[topic] += 1
+        before = self.sequence.get(topic, 0)
+        self.lost[topic] += max(sequence - before - 1, 0)
+        self.sequence[topic] = sequence
+        if topic != "/truth":
+            return
+        truth = cdr.decode("flexslew_msgs/msg/PlantState", data)
+        if truth.epoch != self.epoch:
+            self.epoch, self.tick = truth.epoch, -1
+        if self.tick >= 0:
+            self.missing += max(truth.tick - self.tick - 1, 0)
+        self.tick = truth.tick
+        self.time = truth.header.stamp.sec + truth.header.stamp.nanosec * 1e-9
+
+
+def _copy(path: Path, target: Path) -> Recovery:
+    """Write every message that is whole to a new bag."""
+    stream, lookup, tally = RecordStream(path), Lookup(path, counted=False), _Tally()
+    writer: BagWriter | None = None
+    trial: dict[str, str] = {}
+    run: dict[str, str] = {}
+    chunks_lost, reason, bytes_lost = 0, "", 0
+    try:
+        for record in stream:
+            if record.opcode == METADATA:
+                name, data = read_metadata(record.body)
+                plain = {k: v for k, v in data.items() if k not in ("format", "checksum")}
+                if name == TRIAL_RECORD:
+                    trial = plain
+                elif name == RUN_RECORD:
+                    run = plain
+            elif record.opcode in (SCHEMA, CHANNEL):
+                lookup.take(record)
+            elif record.opcode == CHUNK:
+                writer = writer or BagWriter(target, trial)
+                try:
+                    content = chunk_content(record.body, str(path))
+                except BadInput:
+                    chunks_lost += 1
+                    continue
+                _copy_chunk(content, lookup, writer, tally)
+    except RecordingStopped:  # the new file has no room
+        if writer is not None:
+            with suppress(RecordingStopped):
+                writer.close()
+        raise
+    except (BadInput, ValueError) as error:  # damage that hides where the next record starts
+        reason, bytes_lost = str(error).removeprefix(f"{path}: "), path.stat().st_size - stream.at
+    if stream.cut:
+        reason, bytes_lost = stream.cut.reason, stream.cut.lost
+    if writer is None:
+        raise BadInput(f"{path}: nothing to recover: {reason or 'it holds no message'}")
+    result = Recovery(
+        path, target, dict(tally.kept), dict(+tally.lost), reason, bytes_lost, chunks_lost,
+        tally.time, tally.tick, tally.missing, _unrecorded(trial, tally.tick),
+    )  # fmt: skip
+    writer.close({**run, "recovered": result.statement})
+    return result
+
+
+def _copy_chunk(content: bytes, lookup: Lookup, writer: BagWriter, tally: _Tally) -> None:
+    for m in chunk_records(content, str(writer.path)):
+        if isinstance(m, Record):
+            lookup.take(m)
+        elif m.channel in lookup.channels:  # else its announcement was in a damaged chunk
+            topic, kind = lookup.topic(m.channel)
+            writer.write(topic, kind, m.data, m.stamp)
+            tally.add(topic, m.sequence, m.data)
+
+
+def _unrecorded(trial: dict[str, str], tick: int) -> int | None:
+    """Return how many ticks of the trial are behind the last one in the log."""
+    settings = load_yaml(trial.get("trial", ""), "trial") or {}
+    if not isinstance(settings, dict) or "duration" not in settings:
+        return None
+    ticks = round(float(settings["duration"]) / float(settings.get("period", 0.01)))
+    return max(ticks - tick, 0)

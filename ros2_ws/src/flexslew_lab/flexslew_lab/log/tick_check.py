@@ -1,0 +1,174 @@
+"""Are the ticks of a log whole: every one, in order, and about each of them one word only?"""
+
+from collections.abc import Container, Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_lab.log.bag_columns import Block
+from flexslew_lab.log.bag_reader import BagReader
+
+TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
+_ANSWERS = ("/effort_command", "/controller_state")
+
+Key = tuple[int, int]  # epoch and tick
+Columns = Mapping[str, np.ndarray]
+
+
+class Finding(NamedTuple):
+    """One thing that was looked at."""
+
+    ok: bool
+    what: str
+    detail: str
+
+
+class _Sender:
+    """What one sender says about each tick, block after block.
+
+    A question is repeated until it is answered, and each repetition is answered with the same
+    words; to say something else about a tick is wrong.
+
+    Args:
+        refused: epochs and ticks at which a refused switch gave the question back to another.
+    """
+
+    def __init__(self, refused: Container[Key]) -> None:
+        self._refused = refused
+        self.repeated, self.contradictions, self.backwards = 0, 0, 0
+        self._last: Columns = {}  # its last message
+
+    def add(self, columns: Columns) -> None:
+        """Take the next messages."""
+        before = self._last or {name: column[:1] for name, column in columns.items()}
+        tick, epoch, sec, nanosec = (
+            np.append(before[name], columns[name]).astype(np.int64)
+            for name in ("tick", "epoch", *_stamp_names(columns))
+        )
+        same = np.diff(epoch) == 0
+        self.backwards += int((same & (np.diff(sec * 10**9 + nanosec) < 0)).sum())
+        for k in np.flatnonzero(same & (np.diff(tick) == 0)).tolist():
+            if k or self._last:
+                earlier = {n: c[k - 1 : k] for n, c in columns.items()} if k else before
+                self._again(earlier, {n: c[k : k + 1] for n, c in columns.items()})
+        self._last = {name: column[-1:].copy() for name, column in columns.items()}
+
+    def _again(self, earlier: Columns, later: Columns) -> None:
+        """Take two messages about one tick."""
+        other = {name for name, value in later.items() if not _same(earlier[name], value)}
+        key = int(later["epoch"][0]), int(later["tick"][0])
+        self.repeated += not other
+        self.contradictions += bool(other) and (other != {"controller"} or key not in self._refused)
+
+
+class _Topic:
+    """A topic of every tick, block after block.
+
+    Args:
+        name: of the topic.
+        refused: see _Sender.
+    """
+
+    def __init__(self, name: str, refused: Container[Key]) -> None:
+        self._name, self._refused = name, refused
+        self._senders: dict[str, _Sender] = {}
+        self.messages, self._gaps, self._missing, self._not_finite = 0, 0, 0, 0
+        self._first_gap = ""
+        self.newest: Key = (0, -1)  # -1: none
+
+    def add(self, block: Block) -> None:
+        """Take the next messages."""
+        columns = block.columns
+        self.messages += len(block.stamp)
+        floats = (c for c in columns.values() if c.dtype.kind == "f")
+        self._not_finite += sum(int((~np.isfinite(c)).sum()) for c in floats)
+        self._follow(columns["epoch"].astype(np.int64), columns["tick"].astype(np.int64))
+        # a block has one layout, and with it one text; late answers come among those of others
+        name = str(columns["controller"][0]) if self._name in _ANSWERS else ""
+        self._senders.setdefault(name, _Sender(self._refused)).add(columns)
+
+    def _follow(self, epoch: np.ndarray, tick: np.ndarray) -> None:
+        """Count the ticks that are left out, whoever sends."""
+        for number in np.unique(epoch):
+            ticks = tick[epoch == number]
+            last = self.newest[1] if number == self.newest[0] else -1
+            last = ticks[0] - 1 if last < 0 else last
+            newest = np.maximum.accumulate(np.append(last, ticks))
+            step = np.diff(newest)
+            gap = step > 1
+            if gap.any() and not self._first_gap:
+                k = int(np.argmax(gap))
+                self._first_gap = f"first between tick {newest[k]} and {newest[k + 1]}"
+            self._gaps += int(gap.sum())
+            self._missing += int((step[gap] - 1).sum())
+            self.newest = max(self.newest, (int(number), int(newest[-1])))
+
+    def finding(self) -> Finding:
+        """Return what is wrong with it, if anything."""
+        if not self.messages:
+            return Finding(False, self._name, "not in the log")
+        senders = self._senders.values()
+        repeated = sum(sender.repeated for sender in senders)
+        contradictions = sum(sender.contradictions for sender in senders)
+        backwards = sum(sender.backwards for sender in senders)
+        missing = f"{self._missing} ticks missing in {self._gaps} gaps, {self._first_gap}"
+        answers, truth = self._name in _ANSWERS, self._name == "/truth"
+        facts = (  # whether it is there, whether it is wrong, words
+            (self._gaps, not answers, missing),  # nobody need answer
+            (repeated, truth, f"{repeated} repetitions, the same to the bit"),
+            (contradictions, True, f"{contradictions} ticks twice, and not the same"),
+            (backwards, True, f"{backwards} times the stamp steps back"),
+            (self._not_finite, True, f"{self._not_finite} numbers are not finite"),
+        )
+        words = [text for there, _, text in facts if there]
+        ok = not any(there and wrong for there, wrong, _ in facts)
+        if ok and not self._gaps:
+            words.insert(0, f"{self.messages - repeated} ticks without a gap")
+        return Finding(ok, self._name, "; ".join(words))
+
+
+def _stamp_names(columns: Columns) -> tuple[str, str]:
+    prefix = "header.stamp." if "header.stamp.sec" in columns else "stamp."
+    return prefix + "sec", prefix + "nanosec"
+
+
+def _same(a: np.ndarray, b: np.ndarray) -> bool:
+    """Return whether two columns hold the same bits, or the same texts."""
+    if a.dtype == object or b.dtype == object:
+        return np.array_equal(a, b)
+    return a.shape == b.shape and (a.tobytes() == b.tobytes() or a.tolist() == b.tolist())
+
+
+def check_ticks(bag: BagReader) -> Iterator[Finding]:
+    """Yield what there is to say of log times, of /clock, and of each topic of every tick."""
+    refused = {(e.epoch, e.tick) for e in bag.overview.events if e.kind == "switch_refused"}
+    topics = {name: _Topic(name, refused) for name in TICKED}
+    rising, last = True, -1
+    clock = _Clock()
+    for block in bag.blocks([*TICKED, "/clock"]):
+        if block.topic == "/clock":
+            clock.add(block)
+        else:
+            topics[block.topic].add(block)
+    for message in bag.messages():
+        rising, last = rising and message.stamp > last, message.stamp
+    yield Finding(rising, "log times", "unique and rising" if rising else "not rising")
+    if clock.messages:
+        resets = topics["/truth"].newest[0]
+        detail = f"{clock.backwards} steps back" if clock.backwards else "never steps back"
+        yield Finding(clock.backwards <= resets, "/clock", detail)
+    for name, topic in topics.items():
+        if topic.messages or name not in _ANSWERS:
+            yield topic.finding()
+
+
+class _Clock:
+    def __init__(self) -> None:
+        self.messages, self.backwards, self.last = 0, 0, -1
+
+    def add(self, block: Block) -> None:
+        sec, nanosec = block.columns["clock.sec"], block.columns["clock.nanosec"]
+        time = np.append(self.last, sec.astype(np.int64) * 10**9 + nanosec)
+        self.backwards += int((np.diff(time) < 0).sum())
+        self.messages += len(sec)
+        self.last = int(time[-1])

@@ -1,0 +1,80 @@
+"""What a file says about its channels, checked against what this version knows."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.mcap_scan import (
+    SCHEMA,
+    ChannelRecord,
+    Record,
+    SchemaRecord,
+    read_channel,
+    read_schema,
+)
+from flexslew_lab.log.schemas import MESSAGES, hash_of_schema, type_hash
+from flexslew_plant.errors import BadInput
+
+
+@dataclass
+class Lookup:
+    """The channels of a file while it is read."""
+
+    path: Path
+    schemas: dict[int, SchemaRecord] = field(default_factory=dict)
+    channels: dict[int, ChannelRecord] = field(default_factory=dict)
+    checked: dict[int, tuple[str, str]] = field(default_factory=dict)  # channel -> topic, type
+    sequence: dict[int, int] = field(default_factory=dict)  # channel -> last one seen
+    counted: bool = True  # the recorder has numbered the messages of each topic
+
+    def take(self, record: Record) -> None:
+        """Take a schema or a channel."""
+        try:
+            if record.opcode == SCHEMA:
+                schema = read_schema(record.body)
+                self.schemas[schema.id] = schema
+            else:
+                channel = read_channel(record.body)
+                self.channels[channel.id] = channel
+        except ValueError as error:
+            raise BadInput(f"{self.path}: damaged schema or channel: {error}") from None
+
+    def topic(self, number: int) -> tuple[str, str]:
+        """Return topic and type of a channel, once its definition is known to be ours."""
+        if number not in self.checked:
+            self.checked[number] = self._check(number)
+        return self.checked[number]
+
+    def follow(self, channel: int, first: int, last: int, count: int) -> None:
+        """Take messages of a channel; refuse a file in which some are missing in between."""
+        before = self.sequence.get(channel, 0)
+        if self.counted and (first != before + 1 or last != before + count):
+            raise BadInput(
+                f"{self.path}: damaged: messages of {self.topic(channel)[0]} are missing after "
+                f"number {before}; `log recover` keeps what is whole"
+            )
+        self.sequence[channel] = last
+
+    def _check(self, number: int) -> tuple[str, str]:
+        channel = self.channels.get(number)
+        schema = self.schemas.get(channel.schema) if channel else None
+        if channel is None or schema is None:
+            raise BadInput(f"{self.path}: damaged: a message of an unknown channel {number}")
+        where = f"{self.path}: {channel.topic}"
+        if channel.encoding != "cdr" or schema.encoding != "ros2msg":
+            raise BadInput(
+                f"{where}: {channel.encoding!r} messages with a {schema.encoding!r} schema; "
+                "only cdr with ros2msg is read"
+            )
+        known = TOPICS.get(channel.topic)
+        if known and known.type != schema.name:
+            raise BadInput(f"{where}: is a {schema.name}, not a {known.type}: a foreign bag")
+        if schema.name.startswith(f"{MESSAGES}/"):
+            recorded, ours = hash_of_schema(schema.name, schema.text), type_hash(schema.name)
+            stated = channel.metadata.get("topic_type_hash", recorded)
+            if recorded != ours or stated != ours:
+                raise BadInput(
+                    f"{where}: recorded with another definition of {schema.name} "
+                    f"({recorded[:15]}, here {ours[:15]}); read it with the version that wrote it"
+                )
+        return channel.topic, schema.name

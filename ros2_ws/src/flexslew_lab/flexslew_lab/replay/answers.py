@@ -1,0 +1,174 @@
+"""Recorded answers beside those of a controller here, field by field, tick by tick."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_lab.replay.logged_controllers import Key
+
+FIELDS = (
+    *("reference_position", "reference_velocity", "feedforward"),
+    *("estimate_position", "estimate_velocity", "estimate_disturbance", "covariance_diagonal"),
+    *("innovation", "nis", "term_names", "terms", "effort"),
+)
+_PATIENCE = 5000  # ticks until what has no counterpart will have none
+_BUCKETS = 2048  # of a curve of differences
+
+
+class Divergence(NamedTuple):
+    """The first number that is another one."""
+
+    epoch: int
+    tick: int
+    field: str  # with its place, for example effort[0]
+    recorded: Any
+    ours: Any
+
+
+class Row(NamedTuple):
+    """One field over the whole log."""
+
+    field: str
+    compared: int  # ticks
+    different: int  # ticks
+    first_tick: int | None
+    largest: float  # |difference|, in the unit of the field
+    relative: float  # of the field's largest magnitude [-]
+
+
+class _Envelope:
+    """The largest value of each bucket of ticks; a longer log has wider buckets."""
+
+    def __init__(self, period: float) -> None:
+        self._period, self._width = period, 1
+        self._values = np.zeros(_BUCKETS)
+        self._used = 0
+
+    def add(self, tick: int, value: float) -> None:
+        """Take the value of a tick."""
+        while tick // self._width >= _BUCKETS:
+            half = self._values.reshape(-1, 2).max(axis=1)
+            self._values = np.concatenate((half, np.zeros(_BUCKETS // 2)))
+            self._width *= 2
+        bucket = tick // self._width
+        self._values[bucket] = max(self._values[bucket], value)
+        self._used = max(self._used, bucket + 1)
+
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return time [s] and value."""
+        time = np.arange(self._used) * self._width * self._period
+        return time, self._values[: self._used]
+
+
+class Field:
+    """One field while it is compared."""
+
+    def __init__(self, name: str, period: float) -> None:
+        self.name, self.curve = name, _Envelope(period)
+        self.ticks, self.different = 0, 0
+        self.first: int | None = None
+        self.largest, self.magnitude = 0.0, 0.0
+
+    def add(self, tick: int, recorded: Any, ours: Any) -> tuple[str, Any, Any] | None:
+        """Compare one tick; return place and values of the first difference."""
+        self.ticks += 1
+        if self.name == "term_names":
+            wrong = None if list(recorded) == list(ours) else (self.name, recorded, ours)
+            difference = float(wrong is not None)
+        else:
+            wrong, difference = self._numbers(np.atleast_1d(recorded), np.atleast_1d(ours))
+        self.curve.add(tick, difference)
+        if wrong is not None:
+            self.different += 1
+            self.first = tick if self.first is None else self.first
+            self.largest = max(self.largest, difference)
+        return wrong
+
+    def _numbers(
+        self, recorded: np.ndarray, ours: np.ndarray
+    ) -> tuple[tuple[str, Any, Any] | None, float]:
+        self.magnitude = max(self.magnitude, float(np.abs(recorded).max(initial=0.0)))
+        if recorded.shape != ours.shape:
+            return (f"{self.name} (length)", recorded.size, ours.size), float("inf")
+        if recorded.tobytes() == ours.tobytes():
+            return None, 0.0
+        other = (recorded != ours) & ~(np.isnan(recorded) & np.isnan(ours))
+        if not other.any():
+            return None, 0.0
+        k = int(np.argmax(other))
+        place = f"{self.name}[{k}]" if self.name != "nis" else self.name
+        gap = np.abs(recorded - ours)[other]
+        largest = float(gap.max()) if np.isfinite(gap).all() else float("inf")
+        return (place, float(recorded[k]), float(ours[k])), largest
+
+    def row(self) -> Row:
+        """Return the sum of it."""
+        relative = self.largest / (self.magnitude or 1.0)
+        return Row(self.name, self.ticks, self.different, self.first, self.largest, relative)
+
+
+class Pairs:
+    """Brings answers of the log and of here together; topics may lie in any order in a bag."""
+
+    def __init__(self, period: float) -> None:
+        self.period = period
+        self.rows = {name: Field(name, period) for name in FIELDS}
+        self.ticks, self.only_recorded, self.only_ours = 0, 0, 0
+        self.first: Divergence | None = None
+        self._recorded: dict[Key, dict[str, Any]] = {}
+        self._ours: dict[Key, dict[str, Any]] = {}
+        self._done: Key = (-1, -1)
+
+    def recorded(self, key: Key, outputs: dict[str, Any]) -> None:
+        """Take an answer of the log; one of a repeated question counts once."""
+        if key > self._done:
+            self._recorded[key] = outputs
+            self._match(key)
+
+    def ours(self, key: Key, outputs: dict[str, Any]) -> None:
+        """Take an answer of the controller here."""
+        if key > self._done:
+            self._ours[key] = outputs
+            self._match(key)
+
+    def finish(self) -> None:
+        """Count what has no counterpart."""
+        for key in list(self._recorded):
+            self._alone(key)
+        self.only_ours += len(self._ours)
+        self._ours.clear()
+
+    def _match(self, key: Key) -> None:
+        if key not in self._recorded or key not in self._ours:
+            if len(self._recorded) > _PATIENCE:
+                self._alone(next(iter(self._recorded)))
+            if len(self._ours) > _PATIENCE:
+                del self._ours[next(iter(self._ours))]
+                self.only_ours += 1
+            return
+        self._done = key
+        self.ticks += 1
+        theirs, mine = self._recorded.pop(key), self._ours.pop(key)
+        for name in FIELDS:
+            wrong = self.rows[name].add(key[1], theirs[name], mine[name])
+            if wrong is not None:
+                place = _term(theirs, wrong[0]) if name == "terms" else wrong[0]
+                self._note(Divergence(*key, place, *wrong[1:]))
+
+    def _alone(self, key: Key) -> None:
+        effort = self._recorded.pop(key)["effort"]
+        self.only_recorded += 1
+        self._note(Divergence(*key, "effort", effort.tolist(), None))
+
+    def _note(self, divergence: Divergence) -> None:
+        if self.first is None or divergence[:2] < self.first[:2]:
+            self.first = divergence
+
+
+def _term(outputs: dict[str, Any], place: str) -> str:
+    """Return `terms[2]` with the name of the summand, for example `terms.proportional[0]`."""
+    names, count = outputs["term_names"], len(outputs["terms"])
+    if not place.endswith("]") or not len(names) or count % len(names):
+        return place
+    number, joint = divmod(int(place[6:-1]), count // len(names))
+    return f"terms.{names[number]}[{joint}]"

@@ -1,0 +1,225 @@
+"""The run again from nothing but its log: trial, logged plan, operator's wishes, missed ticks."""
+
+import json
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.planners.slew import software_versions
+from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
+from flexslew_lab.replay.logged_controllers import Crew, Key, trial_of
+from flexslew_lab.report.metrics import TrajectoryHash
+from flexslew_lab.trial.trial import bench_settings
+from flexslew_plant.arrays import Matrix
+from flexslew_plant.bench.bench import Bench, SwitchRequest
+from flexslew_plant.errors import BadInput, RunFault
+
+# Another processor or another build rounds differently. Of the largest magnitude of a field.
+TOLERANCE = 1e-9
+FIELDS = ("applied_effort", "disturbance", "position", "velocity")  # cause before effect
+
+
+class Difference(NamedTuple):
+    """Where the run took another way than the log says."""
+
+    epoch: int
+    tick: int
+    field: str
+    recorded: float
+    ours: float
+
+
+class Resimulation(NamedTuple):
+    """The log beside the run again."""
+
+    recorded_hash: str  # of the last epoch, as in metrics.json
+    hash: str
+    identical: bool  # every number of every epoch, to the last bit
+    ticks: int  # compared, all epochs
+    first_difference: Difference | None
+    largest: dict[str, float]  # |difference| by field, of the field's largest magnitude [-]
+    replayed: dict[str, int]  # how many wishes and missed ticks were taken from the log
+    other_versions: dict[str, tuple[str, str]]  # software: version of the log, version here
+
+    @property
+    def within_tolerance(self) -> bool:
+        """The same run but for rounding."""
+        return all(value <= TOLERANCE for value in self.largest.values())
+
+
+def resim(
+    bag: Path, progress: Callable[[int, int], None] = lambda tick, last: None
+) -> Resimulation:
+    """Return the comparison of a log with its run flown again, in process.
+
+    Nothing is planned again, and no wall clock decides: a tick that was missed is missed again.
+
+    Args:
+        bag: the bag's folder or file.
+        progress: called with the tick and the last tick of the trial.
+
+    Raises:
+        BadInput: the log does not hold what determines the run.
+        RunFault: the run again leaves the finite numbers.
+    """
+    reader = BagReader(bag)
+    again = _Again(reader)
+    same = _Comparison()
+    recorded, ours, epoch = TrajectoryHash(), TrajectoryHash(), 0
+    for block in reader.blocks(["/truth"]):
+        columns = block.columns
+        keys = zip(columns["epoch"].tolist(), columns["tick"].tolist(), strict=True)
+        rows = [again.truth(key) for key in keys]
+        for number in np.unique(columns["epoch"]):
+            part = columns["epoch"] == number
+            if number > epoch:  # metrics.json tells of the last epoch
+                recorded, ours, epoch = TrajectoryHash(), TrajectoryHash(), int(number)
+            tick = columns["tick"][part]
+            theirs = {name: columns[name][part] for name in FIELDS}
+            mine = {
+                name: np.array([row[name] for row, here in zip(rows, part, strict=True) if here])
+                for name in FIELDS
+            }
+            if theirs["position"].shape != mine["position"].shape:
+                raise BadInput(f"{reader.path}: the truth is not of the testbed of its trial")
+            recorded.update_many(tick, theirs["position"], theirs["velocity"])
+            ours.update_many(tick, mine["position"], mine["velocity"])
+            same.add(int(number), tick, theirs, mine)
+        progress(again.bench.tick, again.bench.last_tick or 0)
+    if not same.ticks:
+        raise BadInput(f"{reader.path}: holds no truth, so there is nothing to compare with")
+    return Resimulation(
+        recorded.hexdigest(),
+        ours.hexdigest(),
+        same.first is None,
+        same.ticks,
+        same.first,
+        same.relative(),
+        again.replayed,
+        _other_versions(reader),
+    )
+
+
+class _Again:
+    """The bench and its controllers, steered by what the events of the log say.
+
+    Args:
+        bag: to read.
+    """
+
+    def __init__(self, bag: BagReader) -> None:
+        self.bench = Bench(bench_settings(trial_of(bag)))
+        self._crew = Crew(bag)
+        self._wishes: dict[Key, list[LoggedEvent]] = defaultdict(list)
+        self._missed: set[Key] = set()
+        self._refused: set[Key] = set()
+        self.replayed = {"switch_requested": 0, "injected": 0, "missed": 0}
+        for event in bag.overview.events:
+            key = event.epoch, event.tick
+            if event.kind in ("switch_requested", "injected"):
+                self._wishes[key].append(event)
+            elif event.kind == "missed":
+                self._missed.add(key)
+            elif event.kind == "switch_refused":
+                self._refused.add(key)
+
+    def truth(self, key: Key) -> dict[str, Any]:
+        """Fly to this tick; return the state there."""
+        bench = self.bench
+        while bench.epoch < key[0]:
+            bench.reset()
+        while (bench.epoch, bench.tick) < key:
+            self._fly_tick()
+            bench.events.clear()
+            bench.switch_results.clear()
+        if bench.tick != key[1]:
+            raise BadInput(f"the truth steps back to tick {key[1]} of epoch {key[0]}")
+        return bench.truth()._asdict()
+
+    def _fly_tick(self) -> None:
+        bench, question = self.bench, self.bench.question
+        key = question.epoch, question.tick
+        self._crew.adopt_until(key)
+        for wish in self._wishes.pop(key, ()):
+            self._grant(wish)
+        missed = key in self._missed
+        self.replayed["missed"] += missed
+        for controller in self._crew.controllers.values():
+            answer = controller.observe(question)  # heard it, even where nobody heard the answer
+            if answer is not None and (not missed or key in self._refused):
+                bench.offer(answer.command)
+        if bench.question is not question and not missed:  # the newcomer's step was refused
+            predecessor = self._crew.controllers.get(bench.question.controller)  # or the brake
+            answer = predecessor.observe(bench.question) if predecessor else None
+            if answer is not None:
+                bench.offer(answer.command)
+        try:
+            bench.advance()
+        except FloatingPointError as error:
+            raise RunFault(str(error)) from None
+
+    def _grant(self, wish: LoggedEvent) -> None:
+        self.replayed[wish.kind] += 1
+        data = wish.data
+        if wish.kind == "injected":
+            self.bench.inject(data["text"], data["start"])
+        else:
+            step = data["max_effort_step"]
+            self.bench.request_switch(
+                SwitchRequest(data["controller"], data["tick"], data["strict"], step)
+            )
+
+
+class _Comparison:
+    """Differences, block after block."""
+
+    def __init__(self) -> None:
+        self.ticks = 0
+        self.first: Difference | None = None
+        self._largest = dict.fromkeys(FIELDS, 0.0)
+        self._magnitude = dict.fromkeys(FIELDS, 0.0)
+
+    def add(
+        self, epoch: int, tick: np.ndarray, recorded: dict[str, Matrix], ours: dict[str, Matrix]
+    ) -> None:
+        """Take the next ticks."""
+        self.ticks += len(tick)
+        found = []
+        for number, name in enumerate(FIELDS):
+            theirs, mine = recorded[name], ours[name]
+            magnitude, difference = np.abs(theirs).max(initial=0.0), np.abs(theirs - mine)
+            self._magnitude[name] = max(self._magnitude[name], float(magnitude))
+            self._largest[name] = max(self._largest[name], float(difference.max(initial=0.0)))
+            wrong = np.argwhere(theirs != mine)
+            if len(wrong):
+                row, column = map(int, wrong[0])
+                place = Difference(
+                    epoch,
+                    int(tick[row]),
+                    f"{name}[{column}]",
+                    float(theirs[row, column]),
+                    float(mine[row, column]),
+                )
+                found.append((place.tick, number, place))
+        if found and self.first is None:
+            self.first = min(found)[2]
+
+    def relative(self) -> dict[str, float]:
+        """Return the largest differences, each of the largest magnitude of its field."""
+        return {
+            name: value / (self._magnitude[name] or 1.0) for name, value in self._largest.items()
+        }
+
+
+def _other_versions(bag: BagReader) -> dict[str, tuple[str, str]]:
+    recorded = json.loads(bag.metadata.get("versions", "{}"))
+    here = software_versions()
+    names = sorted({*recorded, *here})
+    return {
+        name: (recorded.get(name, "-"), here.get(name, "-"))
+        for name in names
+        if recorded and recorded.get(name) != here.get(name)
+    }

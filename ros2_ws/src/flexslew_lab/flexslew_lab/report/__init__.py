@@ -1,0 +1,1 @@
+"""Metrics, figures, reports and comparisons of runs."""

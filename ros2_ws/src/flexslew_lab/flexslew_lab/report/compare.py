@@ -1,0 +1,303 @@
+"""The same manoeuvre by every method, on benches that are not what the planner believes."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexslew_control.plan import Plan
+from flexslew_control.planners import PLANNERS, make_plan, other_method
+from flexslew_control.planners.time_optimal.time_optimal import RESERVE
+from flexslew_control.planners.trajectories import rigid_duration
+from flexslew_lab.trial.in_process import Observer, fly
+from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.settings import plain, validated
+from flexslew_plant.testbeds import Testbed, build_model
+
+ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of the stiffness, relative [-]
+PAYLOADS = (-0.2, 0.2)  # of the inertias of the CSA testbed's hub, relative [-]
+BAND = 0.02  # a joint has settled within this part of its way [-]
+_WATCHED = 40.0  # at least, after the longest slew [s]
+_SHOWN = 600  # samples of a curve
+_STIFFNESS = {  # the parameter that an error of the stiffness changes, by testbed
+    "csa": "bending_stiffness",
+    "hub_with_appendages": "elastic_modulus",
+    "floating_oscillator": "stiffness",
+}
+_SAME_TIME = {"optimized_feedforward", "robust_feedforward", "reference_only"}
+_PAYLOAD = ("hub_inertia_1", "hub_inertia_2")
+_VARIANTS: dict[str, dict[str, Any]] = {  # ways to use a method that are compared too
+    "input_shaping, zvd": {"shaper": "zvd"},
+    "time_optimal, robust": {"robust": True},
+    "robust_feedforward, payload": {
+        "stiffness_errors": (-0.2, 0.0, 0.2),
+        "payload_errors": (-0.2, 0.0, 0.2),
+    },
+    "robust_feedforward, 1.2 x time": {},
+}
+_LONGER = {"robust_feedforward, 1.2 x time": 1.2}  # than the trial's plan [-]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What one method did on one bench."""
+
+    error: float  # of the stiffness [-]
+    payload: float  # error of the hub's inertias [-]
+    residual_tip: float  # largest |tip deflection| after the end [m]
+    residual_joint: float  # largest |joint - goal| after the end [rad or m]
+    settling_time: float  # of the slowest joint, from the start of the plan [s]
+    peak_effort: Vector  # (joints,) [N m or N]
+    effort: float  # integral of the sum of squared efforts to the end of the run [(N m)^2 s]
+    time: Vector  # (samples,) [s]
+    position: Matrix  # (samples, joints) [rad or m]
+    tip: Vector  # the largest appendage's deflection, with its sign, (samples,) [m]
+    applied: Matrix  # (samples, joints) [N m or N]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One method: its plan and its flights, or why there are none."""
+
+    name: str
+    plan: Plan | None
+    refused: str
+    flights: tuple[Flight, ...] = ()
+
+    @property
+    def by_stiffness(self) -> tuple[Flight, ...]:
+        """The flights with errors of the stiffness alone."""
+        return tuple(flight for flight in self.flights if flight.payload == 0.0)
+
+    @property
+    def by_payload(self) -> tuple[Flight, ...]:
+        """The flights with errors of the payload alone, the nominal one among them."""
+        middle = self.nominal.error
+        return tuple(
+            sorted((f for f in self.flights if f.error == middle), key=lambda f: f.payload)
+        )
+
+    @property
+    def nominal(self) -> Flight:
+        """The flight with the smallest error."""
+        return min(self.by_stiffness, key=lambda flight: abs(flight.error))
+
+    @property
+    def worst_residual(self) -> float:
+        """Largest residual tip deflection over all errors of the stiffness [m]."""
+        return max(flight.residual_tip for flight in self.by_stiffness)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Every method on the manoeuvre of a trial."""
+
+    trial: Trial
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    lower_bound: float  # of the duration, for a rigid body under the limits [s]
+    entries: tuple[Entry, ...]
+
+    @property
+    def flown(self) -> tuple[Entry, ...]:
+        """The methods that have a plan."""
+        return tuple(entry for entry in self.entries if entry.flights)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the numbers as plain data, one row a method."""
+        out: list[dict[str, Any]] = []
+        for entry in self.entries:
+            row: dict[str, Any] = {"method": entry.name, "refused": entry.refused}
+            if entry.plan is not None and entry.flights:
+                nominal = entry.nominal
+                row |= {
+                    "duration": entry.plan.duration,
+                    "over_lower_bound": entry.plan.duration / self.lower_bound,
+                    "settling_time": nominal.settling_time,
+                    "residual_tip": nominal.residual_tip,
+                    "residual_joint": nominal.residual_joint,
+                    "worst_residual_tip": entry.worst_residual,
+                    "residual_tip_by_error": {
+                        f"{f.error:+g}": f.residual_tip for f in entry.by_stiffness
+                    },
+                    "residual_tip_by_payload": {
+                        f"{f.payload:+g}": f.residual_tip for f in entry.by_payload
+                    },
+                    "peak_effort": nominal.peak_effort.tolist(),
+                    "effort": nominal.effort,
+                }
+            out.append(row)
+        return out
+
+
+class _Recorder(Observer):
+    """Keeps the truth."""
+
+    def __init__(self) -> None:
+        self.truths: list[Truth] = []
+
+    def truth(self, truth: Truth) -> None:
+        """Take the state at a tick."""
+        self.truths.append(truth)
+
+
+def compare(
+    trial: Trial,
+    source: str,
+    out: Path,
+    progress: Callable[[int, int], None] = lambda done, last: None,
+    errors: Sequence[float] = ERRORS,
+) -> Path:
+    """Return the report that was written: one HTML file with everything in it.
+
+    Args:
+        trial: the bench, the controller in charge, and in `plan` the manoeuvre.
+        source: its file, for messages.
+        out: the HTML file.
+        progress: called with the flights done and their number.
+        errors: of the stiffness, relative [-].
+
+    Raises:
+        BadInput: the trial asks for no manoeuvre, or the file cannot be written.
+    """
+    from flexslew_lab.report.compare_report import comparison_page
+
+    page = comparison_page(compared(trial, source, progress, errors))
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{out}: cannot be written: {error.strerror}") from None
+    return out
+
+
+def compared(
+    trial: Trial,
+    source: str,
+    progress: Callable[[int, int], None] = lambda done, last: None,
+    errors: Sequence[float] = ERRORS,
+) -> Comparison:
+    """Return what every method does with the manoeuvre of a trial; see compare."""
+    if trial.plan is None:
+        raise BadInput(f"{source}: plan: is missing; add the manoeuvre to compare")
+    if not errors or min(errors) <= -1.0:
+        raise BadInput(f"errors: {list(errors)} is not allowed: one or more, each above -1")
+    entries = [_planned(trial, source, name) for name in _candidates(trial)]
+    plans = [entry.plan for entry in entries if entry.plan is not None]
+    longest = max((plan.end for plan in plans), default=0.0)
+    long_enough = replace(trial, duration=max(trial.duration, longest + _WATCHED))
+    middle = min(errors, key=abs)
+    payloads = PAYLOADS if trial.testbed.kind == "csa" else ()
+    benches = [(error, 0.0) for error in errors] + [(middle, payload) for payload in payloads]
+    last = len(plans) * len(benches)
+    done = 0
+    for k, entry in enumerate(entries):
+        flights = []
+        for error, payload in benches if entry.plan is not None else ():
+            assert entry.plan is not None
+            refused, flight = _flown(long_enough, source, entry.plan, error, payload, longest)
+            done += 1
+            progress(done, last)
+            if flight is None:
+                entry = replace(entry, refused=refused)
+                break
+            flights.append(flight)
+        entries[k] = replace(entry, flights=tuple(flights))
+    model = build_model(trial.testbed)
+    first = np.array([getattr(trial.testbed.initial, name) for name in model.joint_names])
+    limit = np.array(trial.testbed.effort_limit)
+    bound = max(
+        (rigid_duration(model, first, plan.position[-1], limit) for plan in plans), default=0.0
+    )
+    return Comparison(trial, model.joint_names, model.joint_units, bound, tuple(entries))
+
+
+def _candidates(trial: Trial) -> list[str]:
+    """Return the methods to try, the trial's own first, those without feedforward last."""
+    assert trial.plan is not None
+    bare = ("reference_only", "none")
+    methods = [trial.plan.method, *(name for name in PLANNERS if name not in bare), *bare]
+    variants = [
+        [name, *(key for key in _VARIANTS if key.startswith(name + ","))] for name in methods
+    ]
+    return list(dict.fromkeys(name for group in variants for name in group))
+
+
+def _planned(trial: Trial, source: str, name: str) -> Entry:
+    """Return the method's plan for the trial's manoeuvre, or why it has none."""
+    assert trial.plan is not None
+    method = name.partition(",")[0]
+    own: dict[str, Any] = dict(_VARIANTS.get(name, {}))
+    duration = plain(trial.plan).get("duration")
+    if duration and {method, trial.plan.method} <= _SAME_TIME:
+        own["duration"] = duration * _LONGER.get(name, 1.0)
+    if method == "time_optimal" and trial.plan.method != method:
+        own["reserve"] = RESERVE
+    limit = tuple(trial.testbed.effort_limit)
+    try:
+        if method == "reference_only" and trial.testbed.kind != "csa":
+            plan = make_plan(trial.plan, trial.period, limit)
+            plan = replace(plan, method=method, effort=np.zeros_like(plan.effort))
+        else:
+            settings = other_method(trial.plan, method, f"{source}: plan", **own)
+            plan = make_plan(settings, trial.period, limit)
+    except (BadInput, PlanFailed) as refused:
+        return Entry(name, None, str(refused).removeprefix(f"{source}: "))
+    return Entry(name, plan, "")
+
+
+def _flown(
+    trial: Trial, source: str, plan: Plan, error: float, payload: float, longest: float
+) -> tuple[str, Flight | None]:
+    """Return the flight of a plan on the bench with these errors, or why the law refuses it."""
+    testbed = plain(trial.testbed)
+    testbed["parameters"][_STIFFNESS[trial.testbed.kind]] *= 1.0 + error
+    for inertia in _PAYLOAD if payload else ():
+        testbed["parameters"][inertia] *= 1.0 + payload
+    other = replace(trial, testbed=validated(Testbed, testbed, f"{source}: testbed"))
+    bench = Bench(bench_settings(other))
+    controllers = build_controllers(other, bench, source)
+    for controller in controllers.values():
+        refused = controller.adopt(plan)
+        if refused:
+            return refused, None
+    recorder = _Recorder()
+    fly(bench, controllers, recorder)
+    # a step has no end of its own
+    end = plan.end if plan.duration > 0.0 else longest
+    return "", _measured(recorder.truths, plan, (error, payload), end)
+
+
+def _measured(truths: list[Truth], plan: Plan, errors: tuple[float, float], end: float) -> Flight:
+    time = np.array([truth.time for truth in truths])
+    joints = len(plan.joint_names)
+    position = np.array([truth.position[:joints] for truth in truths])
+    tips = np.array([truth.tip_deflection for truth in truths])
+    applied = np.array([truth.applied_effort for truth in truths])
+    largest = np.take_along_axis(tips, np.abs(tips).argmax(axis=1)[:, None], axis=1)[:, 0]
+    goal = plan.position[-1]
+    away = np.abs(position - goal)
+    way = np.abs(goal - position[0])
+    outside = (away > BAND * np.where(way > 0.0, way, way.max())).any(axis=1)
+    over = time >= end - 1e-9
+    settled = float(time[outside][-1]) - plan.start if outside.any() else 0.0
+    held = np.diff(time, prepend=time[0])
+    shown = np.unique(np.linspace(0, len(time) - 1, _SHOWN).astype(int))
+    return Flight(
+        error=errors[0],
+        payload=errors[1],
+        residual_tip=float(np.abs(largest[over]).max()),
+        residual_joint=float(away[over].max()),
+        settling_time=settled,
+        peak_effort=np.abs(applied).max(axis=0),
+        effort=float((applied**2).sum(axis=1) @ held),
+        time=time[shown],
+        position=position[shown],
+        tip=largest[shown],
+        applied=applied[shown],
+    )

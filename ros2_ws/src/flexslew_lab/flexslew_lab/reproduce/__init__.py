@@ -1,0 +1,87 @@
+"""What can be computed again: `flexslew reproduce NAME`. A new one is a file and a line here."""
+
+from collections.abc import Callable
+from html import escape
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexslew_plant.errors import BadInput
+
+
+class Reproduction(NamedTuple):
+    """Numbers and figures of a paper; imported when asked for."""
+
+    about: str
+    module: str
+    rows_name: str
+    figures_name: str = ""
+
+    @property
+    def rows(self) -> Callable[[], list[dict[str, Any]]]:
+        """The function that gives {item, paper, reference, ours, tolerance, ok}, row by row."""
+        function: Callable[[], list[dict[str, Any]]] = self._function(self.rows_name)
+        return function
+
+    @property
+    def figures(self) -> Callable[[], dict[str, Any]] | None:
+        """The function that gives plotly figures by name; None where there are none."""
+        if not self.figures_name:
+            return None
+        function: Callable[[], dict[str, Any]] = self._function(self.figures_name)
+        return function
+
+    def _function(self, name: str) -> Callable[..., Any]:
+        function: Callable[..., Any] = getattr(
+            import_module(f"flexslew_lab.reproduce.{self.module}"), name
+        )
+        return function
+
+
+REPRODUCTIONS: dict[str, Reproduction] = {
+    "csa": Reproduction(
+        "the CSA testbed, its gains and optimized feedforward (papers/000)",
+        "csa",
+        "csa_rows",
+        "csa_figures",
+    ),
+    "time-optimal": Reproduction(
+        "time-optimal and robust slews (papers/001)",
+        "time_optimal",
+        "time_optimal_rows",
+        "time_optimal_figures",
+    ),
+    "ofc": Reproduction("output feedback control (papers/002)", "laws", "ofc_rows"),
+    "pi": Reproduction("PI control with an estimator (papers/004)", "laws", "pi_rows"),
+}
+
+
+def write_figures(name: str, path: Path) -> None:
+    """Write the figures of a reproduction as one self-contained page.
+
+    Args:
+        name: a key of REPRODUCTIONS.
+        path: the HTML file.
+
+    Raises:
+        BadInput: it has no figures, or the file cannot be written.
+    """
+    draw = REPRODUCTIONS[name].figures
+    if draw is None:
+        drawn = ", ".join(key for key, entry in REPRODUCTIONS.items() if entry.figures_name)
+        raise BadInput(f"{name} has no figures; allowed: {drawn}")
+    parts = [
+        f"<h2>{escape(title.replace('_', ' ').capitalize())}</h2>"
+        + figure.to_html(full_html=False, include_plotlyjs=number == 0)
+        for number, (title, figure) in enumerate(draw().items())
+    ]
+    about = escape(REPRODUCTIONS[name].about)
+    page = (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{about}</title></head>'
+        f'<body style="font-family:system-ui,sans-serif;max-width:60rem;margin:auto">'
+        f"<h1>{about}</h1>{''.join(parts)}</body></html>"
+    )
+    try:
+        path.write_text(page)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written: {error}") from None

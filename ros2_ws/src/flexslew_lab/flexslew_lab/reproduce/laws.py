@@ -1,0 +1,243 @@
+"""The public tables of the control laws, computed again: output feedback and PI on the testbed."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from flexslew_control.controllers import output_feedback, pd_feedforward, proportional_integral
+from flexslew_control.controllers.output_feedback import OutputFeedback
+from flexslew_control.controllers.pd_feedforward import PdFeedforwardSettings
+from flexslew_control.controllers.proportional_integral import PiGains, ProportionalIntegral
+from flexslew_control.law import Estimator, Law, Reference
+from flexslew_control.linear_design import rest_at
+from flexslew_control.planners.input_shaping.start_coast_stop import (
+    Goal,
+    StartCoastStop,
+    start_coast_stop,
+)
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.testbeds import build_model
+from flexslew_plant.testbeds.csa import CsaInitial, CsaParameters, CsaTestbed
+
+PERIOD = 0.01  # [s]
+_GOAL = float(np.pi / 6.0)  # base yaw [rad]
+_PITCH = 0.5  # hub pitch at the end [rad]
+_NO_LIMIT: Vector = np.array([1e9, 1e9])  # [N m]
+_FILE = "papers/002"
+
+
+class Run(NamedTuple):
+    """A closed loop on the ticks."""
+
+    state: Matrix  # (ticks + 1, 2 n)
+    effort: Matrix  # (ticks, joints) [N m]
+
+
+def closed_loop(
+    testbed: CsaTestbed,
+    controller: tuple[Estimator, Law] | None,
+    reference: Callable[[int], Reference],
+    duration: float,
+    disturbance: float = 0.0,
+    from_rest: bool = False,
+) -> Run:
+    """Return the noiseless run of a controller, or of the feedforward alone, with 10 ms hold.
+
+    Args:
+        testbed: starts at rest at its `initial`.
+        controller: estimator and law; None: the reference's effort.
+        reference: of each tick.
+        duration: [s].
+        disturbance: constant, on the base yaw [N m].
+        from_rest: whether the law takes over with no effort, which fills its integral.
+    """
+    model = build_model(testbed)
+    n, m = model.coordinates, model.joints
+    x = np.zeros(2 * n)
+    x[:m] = testbed.initial.base_yaw, testbed.initial.hub_pitch
+    effort, added, nothing = np.zeros(m), np.array([disturbance, 0.0]), np.zeros(0)
+    states, efforts = [x], []
+    for tick in range(round(duration / PERIOD)):
+        now = Measurement(tick, 0, tick * PERIOD, "", x[:m], x[n : n + m], nothing, nothing, effort)
+        wanted = reference(tick)
+        if controller is None:
+            effort = wanted.effort
+        else:
+            estimator, law = controller
+            if tick == 0:
+                estimator.reset(now)
+            estimate = estimator.update(now)
+            if tick == 0 and from_rest:
+                law.reset(now, estimate, wanted, effort)
+            effort = law.update(now, estimate, wanted)
+        x = model.advance(x, effort + added, PERIOD)
+        states.append(x)
+        efforts.append(effort)
+    return Run(np.array(states), np.array(efforts))
+
+
+Case = Literal["tracking_a", "tracking_b", "rigid_hold", "pd", "open_clamped", "open_system"]
+
+
+def slew(case: Case, start_pitch: float, stiffness: float = 1.0) -> tuple[Run, float]:
+    """Return a run of the table of papers/002 on three modes, 60 s, and the manoeuvre's end [s].
+
+    Args:
+        case: the row.
+        start_pitch: psi at the start; it ends at 0.5 [rad].
+        stiffness: EI of the testbed over that of the models [-].
+    """
+    initial = CsaInitial(hub_pitch=start_pitch)
+    believed = CsaTestbed(variant="printed", modes=1, initial=initial)
+    real = CsaTestbed(
+        variant="printed",
+        modes=3,
+        initial=initial,
+        parameters=CsaParameters(bending_stiffness=1500.0 * stiffness),
+    )
+    plan = start_coast_stop(
+        StartCoastStop(
+            model=believed,
+            goal=Goal(base_yaw=_GOAL, hub_pitch=_PITCH),
+            shaper="system" if case == "open_system" else "clamped",
+            feedforward="rigid",
+        ),
+        PERIOD,
+    )
+    controller: tuple[Estimator, Law] | None = None
+    if case == "pd":
+        controller = pd_feedforward.build(PdFeedforwardSettings(), PERIOD, _NO_LIMIT)
+    elif case in ("tracking_a", "tracking_b", "rigid_hold"):
+        settings = OutputFeedback(
+            mode=case, model=believed, set_point={"hub_pitch": 0.5 * (start_pitch + _PITCH)}
+        )
+        controller = output_feedback.build(settings, PERIOD, _NO_LIMIT)
+    return closed_loop(real, controller, plan.reference, 60.0), plan.end
+
+
+def figures(run: Run, end: float) -> tuple[float, float, float]:
+    """Return residual tip [m], largest yaw error [mdeg] after `end`, and the peak yaw torque."""
+    after = run.state[int(np.ceil(end / PERIOD - 1e-9)) :]
+    n = run.state.shape[1] // 2
+    tip = float(abs(after[:, 2:n].sum(axis=1)).max())
+    error = float(np.degrees(abs(after[:, 0] - _GOAL).max()) * 1e3)
+    return tip, error, float(abs(run.effort[:, 0]).max())
+
+
+_TABLE: dict[Case, tuple[tuple[float, ...], tuple[float, ...]]] = {
+    # residual tip [m], yaw error [mdeg], peak torque [N m]: psi held, psi 0 -> .5
+    "tracking_a": ((0.0031, 4.6, 35.5), (0.0037, 4.2, 33.7)),
+    "tracking_b": ((0.0033, 4.2, 35.5), (0.0838, 45.2, 34.2)),
+    "rigid_hold": ((1.584, 1925.0, 39.0), (1.504, 1872.0, 41.6)),
+    "pd": ((2.611, 2043.0, 45.4), (2.009, 1704.0, 48.8)),
+    "open_clamped": ((4.478,), (3.668,)),
+    "open_system": ((0.0084,), (0.327,)),
+}
+_QUANTITY = ("residual tip [m]", "yaw error after the end [mdeg]", "peak torque [N m]")
+_TOLERANCE = (0.10, 0.01, 0.01)
+_ROUNDING = (0.00005, 0.05, 0.05)  # half a unit of the table's last digit
+
+
+def ofc_rows() -> list[dict[str, Any]]:
+    """Return the table of the output feedback cases, both columns, and the stiffness errors."""
+    rows = []
+    for column, pitch, end in ((0, 0.5, 26.552), (1, 0.0, 27.769)):
+        where = "psi .5 held" if column == 0 else "psi 0 -> .5"
+        for case, references in _TABLE.items():
+            run, finish = slew(case, pitch)
+            if case == "tracking_a":
+                rows.append(row(f"{where}: end [s]", _FILE, end, finish, 0.001 / end))
+            values = zip(_QUANTITY, references[column], figures(run, finish), strict=False)
+            for i, (quantity, reference, ours) in enumerate(values):
+                slack = max(_TOLERANCE[i], _ROUNDING[i] / reference)
+                rows.append(row(f"{where}, {case}: {quantity}", _FILE, reference, ours, slack))
+    for stiffness, name, tracking, pd in ((0.9, "-10 %", 0.261, 2.78), (1.1, "+10 %", 0.202, 2.39)):
+        for case, reference in (("tracking_a", tracking), ("pd", pd)):
+            ours = figures(*slew(case, 0.5, stiffness))[0]
+            rows.append(row(f"EI {name}, {case}: residual tip [m]", _FILE, reference, ours, 0.1))
+    return rows
+
+
+def row(item: str, source: str, reference: float, ours: float, tolerance: float) -> dict[str, Any]:
+    """Return a line of a reproduction: ok where ours is within the relative tolerance."""
+    ok = abs(ours - reference) <= tolerance * abs(reference)
+    return {
+        "item": item,
+        "paper": source,
+        "reference": reference,
+        "ours": ours,
+        "tolerance": tolerance,
+        "ok": bool(ok),
+    }
+
+
+def _below(item: str, source: str, limit: float, ours: float) -> dict[str, Any]:
+    """Return a line whose reference is an upper bound."""
+    return {**row(item, source, limit, ours, 0.0), "item": f"{item} (at most)", "ok": ours <= limit}
+
+
+_PI_FILE = "papers/004"
+_GAINS = {  # rows of the gains of base yaw on (theta, psi, q)
+    "kp": (2184.4058, 0.0, -87.066733),
+    "kd": (10942.2764, 0.0, 145.675013),
+    "ki": (137.871882, 0.0, -7.126876),
+}
+_PITCH_GAINS = {"kp": 1350.431186, "kd": 4084.949491, "ki": 116.640625}
+
+
+def _held(yaw: float, pitch: float, tick: int) -> Reference:
+    state = np.array([yaw, pitch, 0.0, 0.0, 0.0, 0.0])
+    return Reference(state[:2], np.zeros(2), np.zeros(2), state, state)
+
+
+def _gain_rows(gains: PiGains) -> list[dict[str, Any]]:
+    rows = []
+    for name, expected in _GAINS.items():
+        matrix: Matrix = getattr(gains, name)
+        for column in (0, 2):
+            item = f"{name} of base_yaw on {'theta' if column == 0 else 'q'}"
+            found = float(matrix[0, column])
+            rows.append(row(item, _PI_FILE, expected[column], found, 1e-6))
+        pitch = float(matrix[1, 1])
+        rows.append(row(f"{name} of hub_pitch", _PI_FILE, _PITCH_GAINS[name], pitch, 1e-6))
+    return rows
+
+
+def pi_rows() -> list[dict[str, Any]]:
+    """Return the gains, the rejection of 5 N m and the anti-windup figures of the PI law.
+
+    The runs are at psi = 0 with the gains of psi = 0.5. Peak and time of the disturbed run depend
+    on the filter's first covariance, which the page leaves open: with the true state they are
+    .0018 rad and 24.8 s. So the peak is taken as a bound, and the time to 10 %.
+    """
+    believed = CsaTestbed(variant="printed", modes=1)
+    settings = ProportionalIntegral(model=believed)
+    real = CsaTestbed(variant="printed", modes=3)
+    controller = proportional_integral.build(settings, PERIOD, _NO_LIMIT)
+    model = build_model(believed)
+    set_point = model.linearise(rest_at(model, settings.set_point))
+    rows = _gain_rows(proportional_integral.design(set_point, settings.weights))
+    still = partial(_held, 0.0, 0.0)
+    pushed = closed_loop(real, controller, still, 150.0, disturbance=5.0, from_rest=True)
+    error = abs(pushed.state[:, 0])
+    large = float(np.nonzero(error > 1e-3)[0].max() * PERIOD)
+    pd = pd_feedforward.build(PdFeedforwardSettings(), PERIOD, _NO_LIMIT)
+    damped = CsaTestbed(variant="printed", modes=1)
+    left = closed_loop(damped, pd, still, 900.0, disturbance=5.0).state[-1, 0]
+    rows += [
+        row("PD: yaw under 5 N m [rad]", _PI_FILE, 5.0 / 460.0, float(left), 0.01),
+        _below("PI: yaw after 150 s of 5 N m [rad]", _PI_FILE, 1e-6, float(error[-1])),
+        _below("PI: peak yaw under 5 N m [rad]", _PI_FILE, 0.0040, float(error.max())),
+        row("PI: below 1 mrad after [s]", _PI_FILE, 23.0, large, 0.10),
+    ]
+    for time, name, reference in ((None, "none", 0.226), (2.0, "2 s", 0.066)):
+        wound = ProportionalIntegral(model=believed, tracking_time=time)
+        built = proportional_integral.build(wound, PERIOD, np.array([100.0, 100.0]))
+        run = closed_loop(real, built, partial(_held, 0.5, 0.0), 60.0)
+        over = float(run.state[:, 0].max() - 0.5)
+        item = f"overshoot of a 0.5 rad step, anti-windup {name} [rad]"
+        rows.append(row(item, _PI_FILE, reference, over, 0.01))
+    return rows

@@ -1,0 +1,149 @@
+"""The `live` node: a Foxglove WebSocket server on this machine that shows the bench as it runs."""
+
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.cdr import stamp_of
+from flexslew_lab.log.schemas import schema_text
+from flexslew_plant.errors import BadInput
+from flexslew_plant.ros.node import LOOP, Loop, latched, new_node, run_node, settings_of
+from flexslew_plant.settings import section
+
+_REFRESH = 0.05  # how often clients hear the simulated time [wall s]
+_CLOCKS = {"/clock", "/measurement", "/truth"}  # the plant's own: each rises until a reset
+_GUESTS = 20  # latched messages that are kept where several nodes publish one each
+HOST = "127.0.0.1"  # never another one: nobody is asked for a password
+
+
+@section
+class LiveSettings:
+    """The parameters of the node."""
+
+    port: Annotated[int, Field(ge=0, le=65535)] = 8765  # 0: any free one
+
+
+class _Listener:
+    """Notes the topics that a client begins to listen to; called from the server's threads."""
+
+    def __init__(self, newcomers: deque[str]) -> None:
+        self._newcomers = newcomers
+
+    def on_subscribe(self, client: Any, channel: Any) -> None:
+        """Take the topic of the channel."""
+        self._newcomers.append(channel.topic)
+
+    def on_unsubscribe(self, client: Any, channel: Any) -> None:
+        """Nothing to do."""
+
+
+class LiveNode:
+    """Forwards the serialised messages with their schemas; reads none of them but for the time.
+
+    Args:
+        settings: None: the parameters of the node.
+        say: told where the server listens.
+        loop: that serves the node.
+
+    Raises:
+        BadInput: the server's library is not installed, or the port is taken.
+    """
+
+    def __init__(
+        self, settings: LiveSettings | None, say: Callable[[str], None], loop: Loop
+    ) -> None:
+        try:
+            import foxglove
+        except ImportError:
+            raise BadInput("live: needs the package foxglove-sdk; pip install it") from None
+        self.node = node = new_node("live")
+        loop.add(node)
+        chosen: LiveSettings = settings or settings_of(node, LiveSettings)
+        self._newcomers: deque[str] = deque()  # topics that somebody has begun to listen to
+        self._latched: dict[str, deque[tuple[bytes, int]]] = {}  # with log times
+        self._channels: dict[str, Any] = {}
+        self._context = context = foxglove.Context()  # its channels close with it
+        try:
+            self._server = foxglove.start_server(
+                name="flexslew",
+                host=HOST,
+                port=chosen.port,
+                capabilities=[foxglove.websocket.Capability.Time],
+                context=context,
+                server_listener=_Listener(self._newcomers),
+            )
+        except Exception as error:  # a type of its own below the binding
+            raise BadInput(f"live: port {chosen.port} cannot be opened: {error}") from None
+        self._last = 0  # simulated time of the last message [ns]
+        self._stamps = dict.fromkeys(_CLOCKS, 0)  # of their last messages [ns]
+        self._now = 0  # simulated time of the bench [ns]
+        self._told = -1  # what the clients think it is [ns]
+        for topic, known in TOPICS.items():
+            text = schema_text(known.type).encode()
+            channel = foxglove.Channel(
+                topic,
+                schema=foxglove.Schema(name=known.type, encoding="ros2msg", data=text),
+                message_encoding="cdr",
+                context=context,
+            )
+            self._channels[topic] = channel
+            if known.latched:
+                self._latched[topic] = deque(maxlen=max(known.depth, _GUESTS))
+            node.create_subscription(
+                _message_class(known.type),
+                topic,
+                partial(self._forward, topic, known.type),
+                latched(max(known.depth, _GUESTS)) if known.latched else LOOP,
+                raw=True,
+            )
+        say(f"open ws://{HOST}:{self._server.port} in Foxglove; Ctrl-C ends it")
+
+    def poll(self) -> float:
+        """Tell the time, and newcomers what is latched; return when to look again [wall s]."""
+        if self._newcomers or self._now != self._told:
+            self._told = self._now
+            self._server.broadcast_time(self._now)  # else a client plots over its own clock
+        while self._newcomers:
+            topic = self._newcomers.popleft()
+            for data, time in self._latched.get(topic, ()):
+                self._channels[topic].log(data, log_time=time)
+        return _REFRESH
+
+    def close(self) -> None:
+        """End the server and leave the graph."""
+        self._server.stop()
+        self.node.destroy_node()
+
+    def _forward(self, topic: str, kind: str, data: bytes) -> None:
+        self._last = stamp_of(kind, data, self._last)
+        self._channels[topic].log(data, log_time=self._last)
+        if topic in self._latched:
+            self._latched[topic].append((data, self._last))
+        elif topic in _CLOCKS:
+            if self._last > self._now or self._last < self._stamps[topic]:
+                self._now = self._last
+            self._stamps[topic] = self._last
+
+
+def live(port: int, say: Callable[[str], None]) -> None:
+    """Serve from this process until it is interrupted, then exit."""
+    run_node(partial(LiveNode, LiveSettings(port=port), say), args=[])
+
+
+def _message_class(kind: str) -> Any:
+    package, _, name = kind.split("/")
+    return getattr(import_module(f"{package}.msg"), name)
+
+
+def main() -> None:
+    """Run the node with the parameters of LiveSettings."""
+    run_node(partial(LiveNode, None, print))
+
+
+if __name__ == "__main__":
+    main()

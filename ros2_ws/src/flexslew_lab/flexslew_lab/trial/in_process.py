@@ -1,0 +1,111 @@
+"""A trial in one process, without ROS: the same ticks, the same log, the same bits."""
+
+from collections.abc import Callable, Iterator
+from time import monotonic
+from typing import Any, Protocol
+
+from flexslew_control.controllers.controller import Answer, Controller
+from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.bench.events import Event, Level
+from flexslew_plant.bench.measurement import Measurement
+
+
+class Observer(Protocol):
+    """Sees everything that goes over the topics of a run."""
+
+    def truth(self, truth: Truth) -> None:
+        """Take the state at a tick."""
+        return
+
+    def question(self, question: Measurement) -> None:
+        """Take a measurement."""
+        return
+
+    def answer(self, answer: Answer) -> None:
+        """Take an answer, whether the drive takes it or not."""
+        return
+
+    def event(self, event: Event) -> None:
+        """Take an event."""
+        return
+
+
+def fly(
+    bench: Bench,
+    controllers: dict[str, Controller],
+    observer: Observer | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> None:
+    """Run the bench to the end of its duration.
+
+    Args:
+        bench: at tick 0.
+        controllers: by name; every one sees every measurement.
+        observer: gets what the topics would carry.
+        progress: called with the tick, once every 1000.
+    """
+    started = monotonic()
+    _event(bench, "started", "started at tick 0", {})
+    while not bench.done:
+        _tick(bench, controllers, observer)
+        if progress is not None and bench.tick % 1000 == 0:
+            progress(bench.tick)
+    wall = monotonic() - started
+    _event(
+        bench,
+        "finished",
+        f"{bench.tick} ticks in {wall:.2f} s wall, {bench.drive.missed} missed",
+        {
+            "wall_time": wall,
+            "ticks": bench.tick,
+            "missed_ticks": bench.drive.missed,
+            "saturated_time": bench.saturated_ticks * bench.settings.period,
+            "rejected": dict(bench.drive.rejected),
+        },
+    )
+    if observer is not None:
+        observer.truth(bench.truth())
+        for event in _drained(bench):
+            observer.event(event)
+
+
+def _tick(bench: Bench, controllers: dict[str, Controller], observer: Observer | None) -> None:
+    question = bench.question
+    if observer is not None:
+        observer.question(question)
+        observer.truth(bench.truth())
+        for event in _drained(bench):
+            observer.event(event)
+    for controller in controllers.values():
+        _answer(bench, controller, question, observer)
+        bench.note_readiness(controller.name, controller.reason)
+    if not bench.answered and bench.question is not question:
+        # the drive refused the newcomer's step and asks its predecessor
+        if observer is not None:
+            observer.question(bench.question)
+        predecessor = controllers.get(bench.question.controller)
+        if predecessor is not None:  # else it was the brake
+            _answer(bench, predecessor, bench.question, observer)
+    bench.advance()
+
+
+def _answer(
+    bench: Bench, controller: Controller, question: Measurement, observer: Observer | None
+) -> None:
+    answer = controller.observe(question)
+    if answer is None:
+        return
+    bench.offer(answer.command)
+    if observer is not None:
+        observer.answer(answer)
+
+
+def _drained(bench: Bench) -> Iterator[Event]:
+    while bench.events:
+        yield bench.events.popleft()
+
+
+def _event(bench: Bench, kind: str, message: str, data: dict[str, Any]) -> None:
+    bench.events.append(
+        Event(bench.tick, bench.time, bench.epoch, Level.INFO, "plant", kind, message, data)
+    )

@@ -1,0 +1,72 @@
+"""The processes of a trial over ROS 2: which nodes, with which parameters."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexslew_lab.trial.trial import Trial, bench_settings, law_of, trial_text
+from flexslew_plant.settings import flat, plain, yaml_text
+
+
+class NodeProcess(NamedTuple):
+    """One process, one node."""
+
+    name: str  # of the node
+    package: str
+    executable: str
+    parameters: dict[str, Any]
+
+
+def node_processes(
+    trial: Trial, folder: Path, record: bool, metadata: dict[str, str]
+) -> list[NodeProcess]:
+    """Return the nodes of a trial in the order of their start, the plant last.
+
+    Args:
+        trial: what to fly.
+        folder: of the run; the bag goes into its subfolder bag.
+        record: with the recorder.
+        metadata: of the run, for the bag.
+    """
+    listeners = ["recorder_ears"] if record else []
+    processes = []
+    if record:
+        parameters = {
+            "folder": str(folder / "bag"),
+            "metadata": json.dumps({"trial": trial_text(trial), **metadata}),
+            "exit_with_plant": True,
+        }
+        processes.append(NodeProcess("recorder", "flexslew_lab", "recorder", parameters))
+    planned = trial.plan is not None
+    if planned:
+        text = yaml_text(plain(trial.plan))
+        parameters = {"plan": text, "exit_with_plant": True}
+        processes.append(NodeProcess("planner", "flexslew_control", "planner", parameters))
+    for name, values in trial.controllers.items():
+        law, own = law_of(name, values or {})
+        parameters = {
+            "law": law,
+            "requires_plan": planned,
+            "wait_for": listeners,
+            "exit_with_plant": True,
+            **own,
+        }
+        processes.append(NodeProcess(name, "flexslew_control", "controller", parameters))
+    plant = {
+        "bench": plain(bench_settings(trial)),
+        "rate_factor": trial.rate_factor,
+        "answer_timeout": trial.answer_timeout,
+        "controllers": list(trial.controllers),
+        "wait_for": listeners,
+        "display_rate": trial.display_rate,
+        "exit_when_done": True,
+        "progress": True,
+    }
+    processes.append(NodeProcess("plant", "flexslew_plant", "plant", plant))
+    return processes
+
+
+def parameter_file(processes: list[NodeProcess]) -> str:
+    """Return the ROS parameter file of these nodes."""
+    nodes = {p.name: {"ros__parameters": flat(p.parameters)} for p in processes}
+    return yaml_text(nodes)

@@ -1,0 +1,178 @@
+"""One trial from its file to its folder: bag, metrics.json and report.html."""
+
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexslew_control.controllers.controller import Controller
+from flexslew_control.plan import Plan
+from flexslew_control.planners import ReferenceOnly
+from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
+from flexslew_control.planners.slew import software_versions
+from flexslew_lab.log.bag_observer import BagObserver
+from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.report.report import write_report
+from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.trial.in_process import fly
+from flexslew_lab.trial.processes import node_processes, parameter_file
+from flexslew_lab.trial.supervisor import Outcome, Supervisor
+from flexslew_lab.trial.trial import (
+    Trial,
+    bench_settings,
+    build_controllers,
+    plan_of_trial,
+    trial_text,
+)
+from flexslew_plant.bench.bench import Bench
+from flexslew_plant.errors import BadInput, PlanFailed
+
+Progress = Callable[[int, int], None]  # tick, last tick
+
+
+class Result(NamedTuple):
+    """What a run left behind."""
+
+    folder: Path
+    exit_code: int
+    message: str
+    metrics: dict[str, Any]
+
+
+class _Crew(NamedTuple):
+    """What stands on the bench and who flies it, before tick 0."""
+
+    bench: Bench
+    controllers: dict[str, Controller]
+    plan: Plan | None
+
+
+def new_folder(name: str, out: Path | None) -> Path:
+    """Return the folder of a run, not yet made.
+
+    Raises:
+        BadInput: the wanted folder is there and not empty.
+    """
+    if out is None:
+        now = datetime.now().strftime("%Y%m%d-%H%M%S")
+        out = Path("runs") / f"{name}-{now}"
+        counter = 1
+        while out.exists():
+            counter += 1
+            out = Path("runs") / f"{name}-{now}-{counter}"
+    if out.exists() and any(out.iterdir()):
+        raise BadInput(f"{out}: is not empty; choose another folder with --out")
+    return out
+
+
+def run_trial(
+    trial: Trial,
+    source: str,
+    out: Path | None = None,
+    in_process: bool = False,
+    report: bool = True,
+    progress: Progress = lambda tick, last: None,
+    say: Callable[[str], None] = lambda words: None,
+) -> Result:
+    """Fly the trial, write its folder and return what came out.
+
+    Args:
+        trial: what to fly.
+        source: its file, for messages and for the log.
+        out: folder of the run; None: a new one below runs/.
+        in_process: without ROS.
+        report: write report.html too.
+        progress: called with the tick and the last tick.
+        say: called with a line for a person.
+
+    Raises:
+        BadInput, PlanFailed: before anything was written.
+    """
+    crew = _crew(trial, source)
+    folder = new_folder(trial.name, out)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "trial.yaml").write_text(trial_text(trial))
+    metadata = {"trial_file": source, "versions": json.dumps(software_versions())}
+    bag = folder / "bag"
+    if in_process:
+        outcome = _in_process(trial, crew, bag, metadata, progress)
+    else:
+        outcome = _over_ros(trial, folder, metadata, progress, say)
+    result = _finished(folder, bag, outcome)
+    if report and result.metrics:
+        write_report([bag], folder / "report.html", _without_feedforward(trial, source, folder))
+    return result
+
+
+def _crew(trial: Trial, source: str) -> _Crew:
+    """Return what the trial flies in process, with the plan adopted.
+
+    Raises:
+        BadInput, PlanFailed: with the place in the trial file.
+    """
+    bench = Bench(bench_settings(trial))
+    controllers = build_controllers(trial, bench, source)
+    try:
+        plan = plan_of_trial(trial)
+    except (BadInput, PlanFailed) as error:
+        raise type(error)(f"{source}: plan: {error}") from None
+    for controller in controllers.values():
+        refused = controller.adopt(plan) if plan is not None else ""
+        if refused:
+            raise BadInput(f"{source}: plan: {refused}")
+    return _Crew(bench, controllers, plan)
+
+
+def _in_process(
+    trial: Trial, crew: _Crew, bag: Path, metadata: dict[str, str], progress: Progress
+) -> Outcome:
+    bench, controllers, plan = crew
+    last = bench.last_tick or 0
+    with BagWriter(bag, {"trial": trial_text(trial), **metadata}) as writer:
+        observer = BagObserver(writer)
+        observer.announce(trial, bench, plan, controllers)
+        fly(bench, controllers, observer, lambda tick: progress(tick, last))
+        writer.close({"messages": str(writer.messages)})
+    return Outcome(3 if bench.faulted else 0, "a controller fell silent" * bench.faulted)
+
+
+def _without_feedforward(trial: Trial, source: str, folder: Path) -> Path | None:
+    """Fly the same reference without feedforward, in process; return its bag, if any."""
+    plan = trial.plan
+    if not isinstance(plan, OptimizedFeedforward):
+        return None
+    keys = ("model", "initial", "goal", "start", "duration", "reference", "feedback")
+    bare = ReferenceOnly(**{key: getattr(plan, key) for key in keys})
+    bag = folder / "without_feedforward"
+    other = replace(trial, name=f"{trial.name}-without-feedforward", plan=bare)
+    crew = _crew(other, source)
+    _in_process(other, crew, bag, {"trial_file": source}, lambda tick, last: None)
+    return bag
+
+
+def _over_ros(
+    trial: Trial,
+    folder: Path,
+    metadata: dict[str, str],
+    progress: Progress,
+    say: Callable[[str], None],
+) -> Outcome:
+    processes = node_processes(trial, folder, True, metadata)
+    parameters = folder / "parameters.yaml"
+    parameters.write_text(parameter_file(processes))
+    with own_domain() as domain:
+        say(f"ROS_DOMAIN_ID {domain}: {', '.join(p.name for p in processes)}")
+        supervisor = Supervisor(processes, parameters, folder / "nodes.log", domain, progress)
+        return supervisor.run()
+
+
+def _finished(folder: Path, bag: Path, outcome: Outcome) -> Result:
+    metrics: dict[str, Any] = {}
+    with suppress(BadInput):  # an interrupted run may hold no tick at all
+        metrics = metrics_of(bag)
+        (folder / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
+    return Result(folder, outcome.exit_code, outcome.message, metrics)

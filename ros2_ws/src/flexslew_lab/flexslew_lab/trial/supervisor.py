@@ -1,0 +1,173 @@
+"""Starts the processes of a trial, watches them, ends them; knows nothing of ROS messages."""
+
+import os
+import re
+import selectors
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from time import monotonic
+from typing import NamedTuple
+
+from flexslew_lab.trial.processes import NodeProcess
+
+_TICK = re.compile(rb"^tick (\d+) of (\d+)$")
+_GRACE = 10.0  # from one signal to the next stronger one [wall s]
+_LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.LAST_WORDS
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+
+
+class Outcome(NamedTuple):
+    """How the processes of a run ended."""
+
+    exit_code: int  # 0 done, 2 bad input, 3 a fault, 130 interrupted
+    message: str  # what went wrong, one line; empty if nothing did
+
+
+class Supervisor:
+    """The processes of one run.
+
+    Args:
+        processes: what to start; the end of the last one, the plant, is the end of the run.
+        parameters: the ROS parameter file.
+        log: file for what the processes say.
+        domain: ROS_DOMAIN_ID for all of them.
+        progress: called with the tick and the last tick.
+    """
+
+    def __init__(
+        self,
+        processes: list[NodeProcess],
+        parameters: Path,
+        log: Path,
+        domain: int,
+        progress: Callable[[int, int], None],
+    ) -> None:
+        self._progress = progress
+        self._plant = processes[-1].name
+        self._tick = -1
+        self._complaint = ""
+        self._log = log.open("wb")
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._codes: dict[str, int] = {}
+        self._selector = selectors.DefaultSelector()
+        self._rest: dict[str, bytes] = {}
+        environment = os.environ | {
+            "ROS_DOMAIN_ID": str(domain),
+            "PYTHONUNBUFFERED": "1",
+            "OMP_NUM_THREADS": "1",  # tiny matrices: more threads only take turns
+            "OPENBLAS_NUM_THREADS": "1",
+            "FLEXSLEW_SUPERVISOR": str(os.getpid()),  # they end when we are gone
+        }
+        for process in processes:
+            self._start(process, parameters, environment)
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Process ids by node name, of those that still run."""
+        return {name: child.pid for name, child in self._running.items()}
+
+    def run(self) -> Outcome:
+        """Wait for the plant to end, then for the others; Ctrl-C ends all of them."""
+        try:
+            while self._plant in self._running:
+                self._serve(0.2)
+                dead = [n for n, code in self._codes.items() if n != self._plant and code]
+                if dead and self._tick < 0:
+                    self._end()
+                    code = 2 if self._codes[dead[0]] == 2 else 3
+                    return self._outcome(code, f"{dead[0]} ended before the start")
+            self._wait_for_rest()
+        except KeyboardInterrupt:
+            self._end()
+            return self._outcome(130, "interrupted")
+        except BaseException:
+            self._end()
+            raise
+        return self._verdict()
+
+    def _start(self, process: NodeProcess, parameters: Path, environment: dict[str, str]) -> None:
+        command = [sys.executable, "-m", f"{process.package}.ros.{process.executable}_node"]
+        command += ["--ros-args", "--params-file", str(parameters)]
+        if process.name:  # empty: several nodes, each with the name that it gives itself
+            command += ["-r", f"__node:={process.name}"]
+        child = subprocess.Popen(  # a session of its own: Ctrl-C reaches it in order, through us
+            command,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        assert child.stdout is not None
+        os.set_blocking(child.stdout.fileno(), False)
+        self._selector.register(child.stdout, selectors.EVENT_READ, process.name)
+        self._running[process.name] = child
+        self._rest[process.name] = b""
+
+    def _serve(self, timeout: float) -> None:
+        """Take what the processes say and note who has ended."""
+        for key, _ in self._selector.select(timeout):
+            data = os.read(key.fd, 65536)
+            self._take(key.data, data)
+            if not data:
+                self._selector.unregister(key.fileobj)
+        for name, child in list(self._running.items()):
+            code = child.poll()
+            if code is not None:
+                self._codes[name] = code
+                del self._running[name]
+
+    def _take(self, name: str, data: bytes) -> None:
+        *lines, self._rest[name] = (self._rest[name] + data).split(b"\n")
+        for line in lines:
+            found = _TICK.match(line)
+            if found:
+                self._tick = int(found[1])
+                self._progress(self._tick, int(found[2]))
+                continue
+            if line.startswith(b"error: "):
+                self._complaint = line[7:].decode(errors="replace")
+            self._log.write(f"[{name}] ".encode() + line + b"\n")
+            self._log.flush()
+
+    def _wait_for_rest(self) -> None:
+        """The others leave by themselves when the plant is gone and they were heard."""
+        end = monotonic() + _LEAVING
+        while self._running and monotonic() < end:
+            self._serve(0.05)
+        if self._running:
+            self._end()
+
+    def _end(self) -> None:
+        """End what still runs: the plant first, so that the recorder hears its last words."""
+        order = sorted(self._running, key=lambda name: (name == "recorder", name != self._plant))
+        for name in order:
+            child = self._running.get(name)
+            for strength in _SIGNALS:
+                if child is None or child.poll() is not None:
+                    break
+                child.send_signal(strength)
+                end = monotonic() + _GRACE
+                while child.poll() is None and monotonic() < end:
+                    self._serve(0.05)
+        self._serve(0.0)
+
+    def _verdict(self) -> Outcome:
+        if self._codes[self._plant] not in (0, 3):
+            return self._outcome(3, "the plant ended by itself")
+        for name, code in self._codes.items():
+            if name != self._plant and code:
+                return self._outcome(3, f"{name} ended during the run")
+        if self._codes[self._plant]:
+            return self._outcome(3, "a controller fell silent; see the events")
+        return self._outcome(0, "")
+
+    def _outcome(self, code: int, message: str) -> Outcome:
+        self._log.close()
+        said = self._complaint
+        ended = ", ".join(f"{n}: {c}" for n, c in self._codes.items() if c not in (0, 130, -2))
+        details = said or (f"exit codes {ended}" if ended and code == 3 else "")
+        return Outcome(code, f"{message} ({details})" if details else message)

@@ -1,0 +1,164 @@
+"""A trial file: what stands on the bench, who flies it, what happens when."""
+
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from flexslew_control.controllers import build_controller
+from flexslew_control.controllers.controller import Controller
+from flexslew_control.plan import Plan
+from flexslew_control.planners import PlanSettings, make_plan
+from flexslew_plant.bench.actuator import ActuatorSettings
+from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.bench.schedule import Schedule, require_allowed
+from flexslew_plant.bench.sensors import SensorSettings
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import (
+    NonNegative,
+    Positive,
+    load_yaml,
+    plain,
+    section,
+    validated,
+    yaml_text,
+)
+from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.csa import CsaTestbed
+
+DEFAULT = Path(str(resources.files("flexslew_lab"))) / "trials" / "m1.yaml"
+
+_BELIEVED = ("kind", "variant", "damping_ratio", "parameters", "initial")  # of the testbed
+
+
+def _pd_alone() -> dict[str, dict[str, Any]]:
+    return {"pd_feedforward": {}}
+
+
+@section
+class Trial:
+    """The keys of a trial file; docs/trial.md tells them one by one."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")] = "trial"
+    seed: Annotated[int, Field(ge=0)] = 1  # of everything random
+    duration: Positive = 100.0  # [s] simulated
+    period: Positive = 0.01  # [s] one tick
+    rate_factor: NonNegative = 0.0  # 0: as fast as it goes, 1: real time
+    testbed: Testbed = CsaTestbed()
+    actuator: ActuatorSettings = ActuatorSettings()
+    sensors: SensorSettings = SensorSettings()
+    plan: PlanSettings | None = None  # none: hold the first measured position
+    controllers: dict[str, dict[str, Any]] = Field(default_factory=_pd_alone)
+    active: str = "pd_feedforward"  # in charge at the start
+    fallback: tuple[str, ...] = ()  # take over in turn
+    max_missed: Annotated[int, Field(ge=1)] = 5  # ticks in a row without a valid answer
+    answer_timeout: Positive = 2.0  # silence that counts as missed ticks, not paced [wall s]
+    brake_damping_ratio: Positive = 0.25  # of the drive's own brake [-]
+    display_rate: NonNegative = 50.0  # of joint states, tf, markers [1/simulated s]; 0: none
+    schedule: Schedule = ()
+    allow_faults: bool = False  # whether anything may be broken, by schedule or by inject_fault
+
+
+def load_trial(path: Path) -> Trial:
+    """Return the trial of a file.
+
+    Raises:
+        BadInput: the file cannot be read, or one of its values is not allowed.
+    """
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path}: cannot be read: {error}") from None
+    return parse_trial(text, str(path))
+
+
+def parse_trial(text: str, source: str) -> Trial:
+    """Return the trial of a YAML text; see load_trial."""
+    values = load_yaml(text, source)
+    if not isinstance(values, dict):
+        raise BadInput(f"{source}: holds no keys; see the example {DEFAULT}")
+    trial: Trial = validated(Trial, _with_believed_model(values), source)
+    wanted = {"active": trial.active} | {f"fallback.{i}": c for i, c in enumerate(trial.fallback)}
+    wanted |= {f"schedule.{i}.switch": e.switch for i, e in enumerate(trial.schedule) if e.switch}
+    for key, controller in wanted.items():
+        if controller not in trial.controllers:
+            known = ", ".join(trial.controllers)
+            raise BadInput(f"{source}: {key}: {controller} is not in controllers; allowed: {known}")
+    require_allowed(trial.schedule, trial.allow_faults, source)
+    return trial
+
+
+def _with_believed_model(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the keys with the testbed, on one mode, as the model of a plan that names none.
+
+    Only for the method that plans on any kind of testbed; the other ones have their own defaults.
+    """
+    plan, testbed = values.get("plan"), values.get("testbed") or {}
+    if not (isinstance(plan, dict) and isinstance(testbed, dict)):
+        return values
+    if plan.get("method") != "time_optimal" or "model" in plan:
+        return values
+    model = {key: testbed[key] for key in _BELIEVED if key in testbed} | {"modes": 1}
+    return values | {"plan": plan | {"model": model}}
+
+
+def trial_text(trial: Trial) -> str:
+    """Return the trial as YAML with every default written out; parse_trial reads it back."""
+    return yaml_text(plain(trial))
+
+
+def bench_settings(trial: Trial) -> BenchSettings:
+    """Return the part of the trial that the plant needs."""
+    return BenchSettings(
+        testbed=trial.testbed,
+        period=trial.period,
+        duration=trial.duration,
+        seed=trial.seed,
+        actuator=trial.actuator,
+        sensors=trial.sensors,
+        active=trial.active,
+        fallback=trial.fallback,
+        max_missed=trial.max_missed,
+        brake_damping_ratio=trial.brake_damping_ratio,
+        schedule=trial.schedule,
+        faults_enabled=trial.allow_faults,
+    )
+
+
+def law_of(name: str, values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return which law a controller of the trial runs, and that law's own values."""
+    own = dict(values)
+    return str(own.pop("law", name)), own
+
+
+def build_controllers(trial: Trial, bench: Bench, source: str) -> dict[str, Controller]:
+    """Return the trial's controllers by name.
+
+    Raises:
+        BadInput: a law or one of its values is not allowed.
+    """
+    built = {}
+    for name, values in trial.controllers.items():
+        law, own = law_of(name, values or {})
+        built[name] = build_controller(
+            name,
+            law,
+            own,
+            bench.model.joint_names,
+            trial.period,
+            tuple(trial.testbed.effort_limit),
+            f"{source}: controllers.{name}",
+        )
+    return built
+
+
+def plan_of_trial(trial: Trial) -> Plan | None:
+    """Return the trial's plan, or None where it asks for none.
+
+    Raises:
+        BadInput, PlanFailed: see make_plan.
+    """
+    if trial.plan is None:
+        return None
+    return make_plan(trial.plan, trial.period, tuple(trial.testbed.effort_limit))

@@ -1,0 +1,1 @@
+"""The bench without ROS: the tick, its drive, motors, sensors, schedule and records."""

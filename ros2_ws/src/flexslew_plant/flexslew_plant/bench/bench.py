@@ -1,0 +1,377 @@
+"""The bench without ROS: the testbed, its motors, sensors and drive, tick by tick.
+
+One tick is one question and one answer: read `question`, `offer` commands until one is taken,
+then `advance`. Advancing without an answer is a missed tick.
+"""
+
+from collections import deque
+from math import inf, isfinite
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.actuator import Actuator
+from flexslew_plant.bench.disturbances import (
+    TimedDisturbance,
+    check_disturbance,
+    disturbance_effort,
+)
+from flexslew_plant.bench.drive import Drive
+from flexslew_plant.bench.events import Event, Level
+from flexslew_plant.bench.measurement import EffortCommand, Measurement
+from flexslew_plant.bench.records import BenchSettings as BenchSettings
+from flexslew_plant.bench.records import InjectResult as InjectResult
+from flexslew_plant.bench.records import SwitchRequest as SwitchRequest
+from flexslew_plant.bench.records import SwitchResult as SwitchResult
+from flexslew_plant.bench.records import Truth as Truth
+from flexslew_plant.bench.schedule import ScheduleEntry, injected_entry, require_allowed
+from flexslew_plant.bench.sensors import Readings, Sensors
+from flexslew_plant.errors import BadInput
+from flexslew_plant.faults.injection import Fate, Faults
+from flexslew_plant.faults.kinds import Names, Timed, check_fault
+from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import build_model, dynamics
+from flexslew_plant.testbeds.appendages import appendages_of
+
+_LARGEST = float(np.finfo(np.float64).max)
+
+
+class Bench:
+    """The tick machine.
+
+    Args:
+        settings: a trial's plant.
+
+    Raises:
+        BadInput: a schedule entry names what the testbed does not have, or breaks something
+            although faults are off.
+    """
+
+    def __init__(self, settings: BenchSettings) -> None:
+        self.settings = settings
+        self.model = build_model(settings.testbed)
+        self.appendages = appendages_of(settings.testbed)
+        self.limit: Vector = np.array(settings.testbed.effort_limit, dtype=float)
+        joints = [getattr(settings.testbed.initial, name) for name in self.model.joint_names]
+        rest = np.concatenate((joints, np.zeros(self.model.modes)))  # straight appendages
+        self._start = np.concatenate((rest, np.zeros(rest.size)))
+        self.model.advance(self._start, np.zeros(self.model.joints), 0.0)  # compiled before tick 0
+        free = self.model.linearise(rest)
+        brake = settings.brake_damping_ratio * free.frequencies[0] * np.diag(free.mass)
+        self.drive = Drive(
+            settings.active, settings.fallback, settings.max_missed, brake[: self.model.joints]
+        )
+        self.actuator = Actuator(settings.actuator, self.limit, settings.period)
+        self.last_tick = round(settings.duration / settings.period) if settings.duration else None
+        require_allowed(settings.schedule, settings.faults_enabled)
+        self._names = Names(self.model.joint_names, self.appendages.names)
+        self._known = [
+            self._breaking(entry, f"schedule.{i}")
+            for i, entry in enumerate(settings.schedule)
+            if entry.switch is None
+        ]
+        self.epoch = -1
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to tick 0 in a new epoch."""
+        self.epoch += 1
+        self.tick = 0
+        self.drive.reset()
+        self.actuator.reset()
+        self.saturated_ticks = 0
+        self.faulted = False  # a controller had to be replaced
+        self._sensors = Sensors(
+            self.settings.sensors, np.random.default_rng([self.settings.seed, self.epoch])
+        )
+        self._x: Vector = self._start
+        self._applied: Vector = np.zeros(self.model.joints)
+        self._extra: Vector = np.zeros(self.model.joints)  # disturbance during the last tick
+        self._answer: Vector | None = None
+        self._lost = False  # the answer of this tick was given, and did not arrive
+        self._disturbances = [e for e in self._known if isinstance(e, TimedDisturbance)]
+        self._faults = Faults(
+            self._names,
+            self.settings.seed,
+            self.epoch,
+            tuple(e for e in self._known if isinstance(e, Timed)),
+        )
+        self._handover: tuple[SwitchRequest, str] | None = None
+        self._unready: dict[str, str] = {}
+        self.events: deque[Event] = deque()
+        self.switch_results: deque[SwitchResult] = deque()
+        ticks = [self._tick_of(entry.at) for entry in self.settings.schedule]
+        self._switches = [
+            SwitchRequest(entry.switch, tick)
+            for entry, tick in zip(self.settings.schedule, ticks, strict=True)
+            if entry.switch is not None
+        ]
+        self._ask()
+
+    @property
+    def time(self) -> float:
+        """Simulated time of the tick [s]."""
+        return self.tick * self.settings.period
+
+    @property
+    def done(self) -> bool:
+        """The duration is over."""
+        return self.last_tick is not None and self.tick >= self.last_tick
+
+    @property
+    def answered(self) -> bool:
+        """Nothing is to be waited for: the answer is here or lost for good, or the brake is on."""
+        return self._answer is not None or self._lost or not self.drive.active
+
+    def truth(self) -> Truth:
+        """Return the state at this tick."""
+        n = self.model.coordinates
+        q = self._x[:n]
+        return Truth(
+            self.tick,
+            self.time,
+            self.epoch,
+            q,
+            self._x[n:],
+            self._applied,
+            self._extra,
+            self.appendages.tip.dot(q[self.model.joints :]),
+            dynamics.energy(self.model.kind, self.model.packed, self._x, self.model.joints),
+        )
+
+    def offer(self, command: EffortCommand) -> bool:
+        """Return whether the command settles the tick; a second answer is not needed.
+
+        An answer that a fault keeps from the drive settles it too: no better one will come.
+        """
+        if self._objected(command) or self._answer is not None or self._lost:
+            return False
+        if self._faults.fate(command) is not Fate.ARRIVES:
+            self._lost = True
+            return True
+        if self._handover is not None and not self._finish_handover(command.effort):
+            return False
+        self._answer = command.effort
+        return True
+
+    def advance(self) -> None:
+        """Integrate [t_k, t_k+1) with the answer, or with the last one if there is none."""
+        for ghost in self._faults.ghosts(first=False):
+            self._objected(ghost)
+        if self._answer is not None:
+            self.drive.take(self._answer)
+        elif self.drive.active:
+            self._miss()
+        n, m, period = self.model.coordinates, self.model.joints, self.settings.period
+        velocity = self._x[n : n + m]
+        demand = self._faults.demand(self.drive.effort(velocity))
+        self._applied = self._faults.effort(self.actuator.apply(demand))
+        self.saturated_ticks += self.actuator.saturated
+        self._extra = self._disturbance_at(self.tick)
+        total = self._applied + self._extra
+        friction = self.actuator.friction(velocity)
+        if friction is not None:
+            total = total + friction
+        self._x = self.model.advance(self._x, total, period)
+        if not all(map(isfinite, self._x.tolist())):
+            raise FloatingPointError(f"the state is not finite after tick {self.tick}")
+        self.tick += 1
+        self._ask()
+
+    def request_switch(self, request: SwitchRequest) -> str | None:
+        """Schedule a switch; return why it is refused, or None."""
+        if request.tick <= self.tick:
+            request = request._replace(tick=self.tick + 1)
+        if any(other.tick == request.tick for other in self._switches):
+            return f"another switch is already due at tick {request.tick}"
+        if request.controller == self.drive.active and not self._switches:
+            return f"{request.controller} is already in charge"
+        self._switches.append(request)
+        data = request._asdict()
+        data["max_effort_step"] = min(request.max_effort_step, _LARGEST)  # JSON has no infinity
+        words = f"{request.controller} wanted from tick {request.tick} on"
+        self._event(Level.INFO, "switch_requested", words, data)
+        return None
+
+    def inject(self, text: str, tick: int = 0) -> InjectResult:
+        """Return whether something breaks as an operator wants, or why not.
+
+        Args:
+            text: YAML, see schedule.injected_entry.
+            tick: at which it begins; one that is over: the next.
+        """
+        start = max(tick, self.tick + 1)
+        if not self.settings.faults_enabled:
+            return InjectResult(
+                False, "faults are off in this trial; set allow_faults: true", self.tick
+            )
+        try:
+            entry = injected_entry(text, start * self.settings.period)
+            breaking = self._breaking(entry, "fault")
+        except BadInput as error:
+            return InjectResult(False, str(error), self.tick)
+        if isinstance(breaking, Timed):
+            self._faults.add(breaking)
+            word: str = breaking.fault.kind
+        else:
+            self._disturbances.append(breaking)
+            word = "disturbance"
+        data: dict[str, object] = {"text": text, "start": start}
+        self._event(Level.INFO, "injected", f"{word} wanted at tick {start}", data)
+        return InjectResult(True, f"{word} at tick {start}", start)
+
+    def note_readiness(self, controller: str, reason: str) -> None:
+        """Say it as an event when a controller could no longer take charge, or can again.
+
+        Args:
+            controller: whose.
+            reason: why it could not; empty if it could.
+        """
+        if self._unready.get(controller, "") == reason:
+            return
+        self._unready[controller] = reason
+        data: dict[str, object] = {"controller": controller, "reason": reason}
+        if reason:
+            self._event(Level.WARNING, "not_ready", f"{controller} is not ready: {reason}", data)
+        else:
+            self._event(Level.INFO, "ready", f"{controller} is ready again", data)
+
+    def _tick_of(self, time: float) -> int:
+        return round(time / self.settings.period)
+
+    def _ask(self) -> None:
+        for timed, on in self._faults.begin(self.tick):
+            data = {"on": on, "fault": plain(timed.fault), "start": timed.start}
+            data |= {"end": int(timed.end)} if timed.end < inf else {}
+            words = f"{timed.fault.kind} {'on' if on else 'off'}"
+            self._event(Level.WARNING if on else Level.INFO, "fault", words, data)
+        due = [r for r in self._switches if r.tick <= self.tick] if self._switches else []
+        for request in due:
+            self._switches.remove(request)
+            if request.controller != self.drive.active:
+                self._handover = request, self.drive.active
+                self.drive.hand_over(request.controller)
+        self._answer, self._lost = None, False
+        n, m = self.model.coordinates, self.model.joints
+        modes = self._x[m:n]
+        readings = self._sensors.read(
+            Readings(
+                self._x[:m],
+                self._x[n : n + m],
+                self.appendages.tip.dot(modes),
+                self.appendages.curvature.dot(modes),
+            )
+        )
+        self.question = Measurement(
+            self.tick,
+            self.epoch,
+            self.time,
+            self.drive.active,
+            *self._faults.read(readings),
+            self._applied,
+        )
+        for ghost in self._faults.ghosts(first=True):
+            self._objected(ghost)
+
+    def _objected(self, command: EffortCommand) -> bool:
+        """Return whether the drive rejects the command, and say so."""
+        objection = self.drive.objection(self.question, command)
+        if objection is None:
+            return False
+        kind, words = objection
+        count = self.drive.rejected[kind]
+        if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th, ...: a flood stays readable
+            self._event(
+                Level.WARNING,
+                "rejected",
+                f"effort command rejected ({kind}): {words}; {count} so far",
+                {"reason": kind, "count": count, "controller": command.controller},
+            )
+        return True
+
+    def _finish_handover(self, effort: Vector) -> bool:
+        """Measure the step of the incoming controller; give the bench back if it is too large."""
+        assert self._handover is not None
+        (request, outgoing), self._handover = self._handover, None
+        step = effort - self._applied
+        largest = float(np.abs(step).max())
+        ok = not (request.strict and largest > request.max_effort_step)
+        data = {
+            "from": outgoing,
+            "to": request.controller,
+            "effort_step": step.tolist(),
+        }
+        if ok:
+            words = f"{outgoing or 'brake'} -> {request.controller}, effort step {largest:.3g}"
+            self._event(Level.INFO, "switched", words, data)
+        else:
+            words = (
+                f"switch to {request.controller} refused: its effort would step by {largest:.3g}, "
+                f"max_effort_step is {request.max_effort_step:.3g}"
+            )
+            self._event(Level.WARNING, "switch_refused", words, data)
+            self.drive.hand_over(outgoing)
+            self.question = self.question._replace(controller=outgoing)
+            step = np.zeros_like(step)
+        self.switch_results.append(SwitchResult(request, ok, words, self.tick, step))
+        return ok
+
+    def _miss(self) -> None:
+        silent = self.drive.active
+        successor = self.drive.miss()
+        row = self.drive.missed_in_a_row
+        self._event(
+            Level.WARNING,
+            "missed",
+            f"no valid answer from {silent}, last effort held ({row} in a row)",
+            {"controller": silent, "in_a_row": row},
+        )
+        if successor is None:
+            return
+        if self._handover is not None:  # the incoming controller never answered
+            (request, _), self._handover = self._handover, None
+            words = f"{silent} never answered"
+            self.switch_results.append(
+                SwitchResult(request, False, words, self.tick, np.zeros(self.model.joints))
+            )
+        self.drive.hand_over(successor)
+        self.faulted = True
+        self._event(
+            Level.FAULT,
+            "fallback" if successor else "brake",
+            f"{silent} is silent: {successor or 'the brake'} takes over",
+            {"from": silent, "to": successor},
+        )
+
+    def _breaking(self, entry: ScheduleEntry, place: str) -> TimedDisturbance | Timed:
+        """Return a disturbance or a fault with its ticks; see check_disturbance, check_fault."""
+        start = self._tick_of(entry.at)
+        end = inf if entry.until is None else max(self._tick_of(entry.until), start + 1)
+        if entry.fault is not None:
+            check_fault(entry.fault, self._names, f"{place}.fault")
+            return Timed(entry.fault, start, end)
+        shapes = entry.disturbance or {}
+        check_disturbance(shapes, self._names.joints, f"{place}.disturbance")
+        return TimedDisturbance(shapes, start, end)
+
+    def _disturbance_at(self, tick: int) -> Vector:
+        total = np.zeros(self.model.joints)
+        for timed in self._disturbances:
+            if timed.start <= tick < timed.end:
+                total = total + disturbance_effort(
+                    timed, tick, self._names.joints, self.settings.period
+                )
+            if tick in (timed.start, timed.end):
+                word = "on" if tick == timed.start else "off"
+                shapes = {
+                    name: shape if isinstance(shape, float) else plain(shape)
+                    for name, shape in timed.shapes.items()
+                }
+                words = f"disturbance {word}: {shapes}"
+                self._event(Level.INFO, "disturbance", words, {**shapes, "on": word == "on"})
+        return total
+
+    def _event(self, level: Level, kind: str, message: str, data: dict[str, object]) -> None:
+        self.events.append(
+            Event(self.tick, self.time, self.epoch, level, "plant", kind, message, dict(data))
+        )

@@ -1,0 +1,73 @@
+"""What goes into the bench and what comes out: settings, the truth, wishes and their results."""
+
+from math import inf
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.actuator import ActuatorSettings
+from flexslew_plant.bench.schedule import Schedule
+from flexslew_plant.bench.sensors import SensorSettings
+from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.csa import CsaTestbed
+
+
+@section
+class BenchSettings:
+    """Everything that determines the trajectory, but for the answers."""
+
+    testbed: Testbed = CsaTestbed()
+    period: Positive = 0.01  # one tick [s]
+    duration: NonNegative = 0.0  # [s]; 0: until somebody stops it
+    seed: Annotated[int, Field(ge=0)] = 1  # of the sensors' noise
+    actuator: ActuatorSettings = ActuatorSettings()
+    sensors: SensorSettings = SensorSettings()
+    active: str = "pd_feedforward"  # who is in charge at the start
+    fallback: tuple[str, ...] = ()  # who takes over in turn
+    max_missed: Annotated[int, Field(ge=1)] = 5  # ticks in a row without a valid answer
+    brake_damping_ratio: Positive = 0.25  # brake = ratio M_jj omega_1, omega_1 the first free mode
+    schedule: Schedule = ()
+    faults_enabled: bool = False  # whether anything may be broken, by schedule or by inject_fault
+
+
+class Truth(NamedTuple):
+    """The state at a tick; see flexslew_msgs/PlantState."""
+
+    tick: int
+    time: float
+    epoch: int
+    position: Vector
+    velocity: Vector
+    applied_effort: Vector
+    disturbance: Vector
+    tip_deflection: Vector
+    energy: float
+
+
+class SwitchRequest(NamedTuple):
+    """Give the bench to a controller at a tick."""
+
+    controller: str
+    tick: int
+    strict: bool = False
+    max_effort_step: float = inf  # [N m or N]
+
+
+class SwitchResult(NamedTuple):
+    """What became of a request."""
+
+    request: SwitchRequest
+    ok: bool
+    message: str
+    tick: int
+    effort_step: Vector  # (joints,) [N m or N]; zero if refused
+
+
+class InjectResult(NamedTuple):
+    """What became of a wish to break something."""
+
+    ok: bool
+    message: str
+    tick: int  # at which it takes effect

@@ -1,0 +1,72 @@
+"""The `schedule` section: what happens to the bench at which simulated time."""
+
+from typing import Any, TypeAlias
+
+from pydantic import model_validator
+
+from flexslew_plant.bench.disturbances import Disturbance
+from flexslew_plant.errors import BadInput
+from flexslew_plant.faults.kinds import Fault
+from flexslew_plant.settings import NonNegative, load_yaml, section, validated
+
+
+@section
+class ScheduleEntry:
+    """One entry: a switch at a time, or a disturbance or a fault from a time to another."""
+
+    at: NonNegative  # [s]
+    until: NonNegative | None = None  # end of a disturbance or fault [s]; None: end of the run
+    switch: str | None = None  # controller to hand the bench to
+    disturbance: Disturbance | None = None  # effort on joints by name: constant, sine or pulse
+    fault: Fault | None = None  # what breaks; the trial must allow it
+
+    @model_validator(mode="after")
+    def _one_thing(self) -> "ScheduleEntry":
+        given = [x for x in (self.switch, self.disturbance, self.fault) if x is not None]
+        if len(given) != 1:
+            raise ValueError("give exactly one of switch, disturbance, fault")
+        if self.switch is not None and self.until is not None:
+            raise ValueError("until goes with a disturbance or a fault, not with a switch")
+        if self.until is not None and self.until <= self.at:
+            raise ValueError("until must be later than at")
+        return self
+
+
+Schedule: TypeAlias = tuple[ScheduleEntry, ...]
+
+
+def require_allowed(schedule: Schedule, allowed: bool, source: str = "trial") -> None:
+    """Check that the schedule breaks nothing unless it may.
+
+    Raises:
+        BadInput: the first fault that is not allowed.
+    """
+    for i, entry in enumerate(schedule):
+        if entry.fault is not None and not allowed:
+            raise BadInput(
+                f"{source}: schedule.{i}.fault: {entry.fault.kind} is refused because faults are "
+                "off; set allow_faults: true"
+            )
+
+
+def injected_entry(text: str, at: float) -> ScheduleEntry:
+    """Return what an operator wants to break as an entry of the schedule.
+
+    Args:
+        text: YAML, a fault (`{kind: command_lost, until: 30.0}`) or an entry without `at`
+            (`{fault: {...}}`, `{disturbance: {...}, until: 30.0}`).
+        at: when [s].
+
+    Raises:
+        BadInput: the text is no YAML, or no fault and no disturbance.
+    """
+    values: Any = load_yaml(text, "fault")
+    if not isinstance(values, dict):
+        raise BadInput("fault: give YAML keys, for example {kind: command_lost, probability: 0.1}")
+    if "kind" in values:
+        until = {"until": values["until"]} if "until" in values else {}
+        values = {"fault": {k: v for k, v in values.items() if k != "until"}, **until}
+    entry: ScheduleEntry = validated(ScheduleEntry, {**values, "at": at}, "fault")
+    if entry.switch is not None:
+        raise BadInput("fault: switch is not a fault; call switch_controller")
+    return entry

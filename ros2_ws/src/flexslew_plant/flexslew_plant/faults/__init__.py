@@ -1,0 +1,1 @@
+"""What can break on the bench, and the injection of it."""

@@ -1,0 +1,85 @@
+"""The display side of the plant node: standard topics that RViz, Foxglove and PlotJuggler draw."""
+
+from flexslew_msgs.msg import AppendageState
+from geometry_msgs.msg import Point, TransformStamped
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import ColorRGBA, String
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
+
+from flexslew_plant import topics
+from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.ros.node import LOOP, doubles, latched, stamp
+from flexslew_plant.testbeds.scene import Scene
+
+
+class Display:
+    """Publishes joint and appendage states, tf, markers and /clock at display rate.
+
+    Args:
+        node: the plant.
+        bench: whose truth is shown.
+        rate: samples per simulated second; 0: nothing is shown.
+    """
+
+    def __init__(self, node: Node, bench: Bench, rate: float) -> None:
+        self._every = max(1, round(1.0 / (rate * bench.settings.period))) if rate else 0
+        if not self._every:
+            return
+        self._bench = bench
+        self._scene = Scene(bench.settings.testbed)
+        self._clock = node.create_publisher(Clock, topics.CLOCK, LOOP)
+        self._joints = node.create_publisher(JointState, topics.JOINT_STATES, LOOP)
+        self._appendages = node.create_publisher(AppendageState, topics.APPENDAGE_STATES, LOOP)
+        self._tf = node.create_publisher(TFMessage, topics.TF, LOOP)
+        self._markers = node.create_publisher(MarkerArray, topics.MARKERS, LOOP)
+        self._description = node.create_publisher(String, topics.ROBOT_DESCRIPTION, latched(1))
+        self._description.publish(String(data=self._scene.robot_description()))
+
+    def show(self, truth: Truth) -> None:
+        """Publish this truth if it is due."""
+        if not self._every or truth.tick % self._every:
+            return
+        model, appendages = self._bench.model, self._bench.appendages
+        m, at = model.joints, stamp(truth.time)
+        modes, rates = truth.position[m:], truth.velocity[m:]
+        self._clock.publish(Clock(clock=at))
+        joints = JointState(
+            name=list(model.joint_names),
+            position=doubles(truth.position[:m]),
+            velocity=doubles(truth.velocity[:m]),
+            effort=doubles(truth.applied_effort),
+        )
+        joints.header.stamp = at
+        self._joints.publish(joints)
+        state = AppendageState(
+            name=list(appendages.names),
+            tip_deflection=doubles(truth.tip_deflection),
+            tip_velocity=doubles(appendages.tip @ rates),
+            root_curvature=doubles(appendages.curvature @ modes),
+            modal_position=doubles(modes),
+            modal_velocity=doubles(rates),
+        )
+        state.header.stamp, state.header.frame_id = at, "hub"
+        self._appendages.publish(state)
+        transforms = []
+        for frame in self._scene.frames(truth.position[:m]):
+            transform = TransformStamped(child_frame_id=frame.child)
+            transform.header.stamp, transform.header.frame_id = at, frame.parent
+            place, turn = transform.transform.translation, transform.transform.rotation
+            place.x, place.y, place.z = frame.translation
+            turn.x, turn.y, turn.z, turn.w = map(float, frame.rotation)
+            transforms.append(transform)
+        self._tf.publish(TFMessage(transforms=transforms))
+        markers = []
+        for number, line in enumerate(self._scene.beams(modes)):
+            marker = Marker(ns="beams", id=number, type=Marker.LINE_STRIP, action=Marker.ADD)
+            marker.header.stamp, marker.header.frame_id = at, "hub"
+            marker.pose.orientation.w = 1.0
+            marker.scale.x = 0.15
+            marker.color = ColorRGBA(r=0.2, g=0.6, b=0.9, a=1.0)
+            marker.points = [Point(x=x, y=y, z=z) for x, y, z in line.tolist()]
+            markers.append(marker)
+        self._markers.publish(MarkerArray(markers=markers))

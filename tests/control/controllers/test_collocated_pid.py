@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from flexslew_control.controllers.collocated_pid import CollocatedPid, build, closed_loop
+from flexslew_control.law import Reference
+from flexslew_lab.reproduce import laws as reproduce_laws
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import build_model
+from flexslew_plant.testbeds.csa import CsaTestbed
+
+PERIOD, LIMIT = 0.01, np.array([150.0, 150.0])
+
+
+def held(_tick):
+    return Reference(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(0))
+
+
+def test_a_constant_disturbance_leaves_no_error():
+    controller = build(CollocatedPid(), PERIOD, LIMIT)
+    run = reproduce_laws.closed_loop(
+        CsaTestbed(modes=1, damping_ratio=0.01), controller, held, 300.0, disturbance=5.0
+    )
+    assert abs(run.state[-1, 0]) < 1e-4
+    assert abs(run.state[:, 0]).max() < 2.0 * 5.0 / 460.0
+
+
+def test_the_default_gains_are_stable_at_every_pitch_up_to_one_radian():
+    model = build_model(CsaTestbed(modes=1))
+    gains = [np.array(getattr(CollocatedPid(), name)) for name in ("kp", "ki", "kd")]
+    for pitch in np.linspace(0.0, 1.0, 6):
+        loop = closed_loop(model.linearise(np.array([0.0, pitch, 0.0])), *gains)
+        assert np.linalg.eigvals(loop).real.max() < 0.0
+
+
+def test_too_much_integral_is_refused_with_the_eigenvalue():
+    with pytest.raises(BadInput, match=r"not stable: eigenvalue 0\.\d+"):
+        build(CollocatedPid(ki=(500.0, 15.0)), PERIOD, LIMIT)
+
+
+def test_one_gain_for_two_joints_is_refused():
+    with pytest.raises(BadInput, match="kp: give 2 numbers"):
+        build(CollocatedPid(kp=(460.0,)), PERIOD, LIMIT)
+
+
+def test_effort_stays_within_the_limit_and_the_integral_unwinds():
+    def far(_tick):
+        return Reference(np.array([1.0, 0.0]), np.zeros(2), np.zeros(2), np.zeros(0))
+
+    testbed = CsaTestbed(modes=1, damping_ratio=0.01)
+    overshoot = {}
+    for time in (None, 10.0):
+        controller = build(CollocatedPid(tracking_time=time), PERIOD, np.array([50.0, 50.0]))
+        run = reproduce_laws.closed_loop(testbed, controller, far, 100.0)
+        assert abs(run.effort).max() <= 50.0
+        overshoot[time] = run.state[:, 0].max() - 1.0
+    assert overshoot[10.0] < overshoot[None]

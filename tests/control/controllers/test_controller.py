@@ -1,0 +1,221 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexslew_control.controllers.controller import Controller
+from flexslew_control.controllers.pd_feedforward import PdFeedforward
+from flexslew_control.law import MeasuredJoints
+from flexslew_control.plan import Plan
+from flexslew_plant.bench.measurement import Measurement
+
+JOINTS, PERIOD = ("base_yaw", "hub_pitch"), 0.01
+RAMP = np.linspace(0.0, 1.0, 101)[:, None] * np.array([1.0, 0.5])
+PLAN = Plan(
+    method="reference_only",
+    joint_names=JOINTS,
+    start=0.5,
+    period=PERIOD,
+    position=RAMP,
+    velocity=np.ones((101, 2)),
+    effort=np.full((100, 2), 3.0),
+    state=np.zeros((101, 0)),
+    duration=1.0,
+)
+
+
+class Counting(MeasuredJoints):
+    """Keeps the keys of what it saw."""
+
+    def __init__(self):
+        self.seen, self.resets = [], []
+
+    def reset(self, measurement):
+        self.resets.append((measurement.epoch, measurement.tick))
+
+    def update(self, measurement):
+        self.seen.append((measurement.epoch, measurement.tick))
+        return super().update(measurement)
+
+
+class Integrating:
+    """A law with a free state: it takes over without a step by itself."""
+
+    def __init__(self):
+        self.terms, self.updates, self._s = {}, 0, np.zeros(2)
+
+    def reset(self, measurement, estimate, reference, effort):
+        self._s = effort.copy()
+
+    def update(self, measurement, estimate, reference):
+        self.updates += 1
+        return self._s
+
+
+def controller(law=None, handover_time=1.0, requires_plan=False, name="a"):
+    law = law or PdFeedforward(np.full(2, 460.0), np.full(2, 920.0))
+    return Controller(name, Counting(), law, JOINTS, PERIOD, handover_time, requires_plan)
+
+
+def question(tick, who="a", epoch=0, applied=(0.0, 0.0), position=(0.0, 0.0)):
+    nothing = np.zeros(0)
+    return Measurement(
+        tick, epoch, tick * PERIOD, who, np.array(position), np.zeros(2), nothing, nothing,
+        np.array(applied),
+    )  # fmt: skip
+
+
+def test_the_answer_carries_the_question_and_the_name():
+    command = controller().observe(question(0)).command
+    assert (command.tick, command.epoch, command.controller) == (0, 0, "a")
+    assert command.effort.shape == (2,)
+
+
+def test_a_repeated_question_gets_the_same_answer():
+    one = controller(Integrating())
+    first = one.observe(question(3))
+    assert one.observe(question(3)) is first
+    assert one._law.updates == 1
+
+
+def test_an_old_question_gets_none():
+    one = controller()
+    one.observe(question(3))
+    assert one.observe(question(2)) is None
+    one.observe(question(0, epoch=1))
+    assert one.observe(question(4, epoch=0)) is None
+
+
+def test_a_question_to_somebody_else_gets_none():
+    assert controller().observe(question(0, "b")) is None
+
+
+def test_the_estimator_sees_every_tick_once_in_charge_or_not():
+    one = controller()
+    for tick in range(10):
+        who = "a" if tick in (4, 5) else "b"
+        one.observe(question(tick, who))
+        one.observe(question(tick, who))
+    assert one._estimator.seen == [(0, tick) for tick in range(10)]
+    assert one._estimator.resets == [(0, 0)]
+    assert one.last_tick == 9
+
+
+def test_a_gap_and_a_new_epoch_start_the_estimator_again():
+    one = controller()
+    for tick in (0, 1, 5, 6):
+        one.observe(question(tick))
+    one.observe(question(0, epoch=1))
+    assert one._estimator.resets == [(0, 0), (0, 5), (1, 0)]
+
+
+def test_asked_again_about_the_same_tick_under_its_own_name_it_answers():
+    one = controller()
+    assert one.observe(question(7, "b")) is None
+    assert one.observe(question(7, "a")) is not None
+    assert one._estimator.seen == [(0, 7)]
+
+
+def takeover(one, applied):
+    """Return the efforts of the ticks from 50 on, at which it takes over."""
+    for tick in range(50):
+        one.observe(question(tick, "b", applied=applied))
+    efforts, last = [], applied
+    for tick in range(50, 200):
+        last = one.observe(question(tick, applied=last, position=(0.1, 0.0))).command.effort
+        efforts.append(last)
+    return np.array(efforts)
+
+
+def test_a_law_without_a_free_state_is_blended_in():
+    efforts = takeover(controller(), (30.0, -8.0))
+    own = np.array([-460.0 * 0.1, 0.0])
+    np.testing.assert_allclose(efforts[0], [30.0, -8.0], atol=1e-12)
+    np.testing.assert_allclose(efforts[50], 0.5 * (own + np.array([30.0, -8.0])), atol=1e-12)
+    np.testing.assert_allclose(efforts[100:], np.tile(own, (50, 1)))
+    assert np.abs(np.diff(efforts, axis=0)).max() < 1.0
+
+
+def test_a_law_with_a_free_state_takes_over_exactly():
+    efforts = takeover(controller(Integrating()), (30.0, -8.0))
+    np.testing.assert_array_equal(efforts, np.tile([30.0, -8.0], (150, 1)))
+
+
+def test_the_handover_takes_its_time():
+    efforts = takeover(controller(handover_time=0.2), (30.0, 0.0))
+    np.testing.assert_allclose(efforts[20:, 0], -46.0)
+    assert efforts[19, 0] > -46.0
+
+
+def test_the_blend_is_one_of_the_terms():
+    one = controller()
+    one.observe(question(0, "b"))
+    answer = one.observe(question(1, applied=(30.0, 0.0)))
+    np.testing.assert_allclose(sum(answer.terms.values()), answer.command.effort)
+    assert "handover" in answer.terms
+
+
+def test_at_the_first_tick_there_is_no_predecessor():
+    one = controller()
+    one.adopt(replace(PLAN, start=0.0))
+    answer = one.observe(question(0))
+    np.testing.assert_allclose(answer.command.effort, 3.0 + 920.0)
+
+
+def test_after_a_plan_of_another_it_is_in_charge_again_without_a_step():
+    one = controller()
+    one.observe(question(0))
+    one.observe(question(1, "b", applied=(5.0, 5.0)))
+    answer = one.observe(question(2, applied=(9.0, 9.0), position=(0.2, 0.2)))
+    np.testing.assert_allclose(answer.command.effort, 9.0)
+
+
+def test_without_a_plan_it_holds_the_first_position():
+    one = controller()
+    one.observe(question(0, position=(0.3, -0.1)))
+    answer = one.observe(question(1, position=(0.4, -0.1)))
+    np.testing.assert_array_equal(answer.reference.position, [0.3, -0.1])
+    np.testing.assert_allclose(answer.command.effort, [-46.0, 0.0])
+
+
+def test_a_plan_is_followed_from_its_start():
+    one = controller()
+    assert one.adopt(PLAN) == ""
+    references = [one.observe(question(tick)).reference for tick in range(200)]
+    for tick in (0, 49):
+        np.testing.assert_array_equal(references[tick].position, 0.0)
+        np.testing.assert_array_equal(references[tick].effort, 0.0)
+    np.testing.assert_array_equal(references[50].effort, 3.0)
+    np.testing.assert_allclose(references[100].position, [0.5, 0.25])
+    for tick in (150, 199):
+        np.testing.assert_array_equal(references[tick].position, [1.0, 0.5])
+        np.testing.assert_array_equal(references[tick].velocity, 0.0)
+        np.testing.assert_array_equal(references[tick].effort, 0.0)
+
+
+def test_one_that_needs_a_plan_is_not_ready_and_silent_without():
+    one = controller(requires_plan=True)
+    assert one.reason
+    assert one.observe(question(0)) is None
+    assert one._estimator.seen == [(0, 0)]
+    one.adopt(PLAN)
+    assert one.reason == ""
+    assert one.observe(question(0)) is not None
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"start": 0.2}, "starts at 0.2 s, the bench is at 0.30 s"),
+        ({"start": 0.3}, "starts at 0.3 s"),
+        ({"joint_names": ("hub_pitch", "base_yaw")}, "the plan moves"),
+        ({"period": 0.02}, "ticks of 0.02 s"),
+    ],
+)
+def test_a_plan_that_does_not_fit_is_refused_with_the_reason(changes, words):
+    one = controller()
+    for tick in range(31):
+        one.observe(question(tick))
+    assert words in one.adopt(replace(PLAN, **changes))
+    assert one.plan is None
+    assert one.adopt(replace(PLAN, start=0.31)) == ""

@@ -1,0 +1,142 @@
+import copy
+
+import numpy as np
+import pytest
+
+from flexslew_control.controllers import (
+    collocated_pid,
+    lqr,
+    output_feedback,
+    pd_feedforward,
+    proportional_integral,
+)
+from flexslew_control.law import Reference, nominal_state
+from flexslew_plant.bench.measurement import Measurement
+
+PERIOD, LIMIT = 0.01, np.array([150.0, 150.0])
+OFC = output_feedback.OutputFeedback
+LAWS = {
+    "pd_feedforward": lambda: pd_feedforward.build(
+        pd_feedforward.PdFeedforwardSettings(), PERIOD, LIMIT
+    ),
+    "tracking_a": lambda: output_feedback.build(OFC(), PERIOD, LIMIT),
+    "tracking_b": lambda: output_feedback.build(OFC(mode="tracking_b"), PERIOD, LIMIT),
+    "rigid_hold": lambda: output_feedback.build(OFC(mode="rigid_hold"), PERIOD, LIMIT),
+    "with_tip": lambda: output_feedback.build(OFC(tip_sigma=5e-3), PERIOD, LIMIT),
+    "proportional_integral": lambda: proportional_integral.build(
+        proportional_integral.ProportionalIntegral(), PERIOD, LIMIT
+    ),
+    "lqr": lambda: lqr.build(lqr.Lqr(), PERIOD, LIMIT),
+    "collocated_pid": lambda: collocated_pid.build(collocated_pid.CollocatedPid(), PERIOD, LIMIT),
+}
+FREE_STATE = ("proportional_integral", "collocated_pid")
+
+
+def questions(seed=0, count=40):
+    rng = np.random.default_rng(seed)
+    for tick in range(count):
+        small = 1e-3 * rng.standard_normal((6, 2))
+        yield (
+            Measurement(
+                tick, 0, tick * PERIOD, "x", small[0], small[1], small[2], small[3], 10 * small[4]
+            ),
+            Reference(small[5], small[5], 100 * small[5], np.zeros(6), np.zeros(6)),
+        )
+
+
+def answers(controller):
+    estimator, law = controller
+    found = []
+    for measurement, reference in questions():
+        if measurement.tick == 0:
+            estimator.reset(measurement)
+        estimate = estimator.update(measurement)
+        if measurement.tick == 0:
+            law.reset(measurement, estimate, reference, np.array([3.0, -4.0]))
+        found.append((law.update(measurement, estimate, reference), estimate, dict(law.terms)))
+    return found
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_efforts_and_estimates_are_finite_and_of_the_right_shape(name):
+    for effort, estimate, terms in answers(LAWS[name]()):
+        assert effort.shape == (2,)
+        assert effort.dtype == np.float64
+        assert np.isfinite(effort).all()
+        assert estimate.position.shape == estimate.velocity.shape
+        assert np.isfinite(estimate.position).all()
+        assert np.isfinite(estimate.covariance).all()
+        assert np.isfinite(estimate.nis)
+        assert all(term.shape == (2,) for term in terms.values())
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_terms_add_up_to_the_effort(name):
+    for effort, _, terms in answers(LAWS[name]()):
+        total = np.clip(sum(terms.values()), -LIMIT, LIMIT)
+        np.testing.assert_allclose(np.clip(effort, -LIMIT, LIMIT), total, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_two_runs_are_bit_identical(name):
+    for (effort, estimate, _), (again, once_more, _) in zip(
+        answers(LAWS[name]()), answers(LAWS[name]()), strict=True
+    ):
+        np.testing.assert_array_equal(effort, again)
+        np.testing.assert_array_equal(estimate.position, once_more.position)
+        np.testing.assert_array_equal(estimate.covariance, once_more.covariance)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_inputs_are_not_changed_and_old_answers_stay_as_they_were(name):
+    estimator, law = LAWS[name]()
+    kept = []
+    for measurement, reference in questions():
+        before = copy.deepcopy((measurement, reference))
+        if measurement.tick == 0:
+            estimator.reset(measurement)
+        estimate = estimator.update(measurement)
+        if measurement.tick == 0:
+            law.reset(measurement, estimate, reference, np.zeros(2))
+        effort = law.update(measurement, estimate, reference)
+        for now, then in zip((*measurement, *reference), (*before[0], *before[1]), strict=True):
+            np.testing.assert_array_equal(now, then)
+        assert not any(np.shares_memory(effort, part) for part in (*measurement[4:], *reference))
+        kept.append((effort, estimate, copy.deepcopy((effort, estimate))))
+    for effort, estimate, (old_effort, old_estimate) in kept:
+        np.testing.assert_array_equal(effort, old_effort)
+        for now, then in zip(estimate, old_estimate, strict=True):
+            np.testing.assert_array_equal(now, then)
+
+
+@pytest.mark.parametrize("name", FREE_STATE)
+def test_a_law_with_a_free_state_takes_over_without_a_step(name):
+    estimator, law = LAWS[name]()
+    handed = np.array([37.0, -21.5])
+    asked = list(questions(seed=3))
+    for measurement, _ in asked:
+        if measurement.tick == 0:
+            estimator.reset(measurement)
+        estimate = estimator.update(measurement)
+    measurement, reference = asked[-1]
+    law.reset(measurement, estimate, reference, handed)
+    np.testing.assert_allclose(law.update(measurement, estimate, reference), handed, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_reference_without_nominal_states_serves_too(name):
+    estimator, law = LAWS[name]()
+    measurement, _ = next(questions())
+    estimator.reset(measurement)
+    estimate = estimator.update(measurement)
+    held = Reference(measurement.joint_position, np.zeros(2), np.zeros(2), np.zeros(0))
+    law.reset(measurement, estimate, held, np.zeros(2))
+    assert np.isfinite(law.update(measurement, estimate, held)).all()
+
+
+def test_nominal_states_of_other_models_are_cut_or_padded():
+    given = np.arange(1.0, 11.0)
+    reference = Reference(np.zeros(2), np.zeros(2), np.zeros(2), given)
+    np.testing.assert_array_equal(nominal_state(given, reference, 2, 1), [1, 2, 3, 6, 7, 8])
+    wide = nominal_state(given, reference, 2, 4)
+    np.testing.assert_array_equal(wide, [1, 2, 3, 4, 5, 0, 6, 7, 8, 9, 10, 0])

@@ -1,0 +1,144 @@
+import numpy as np
+import pytest
+
+from flexslew_control.controllers.output_feedback import (
+    OutputFeedback,
+    build,
+    testbed_system,
+    testbed_weight,
+)
+from flexslew_control.controllers.sliding_surface import (
+    LinearSystem,
+    closed_loop_matrix,
+    design,
+    reaching_matrix,
+)
+from flexslew_lab.reproduce.laws import ofc_rows, slew
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import build_model
+from flexslew_plant.testbeds.csa import CsaTestbed
+
+PERIOD, LIMIT = 0.01, np.array([150.0, 150.0])
+testbed_system.__test__ = False
+testbed_weight.__test__ = False
+
+
+def two_masses(**changes):
+    a = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-2, 2, 0, 0], [4, -4, 0, 0]], dtype=float)
+    b = np.array([[0.0, 0.0, 1.0, 0.0]]).T
+    parts = {
+        "a": a,
+        "b": b,
+        "c": np.eye(4)[[0, 2]],
+        "noise_input": b,
+        "noise_density": np.array([[0.01]]),
+        "sensor_density": 1e-4 * np.eye(2),
+        "names": ("x1", "x2", "x1 rate", "x2 rate"),
+    }
+    return LinearSystem(**{**parts, **changes})
+
+
+def on_testbed(pitch=0.25):
+    settings = OutputFeedback(set_point={"hub_pitch": pitch})
+    model = build_model(settings.model)
+    system = testbed_system(model, settings, PERIOD)
+    return system, design(system, testbed_weight(model, settings), 2.0)
+
+
+def nearest(found, expected):
+    return max(min(abs(found - value)) for value in expected)
+
+
+def test_two_masses_give_the_golden_gains():
+    found = design(two_masses(), np.eye(4), 2.0)
+    np.testing.assert_allclose(found.surface, [[2.820359, -1.406146, 1.0, 0.869303]], atol=6e-7)
+    kalman = [[0.992380, 0.876787], [0.814761, 0.794248], [0.876787, 9.944903]]
+    kalman += [[0.710691, -0.042201]]
+    np.testing.assert_allclose(found.observer_gain, kalman, atol=6e-7)
+    poles = np.linalg.eigvals(reaching_matrix(two_masses(), found))
+    assert nearest(poles, [-2.0, -1.0, -0.91018 + 2.19737j, -0.91018 - 2.19737j]) < 6e-6
+
+
+@pytest.mark.parametrize("which", ["two_masses", "testbed"])
+def test_reaching_and_sliding_poles_are_those_of_lemma_3_1(which):
+    if which == "two_masses":
+        system, found = two_masses(), design(two_masses(), np.eye(4), 2.0)
+    else:
+        system, found = on_testbed()
+    expected = np.concatenate(([-2.0] * system.b.shape[1], found.sliding_poles))
+    poles = np.linalg.eigvals(reaching_matrix(system, found))
+    assert nearest(poles, expected) < 1e-8
+    assert nearest(expected, poles) < 1e-8
+
+
+@pytest.mark.parametrize("which", ["two_masses", "testbed"])
+def test_controller_and_observer_separate(which):
+    if which == "two_masses":
+        system, found = two_masses(), design(two_masses(), np.eye(4), 2.0)
+    else:
+        system, found = on_testbed()
+    # the loop written down without (20): z' = A z + B u, z_hat' = A z_hat + B u + K_f C (z - z_hat)
+    a, b, g = system.a, system.b, found.surface
+    kc = found.observer_gain @ system.c
+    inverse = np.linalg.inv(g @ b)
+    on_z, on_hat = -inverse @ g @ kc, -inverse @ (g @ (a - kc) + 2.0 * g)
+    direct = np.block([[a + b @ on_z, b @ on_hat], [kc + b @ on_z, a - kc + b @ on_hat]])
+    k = len(a)
+    turn = np.block([[np.eye(k), np.zeros((k, k))], [np.eye(k), -np.eye(k)]])
+    whole = closed_loop_matrix(system, found)
+    np.testing.assert_allclose(turn @ direct @ turn, whole, atol=1e-8 * abs(whole).max())
+    np.testing.assert_array_equal(whole[k:, :k], 0.0)
+    separate = np.concatenate(
+        (np.linalg.eigvals(reaching_matrix(system, found)), np.linalg.eigvals(a - kc))
+    )
+    assert nearest(np.linalg.eigvals(whole), separate) < 1e-8
+
+
+def test_surface_times_input_is_the_square_of_the_input():
+    system, found = on_testbed()
+    square = system.b.T @ system.b
+    np.testing.assert_allclose(found.surface @ system.b, square, atol=1e-12 * abs(square).max())
+
+
+def test_the_public_table_is_reproduced():
+    wrong = [row for row in ofc_rows() if not row["ok"]]
+    assert not wrong
+
+
+def test_cases_order_as_in_the_paper_by_residual_and_by_effort_after_the_end():
+    tips, efforts = {}, {}
+    for case in ("tracking_a", "tracking_b", "rigid_hold", "pd"):
+        run, end = slew(case, 0.0)
+        k = int(np.ceil(end / PERIOD))
+        tips[case] = abs(run.state[k:, 2:5].sum(axis=1)).max()
+        efforts[case] = PERIOD * np.square(run.effort[k:]).sum()
+    assert tips["tracking_a"] < tips["tracking_b"] < tips["rigid_hold"] < tips["pd"]
+    assert efforts["tracking_a"] < efforts["tracking_b"] < efforts["rigid_hold"]
+
+
+def test_a_softer_structure_is_calm_twenty_seconds_later():
+    run, end = slew("tracking_a", 0.5, stiffness=0.9)
+    later = run.state[round((end + 20.0) / PERIOD) :, 2:5].sum(axis=1)
+    assert abs(later).max() < 0.06
+
+
+def test_an_uncontrollable_pair_is_refused_with_its_eigenvalue():
+    with pytest.raises(BadInput, match=r"not controllable: eigenvalue .*0\.338329j"):
+        build(OutputFeedback(set_point={"hub_pitch": float(np.pi / 2)}), PERIOD, LIMIT)
+
+
+def test_an_unobservable_pair_is_refused():
+    with pytest.raises(BadInput, match="not observable: eigenvalue 0"):
+        design(two_masses(c=np.eye(4)[[2, 3]]), np.eye(4), 2.0)
+
+
+def test_weights_without_the_driven_states_are_refused():
+    with pytest.raises(BadInput, match="R22 of the weights is not positive definite"):
+        design(two_masses(), np.diag([1.0, 1.0, 0.0, 1.0]), 2.0)
+
+
+@pytest.mark.parametrize("modes", [1, 2])
+def test_the_testbed_design_exists_for_more_modes(modes):
+    observer, law = build(OutputFeedback(model=CsaTestbed(modes=modes)), PERIOD, LIMIT)
+    assert law.found.sliding_poles.real.max() < 0.0
+    assert observer.found.covariance.shape == (2 * (2 + modes),) * 2

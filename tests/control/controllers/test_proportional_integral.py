@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+
+from flexslew_control.controllers.lqr import ScaledWeights
+from flexslew_control.controllers.proportional_integral import (
+    GivenGains,
+    ProportionalIntegral,
+    build,
+    closed_loop,
+    design,
+)
+from flexslew_lab.reproduce.laws import pi_rows
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import build_model
+from flexslew_plant.testbeds.csa import CsaTestbed
+
+PERIOD, LIMIT = 0.01, np.array([150.0, 150.0])
+
+
+def linearisation(pitch, modes=1):
+    model = build_model(CsaTestbed(modes=modes))
+    return model.linearise(np.array([0.0, pitch] + [0.0] * modes))
+
+
+def test_gains_disturbance_rejection_and_anti_windup_match_the_public_table():
+    wrong = [row for row in pi_rows() if not row["ok"]]
+    assert not wrong
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.5, 1.0])
+def test_the_closed_loop_has_the_poles_of_the_augmented_regulator(pitch):
+    linear = linearisation(pitch)
+    gains = design(linear, ScaledWeights())
+    poles = np.sort_complex(np.linalg.eigvals(closed_loop(linear, gains)).round(9))
+    designed = np.sort_complex(gains.designed_poles.round(9))
+    for pole in poles:
+        assert abs(designed - pole).min() < 1e-8
+    for pole in designed:
+        assert abs(poles - pole).min() < 1e-8
+
+
+def test_a_hand_given_gain_that_does_not_stabilise_is_refused():
+    good = design(linearisation(0.5), ScaledWeights())
+    rows = {name: tuple(map(tuple, getattr(good, name).tolist())) for name in ("kp", "kd", "ki")}
+    build(ProportionalIntegral(gains=GivenGains(**rows)), PERIOD, LIMIT)
+    rows["kp"] = tuple(map(tuple, (-good.kp).tolist()))
+    with pytest.raises(BadInput, match="not stable: eigenvalue"):
+        build(ProportionalIntegral(gains=GivenGains(**rows)), PERIOD, LIMIT)
+
+
+def test_gains_of_the_wrong_shape_are_refused():
+    given = GivenGains(kp=((1.0,),), kd=((1.0,),), ki=((1.0,),))
+    with pytest.raises(BadInput, match="kp: give 2 rows of 3"):
+        build(ProportionalIntegral(gains=given), PERIOD, LIMIT)
+
+
+def test_an_uncontrollable_set_point_is_refused():
+    settings = ProportionalIntegral(set_point={"hub_pitch": float(np.pi / 2)})
+    with pytest.raises(BadInput, match="not controllable"):
+        build(settings, PERIOD, LIMIT)

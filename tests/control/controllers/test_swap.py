@@ -1,0 +1,103 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from flexslew_control.controllers import CONTROLLERS, build_controller
+from flexslew_lab.trial.in_process import Observer, fly
+from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.settings import validated
+
+JOINTS, LIMIT, AT, TICK = ("base_yaw", "hub_pitch"), (150.0, 150.0), 1.0, 100
+FREE_STATE = ("proportional_integral", "collocated_pid")
+PAIRS = list(itertools.permutations(CONTROLLERS, 2))
+
+
+class Seen(Observer):
+    """Everything that went over the topics."""
+
+    def __init__(self):
+        self.questions, self.answers, self.truths, self.events = [], [], [], []
+
+    def question(self, question):
+        self.questions.append(question)
+
+    def answer(self, answer):
+        self.answers.append(answer)
+
+    def truth(self, truth):
+        self.truths.append(truth)
+
+    def event(self, event):
+        self.events.append(event)
+
+    def of(self, kind):
+        return [event for event in self.events if event.kind == kind]
+
+
+def built(name):
+    return build_controller(name, name, {}, JOINTS, 0.01, LIMIT, "test")
+
+
+def swap(outgoing, incoming):
+    values = {
+        "testbed": {"modes": 1, "initial": {"hub_pitch": 0.1}},
+        "duration": 2.5,
+        "active": outgoing,
+        "schedule": [
+            {"at": 0.0, "disturbance": {"base_yaw": 12.0, "hub_pitch": -7.0}},
+            {"at": AT, "switch": incoming},
+        ],
+    }
+    bench = Bench(validated(BenchSettings, values, "test"))
+    seen = Seen()
+    fly(bench, {name: built(name) for name in (outgoing, incoming)}, seen)
+    return seen
+
+
+@pytest.mark.parametrize(("outgoing", "incoming"), PAIRS)
+def test_a_swap_misses_no_tick_and_has_no_step(outgoing, incoming):
+    seen = swap(outgoing, incoming)
+    (swapped,) = seen.of("switched")
+    assert swapped.tick == TICK
+    assert (swapped.data["from"], swapped.data["to"]) == (outgoing, incoming)
+    assert not seen.of("missed")
+    assert [answer.command.tick for answer in seen.answers] == list(range(250))
+    applied = np.array([truth.applied_effort for truth in seen.truths])
+    assert np.abs(applied[TICK]).min() > 0.5  # there is an effort to take over
+    rounding = 1e-12 * np.abs(applied[TICK]).max()
+    assert np.abs(swapped.data["effort_step"]).max() <= rounding
+    assert np.abs(applied[TICK + 1] - applied[TICK]).max() <= rounding
+    changes = np.abs(np.diff(applied[TICK : TICK + 150], axis=0))
+    assert changes.max() < 0.02 * min(LIMIT)  # nothing jumps later, either
+
+
+@pytest.mark.parametrize("incoming", CONTROLLERS)
+def test_only_a_law_without_a_free_state_is_blended_in(incoming):
+    outgoing = "lqr" if incoming == "pd_feedforward" else "pd_feedforward"
+    answers = swap(outgoing, incoming).answers
+    blends = [answer.terms.get("handover") for answer in answers]
+    assert all(blend is None for blend in blends[:TICK] + blends[TICK + 100 :])
+    sizes = [0.0 if b is None else float(np.abs(b).max()) for b in blends[TICK : TICK + 100]]
+    if incoming in FREE_STATE:
+        assert max(sizes) < 1e-12
+    else:
+        assert np.diff(sizes) == pytest.approx(-sizes[0] / 100, rel=1e-9)
+
+
+@pytest.mark.parametrize("incoming", CONTROLLERS)
+def test_a_standby_is_as_warm_as_if_it_had_been_in_charge_all_along(incoming):
+    outgoing = "lqr" if incoming == "pd_feedforward" else "pd_feedforward"
+    seen = swap(outgoing, incoming)
+    alone = built(incoming)
+    for question in seen.questions[: TICK + 1]:
+        wanted = alone.observe(question._replace(controller=incoming)).estimate
+    found = seen.answers[TICK].estimate
+    for one, other in zip(found, wanted, strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_a_swap_gives_the_same_run_again_to_the_bit():
+    once, again = (swap("pd_feedforward", "output_feedback") for _ in range(2))
+    assert once.truths[-1].energy == again.truths[-1].energy
+    assert np.array_equal(once.truths[-1].position, again.truths[-1].position)

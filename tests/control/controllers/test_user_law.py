@@ -1,0 +1,218 @@
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexslew_control.controllers import build_controller, settings_text, user_law
+from flexslew_control.law import Estimate
+from flexslew_lab.trial.in_process import fly
+from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml, validated
+
+ROOT = Path(__file__).parents[3]
+EXAMPLE = f"{ROOT / 'docs' / 'examples' / 'my_law.py'}:MyLaw"
+JOINTS, LIMIT = ("base_yaw", "hub_pitch"), (150.0, 150.0)
+MAX_MISSED = 5
+
+
+class Steady:
+    """A law that does nothing wrong."""
+
+    def __init__(self, settings, period, effort_limit):
+        self.settings, self.period, self.effort_limit = settings, period, effort_limit
+        self.terms = {"steady": [1.0, 2.0], "wrong": "x"}
+
+    def update(self, measurement, estimate, reference):
+        return [1.0, 2.0]
+
+
+class Broken(Steady):
+    """A law that breaks at tick 20 as its settings say."""
+
+    def update(self, measurement, estimate, reference):
+        if measurement.tick < 20:
+            return np.zeros(2)
+        return {
+            "raises": lambda: 1 / 0,
+            "shape": lambda: np.zeros(3),
+            "nothing": lambda: None,
+            "words": lambda: "full speed",
+            "finite": lambda: np.array([0.0, np.nan]),
+            "slow": self.slow,
+        }[self.settings["how"]]()
+
+    @staticmethod
+    def slow():
+        return np.full(2, sum(0.0 for _ in range(200_000)))
+
+
+class BrokenEstimator:
+    def reset(self, measurement):
+        pass
+
+    def update(self, measurement):
+        if measurement.tick >= 20:
+            raise RuntimeError("lost my\nbearings")
+        none = np.zeros(0)
+        return Estimate(np.zeros(2), np.zeros(2), none, np.zeros((0, 0)), none)
+
+
+class Estimating(Steady):
+    estimator = BrokenEstimator()
+
+
+class Incomplete:
+    def __init__(self, settings, period, effort_limit):
+        if settings:
+            raise ValueError("kp must be positive")
+
+
+HERE = f"{__file__}:"
+REASONS = {
+    "raises": "ZeroDivisionError",
+    "shape": "shape (3,), wanted (2,)",
+    "nothing": "shape (), wanted (2,)",
+    "words": "ValueError",
+    "finite": "not finite",
+    "slow": "time_limit is 0.1 ms",
+}
+
+
+def controller(name, law, **values):
+    return build_controller(name, law, values, JOINTS, 0.01, LIMIT, "test")
+
+
+def flown(mine, duration=1.0, **more):
+    values = {
+        "testbed": {"modes": 1, "initial": {"hub_pitch": 0.1}},
+        "duration": duration,
+        "active": "mine",
+        "fallback": ["pd_feedforward"],
+        **more,
+    }
+    bench = Bench(validated(BenchSettings, values, "test"))
+    spare = controller("pd_feedforward", "pd_feedforward")
+    fly(bench, {"mine": mine, "pd_feedforward": spare})
+    return bench, list(bench.events)
+
+
+def only(events, kind):
+    (event,) = [e for e in events if e.kind == kind]
+    return event
+
+
+def test_the_documented_example_flies_as_the_built_in_law_to_the_bit():
+    entries = [{"at": 0.1, "disturbance": {"base_yaw": 5.0}}]
+    mine, events = flown(controller("mine", EXAMPLE), 5.0, schedule=entries)
+    built_in, _ = flown(controller("mine", "pd_feedforward"), 5.0, schedule=entries)
+    assert np.array_equal(mine.truth().position, built_in.truth().position)
+    assert mine.truth().position[0] != 0.0
+    assert not [e for e in events if e.level]
+
+
+def test_the_page_shows_the_example_as_it_is():
+    page = (ROOT / "docs" / "own_controller.md").read_text()
+    code = Path(EXAMPLE.removesuffix(":MyLaw")).read_text()
+    lines = [line for line in code[code.index("class") :].splitlines() if '"""' not in line]
+    shown = page[page.index("```python") + 10 :].split("```")[0]
+    assert [line for line in shown.splitlines() if line] == [line for line in lines if line]
+
+
+def test_a_law_gets_its_settings_the_period_and_the_limits():
+    built = controller("mine", HERE + "Steady", gain=3.0, handover_time=0.5, time_limit=1.0)
+    law = built._law._built
+    assert (law.settings, law.period) == ({"gain": 3.0}, 0.01)
+    assert law.effort_limit.tolist() == list(LIMIT)
+    zero = np.zeros(2)
+    answer = built.observe(Measurement(0, 0, 0.0, "mine", zero, zero, zero, zero, zero))
+    assert answer.command.effort.tolist() == [1.0, 2.0]
+    assert [(name, term.tolist()) for name, term in answer.terms.items()] == [
+        ("steady", [1.0, 2.0])
+    ]
+    values = {"gain": 3.0, "handover_time": 0.5}
+    logged = load_yaml(settings_text(built, HERE + "Steady", values), "log")
+    assert logged == {**values, "computed": {}}
+
+
+@pytest.mark.parametrize("how", REASONS)
+def test_a_broken_law_is_named_replaced_and_the_run_goes_on(how):
+    limit = {"time_limit": 1e-4} if how == "slow" else {}
+    mine = controller("mine", HERE + "Broken", how=how, **limit)
+    bench, events = flown(mine)
+    said = only(events, "not_ready")
+    assert said.tick == 20
+    assert said.data["controller"] == "mine"
+    assert "Broken" in said.data["reason"]
+    assert REASONS[how] in said.data["reason"]
+    assert "\n" not in said.message
+    assert mine.reason == said.data["reason"]
+    fallback = only(events, "fallback")
+    assert fallback.tick == 20 + MAX_MISSED - 1
+    assert fallback.data == {"from": "mine", "to": "pd_feedforward"}
+    assert bench.done
+    assert mine.last_tick == 99  # it is still shown every tick
+
+
+def test_a_broken_estimator_is_named_too():
+    mine = controller("mine", HERE + "Estimating")
+    _, events = flown(mine)
+    assert only(events, "not_ready").data["reason"].endswith("RuntimeError: lost my bearings")
+    assert only(events, "fallback").tick == 20 + MAX_MISSED - 1
+
+
+@pytest.mark.parametrize("law", ["pd_feedforward", "output_feedback", "proportional_integral"])
+def test_a_law_is_silent_while_a_sensor_reads_nan_and_is_back_after_it(law):
+    fault = {"kind": "sensor_nan", "channel": "joint_position"}
+    entries = [{"at": 0.2, "until": 0.23, "fault": fault}]
+    mine = controller("mine", law)
+    bench, events = flown(mine, schedule=entries, faults_enabled=True)
+    assert [e.tick for e in events if e.kind == "missed"] == [20, 21, 22]
+    said = [e for e in events if e.data.get("controller") == "mine"]
+    assert [e.tick for e in said if e.kind in ("not_ready", "ready")] == [20, 23]
+    assert mine.reason == ""
+    assert bench.drive.active == "mine"
+    assert np.isfinite(bench.truth().applied_effort).all()
+
+
+def test_a_sensor_that_reads_nan_is_not_held_against_a_users_law():
+    fault = {"kind": "sensor_nan", "channel": "joint_velocity"}
+    entries = [{"at": 0.2, "until": 0.23, "fault": fault}]
+    mine = controller("mine", EXAMPLE)
+    bench, _ = flown(mine, schedule=entries, faults_enabled=True)
+    assert (mine.reason, bench.drive.active) == ("", "mine")
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        ("pid", "pid is not a law; allowed: .*pd_feedforward.*my_law.py:MyLaw"),
+        ("nowhere.py:MyLaw", "cannot be loaded: FileNotFoundError"),
+        (HERE + "Nobody", "cannot be loaded: AttributeError"),
+        (HERE + "ROOT", "wanted is a class"),
+        ("no_such_package.MyLaw", "cannot be loaded: ModuleNotFoundError"),
+        (HERE + "Incomplete", "has no method update"),
+    ],
+)
+def test_a_law_that_is_not_there_is_refused_with_the_reason(law, words):
+    with pytest.raises(BadInput, match=f"test: .*{words}"):
+        controller("mine", law)
+
+
+def test_a_law_that_refuses_its_settings_is_heard():
+    with pytest.raises(BadInput, match="cannot be built: ValueError: kp must be positive"):
+        controller("mine", HERE + "Incomplete", kp=-1.0)
+    with pytest.raises(BadInput, match="time_limit"):
+        controller("mine", HERE + "Steady", time_limit=-1.0)
+
+
+def test_a_module_and_an_entry_point_serve_as_well(monkeypatch, tmp_path):
+    (tmp_path / "wheels_of_mine.py").write_text(Path(EXAMPLE.removesuffix(":MyLaw")).read_text())
+    monkeypatch.syspath_prepend(str(tmp_path))
+    point = EntryPoint("mine", "wheels_of_mine:MyLaw", user_law.GROUP)
+    monkeypatch.setattr(user_law, "entry_points", lambda group: [point])
+    by_module = user_law.find_law("wheels_of_mine.MyLaw", "test")
+    assert by_module.__name__ == "MyLaw"
+    assert user_law.find_law("mine", "test") is by_module

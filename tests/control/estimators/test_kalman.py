@@ -1,0 +1,129 @@
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from flexslew_control.estimators.kalman import (
+    FilterSettings,
+    KalmanFilter,
+    continuous_gain,
+    discretised,
+)
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import build_model
+from flexslew_plant.testbeds.csa import CsaTestbed
+
+PERIOD = 0.01
+MODEL = build_model(CsaTestbed(modes=1))
+REST = np.array([0.0, 0.5, 0.0])
+NOTHING = np.zeros(0)
+
+
+def measured(tick, y, effort, tip=NOTHING):
+    return Measurement(tick, 0, tick * PERIOD, "", y[:2], y[2:4], tip, NOTHING, effort)
+
+
+def simulated_nis(prediction, seed, ticks=400):
+    """NIS of each tick of a run whose noises are those the filter expects."""
+    rng = np.random.default_rng(seed)
+    settings = FilterSettings(
+        prediction=prediction, initial_deflection=0.05, initial_disturbance=2.0
+    )
+    estimator = KalmanFilter(MODEL, REST, settings, PERIOD)
+    sigma = np.array([1e-4, 1e-4, 1e-3, 1e-3])
+    x = np.concatenate((REST, np.zeros(3)))
+    x[2], x[5] = 0.05 * rng.standard_normal(2)
+    d = 2.0 * rng.standard_normal(2)
+    effort, nis = np.zeros(2), []
+    for tick in range(ticks):
+        y = x[[0, 1, 3, 4]] + sigma * rng.standard_normal(4)
+        if tick == 0:
+            estimator.reset(measured(tick, y, effort))
+        estimate = estimator.update(measured(tick, y, effort))
+        if tick > 0:
+            nis.append(estimate.nis)
+        effort = 5.0 * np.sin(0.5 * tick * PERIOD) * np.ones(2)
+        # the walk moves at ticks; its mean over the tick acts, as in the discretised noise
+        step = 10.0 * np.sqrt(PERIOD) * rng.standard_normal(2)
+        x = MODEL.advance(x, effort + d + 0.5 * step, PERIOD)
+        d = d + step
+    return np.array(nis)
+
+
+@pytest.mark.parametrize("prediction", ["linear", "nonlinear"])
+def test_normalised_innovations_are_chi_square_over_seeded_runs(prediction):
+    nis = np.array([simulated_nis(prediction, seed) for seed in range(10)])
+    degrees = 4 * nis.size
+    low, high = chi2.ppf([0.001, 0.999], degrees) / nis.size
+    assert low < nis.mean() < high
+    inside = np.mean(nis < chi2.ppf(0.95, 4))
+    assert abs(inside - 0.95) < 0.02
+
+
+def test_wrong_noise_leaves_the_chi_square_band():
+    rng = np.random.default_rng(5)
+    estimator = KalmanFilter(MODEL, REST, FilterSettings(), PERIOD)
+    total = []
+    for tick in range(300):
+        y = np.array([0.0, 0.5, 0.0, 0.0]) + 3e-3 * rng.standard_normal(4)
+        if tick == 0:
+            estimator.reset(measured(tick, y, np.zeros(2)))
+        total.append(estimator.update(measured(tick, y, np.zeros(2))).nis)
+    assert np.mean(total[1:]) > chi2.ppf(0.999, 4 * 299) / 299
+
+
+@pytest.mark.parametrize("prediction", ["linear", "nonlinear"])
+def test_the_disturbance_of_a_joint_is_found(prediction):
+    settings = FilterSettings(prediction=prediction)
+    estimator = KalmanFilter(MODEL, REST, settings, PERIOD)
+    x, effort = np.concatenate((REST, np.zeros(3))), np.zeros(2)
+    for tick in range(6000):
+        now = measured(tick, x[[0, 1, 3, 4]], effort)
+        if tick == 0:
+            estimator.reset(now)
+        estimate = estimator.update(now)
+        effort = -800.0 * (x[:2] - REST[:2]) - 2000.0 * x[3:5]
+        x = MODEL.advance(x, effort + np.array([5.0, -2.0]), PERIOD)
+    np.testing.assert_allclose(estimate.disturbance, [5.0, -2.0], atol=0.1)
+
+
+def test_a_repeated_measurement_changes_nothing():
+    estimator = KalmanFilter(MODEL, REST, FilterSettings(), PERIOD)
+    estimator.reset(measured(0, np.array([0.0, 0.5, 0.0, 0.0]), np.zeros(2)))
+    now = measured(1, np.array([1e-4, 0.5, 0.0, 0.0]), np.ones(2))
+    first, second = estimator.update(now), estimator.update(now)
+    assert first is second
+
+
+def test_covariance_stays_symmetric_and_positive():
+    estimator = KalmanFilter(MODEL, REST, FilterSettings(tip_sigma=5e-3), PERIOD)
+    y, tip = np.array([0.0, 0.5, 0.0, 0.0]), np.zeros(2)
+    estimator.reset(measured(0, y, np.zeros(2), tip))
+    for tick in range(1, 2000):
+        estimate = estimator.update(measured(tick, y, np.zeros(2), tip))
+    assert estimate.innovation.size == 5
+    np.testing.assert_array_equal(estimate.covariance, estimate.covariance.T)
+    assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0
+
+
+def test_continuous_gain_solves_its_riccati_equation():
+    linear = MODEL.linearise(REST)
+    a, b = linear.state_matrix, linear.state_input_matrix
+    c, r = np.eye(6)[[0, 1, 3, 4]], 1e-10 * np.eye(4)
+    noise = b @ b.T + 1e-5 * np.diag([0, 0, 0, 0, 0, 1.0])
+    gain, p = continuous_gain(a, c, noise, r)
+    residual = a @ p + p @ a.T + noise - gain @ r @ gain.T
+    assert abs(residual).max() < 1e-8 * abs(noise).max()
+
+
+def test_discretised_noise_of_a_double_integrator_is_the_closed_form():
+    a, b = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+    f, g, q = discretised(a, b, np.diag([0.0, 2.0]), 0.1)
+    np.testing.assert_allclose(f, [[1.0, 0.1], [0.0, 1.0]])
+    np.testing.assert_allclose(g, [[0.005], [0.1]])
+    np.testing.assert_allclose(q, 2.0 * np.array([[1e-3 / 3, 5e-3], [5e-3, 0.1]]))
+
+
+def test_an_appendage_that_does_not_move_the_joints_is_refused_by_name():
+    with pytest.raises(BadInput, match=r"not observable.*mode 1"):
+        KalmanFilter(MODEL, np.array([0.0, np.pi / 2, 0.0]), FilterSettings(), PERIOD)

@@ -1,0 +1,192 @@
+import json
+from functools import lru_cache
+from itertools import product
+
+import numpy as np
+import pytest
+
+from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.planners.feedforward.basis import Basis
+from flexslew_control.planners.feedforward.limited_gauss_newton import Problem, limited_gauss_newton
+from flexslew_control.planners.feedforward.robust_feedforward import RobustFeedforward, ensemble
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.settings import validated
+from flexslew_plant.testbeds import build_model, with_stiffness
+from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed
+
+KP, KD = 460.0, 920.0
+ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)
+PLAIN_WORST = 0.641  # largest residual of the plain M1 plan at -20 % EI [m] (csa_testbed)
+
+
+def plan(limit=150.0, method="robust_feedforward", **more):
+    return made(json.dumps({"method": method, **more}), limit)
+
+
+@lru_cache
+def made(section, limit):
+    return make_plan(plan_settings(json.loads(section), "trial.yaml"), 0.02, (limit, limit))
+
+
+def residual_tip(flown, error, payload=0.0, modes=1):
+    """Return the largest tip deflection in 75 s after the slew [m], on the complete model."""
+    hub = 2000.0 * (1.0 + payload)
+    parameters = CsaParameters(hub_inertia_1=hub, hub_inertia_2=hub)
+    model = with_stiffness(build_model(CsaTestbed(modes=modes, parameters=parameters)), 1.0 + error)
+    x, path = np.zeros(model.coordinates * 2), []
+    for k in range(flown.ticks + round(75.0 / flown.period)):
+        r = flown.reference(k)
+        joints, rates = x[:2], x[model.coordinates :][:2]
+        effort = r.effort + KP * (r.position - joints) + KD * (r.velocity - rates)
+        x = model.advance(x, effort, flown.period, 1)
+        path.append(x)
+    path, edges = np.array(path), flown.period * np.arange(1, len(path) + 1)
+    return float(np.abs(path[edges >= flown.duration, 2 : 2 + modes].sum(axis=1)).max())
+
+
+def plain_plan():
+    return plan(method="optimized_feedforward")
+
+
+def test_in_equal_time_it_leaves_a_third_of_the_plain_plan_within_the_torque_limit():
+    robust, plain = plan(), plain_plan()
+    assert robust.duration == plain.duration == 25.0
+    errors = np.linspace(-0.2, 0.2, 9)
+    worst, before = (max(residual_tip(p, e) for e in errors) for p in (robust, plain))
+    assert before == pytest.approx(PLAIN_WORST, abs=0.01)
+    assert worst < before / 3.0
+    # what it costs: all of the torque but the reserve, and some of the nominal residual
+    assert 0.9 * 150.0 < np.max(robust.summary["worst_peak_effort"]) < 0.96 * 150.0
+    assert np.max(plain.summary["peak_effort"]) < 0.55 * 150.0
+    assert residual_tip(plain, 0.0) < 0.01 < residual_tip(robust, 0.0) < 0.06
+
+
+def test_an_ensemble_with_payload_errors_suits_both():
+    errors = {"stiffness_errors": (-0.2, 0.0, 0.2), "payload_errors": (-0.2, 0.0, 0.2)}
+    corners = list(product((-0.2, 0.0, 0.2), (-0.2, 0.0, 0.2)))
+    before = max(residual_tip(plain_plan(), *corner) for corner in corners)
+    for duration, gain in ((25.0, 2.0), (30.0, 3.5)):
+        robust = plan(duration=duration, **errors)
+        assert max(residual_tip(robust, *corner) for corner in corners) < before / gain
+
+
+@pytest.mark.parametrize("modes", [1, 3])
+def test_it_holds_on_three_modes_however_many_the_planner_knows(modes):
+    robust = plan(model={"modes": modes})
+    worst = max(residual_tip(robust, error, modes=3) for error in np.linspace(-0.2, 0.2, 9))
+    assert worst < PLAIN_WORST / 3.0
+
+
+@pytest.mark.parametrize("basis", ["constant", "cubic", "trigonometric"])
+def test_every_basis_keeps_to_the_torque_limit(basis):
+    assert np.max(plan(basis=basis).summary["worst_peak_effort"]) < 150.0
+
+
+def test_the_joints_are_near_the_goal_at_the_end():
+    assert np.abs(plan().state[-1, :2] - [1.0, 0.5]).max() < 0.006
+
+
+def test_the_summary_tells_the_residual_of_every_member():
+    found = plan().summary
+    assert [member["stiffness_error"] for member in found["members"]] == list(ERRORS)
+    for member in found["members"]:
+        flown = residual_tip(plan(), member["stiffness_error"])
+        assert member["residual"] == pytest.approx(flown, abs=2e-3)
+    assert found["worst_residual"] == max(member["residual"] for member in found["members"])
+
+
+def test_dearer_torque_leaves_more_and_more_time_or_torque_leaves_less():
+    dear, longer, stronger = plan(rho=4e-7), plan(duration=40.0), plan(limit=300.0)
+    worst = [p.summary["worst_residual"] for p in (dear, plan(), stronger)]
+    assert worst == sorted(worst, reverse=True)
+    assert longer.summary["worst_residual"] < 0.5 * plan().summary["worst_residual"]
+    assert np.max(dear.summary["worst_peak_effort"]) < np.max(plan().summary["worst_peak_effort"])
+
+
+def test_the_reserve_is_left_to_the_feedback():
+    found = plan(reserve=0.3).summary
+    assert np.max(found["worst_peak_effort"]) == pytest.approx(0.7 * 150.0, rel=0.01)
+
+
+def problem(settings, limit):
+    basis = Basis(settings.basis, settings.functions, settings.duration)
+    return Problem(ensemble(settings), basis, settings.rho, np.full(2, limit))
+
+
+@pytest.mark.parametrize("limit", [1000.0, 142.5])
+def test_the_weights_are_the_best_ones(limit):
+    asked = problem(RobustFeedforward(rho=1e-8), limit)
+    u, last = limited_gauss_newton(asked, 60, 1e-9, lambda update: None)[-1]
+    maps = asked.maps
+
+    def objective(weights):
+        value = asked.rho * weights @ weights
+        for member, at in zip(asked.members, maps, strict=True):
+            value += np.sum((member.weight @ at.terminal_error(weights)) ** 2) / len(maps)
+            excess = np.maximum(np.abs(at.efforts(weights)) - limit, 0.0)
+            value += 1e-4 * np.sum(excess**2)
+        return value
+
+    assert objective(u) == pytest.approx(last.objective, rel=1e-6)
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        assert objective(u + 0.5 * rng.standard_normal(u.size)) > objective(u)
+
+
+def test_the_efforts_and_their_sensitivities_are_those_of_the_flight():
+    asked = problem(RobustFeedforward(), 150.0)
+    member, at = asked.members[0], asked.maps[0]
+    weights = 30.0 * np.random.default_rng(0).standard_normal(18)
+    at.terminal_error(weights)
+    peak = member.flown(asked.basis, weights.reshape(2, -1).T)[1]
+    np.testing.assert_allclose(np.abs(at.efforts(weights)).max(axis=0), peak, rtol=0.3)
+    whole = at.sensitivity()
+    g, slopes = at.sensitivities()
+    np.testing.assert_allclose(g, whole, atol=1e-15)
+    for k in (0, 7, 12):
+        change = 1e-3 * np.eye(18)[k]
+        ahead, behind = (
+            (at.terminal_error(weights + d), at.efforts(weights + d))[1] for d in (change, -change)
+        )
+        np.testing.assert_allclose(slopes[:, :, k], (ahead - behind) / 2e-3, atol=1e-8)
+
+
+def test_the_weight_is_the_mean_vibration_after_the_end():
+    member = ensemble(RobustFeedforward())[2]
+    slew = member.manoeuvre
+    y = 1e-4 * np.array([1.0, -2.0, 30.0, 0.5, 0.2, 10.0])
+    a = slew.model.linearise(np.append(slew.goal, 0.0)).with_feedback(slew.kp, slew.kd).state_matrix
+    values, vectors = np.linalg.eig(a)
+    t = np.linspace(0.0, slew.duration, 20001)
+    path = ((vectors * np.linalg.solve(vectors, y)) @ np.exp(np.outer(values, t))).real
+    mean = 25.0 * (path[:2] ** 2).sum(axis=0).mean() + (path[2] ** 2).mean()
+    assert np.sum((member.weight @ y) ** 2) == pytest.approx(mean, rel=1e-3)
+
+
+def test_every_pair_of_errors_is_a_member():
+    settings = RobustFeedforward(stiffness_errors=(-0.1, 0.1), payload_errors=(0.0, 0.3))
+    members = ensemble(settings)
+    pairs = [(m.stiffness_error, m.payload_error) for m in members]
+    assert pairs == [(-0.1, 0.0), (0.1, 0.0), (-0.1, 0.3), (0.1, 0.3)]
+    inertia = [m.manoeuvre.model.mass_matrix(np.zeros(3))[0, 0] for m in members]
+    assert inertia[2] - inertia[0] == pytest.approx(0.3 * 2000.0)
+
+
+def test_one_exact_member_is_left_at_rest_like_the_plain_plan():
+    alone = plan(stiffness_errors=(0.0,), rho=4e-12)
+    assert residual_tip(alone, 0.0) < 0.01
+
+
+def test_what_cannot_be_is_said_in_one_line():
+    with pytest.raises(PlanFailed, match=r"needs \d+\.?\d* N m on base_yaw \(EI .* limit is 40"):
+        plan(limit=40.0, duration=12.0)
+    with pytest.raises(PlanFailed, match="did not settle after 1 updates"):
+        plan(max_iterations=1)
+    for wrong in (
+        {"stiffness_errors": []},
+        {"stiffness_errors": [-1.0]},
+        {"rho": 0.0},
+        {"reserve": 0.0},
+    ):
+        with pytest.raises(BadInput, match=next(iter(wrong))):
+            validated(RobustFeedforward, wrong, "trial.yaml")

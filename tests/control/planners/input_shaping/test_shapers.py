@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+
+from flexslew_control.planners.input_shaping.shapers import convolved, make_shaper
+from flexslew_plant.errors import BadInput
+
+W = 0.468949
+
+
+@pytest.mark.parametrize("name", ["zv", "zvd", "zvdd"])
+@pytest.mark.parametrize("damping", [0.0, 0.02, 0.3])
+def test_no_vibration_is_left_at_the_nominal_frequency(name, damping):
+    shaper = make_shaper(name, W, damping)
+    assert shaper.residual(W, damping)[0] < 1e-12
+    assert shaper.amplitudes.sum() == pytest.approx(1.0, abs=1e-15)
+    assert (shaper.amplitudes > 0.0).all()
+
+
+# 4/pi asin(sqrt 0.05 ...) and its like in closed form; two humps: the literature's rounded value
+@pytest.mark.parametrize(
+    ("name", "width", "digits"),
+    [
+        ("zv", 4 / np.pi * np.arcsin(0.05), 3e-5),
+        ("zvd", 4 / np.pi * np.arcsin(np.sqrt(0.05)), 3e-5),
+        ("ei", 2 / np.pi * np.arccos(0.85 / 1.05), 3e-5),
+        ("ei_two_hump", 0.726, 2e-3),
+    ],
+)
+def test_the_width_at_five_percent_is_the_published_one(name, width, digits):
+    errors = np.linspace(-0.6, 0.6, 120001)
+    good = make_shaper(name, W).residual(W * (1.0 + errors)) <= 0.05 + 1e-9
+    middle = errors.size // 2
+    low, high = middle, middle
+    while low > 0 and good[low - 1]:
+        low -= 1
+    while high < errors.size - 1 and good[high + 1]:
+        high += 1
+    assert errors[high] - errors[low] == pytest.approx(width, abs=digits)
+
+
+def test_zero_vibration_leaves_an_exact_mode_at_rest():
+    shaper, w, t = make_shaper("zv", W), W, 40.0
+    x = sum(
+        a * (1 - np.cos(w * (t - s))) for a, s in zip(shaper.amplitudes, shaper.times, strict=True)
+    )
+    v = sum(a * np.sin(w * (t - s)) for a, s in zip(shaper.amplitudes, shaper.times, strict=True))
+    assert x == pytest.approx(1.0, abs=1e-9)
+    assert v == pytest.approx(0.0, abs=1e-9)
+
+
+def test_several_modes_are_shaped_by_convolution():
+    both = convolved([make_shaper("zv", 0.34), make_shaper("zvd", 2.12, 0.01)])
+    assert both.residual(0.34)[0] < 1e-12
+    assert both.residual(2.12, 0.01)[0] < 1e-12
+
+
+def test_a_shaped_command_stays_within_the_bounds_and_reaches_the_end():
+    generator = np.random.default_rng(5)
+    command = generator.uniform(-1.0, 2.0, 200)
+    for name in ("zv", "zvd", "zvdd", "ei", "ei_two_hump"):
+        shaped = make_shaper(name, 3.7, 0.05).shape(command, 0.01)
+        assert shaped.min() >= command.min() - 1e-12
+        assert shaped.max() <= command.max() + 1e-12
+        assert shaped[-1] == command[-1]
+
+
+def test_delays_are_exact_between_the_ticks():
+    ramp = np.arange(101) * 0.01
+    shaper = make_shaper("zv", 3.3)
+    shaped = shaper.shape(ramp, 0.01)
+    t = 0.01 * np.arange(shaped.size)
+    exact = 0.5 * np.clip(t, 0, 1) + 0.5 * np.clip(t - np.pi / 3.3, 0, 1)
+    assert shaped == pytest.approx(exact, abs=1e-13)
+
+
+def test_negative_impulses_must_be_asked_for():
+    with pytest.raises(BadInput, match="negative: true"):
+        make_shaper("um_zv", W)
+    for damping in (0.0, 0.1):
+        shaper = make_shaper("um_zv", W, damping, negative=True)
+        assert shaper.residual(W, damping)[0] < 1e-12
+        assert shaper.duration < make_shaper("zv", W, damping).duration
+
+
+def test_numbers_out_of_range_are_refused():
+    for frequency, damping in ((0.0, 0.0), (-1.0, 0.0), (1.0, 1.0), (1.0, -0.1)):
+        with pytest.raises(BadInput, match="is not allowed"):
+            make_shaper("zv", frequency, damping)

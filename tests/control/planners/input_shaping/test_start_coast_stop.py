@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+
+from flexslew_control.planners.input_shaping.start_coast_stop import (
+    Goal,
+    StartCoastStop,
+    pulses,
+    start_coast_stop,
+    two_impulses,
+)
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.testbeds import build_model
+from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed
+
+PERIOD = 0.01
+
+
+def settings(pitch=0.0, **changes):
+    initial = CsaInitial(hub_pitch=pitch)
+    model = CsaTestbed(variant="printed", modes=1, initial=initial)
+    return StartCoastStop(model=model, goal=Goal(hub_pitch=0.5), **changes)
+
+
+def test_pulses_turn_a_rigid_body_by_the_angle():
+    motion = pulses(0.5, 100.0, 0.4, 7000.0)
+    t = np.linspace(0.0, motion.duration, 20001)
+    np.testing.assert_allclose(np.trapezoid(motion.rate(t), t), 0.5, rtol=1e-8)
+    np.testing.assert_allclose(motion.rate(t).max(), 100.0 * motion.length / 14000.0)
+
+
+def test_a_short_turn_weakens_the_pulses_instead_of_overlapping_them():
+    motion = pulses(-0.01, 100.0, 0.4, 7000.0)
+    t = np.linspace(0.0, motion.duration, 20001)
+    assert motion.stop == pytest.approx(motion.length)
+    np.testing.assert_allclose(np.trapezoid(motion.rate(t), t), -0.01, rtol=1e-6)
+
+
+def test_two_impulses_cancel_a_damped_mode():
+    a1, a2, delay = two_impulses(0.7, 0.1)
+    pole = -0.1 * 0.7 + 1j * 0.7 * np.sqrt(1.0 - 0.01)
+    assert abs(a1 + a2 * np.exp(-pole * delay)) < 1e-12
+    assert a1 + a2 == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.5])
+def test_the_nominal_motion_reaches_the_goal_and_rests(pitch):
+    plan = start_coast_stop(settings(pitch), PERIOD)
+    np.testing.assert_allclose(plan.state[-1, :2], [np.pi / 6, 0.5], atol=1e-12)
+    np.testing.assert_allclose(plan.state[-1, 2:], 0.0, atol=1e-8)
+    velocity = np.diff(plan.position, axis=0) / PERIOD
+    middle = 0.5 * (plan.velocity[1:] + plan.velocity[:-1])
+    np.testing.assert_allclose(velocity, middle, atol=1e-6)
+
+
+def test_an_unshaped_reference_rings():
+    plan = start_coast_stop(settings(shaper="none"), PERIOD)
+    assert abs(plan.state[-1, [2, 5]]).max() > 0.05
+
+
+def test_the_feedforward_drives_the_model_along_the_nominal_states():
+    plan = start_coast_stop(settings(), PERIOD)
+    model = build_model(CsaTestbed(variant="printed", modes=1))
+    x = plan.state[0]
+    for effort in plan.effort:
+        x = model.advance(x, effort, PERIOD)
+    np.testing.assert_allclose(x, plan.state[-1], atol=2e-4)
+
+
+def test_a_goal_that_is_reached_already_is_refused():
+    model = CsaTestbed(initial=CsaInitial(hub_pitch=0.5))
+    with pytest.raises(BadInput, match="there already"):
+        start_coast_stop(
+            StartCoastStop(model=model, goal=Goal(base_yaw=0.0, hub_pitch=0.5)), PERIOD
+        )
+
+
+def test_a_feedforward_above_the_limit_fails():
+    with pytest.raises(PlanFailed, match="above the limit"):
+        start_coast_stop(settings(), PERIOD, np.array([20.0, 150.0]))
+
+
+def test_a_given_duration_is_kept_and_takes_the_least_amplitude():
+    plan = start_coast_stop(StartCoastStop(duration=30.0), 0.01)
+    assert plan.duration == pytest.approx(30.0, abs=1e-12)
+    assert plan.position[-1] == pytest.approx([np.pi / 6, 0.5])
+    again = start_coast_stop(StartCoastStop(amplitude=plan.summary["pulse_amplitude"]), 0.01)
+    assert again.duration == pytest.approx(30.0, abs=1e-9)
+    np.testing.assert_allclose(again.effort, plan.effort, atol=1e-8)
+    with pytest.raises(PlanFailed, match=r"do not fit .* longer by 4\.99\d s or a higher"):
+        start_coast_stop(StartCoastStop(duration=20.0), 0.01)
+    with pytest.raises(BadInput, match="amplitude and duration: only one"):
+        start_coast_stop(StartCoastStop(duration=30.0, amplitude=50.0), 0.01)

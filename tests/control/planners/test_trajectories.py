@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexslew_control.planners.trajectories import PROFILES, rest_to_rest
+
+START, GOAL = np.array([0.2, -0.1]), np.array([1.0, 0.5])
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_starts_and_ends_at_rest_and_stays_there(profile):
+    times = np.array([-1.0, 0.0, 25.0, 30.0])
+    r = rest_to_rest(profile, START, GOAL, 25.0, times)
+    np.testing.assert_allclose(r.position, [START, START, GOAL, GOAL], atol=1e-15)
+    np.testing.assert_allclose(r.velocity, 0.0, atol=1e-15)
+    np.testing.assert_array_equal(r.acceleration[[0, 3]], 0.0)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_velocity_and_acceleration_are_the_derivatives(profile):
+    t = np.linspace(0.1, 24.9, 101)
+    h = 1e-4
+    r = rest_to_rest(profile, START, GOAL, 25.0, t)
+    after = rest_to_rest(profile, START, GOAL, 25.0, t + h)
+    before = rest_to_rest(profile, START, GOAL, 25.0, t - h)
+    np.testing.assert_allclose(r.velocity, (after.position - before.position) / (2 * h), atol=1e-9)
+    np.testing.assert_allclose(
+        r.acceleration, (after.velocity - before.velocity) / (2 * h), atol=1e-9
+    )
+
+
+def test_only_the_quintic_starts_and_ends_without_acceleration():
+    ends = np.array([0.0, 25.0])
+    assert np.all(rest_to_rest("quintic", START, GOAL, 25.0, ends).acceleration == 0.0)
+    cubic = rest_to_rest("cubic", START, GOAL, 25.0, ends).acceleration
+    np.testing.assert_allclose(cubic, np.outer([6.0, -6.0], GOAL - START) / 25.0**2)
+
+
+@given(st.floats(0.01, 100.0), st.sampled_from(sorted(PROFILES)))
+def test_moves_monotonously_on_a_straight_line(duration, profile):
+    r = rest_to_rest(profile, START, GOAL, duration, np.linspace(0.0, duration, 50))
+    share = (r.position - START) / (GOAL - START)
+    np.testing.assert_allclose(share[:, 0], share[:, 1], atol=1e-12)
+    assert np.all(np.diff(share[:, 0]) >= -1e-12)

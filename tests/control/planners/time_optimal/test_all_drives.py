@@ -1,0 +1,82 @@
+import sys
+
+import numpy as np
+import pytest
+
+from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.planners.time_optimal import all_drives
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.testbeds import build_model
+from flexslew_plant.testbeds.csa import CsaTestbed
+
+
+@pytest.fixture
+def one_start(monkeypatch):
+    monkeypatch.setattr(all_drives, "_STARTS", 1)
+
+
+def planned(goal, variant="complete", heard=None, **more):
+    values = {
+        "method": "time_optimal",
+        "model": {"kind": "csa", "modes": 1, "variant": variant},
+        "goal": goal,
+        "amplitude": 100.0,
+        **more,
+    }
+    settings = plan_settings(values, "trial.yaml")
+    return make_plan(settings, 0.01, (150.0, 150.0), None if heard is None else heard.append)
+
+
+def test_pitching_on_the_way_turns_faster_than_yaw_alone():
+    heard = []
+    plan = planned({"base_yaw": 1.0}, "printed", heard, drives="all")
+    assert plan.duration == pytest.approx(19.050509, abs=1e-6)  # physics/time_optimal
+    assert plan.duration < 19.190624  # yaw alone
+    assert plan.summary["optimality"] == "extremal with 5 switches: Pontryagin's condition holds"
+    assert np.abs(plan.position[:, 1]).max() > 0.3
+    assert plan.state[-1] == pytest.approx([1, 0, 0, 0, 0, 0], abs=1e-9)
+    assert np.abs(plan.effort).max() <= 100.0 + 1e-9
+    assert [update.number for update in heard] == [1, 2, 3, 4]
+    assert heard[-1].objective == pytest.approx(plan.duration, rel=1e-3)
+
+
+def test_both_joints_of_m1_arrive_at_once(one_start):
+    plan = planned({"base_yaw": 1.0, "hub_pitch": 0.5})
+    assert plan.summary["optimal"]
+    assert plan.duration > plan.summary["rigid_duration"]
+    assert plan.state[-1] == pytest.approx([1, 0.5, 0, 0, 0, 0], abs=1e-9)
+    signs = np.array(plan.summary["arc_efforts"]) / 100.0
+    assert np.abs(signs) == pytest.approx(1.0)
+    assert (np.abs(np.diff(signs, axis=0)).sum(axis=1) == 2.0).all()  # one drive at a time
+
+
+def test_efforts_that_hardly_matter_are_kept_as_the_programme_found_them(one_start):
+    plan = planned({"hub_pitch": 0.5})
+    assert not plan.summary["optimal"]
+    assert plan.summary["optimality"].startswith("the optimum of a transcription on 100 intervals")
+    assert plan.state[-1] == pytest.approx([0, 0.5, 0, 0, 0, 0], abs=1e-9)
+
+
+@pytest.mark.parametrize("variant", ["printed", "complete"])
+@pytest.mark.parametrize("modes", [1, 3])
+def test_the_symbolic_model_is_the_testbed(variant, modes):
+    casadi = pytest.importorskip("casadi")
+    model = build_model(CsaTestbed(variant=variant, modes=modes, damping_ratio=0.02))
+    rng = np.random.default_rng(5)
+    rate = all_drives._rate(casadi, model)
+    for _ in range(5):
+        x, effort = rng.standard_normal(2 * model.coordinates), 100.0 * rng.standard_normal(2)
+        ours = np.asarray(rate(x, effort)).ravel()
+        assert ours == pytest.approx(model.derivative(x, effort), rel=1e-10, abs=1e-12)
+
+
+def test_what_cannot_be_done_is_said_in_one_line(monkeypatch, one_start):
+    with pytest.raises(BadInput, match="robust: true is not allowed: a slew by all drives"):
+        planned({"base_yaw": 1.0, "hub_pitch": 0.5}, robust=True)
+    with pytest.raises(BadInput, match="drives: all is not allowed: there is one"):
+        planned({"mass": 1.0}, model={"kind": "floating_oscillator"}, amplitude=1.0, drives="all")
+    with pytest.raises(PlanFailed, match=r"takes 18\.49\d+ s with 100 N m, 15 s allowed"):
+        planned({"base_yaw": 1.0, "hub_pitch": 0.5}, longest=15.0)
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(BadInput, match="need the package casadi; pip install casadi"):
+        planned({"base_yaw": 1.0, "hub_pitch": 0.5})

@@ -1,0 +1,139 @@
+"""The subcommands about logs: what they print, their JSON and their exit codes."""
+
+import json
+import sys
+
+import pytest
+
+from flexslew_lab.cli.main import main as cli
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.trial import parse_trial
+
+COMMANDS = (
+    *(["log", name] for name in ("info", "check", "export", "recover")),
+    *([name] for name in ("recover", "resim", "check", "play", "live")),
+)
+TRIAL = """
+name: logged
+duration: 2.0
+plan: {method: reference_only, goal: {base_yaw: 0.1, hub_pitch: 0.05}, duration: 1.5}
+controllers: {pd_feedforward: {kp: [460.0, 460.0]}}
+"""
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logged") / "run"
+    run_trial(parse_trial(TRIAL, "test"), "test", folder, in_process=True, report=False)
+    return folder
+
+
+@pytest.fixture
+def call(capfd, monkeypatch):
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
+        monkeypatch.setenv("COLUMNS", "200")
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        out, err = capfd.readouterr()
+        return end.value.code, out, err
+
+    return run
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_every_help_holds_an_example(call, words):
+    code, out, _ = call(*words, "--help")
+    assert code == 0
+    assert "Example: " in out
+    assert "./flexslew " in out.split("Example: ")[1]
+
+
+def test_info_says_what_is_in_the_bag(call, flown):
+    code, out, _ = call("log", "info", flown)
+    assert code == 0
+    assert "/truth" in out
+    code, out, _ = call("log", "info", flown, "--json")
+    found = json.loads(out)
+    assert {t["name"]: t["messages"] for t in found["topics"]}["/truth"] == 201
+    assert found["plans"][0]["method"] == "reference_only"
+
+
+def test_a_sound_bag_passes_and_a_cut_one_gives_exit_code_1(call, flown, tmp_path):
+    assert call("log", "check", flown)[0] == 0
+    whole = next((flown / "bag").glob("*.mcap")).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) * 2 // 3])
+    code, out, _ = call("log", "check", cut, "--json")
+    assert code == 1
+    assert not all(finding["ok"] for finding in json.loads(out))
+
+
+def test_recover_makes_a_cut_bag_whole(call, flown, tmp_path):
+    whole = next((flown / "bag").glob("*.mcap")).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) * 2 // 3])
+    code, out, _ = call("recover", cut, "--out", tmp_path / "mended", "--json")
+    assert code == 0
+    assert "messages kept" in json.loads(out)["statement"]
+    assert call("resim", tmp_path / "mended")[0] == 0
+
+
+def test_export_writes_one_table_a_topic(call, flown, tmp_path):
+    words = ("log", "export", flown, "--out", tmp_path, "--format", "csv", "--topic", "/truth")
+    code, out, _ = call(*words, "--json")
+    assert code == 0
+    assert json.loads(out)["rows"] == {"/truth": 201}
+    assert (tmp_path / "truth.csv").is_file()
+    assert call("log", "export", flown, "--format", "xls")[0] == 2
+
+
+def test_resim_tells_the_same_hash(call, flown):
+    code, out, _ = call("resim", flown, "--json")
+    found = json.loads(out)
+    metrics = json.loads((flown / "metrics.json").read_text())
+    assert code == 0
+    assert found["identical"]
+    assert found["hash"] == found["recorded_hash"] == metrics["trajectory_hash"]
+    code, out, _ = call("resim", flown)
+    assert "bit-identical" in out
+    assert found["hash"] in out
+
+
+def test_check_passes_the_recorded_controller(call, flown):
+    code, out, _ = call("check", flown, "--json")
+    assert code == 0
+    assert json.loads(out)["first_divergence"] is None
+
+
+def test_check_of_another_gain_is_exit_code_1_with_tick_field_and_values(call, flown, tmp_path):
+    drawn = tmp_path / "differences.html"
+    words = ("check", flown, "pd_feedforward", "--set", "kp=[460.001, 460.0]", "--figure", drawn)
+    code, out, _ = call(*words)
+    assert code == 1
+    assert "first divergence: tick 1 of epoch 0, terms.proportional[0]: recorded " in out
+    assert drawn.stat().st_size > 1000
+    code, out, _ = call(*words, "--json")
+    assert code == 1
+    assert json.loads(out)["first_divergence"]["tick"] == 1
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("log", "info"), ("log", "check"), ("log", "export"), ("log", "recover"), ("recover",),
+        ("resim",), ("check",),
+    ],
+    ids=" ".join,
+)  # fmt: skip
+def test_no_bag_is_bad_input_in_one_line(call, words, tmp_path):
+    code, _, err = call(*words, tmp_path / "nothing")
+    assert code == 2
+    assert err.strip().startswith("error: ")
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_a_setting_that_is_none_is_told(call, flown):
+    code, _, err = call("check", flown, "--set", "kp")
+    assert code == 2
+    assert "not of the form key=value" in err

@@ -1,0 +1,102 @@
+"""Recorded measurements into controllers: the same one, a gain off by a millionth, another law."""
+
+import numpy as np
+import pytest
+
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.log.check import check_log
+from flexslew_lab.replay.check import FIELDS, check, difference_figure
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.trial import parse_trial
+from flexslew_plant.errors import BadInput
+
+TRIAL = """
+name: checked
+duration: 6.0
+plan:
+  method: reference_only
+  model: {variant: complete, modes: 1}
+  goal: {base_yaw: 0.1, hub_pitch: 0.05}
+  duration: 5.0
+controllers: {pd_feedforward: {kp: [460.0, 460.0]}, output_feedback: {}}
+schedule: [{at: 3.0, switch: output_feedback}]
+"""
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("checked") / "run"
+    run_trial(parse_trial(TRIAL, "test"), "test", folder, in_process=True, report=False)
+    return folder / "bag"
+
+
+@pytest.mark.parametrize("name", ["pd_feedforward", "output_feedback"])
+def test_the_recorded_controller_says_every_number_again(flown, name):
+    result = check(flown, name)
+    assert result.ok
+    assert result.first_divergence is None
+    assert (result.ticks, result.only_recorded, result.only_ours) == (300, 0, 0)
+    assert [row.field for row in result.rows] == list(FIELDS)
+    assert all(row.compared == 300 and row.different == 0 for row in result.rows)
+
+
+def test_repeated_questions_and_answers_count_once_in_check_and_resim(flown, tmp_path):
+    bag = BagReader(flown)
+    with BagWriter(tmp_path / "run", bag.metadata) as writer:
+        for topic, kind, stamp, _, data in bag.messages():
+            asked = topic in ("/measurement", "/effort_command", "/controller_state")
+            for _ in range(3 if asked and stamp % 70_000_000 == 0 else 1):
+                writer.write(topic, kind, data, stamp)
+        writer.close({})
+    assert all(finding.ok for finding in check_log(tmp_path / "run"))
+    for name in ("pd_feedforward", "output_feedback"):
+        assert check(tmp_path / "run", name)[:6] == check(flown, name)[:6]
+    again = resim(tmp_path / "run")
+    assert again.identical
+    assert again.hash == metrics_of(tmp_path / "run")["trajectory_hash"]
+    assert again.hash == metrics_of(flown)["trajectory_hash"]
+
+
+def test_a_gain_off_by_a_millionth_is_found_at_its_first_tick(flown):
+    result = check(flown, "pd_feedforward", settings={"kp": [460.0 * (1 + 1e-6), 460.0]})
+    assert not result.ok
+    found = result.first_divergence
+    assert (found.epoch, found.tick, found.field) == (0, 1, "terms.proportional[0]")
+    assert found.ours / found.recorded == pytest.approx(1 + 1e-6, abs=1e-12)
+    rows = {row.field: row for row in result.rows}
+    assert rows["effort"].first_tick == 1
+    assert rows["effort"].different > 250
+    assert 0.0 < rows["effort"].relative < 2e-6
+    assert rows["estimate_position"].different == 0
+
+
+def test_an_absolute_change_of_a_millionth_is_found_too(flown):
+    assert check(flown, "pd_feedforward", settings={"kp": [460.0 + 1e-6, 460.0]}).rows[-1].different
+
+
+def test_another_law_differs_in_its_fields(flown):
+    result = check(flown, "pd_feedforward", law="lqr")
+    assert result.law == "lqr"
+    assert not result.ok
+    assert result.first_divergence.tick == 0
+    assert any(row.largest == np.inf for row in result.rows)  # other states, other lengths
+
+
+def test_the_figure_shows_the_differences(flown):
+    same = difference_figure(check(flown, "pd_feedforward"))
+    other = difference_figure(check(flown, "pd_feedforward", settings={"kp": [461.0, 460.0]}))
+    assert not same.data
+    assert {trace.name for trace in other.data} == {"terms", "effort"}
+
+
+def test_a_controller_that_is_not_in_the_log_is_refused(flown):
+    with pytest.raises(BadInput, match=r"no controller nobody; it has pd_feedforward"):
+        check(flown, "nobody")
+
+
+def test_a_wrong_setting_is_refused(flown):
+    with pytest.raises(BadInput, match="kpp"):
+        check(flown, "pd_feedforward", settings={"kpp": 1.0})

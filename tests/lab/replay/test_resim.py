@@ -1,0 +1,149 @@
+"""The run again from its log: the demo with a fallback, wishes typed by hand, and a lie."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.bag_observer import BagObserver
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.log.cdr import decode, encode
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.trial.in_process import fly
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.trial import (
+    DEFAULT,
+    bench_settings,
+    build_controllers,
+    load_trial,
+    parse_trial,
+    plan_of_trial,
+    trial_text,
+)
+from flexslew_plant.bench.bench import Bench, SwitchRequest
+from flexslew_plant.errors import BadInput
+
+TRIAL = """
+name: by_hand
+duration: 12.0
+sensors: {joint_position: {noise: 1.0e-5}}
+plan:
+  method: reference_only
+  model: {variant: complete, modes: 1}
+  goal: {base_yaw: 0.1, hub_pitch: 0.05}
+  duration: 5.0
+controllers: {pd_feedforward: {}, output_feedback: {mode: tracking_a}, lqr: {}}
+fallback: [lqr]
+allow_faults: true
+"""
+
+
+class Operated(Bench):
+    """A bench with an operator at it."""
+
+    def advance(self):
+        for tick, wish in self.wishes:
+            if tick == self.tick:
+                wish(self)
+        super().advance()
+
+
+def record(folder: Path, wishes=()) -> Path:
+    trial = parse_trial(TRIAL, "test")
+    bench = Operated(bench_settings(trial))
+    bench.wishes = wishes
+    controllers = build_controllers(trial, bench, "test")
+    plan = plan_of_trial(trial)
+    for controller in controllers.values():
+        controller.adopt(plan)
+    with BagWriter(folder, {"trial": trial_text(trial)}) as writer:
+        observer = BagObserver(writer)
+        observer.announce(trial, bench, plan, controllers)
+        fly(bench, controllers, observer)
+    return folder
+
+
+def switch(*request):
+    return lambda bench: bench.request_switch(SwitchRequest(*request))
+
+
+def test_the_swap_demo_flies_again_to_the_same_hash(tmp_path):
+    demo = Path(DEFAULT).with_name("swap_demo.yaml")
+    result = run_trial(load_trial(demo), str(demo), tmp_path / "run", in_process=True, report=False)
+    again = resim(tmp_path / "run" / "bag")
+    assert again.identical
+    assert again.first_difference is None
+    assert again.hash == again.recorded_hash == result.metrics["trajectory_hash"]
+    assert again.ticks == 10_001
+
+
+def test_switches_faults_and_disturbances_by_hand_come_at_their_ticks(tmp_path):
+    wishes = [
+        (100, switch("output_feedback", 150)),
+        (300, switch("lqr", 0, True, -1.0)),  # refused when it comes: any step is larger
+        (400, lambda bench: bench.inject("{disturbance: {base_yaw: 3.0}, until: 6.5}")),
+        (500, lambda bench: bench.inject("{kind: command_lost, probability: 0.2}", 600)),
+        (900, switch("pd_feedforward", 0)),
+        (950, lambda bench: bench.inject("{kind: controller_silent, controller: pd_feedforward}")),
+    ]
+    bag = record(tmp_path / "bag", wishes)
+    kinds = [event.kind for event in BagReader(bag).overview.events]
+    assert {"switched", "switch_refused", "disturbance", "missed", "fallback"} <= {*kinds}
+    again = resim(bag)
+    assert again.first_difference is None
+    assert again.identical
+    assert again.replayed["switch_requested"] == again.replayed["injected"] == 3
+    assert again.hash == metrics_of(bag)["trajectory_hash"]
+    assert again.hash != resim(record(tmp_path / "undisturbed")).hash
+
+
+def test_nothing_is_planned_again(tmp_path, monkeypatch):
+    bag = record(tmp_path / "bag")
+    monkeypatch.setattr("flexslew_lab.trial.trial.make_plan", None)
+    assert resim(bag).identical
+
+
+def altered(bag: Path, folder: Path, topic: str, tick: int, change) -> Path:
+    reader = BagReader(bag)
+    with BagWriter(folder, {"trial": reader.trial_text}) as writer:
+        for name, kind, stamp, _, data in reader.messages():
+            if name == topic:
+                message = decode(kind, data)
+                if getattr(message, "tick", tick) == tick:
+                    change(message)
+                    data = encode(TOPICS[topic].type, message)
+            writer.write(name, kind, data, stamp)
+    return folder
+
+
+def test_one_bit_of_the_truth_is_found_with_its_tick_and_field(tmp_path):
+    def change(truth):
+        truth.velocity = np.array(truth.velocity)
+        truth.velocity[1] = np.nextafter(truth.velocity[1], 1.0)
+
+    bag = altered(record(tmp_path / "a"), tmp_path / "b", "/truth", 777, change)
+    again = resim(bag)
+    assert not again.identical
+    assert again.within_tolerance
+    assert again.hash != again.recorded_hash
+    found = again.first_difference
+    assert (found.epoch, found.tick, found.field) == (0, 777, "velocity[1]")
+    assert found.recorded == np.nextafter(found.ours, 1.0)
+
+
+def test_a_plan_that_is_not_the_one_that_was_flown_is_refused(tmp_path):
+    def change(plan):
+        plan.position = np.array(plan.position) * 1.1
+
+    bag = altered(record(tmp_path / "a"), tmp_path / "b", "/plan", 0, change)
+    with pytest.raises(BadInput, match="does not have its hash"):
+        resim(bag)
+
+
+def test_a_log_without_truth_is_refused(tmp_path, write_bag, messages):
+    bag = write_bag(tmp_path / "bag", [m for m in messages if m[0] == "/testbed"])
+    with pytest.raises(BadInput, match="no truth"):
+        resim(bag)

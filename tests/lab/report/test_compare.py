@@ -1,0 +1,86 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexslew_control.planners import PLANNERS
+from flexslew_lab.report.compare import compare, compared
+from flexslew_lab.trial.trial import DEFAULT, load_trial, parse_trial
+from flexslew_plant.errors import BadInput
+
+YAW = """
+name: yaw
+duration: 60.0
+period: 0.05
+testbed: {kind: csa, modes: 1}
+plan: {method: optimized_feedforward, goal: {base_yaw: 1.0, hub_pitch: 0.0}}
+"""
+HUB = DEFAULT.with_name("time_optimal_hub.yaml")
+
+
+@pytest.fixture(scope="module")
+def yaw():
+    heard = []
+    found = compared(
+        parse_trial(YAW, "yaw.yaml"), "yaw.yaml", lambda *at: heard.append(at), (-0.2, 0.0)
+    )
+    assert heard[-1][0] == heard[-1][1] == len(heard) == 4 * len(found.flown)
+    return found
+
+
+def test_every_method_flies_the_same_yaw_slew(yaw):
+    flown = {entry.name: entry for entry in yaw.flown}
+    assert {name.partition(",")[0] for name in flown} == set(PLANNERS)
+    assert next(iter(flown)) == "optimized_feedforward"
+    assert not [entry for entry in yaw.entries if entry.refused]
+    for entry in flown.values():
+        np.testing.assert_allclose(entry.plan.position[-1], [1.0, 0.0], atol=1e-6)
+        assert [flight.error for flight in entry.by_stiffness] == [-0.2, 0.0]
+        assert [flight.payload for flight in entry.by_payload] == [-0.2, 0.0, 0.2]
+        assert np.all(entry.nominal.peak_effort <= 150.0)
+
+
+def test_the_rigid_body_is_the_lower_bound(yaw):
+    assert yaw.lower_bound == pytest.approx(2.0 * np.sqrt((4000.0 + 3972.0) / 150.0))
+    planned = [entry.plan.duration for entry in yaw.flown if entry.plan.duration > 0.0]
+    assert min(planned) > yaw.lower_bound
+
+
+def test_feedforward_is_worth_something_and_robust_is_robust(yaw):
+    rows = {row["method"]: row for row in yaw.rows()}
+    assert rows["optimized_feedforward"]["residual_tip"] < 0.02
+    assert rows["reference_only"]["residual_tip"] > 1.0
+    worst = {name: row["worst_residual_tip"] for name, row in rows.items()}
+    assert worst["robust_feedforward"] < worst["optimized_feedforward"] / 2.0
+    with_payload = rows["robust_feedforward, payload"]["residual_tip_by_payload"]
+    assert max(with_payload.values()) < max(
+        rows["optimized_feedforward"]["residual_tip_by_payload"].values()
+    )
+    longer = rows["robust_feedforward, 1.2 x time"]
+    assert longer["duration"] == 1.2 * rows["optimized_feedforward"]["duration"]
+    assert longer["worst_residual_tip"] < worst["robust_feedforward"]
+    assert rows["robust_feedforward"]["duration"] == rows["optimized_feedforward"]["duration"]
+    assert worst["time_optimal, robust"] < worst["time_optimal"]
+    assert worst["input_shaping, zvd"] < worst["input_shaping"]
+
+
+def test_another_testbed_says_what_does_not_apply(tmp_path):
+    trial = replace(load_trial(HUB), period=0.02)
+    page = compare(trial, "hub.yaml", tmp_path / "deep" / "hub.html", errors=(0.0, 0.1))
+    text = page.read_text(encoding="utf-8")
+    assert "Not flown" in text
+    assert text.count("plotly-graph-div") >= 3
+    assert "<script src" not in text  # nothing to fetch
+    assert "<link" not in text
+    found = compared(trial, "hub.yaml", errors=(0.0, 0.1))
+    flown = [entry.name for entry in found.flown]
+    assert flown == ["time_optimal", "time_optimal, robust", "reference_only"]
+    assert all("\n" not in entry.refused for entry in found.entries)
+
+
+def test_what_cannot_be_compared_is_said_in_one_line(tmp_path):
+    trial = parse_trial(YAW, "yaw.yaml")
+    with pytest.raises(BadInput, match=r"yaw\.yaml: plan: is missing"):
+        compared(replace(trial, plan=None), "yaw.yaml")
+    with pytest.raises(BadInput, match="errors"):
+        compared(trial, "yaw.yaml", errors=(-1.0,))

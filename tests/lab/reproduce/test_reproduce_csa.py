@@ -1,0 +1,57 @@
+from functools import lru_cache
+
+import plotly.graph_objects as go
+import pytest
+
+from flexslew_lab.reproduce import REPRODUCTIONS, write_figures
+from flexslew_lab.reproduce.csa import csa_figures, csa_rows
+from flexslew_plant.errors import BadInput
+
+KEYS = ["item", "paper", "reference", "ours", "tolerance", "ok"]
+rows = lru_cache(csa_rows)
+
+
+def test_every_number_is_reproduced():
+    assert [row for row in rows() if not row["ok"]] == []
+
+
+def test_every_number_of_the_page_has_its_row():
+    items = {row["item"] for row in rows()}
+    assert len(items) == len(rows()) >= 60
+    for word in ("J_a", "K_qq 3", "psi = 1.25", "Figure 4", "step: theta", "M8", "EI -20 %"):
+        assert any(word in item for item in items), word
+
+
+def test_rows_are_plain_data():
+    for row in rows():
+        assert list(row) == KEYS
+        assert [type(row[key]) for key in KEYS] == [str, str, float, float, float, bool]
+
+
+def test_the_figures_are_those_of_the_paper():
+    figures = csa_figures()
+    assert list(figures) == ["figure_3", "figure_4", "figure_5", "figure_7"]
+    assert all(isinstance(figure, go.Figure) and figure.data for figure in figures.values())
+
+
+@pytest.mark.parametrize("name", REPRODUCTIONS)
+def test_every_reproduction_can_be_found(name):
+    assert callable(REPRODUCTIONS[name].rows)
+    figures = REPRODUCTIONS[name].figures
+    assert figures is None or callable(figures)
+
+
+def test_the_figures_are_written_as_one_page(tmp_path):
+    page = tmp_path / "csa.html"
+    write_figures("csa", page)
+    text = page.read_text()
+    assert text.count("plotly-graph-div") >= 4
+    assert "<h2>Figure 7</h2>" in text
+    assert 'src="http' not in text
+
+
+def test_figures_of_a_paper_without_any_are_refused(tmp_path):
+    with pytest.raises(BadInput, match="pi has no figures; allowed: csa"):
+        write_figures("pi", tmp_path / "pi.html")
+    with pytest.raises(BadInput, match="cannot be written"):
+        write_figures("csa", tmp_path / "none" / "csa.html")

@@ -1,0 +1,50 @@
+from functools import lru_cache
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from flexslew_lab.reproduce.time_optimal import flown, time_optimal_figures, time_optimal_rows
+
+rows = lru_cache(time_optimal_rows)
+figures = lru_cache(time_optimal_figures)
+
+
+def test_every_number_is_reproduced():
+    assert [row for row in rows() if not row["ok"]] == []
+
+
+def test_every_slew_is_checked_by_the_gradient_method_too():
+    assert len([row for row in rows() if "STO" in row["item"]]) == 6
+
+
+def test_every_figure_that_is_no_sketch_is_drawn():
+    drawn = figures()
+    numbers = {int(name.removeprefix("figure_").rstrip("ab")) for name in drawn}
+    assert numbers == {2, 3, 4, 5, 8, 9, 10, 11, 12, 13, 14}
+    for figure in drawn.values():
+        assert isinstance(figure, go.Figure)
+        assert all(np.isfinite(np.array(trace.y, dtype=float)).all() for trace in figure.data)
+
+
+def test_efforts_of_the_figures_switch_where_they_should():
+    for name, switches in (("figure_4", 3), ("figure_5", 5), ("figure_12", 3), ("figure_13", 5)):
+        effort = np.array(figures()[name].data[0].y)
+        assert np.count_nonzero(np.diff(np.sign(effort[:-1]))) == switches
+
+
+def test_the_robust_slew_leaves_less_in_figure_14():
+    hub_plain, tip_plain, hub_robust, tip_robust = (t.y for t in figures()["figure_14"].data)
+    middle = slice(11, 25)  # 0.92 to 1.18 of the stiffness
+    at_nominal = 15
+    keep = np.arange(31)[middle] != at_nominal
+    assert np.all(np.array(tip_robust)[middle][keep] < np.array(tip_plain)[middle][keep])
+    assert np.all(np.array(hub_robust)[middle][keep] < np.array(hub_plain)[middle][keep])
+    assert max(tip_plain[at_nominal], tip_robust[at_nominal]) < 1e-8
+
+
+@pytest.mark.parametrize(("name", "factor", "left"), [("oscillator, robust", 0.9, 0.0119410)])
+def test_the_figures_show_the_published_residual(name, factor, left):
+    ticks = np.linspace(0.0, 12.0, 6001)
+    after = flown(name, factor, ticks)[ticks > 5.87]
+    assert np.abs(after[:, 1]).max() == pytest.approx(left, rel=1e-4)

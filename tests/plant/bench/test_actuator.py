@@ -1,0 +1,81 @@
+from math import exp
+
+import numpy as np
+import pytest
+
+from flexslew_plant.bench.actuator import Actuator, ActuatorSettings
+
+LIMIT, PERIOD = np.array([150.0, 100.0]), 0.01
+
+
+def actuator(**settings):
+    return Actuator(ActuatorSettings(**settings), LIMIT, PERIOD)
+
+
+def test_by_default_the_demand_is_the_effort():
+    demand = np.array([12.5, -33.25])
+    motor = actuator()
+    np.testing.assert_array_equal(motor.apply(demand), demand)
+    assert motor.saturated is False
+    assert motor.friction(np.array([1.0, 1.0])) is None
+
+
+def test_the_limit_of_each_joint_holds_and_is_told():
+    motor = actuator()
+    np.testing.assert_array_equal(motor.apply(np.array([400.0, -400.0])), [150.0, -100.0])
+    assert motor.saturated is True
+    motor.apply(np.array([150.0, -100.0]))
+    assert motor.saturated is False
+
+
+def test_the_slew_rate_bounds_every_change():
+    motor = actuator(slew_rate=500.0)
+    efforts = np.array([motor.apply(np.array([12.0, -12.0])) for _ in range(4)])
+    np.testing.assert_allclose(efforts[:, 0], [5.0, 10.0, 12.0, 12.0])
+    np.testing.assert_allclose(efforts[:, 1], -efforts[:, 0])
+
+
+def test_a_lag_is_the_first_order_response():
+    motor = actuator(lag=0.05)
+    efforts = [motor.apply(np.array([10.0, 0.0]))[0] for _ in range(20)]
+    expected = [10.0 * (1.0 - exp(-(k + 1) * PERIOD / 0.05)) for k in range(20)]
+    np.testing.assert_allclose(efforts, expected, rtol=1e-12)
+
+
+def test_torques_are_multiples_of_the_quantum():
+    motor = actuator(quantisation=0.5)
+    np.testing.assert_allclose(motor.apply(np.array([1.3, -7.1])), [1.5, -7.0])
+
+
+def test_a_coarse_quantum_does_not_stop_a_slow_ramp():
+    motor = actuator(quantisation=1.0, slew_rate=20.0)  # 0.2 N m a tick
+    for _ in range(200):
+        effort = motor.apply(np.array([3.0, 3.0]))
+    np.testing.assert_allclose(effort, 3.0)
+
+
+def test_quantised_torques_stay_within_the_limit():
+    motor = Actuator(ActuatorSettings(quantisation=4.0), np.array([11.0, 11.0]), PERIOD)
+    np.testing.assert_array_equal(motor.apply(np.array([30.0, -30.0])), [8.0, -8.0])
+
+
+def test_friction_opposes_the_motion():
+    motor = actuator(viscous_friction=2.0, coulomb_friction=3.0)
+    friction = motor.friction(np.array([0.5, -0.5]))
+    np.testing.assert_allclose(friction, [-4.0, 4.0])
+    np.testing.assert_array_equal(motor.friction(np.zeros(2)), 0.0)
+
+
+def test_reset_forgets():
+    motor = actuator(lag=0.05, slew_rate=100.0)
+    fresh = [motor.apply(np.array([5.0, 5.0])).copy() for _ in range(3)]
+    motor.reset()
+    again = [motor.apply(np.array([5.0, 5.0])).copy() for _ in range(3)]
+    np.testing.assert_array_equal(fresh, again)
+
+
+@pytest.mark.parametrize("settings", [{}, {"lag": 0.1}, {"slew_rate": 50.0}])
+def test_the_demand_is_left_alone(settings):
+    demand = np.array([300.0, 20.0])
+    actuator(**settings).apply(demand)
+    np.testing.assert_array_equal(demand, [300.0, 20.0])

@@ -1,0 +1,74 @@
+import pytest
+
+from flexslew_plant.bench.pacing import REPEAT_AFTER, Pacing
+
+
+def paced(rate_factor=2.0):
+    pacing = Pacing(0.01, rate_factor, 2.0)
+    pacing.start(100.0)
+    return pacing
+
+
+def fast():
+    pacing = Pacing(0.01, 0.0, 2.0)
+    pacing.start(100.0)
+    return pacing
+
+
+def test_as_fast_as_it_goes_the_answer_ends_the_tick():
+    pacing = fast()
+    assert not pacing.paced
+    assert pacing.tick_over(100.0, True, 0)
+    assert not pacing.tick_over(100.0, False, 0)
+
+
+def test_silence_for_the_timeout_ends_the_tick():
+    pacing = fast()
+    assert not pacing.tick_over(101.99, False, 0)
+    assert pacing.tick_over(102.0, False, 0)
+
+
+def test_who_was_silent_is_not_waited_for_as_long_again():
+    pacing = fast()
+    assert not pacing.tick_over(100.0 + 0.9 * REPEAT_AFTER, False, 1)
+    assert pacing.tick_over(100.0 + 1.01 * REPEAT_AFTER, False, 1)
+
+
+def test_a_paced_tick_ends_with_its_period_whether_answered_or_not():
+    pacing = paced()
+    for answered in (True, False):
+        assert not pacing.tick_over(100.0049, answered, 0)
+        assert pacing.tick_over(100.0051, answered, 0)
+
+
+def test_paced_ticks_do_not_drift_when_one_is_late():
+    pacing = paced()
+    pacing.asked(100.009)  # the first was 4 ms late
+    assert not pacing.tick_over(100.0099, True, 0)
+    assert pacing.tick_over(100.0101, True, 0)
+
+
+def test_a_pause_is_not_caught_up():
+    pacing = paced()
+    pacing.asked(100.005)
+    pacing.start(500.0)
+    assert not pacing.tick_over(500.0049, True, 0)
+    assert pacing.tick_over(500.0051, True, 0)
+
+
+def test_a_question_is_repeated_at_its_interval():
+    pacing = fast()
+    assert not pacing.repeat_due(100.0 + 0.5 * REPEAT_AFTER)
+    assert pacing.repeat_due(100.0 + 1.01 * REPEAT_AFTER)
+    assert not pacing.repeat_due(100.0 + 1.5 * REPEAT_AFTER)
+    pacing.asked(103.0)
+    assert not pacing.repeat_due(103.0 + 0.9 * REPEAT_AFTER)
+
+
+@pytest.mark.parametrize("pacing", [paced(), fast()])
+def test_the_wait_ends_when_something_is_due(pacing):
+    wait = pacing.wait(100.001)
+    assert 0.0 < wait <= REPEAT_AFTER
+    later = 100.001 + wait + 1e-9
+    assert pacing.tick_over(later, False, 0) or pacing.repeat_due(later)
+    assert pacing.wait(1000.0) == 0.0

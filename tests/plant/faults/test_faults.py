@@ -1,0 +1,412 @@
+from functools import cache
+
+import numpy as np
+import pytest
+
+from flexslew_plant.bench.backlog import Standby
+from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
+from flexslew_plant.bench.events import Level
+from flexslew_plant.bench.measurement import EffortCommand
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import plain, validated, yaml_text
+
+KP, KD, GOAL = 460.0, 920.0, np.array([0.05, -0.03])
+AT, UNTIL = 2.0, 4.0  # when the faults act [s]
+AT_TICK, UNTIL_TICK = 200, 400
+MAX_MISSED = 5
+
+
+def pd(name):
+    def law(question):
+        if question.controller != name:
+            return None
+        effort = KP * (GOAL - question.joint_position) - KD * question.joint_velocity
+        return EffortCommand(question.tick, question.epoch, name, effort)
+
+    return law
+
+
+def settings(*faults, **more):
+    schedule = [{"at": AT, "until": UNTIL, "fault": fault} for fault in faults]
+    values = {
+        "testbed": {"damping_ratio": 0.1, "modes": 1},
+        "duration": 60.0,
+        "active": "first",
+        "fallback": ["second"],
+        "schedule": schedule,
+        "faults_enabled": True,
+        **more,
+    }
+    return validated(BenchSettings, values, "test")
+
+
+class Run:
+    """A bench flown to its end by plain functions, with everything that happened."""
+
+    def __init__(self, bench_settings, laws=None, meanwhile=None):
+        self.bench = bench = Bench(bench_settings)
+        self.laws = laws or {"first": pd("first"), "second": pd("second")}
+        self.events, self.questions, self.truths = [], [], []
+        while not bench.done:
+            self.questions.append(bench.question)
+            self.truths.append(bench.truth())
+            if meanwhile is not None:
+                meanwhile(bench)
+            for law in self.laws.values():
+                command = law(bench.question)
+                if command is not None:
+                    bench.offer(command)
+            bench.advance()
+        self.events = list(bench.events)
+
+    def of(self, kind):
+        return [event for event in self.events if event.kind == kind]
+
+    def applied(self, tick):
+        return self.truths[tick + 1].applied_effort
+
+    @property
+    def states(self):
+        return np.array([np.concatenate((t.position, t.velocity)) for t in self.truths])
+
+    def ends_at_rest(self):
+        return np.abs(self.truths[-1].velocity[:2]).max() < 1e-3  # joints [rad/s]
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return Run(settings())
+
+
+FAULTS = {
+    "actuator_stuck": {"kind": "actuator_stuck", "joint": "hub_pitch", "effort": 2.0},
+    "actuator_gain": {"kind": "actuator_gain", "joint": "base_yaw", "gain": 0.5},
+    "command_delay": {"kind": "command_delay", "ticks": 10},
+    "command_lost": {"kind": "command_lost", "probability": 0.3},
+    "command_late": {"kind": "command_late", "probability": 0.3},
+    "command_duplicated": {"kind": "command_duplicated", "probability": 0.3},
+    "command_reordered": {"kind": "command_reordered", "probability": 0.3},
+    "sensor_dropout": {"kind": "sensor_dropout", "channel": "joint_position", "probability": 0.2},
+    "sensor_bias": {
+        "kind": "sensor_bias",
+        "channel": "joint_position",
+        "of": "hub_pitch",
+        "bias": 0.01,
+    },
+    "sensor_freeze": {"kind": "sensor_freeze", "channel": "joint_velocity"},
+}
+SILENCES = {
+    "command_lost": {"kind": "command_lost"},
+    "command_late": {"kind": "command_late", "ticks": 3},
+    "command_reordered": {"kind": "command_reordered"},
+    "controller_silent": {"kind": "controller_silent", "controller": "first"},
+    "sensor_nan": {"kind": "sensor_nan", "channel": "joint_velocity", "of": "base_yaw"},
+}
+
+
+@cache
+def with_fault(kind):
+    return Run(settings(FAULTS[kind]))
+
+
+@cache
+def with_silence(kind):
+    return Run(settings(SILENCES[kind]))
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_a_passing_fault_is_logged_changes_only_its_ticks_and_ends_at_rest(kind, healthy):
+    run = with_fault(kind)
+    on, off = run.of("fault")
+    assert (on.tick, off.tick) == (AT_TICK, UNTIL_TICK)
+    assert (on.data["on"], off.data["on"]) == (True, False)
+    assert on.data["fault"]["kind"] == kind
+    assert on.level is Level.WARNING
+    assert np.array_equal(run.states[: AT_TICK + 1], healthy.states[: AT_TICK + 1])
+    if kind != "command_duplicated":
+        assert not np.array_equal(run.states, healthy.states)
+    assert run.ends_at_rest()
+
+
+@pytest.mark.parametrize("kind", ["command_late", "sensor_dropout"])
+def test_a_fault_by_chance_is_the_same_in_every_run_of_its_seed(kind):
+    first, again = with_fault(kind), Run(settings(FAULTS[kind]))
+    assert np.array_equal(first.states, again.states)
+    assert first.events == again.events
+
+
+def test_another_seed_loses_other_commands():
+    lost = FAULTS["command_lost"]
+    ticks = [
+        [event.tick for event in Run(one).of("missed")]
+        for one in (settings(lost), settings(lost, seed=2), settings({**lost, "seed": 3}))
+    ]
+    assert ticks[0] != ticks[1]
+    assert ticks[0] != ticks[2]
+    assert 30 < len(ticks[0]) < 90  # of 200, each with 0.3
+
+
+@pytest.mark.parametrize("kind", SILENCES)
+def test_a_silence_is_found_within_max_missed_ticks_and_somebody_else_takes_over(kind):
+    run = with_silence(kind)
+    missed, handed = run.of("missed"), run.of("fallback")
+    assert missed[0].tick == AT_TICK
+    assert handed[0].tick == AT_TICK + MAX_MISSED - 1
+    assert handed[0].level is Level.FAULT
+    assert handed[0].data == {"from": "first", "to": "second"}
+    assert run.bench.faulted
+    assert run.ends_at_rest()
+
+
+@pytest.mark.parametrize("kind", ["command_lost", "command_late", "command_reordered"])
+def test_a_dead_cable_ends_on_the_brake_at_rest(kind):
+    run = with_silence(kind)
+    (brake,) = run.of("brake")
+    assert brake.tick == AT_TICK + 2 * MAX_MISSED - 1
+    assert run.bench.drive.active == ""
+    assert run.ends_at_rest()
+
+
+def test_the_fallback_flies_on_to_the_goal_when_one_controller_is_silent():
+    run = with_silence("controller_silent")
+    assert not run.of("brake")
+    assert run.bench.drive.active == "second"
+    assert run.states[-1][:2] == pytest.approx(GOAL, abs=5e-3)
+
+
+def test_a_missed_tick_holds_the_last_effort():
+    run = with_silence("command_lost")
+    for tick in range(AT_TICK, AT_TICK + MAX_MISSED):
+        assert np.array_equal(run.applied(tick), run.applied(AT_TICK - 1))
+
+
+def test_a_stuck_motor_holds_what_it_is_told_or_what_it_had():
+    stuck = {"kind": "actuator_stuck", "joint": "hub_pitch"}
+    told, kept = Run(settings({**stuck, "effort": 2.0})), Run(settings(stuck))
+    for tick in (AT_TICK, UNTIL_TICK - 1):
+        assert told.applied(tick)[1] == 2.0
+        assert kept.applied(tick)[1] == kept.applied(AT_TICK - 1)[1]
+    assert kept.applied(UNTIL_TICK)[1] != kept.applied(UNTIL_TICK - 1)[1]
+
+
+def test_a_gain_error_scales_one_motor():
+    run = with_fault("actuator_gain")
+    question = run.questions[AT_TICK]
+    asked = KP * (GOAL - question.joint_position) - KD * question.joint_velocity
+    assert run.applied(AT_TICK) == pytest.approx(asked * [0.5, 1.0], rel=1e-12)
+
+
+def test_a_delay_moves_the_effort_by_its_ticks_without_a_missed_tick():
+    run = with_fault("command_delay")
+    for tick in range(AT_TICK + 10, UNTIL_TICK):
+        question = run.questions[tick - 10]
+        asked = KP * (GOAL - question.joint_position) - KD * question.joint_velocity
+        assert np.array_equal(run.applied(tick), asked)
+    assert not run.of("missed")
+
+
+@pytest.mark.parametrize(
+    ("kind", "missed"),
+    [("command_late", True), ("command_duplicated", False), ("command_reordered", True)],
+)
+def test_an_answer_out_of_its_tick_is_rejected_as_stale(kind, missed, healthy):
+    run = with_fault(kind)
+    assert run.bench.drive.rejected["stale"] > 30
+    assert run.of("rejected")[0].data["reason"] == "stale"
+    assert bool(run.of("missed")) is missed
+    assert np.array_equal(run.states, healthy.states) is not missed
+
+
+def test_broken_sensors_lie_to_the_question_and_not_to_the_truth():
+    frozen = with_fault("sensor_freeze")
+    first = frozen.questions[AT_TICK].joint_velocity
+    for tick in (AT_TICK + 1, UNTIL_TICK - 1):
+        assert np.array_equal(frozen.questions[tick].joint_velocity, first)
+        assert not np.array_equal(frozen.truths[tick].velocity[:2], first)
+    biased = with_fault("sensor_bias")
+    tick = AT_TICK + 7
+    error = biased.questions[tick].joint_position - biased.truths[tick].position[:2]
+    assert error == pytest.approx([0.0, 0.01], abs=1e-15)
+    dropped = with_fault("sensor_dropout")
+    zeros = [not dropped.questions[k].joint_position.any() for k in range(AT_TICK, UNTIL_TICK)]
+    assert 15 < sum(zeros) < 70
+
+
+def test_a_second_fault_does_not_thaw_a_frozen_sensor():
+    entries = [
+        {"at": AT, "until": UNTIL, "fault": FAULTS["sensor_freeze"]},
+        {"at": 3.0, "fault": {"kind": "actuator_gain", "joint": "base_yaw", "gain": 0.9}},
+    ]
+    run = Run(settings(schedule=entries))
+    first, later = run.questions[AT_TICK], run.questions[350]
+    assert np.array_equal(first.joint_velocity, later.joint_velocity)
+
+
+LIARS = {
+    "sender": lambda c: c._replace(controller="somebody"),
+    "stale": lambda c: c._replace(tick=c.tick + 1),
+    "size": lambda c: c._replace(effort=np.zeros(3)),
+    "finite": lambda c: c._replace(effort=np.array([0.0, np.inf])),
+}
+
+
+@pytest.mark.parametrize("lie", LIARS)
+def test_a_lying_controller_is_named_and_replaced(lie):
+    def liar(question):
+        command = pd("first")(question)
+        return LIARS[lie](command) if command and question.tick >= AT_TICK else command
+
+    run = Run(settings(), {"first": liar, "second": pd("second")})
+    assert run.of("rejected")[0].data["reason"] == lie
+    assert run.of("fallback")[0].tick == AT_TICK + MAX_MISSED - 1
+    assert run.ends_at_rest()
+
+
+def test_a_crashed_controller_without_fallback_leaves_the_brake_at_rest():
+    def crashed(question):
+        return pd("first")(question) if question.tick < 30 else None
+
+    run = Run(settings(fallback=[]), {"first": crashed})
+    assert run.of("brake")[0].data == {"from": "first", "to": ""}
+    assert run.of("brake")[0].tick == 30 + MAX_MISSED - 1
+    assert run.ends_at_rest()
+
+
+def test_a_swap_whose_first_answers_are_lost_is_still_reported():
+    entries = [
+        {"at": AT, "switch": "second"},
+        {"at": AT, "until": AT + 0.03, "fault": {"kind": "command_lost"}},
+    ]
+    run = Run(settings(schedule=entries))
+    (swap,) = run.of("switched")
+    assert swap.tick == AT_TICK + 3
+    assert not run.of("fallback")
+
+
+def test_a_newcomer_that_never_answers_is_reported_as_refused():
+    run = Run(settings(), {"first": pd("first")}, switch_to_nobody)
+    (result,) = run.bench.switch_results
+    assert not result.ok
+    assert "nobody" in result.message
+
+
+def switch_to_nobody(bench):
+    if bench.tick == 10:
+        bench.request_switch(SwitchRequest("nobody", 11))
+
+
+def test_disturbances_have_the_shape_and_the_mean_of_their_formula():
+    sine = {"sine": {"amplitude": 3.0, "frequency": 0.25, "phase": 0.5}}
+    pulse = {"pulse": {"amplitude": -2.0, "width": 0.5, "every": 1.0}}
+    entries = [
+        {"at": AT, "until": UNTIL, "disturbance": {"base_yaw": sine, "hub_pitch": pulse}},
+        {"at": 1.0, "disturbance": {"base_yaw": 5}},
+    ]
+    run = Run(settings(schedule=entries, faults_enabled=False))
+    found = np.array([truth.disturbance for truth in run.truths[1:]])
+    fine = np.linspace(0.0, 2.0, 200_001)
+    mean = 3.0 * np.sin(2.0 * np.pi * 0.25 * fine + 0.5)
+    expected = [mean[1000 * k : 1000 * (k + 1) + 1].mean() for k in range(200)]
+    assert found[AT_TICK:UNTIL_TICK, 0] - 5.0 == pytest.approx(np.array(expected), abs=1e-5)
+    assert (found[AT_TICK:UNTIL_TICK, 1] == ([-2.0] * 50 + [0.0] * 50) * 2).all()
+    assert not found[UNTIL_TICK:, 1].any()
+    assert not found[:100].any()
+    assert [event.tick for event in run.of("disturbance")] == [100, AT_TICK, UNTIL_TICK]
+    assert run.of("disturbance")[1].data["hub_pitch"]["pulse"]["amplitude"] == -2.0
+
+
+def test_an_injected_fault_does_what_a_scheduled_one_does():
+    def inject(bench):
+        if bench.tick == 150:
+            answers.append(bench.inject("{kind: command_lost, probability: 0.3, until: 4.0}", 200))
+
+    answers = []
+    run, scheduled = Run(settings(), meanwhile=inject), with_fault("command_lost")
+    assert answers[0] == (True, "command_lost at tick 200", 200)
+    assert np.array_equal(run.states, scheduled.states)
+    (wish,) = run.of("injected")
+    assert wish.data["start"] == 200
+    assert [event for event in run.events if event is not wish] == scheduled.events
+
+
+def test_an_injected_disturbance_begins_at_the_next_tick():
+    bench = Bench(settings())
+    assert bench.inject("disturbance: {base_yaw: 4.0}") == (True, "disturbance at tick 1", 1)
+    bench.advance()
+    assert not bench.truth().disturbance.any()
+    bench.advance()
+    assert bench.truth().disturbance.tolist() == [4.0, 0.0]
+
+
+def test_a_reset_forgets_what_was_injected_and_keeps_what_was_scheduled():
+    bench = Bench(settings(FAULTS["actuator_gain"]))
+    bench.inject("{kind: command_lost}")
+    bench.reset()
+    for _ in range(AT_TICK + 1):
+        bench.offer(pd("first")(bench.question))
+        assert bench.drive.missed == 0
+        bench.advance()
+    assert [event.data["fault"]["kind"] for event in bench.events] == ["actuator_gain"]
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("{kind: gremlins}", "gremlins"),
+        ("{kind: command_lost, probability: 2}", "probability"),
+        ("{kind: command_lost, propability: 1}", "propability"),
+        ("{kind: actuator_stuck, joint: elbow}", "elbow"),
+        ("{kind: sensor_bias, channel: tip_deflection, of: base_yaw, bias: 1}", "beam_positive"),
+        ("{disturbance: {elbow: 1.0}}", "elbow"),
+        ("{switch: second}", "switch_controller"),
+        ("{kind: command_lost, until: 0.001}", "until"),
+        ("nonsense", "keys"),
+        ("{", "YAML"),
+    ],
+)
+def test_a_wrong_fault_is_refused_in_one_line_and_changes_nothing(text, word):
+    bench = Bench(settings())
+    ok, message, _ = bench.inject(text)
+    assert not ok
+    assert word in message
+    assert "\n" not in message
+    bench.advance()
+    assert [event.kind for event in bench.events] == ["missed"]
+
+
+def test_nothing_breaks_unless_the_trial_allows_it():
+    with pytest.raises(BadInput, match=r"schedule\.0\.fault.*allow_faults: true"):
+        Bench(settings(FAULTS["command_lost"], faults_enabled=False))
+    answer = Bench(settings(faults_enabled=False)).inject("{kind: command_lost}")
+    assert not answer.ok
+    assert "allow_faults: true" in answer.message
+
+
+def test_settings_with_faults_survive_yaml():
+    sine = {"base_yaw": {"sine": {"amplitude": 1.0, "frequency": 2.0}}, "hub_pitch": 3}
+    entries = [{"at": 1.0, "fault": fault} for fault in {**FAULTS, **SILENCES}.values()]
+    given = settings(schedule=[*entries, {"at": 2.0, "disturbance": sine}])
+    again = validated(BenchSettings, plain(given), yaml_text(plain(given)))
+    assert again == given
+
+
+def test_the_plant_holds_back_for_a_slow_standby_but_not_for_a_dead_one():
+    standby = Standby(patience=2.0)
+    standby.heard("slow", 0, 0)
+    assert standby.slow(1000, 0, now=0.0) == []
+    assert standby.slow(1001, 0, now=0.0) == ["slow"]
+    standby.heard("slow", 100, 0)
+    assert standby.slow(1001, 0, now=1.9) == []
+    assert standby.slow(1101, 0, now=2.0) == ["slow"]
+    assert standby.slow(1101, 0, now=4.1) == []  # given up
+    assert "tick 100" in standby.reason("slow", 1101, 0)
+    standby.heard("slow", 200, 0)
+    assert standby.reason("slow", 1101, 0) == ""
+
+
+def test_a_paced_plant_does_not_wait_but_says_who_is_behind():
+    standby = Standby(paced=True)
+    standby.heard("slow", 10, 0)
+    assert standby.slow(5000, 0, now=0.0) == []
+    assert standby.reason("slow", 5000, 0) == "it has seen tick 10, the bench is at 5000"
+    assert standby.reason("slow", 900, 1) == ""  # a new epoch counts from its own tick 0

@@ -1,0 +1,102 @@
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flexslew_plant.settings import validated
+from flexslew_plant.testbeds import TESTBEDS, Testbed, build_model, dynamics
+from flexslew_plant.testbeds.csa import CsaTestbed
+
+STATE = np.array([0.1, 0.3, 0.5, 0.05, -0.02, 0.2, -0.1, 0.3, 0.1, 0.05])
+EFFORT = np.array([60.0, -30.0])
+
+
+def model(variant="complete"):
+    return build_model(CsaTestbed(variant=variant, modes=3))
+
+
+def integrated(of, x, effort, duration):
+    found = solve_ivp(
+        lambda t, y: of.derivative(y, effort), (0.0, duration), x, "DOP853", rtol=3e-14, atol=1e-15
+    )
+    return found.y[:, -1]
+
+
+@pytest.mark.parametrize("variant", ["printed", "complete"])
+def test_one_tick_is_exact_to_1e_9(variant):
+    bed = model(variant)
+    for scale in (1.0, 5.0):
+        reached = bed.advance(scale * STATE, EFFORT, 0.01)
+        np.testing.assert_allclose(
+            reached, integrated(bed, scale * STATE, EFFORT, 0.01), atol=1e-10
+        )
+
+
+def test_many_ticks_stay_within_1e_9():
+    bed, x = model(), STATE
+    for _ in range(500):
+        x = bed.advance(x, EFFORT, 0.01)
+    np.testing.assert_allclose(x, integrated(bed, STATE, EFFORT, 5.0), atol=1e-9)
+
+
+def test_halving_the_step_shows_the_order():
+    bed = model()
+    exact = integrated(bed, STATE, EFFORT, 2.0)
+    errors = [np.abs(bed.advance(STATE, EFFORT, 2.0, n) - exact).max() for n in (6, 12)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(8.0, abs=1.2)
+
+
+def test_steps_of_one_call_are_steps_of_several():
+    bed, x = model(), STATE
+    for _ in range(4):
+        x = bed.advance(x, EFFORT, 0.01)
+    np.testing.assert_allclose(bed.advance(STATE, EFFORT, 0.04, 4), x, rtol=1e-14)
+
+
+def test_the_same_call_gives_the_same_bits_and_leaves_its_arguments_alone():
+    bed, x, effort = model(), STATE.copy(), EFFORT.copy()
+    first = bed.advance(x, effort, 0.01)
+    second = bed.advance(x, effort, 0.01)
+    assert first.tobytes() == second.tobytes()
+    np.testing.assert_array_equal(x, STATE)
+    np.testing.assert_array_equal(effort, EFFORT)
+    assert not np.shares_memory(first, second)
+
+
+@pytest.mark.parametrize("kind", TESTBEDS)
+def test_acceleration_solves_the_equations_of_motion(kind):
+    bed = build_model(validated(Testbed, {"kind": kind}, "here"))
+    n = bed.coordinates
+    x = 0.1 * np.random.default_rng(3).standard_normal(2 * n)
+    effort = np.arange(1.0, 1.0 + bed.joints)
+    rate = bed.derivative(x, effort)
+    np.testing.assert_array_equal(rate[:n], x[n:])
+    residual = bed.mass_matrix(x[:n]) @ rate[n:] + bed.bias(x[:n], x[n:])
+    np.testing.assert_allclose(residual, bed.input_matrix @ effort, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", TESTBEDS)
+def test_the_step_of_a_known_size_has_the_bits_of_the_general_one(kind):
+    bed = build_model(validated(Testbed, {"kind": kind}, "here"))
+    x = 0.1 * np.random.default_rng(5).standard_normal(2 * bed.coordinates)
+    effort = np.arange(1.0, 1.0 + bed.joints)
+    for steps in (1, 3):
+        general = dynamics.advance(bed.kind, bed.packed, x, effort, 0.02, steps)
+        assert bed.advance(x, effort, 0.02, steps).tobytes() == general.tobytes()
+
+
+def test_a_model_can_be_sent_to_another_process():
+    bed = model()
+    expected = bed.advance(STATE, EFFORT, 0.01)
+    sent = pickle.loads(pickle.dumps(bed))
+    assert sent.advance(STATE, EFFORT, 0.01).tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("kind", TESTBEDS)
+def test_energy_is_kinetic_plus_potential(kind):
+    bed = build_model(validated(Testbed, {"kind": kind}, "here"))
+    x = 0.1 * np.random.default_rng(4).standard_normal(2 * bed.coordinates)
+    still = np.concatenate((x[: bed.coordinates], np.zeros(bed.coordinates)))
+    assert bed.energy(x) == pytest.approx(bed.kinetic_energy(x) + bed.energy(still), rel=1e-13)
+    assert bed.kinetic_energy(still) == 0.0
