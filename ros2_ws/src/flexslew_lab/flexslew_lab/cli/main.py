@@ -12,7 +12,6 @@ from flexslew_lab.cli.checkout import bench, test
 from flexslew_lab.cli.log import Json, bag_of, log, recover
 from flexslew_lab.cli.replay import check, live, play, resim
 from flexslew_lab.cli.terminal import print_table, progress, screen, short
-from flexslew_lab.trial.trial import DEFAULT, load_trial
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
 
 app = typer.Typer(
@@ -48,6 +47,7 @@ def trial(
     from dataclasses import replace
 
     from flexslew_lab.trial.run import run_trial
+    from flexslew_lab.trial.trial import DEFAULT, load_trial
 
     source = file or DEFAULT
     wanted = load_trial(source)
@@ -83,6 +83,7 @@ def plan(
     """
     from flexslew_control.plan_file import plan_hash, save_plan
     from flexslew_control.planners import make_plan, other_method, plan_settings
+    from flexslew_lab.trial.trial import DEFAULT, load_trial
 
     source = file or DEFAULT
     wanted = load_trial(source)
@@ -145,6 +146,7 @@ def compare(
     Example: `./flexslew compare --out compare.html`
     """
     from flexslew_lab.report import compare as comparison
+    from flexslew_lab.trial.trial import DEFAULT, load_trial
 
     source = file or DEFAULT
     wanted = load_trial(source)

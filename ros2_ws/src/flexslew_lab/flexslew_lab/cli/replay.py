@@ -10,7 +10,6 @@ from rich.progress import BarColumn, Progress, TextColumn
 from flexslew_lab.cli.log import Bag, Json, bag_of, demand
 from flexslew_lab.cli.terminal import print_table, progress, screen
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
 
 
 def resim(
@@ -171,6 +170,8 @@ def live(
 
 def _settings(pairs: list[str]) -> dict[str, Any]:
     """Return `key=value` texts as settings; dots nest."""
+    from flexslew_plant.settings import load_yaml
+
     settings: dict[str, Any] = {}
     for pair in pairs:
         key, sign, text = pair.partition("=")

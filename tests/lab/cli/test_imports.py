@@ -1,0 +1,23 @@
+"""What the command line loads before it knows what is wanted of it."""
+
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = ("numpy", "scipy", "numba", "plotly", "pyarrow", "casadi", "rclpy", "rosbags")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["trial", "--help"], ["log", "--help"]])
+def test_help_loads_no_numerics(arguments: list[str]) -> None:
+    program = (
+        f"import sys; sys.argv = ['flexslew', *{arguments}]\n"
+        "from flexslew_lab.cli.main import main\n"
+        "try: main()\n"
+        f"finally: print('loaded:', sorted(set({HEAVY}) & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert "Usage" in done.stdout
+    assert done.stdout.splitlines()[-1] == "loaded: []"

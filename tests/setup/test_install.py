@@ -1,0 +1,207 @@
+"""setup/install.sh behind ./flexslew: when it installs, when it refuses, how it is interrupted."""
+
+import os
+import shutil
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+# Stands for python3, and for the .venv/bin/python that it makes. Every call is a line of the log.
+STUB = r"""#!/bin/bash
+echo "${*:1:4}" >>"$STUB_LOG"
+case "$*" in
+  "-m venv "*)
+    mkdir -p "${@: -1}/bin" && cp "$0" "${@: -1}/bin/python" ;;
+  "-m pip "*)
+    for n in $(seq 60); do echo "Collecting package-$n==1.0"; done
+    echo "Installing collected packages: package-1, package-2"
+    if [ -e "$STUB_FOLDER/hang" ]; then
+      trap 'echo cancelled >>"$STUB_LOG"; exit 1' INT
+      echo pip hangs >"$STUB_FOLDER/hanging"
+      while :; do read -r -t 1 <>"$STUB_FOLDER/nothing"; done
+    fi
+    [ ! -e "$STUB_FOLDER/fail" ] || { echo "ERROR: no space left" >&2; exit 1; } ;;
+  "-m colcon "*)
+    mkdir -p install ;;
+  "-m flexslew_lab.cli.main"*)
+    echo "here is the command line" ;;
+esac
+"""
+
+
+class Checkout:
+    """A copy of what the set-up reads, with a stub for Python."""
+
+    def __init__(self, root: Path, folder: Path) -> None:
+        self.root, self.folder, self.log = root, folder, folder / "calls"
+        tools = folder / "bin"
+        tools.mkdir()
+        for name in ("g++", "cmake", "ninja", "python3"):
+            (tools / name).write_text(STUB)
+            (tools / name).chmod(0o755)
+        os.mkfifo(folder / "nothing")
+        os.mkfifo(folder / "hanging")
+        shutil.copytree(ROOT / "setup", root / "setup")
+        shutil.copy(ROOT / "flexslew", root / "flexslew")
+        (root / "ros2_ws" / "src" / "msgs").mkdir(parents=True)
+        (root / "ros2_ws" / "src" / "msgs" / "A.msg").write_text("float64 a\n")
+        self.environment = {
+            "PATH": f"{tools}:{os.environ['PATH']}",
+            "STUB_LOG": str(self.log),
+            "STUB_FOLDER": str(folder),
+        }
+
+    def start(self, script: Path | None = None) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [script or self.root / "flexslew", "trial"],
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+
+    def call(self, script: Path | None = None) -> tuple[int, str]:
+        """Return the exit code and what stood on standard error; forget the log of before."""
+        self.log.write_text("")
+        process = self.start(script)
+        output, errors = process.communicate(timeout=60)
+        assert (process.returncode == 0) == (output == "here is the command line\n")
+        return process.returncode, errors
+
+    @property
+    def steps(self) -> list[str]:
+        """The long steps since the last call, in order."""
+        kinds = ("-m venv", "-m pip", "-m colcon", "-m flexslew_lab.trial.compile_kernels")
+        calls = self.log.read_text().splitlines()
+        return [kind.split()[1] for call in calls for kind in kinds if call.startswith(kind)]
+
+
+ALL = ["venv", "pip", "colcon", "flexslew_lab.trial.compile_kernels"]
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Checkout:
+    return Checkout(tmp_path / "checkout", tmp_path)
+
+
+def test_the_first_call_sets_up_and_the_second_one_does_nothing(checkout: Checkout) -> None:
+    assert checkout.call()[0] == 0
+    assert checkout.steps == ALL
+    assert checkout.call() == (0, "")
+    assert checkout.steps == []
+
+
+def test_a_symbolic_link_to_the_folder_is_the_same_checkout(checkout: Checkout) -> None:
+    link = checkout.folder / "link"
+    link.symlink_to(checkout.root)
+    assert checkout.call(link / "flexslew")[0] == 0
+    assert checkout.steps == ALL
+    for script in (link / "flexslew", checkout.root / "flexslew"):
+        assert checkout.call(script) == (0, "")
+        assert checkout.steps == []
+
+
+def test_a_symbolic_link_to_the_script_finds_its_files(checkout: Checkout) -> None:
+    link = checkout.folder / "bin" / "flexslew"
+    link.symlink_to("../checkout/flexslew")
+    assert checkout.call(link)[0] == 0
+    assert checkout.steps == ALL
+    assert checkout.call() == (0, "")
+    assert checkout.steps == []
+
+
+def test_what_a_file_holds_counts_and_not_when_it_was_written(checkout: Checkout) -> None:
+    checkout.call()
+    message = checkout.root / "ros2_ws" / "src" / "msgs" / "A.msg"
+    lock = checkout.root / "setup" / "requirements.lock.txt"
+    for file in (message, lock):
+        os.utime(file, (0, 0))
+    assert checkout.call() == (0, "")
+    assert checkout.steps == []
+    message.write_text("float64 b\n")
+    assert checkout.call()[0] == 0
+    assert checkout.steps == ALL[2:]
+    lock.write_text(lock.read_text() + "# another\n")
+    assert checkout.call()[0] == 0
+    assert checkout.steps == ALL
+
+
+def test_a_moved_checkout_builds_its_workspace_again_and_keeps_its_packages(
+    checkout: Checkout,
+) -> None:
+    checkout.call()
+    script = checkout.root / ".venv" / "bin" / "some-tool"
+    script.write_text(f"#!{checkout.root}/.venv/bin/python3\nprint()\n")
+    moved = checkout.root.rename(checkout.folder / "moved")
+    assert checkout.call(moved / "flexslew")[0] == 0
+    assert checkout.steps == ALL[2:]
+    first = (moved / ".venv" / "bin" / "some-tool").read_text().splitlines()[0]
+    assert first == f"#!{moved}/.venv/bin/python3"
+    assert checkout.call(moved / "flexslew") == (0, "")
+
+
+@pytest.mark.parametrize("name", ["my checkout", "a;b", "it's", "50%", "a:b"])
+def test_a_path_that_the_build_tools_cannot_take_is_refused_before_anything_is_done(
+    tmp_path: Path, name: str
+) -> None:
+    checkout = Checkout(tmp_path / name, tmp_path)
+    code, errors = checkout.call()
+    assert code == 2
+    assert len(errors.splitlines()) == 1
+    assert str(checkout.root) in errors
+    assert checkout.log.read_text() == ""
+    assert not (checkout.root / ".venv").exists()
+
+
+def test_a_symbolic_link_with_spaces_to_a_good_path_is_no_obstacle(checkout: Checkout) -> None:
+    link = checkout.folder / "my checkout"
+    link.symlink_to(checkout.root)
+    assert checkout.call(link / "flexslew")[0] == 0
+
+
+@pytest.mark.parametrize("whole_group", [True, False])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupt_ends_pip_says_so_and_the_next_call_goes_on(
+    checkout: Checkout, number: signal.Signals, code: int, whole_group: bool
+) -> None:
+    """A terminal signals the whole group in the foreground, a supervisor the script alone."""
+    (checkout.folder / "hang").touch()
+    process = checkout.start()
+    (checkout.folder / "hanging").read_text()  # returns when pip is under way
+    (os.killpg if whole_group else os.kill)(process.pid, number)
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == code
+    assert output == ""
+    assert errors.splitlines()[-1].startswith("flexslew: interrupted")
+    assert "could not" not in errors
+    assert checkout.log.read_text().splitlines()[-1] == "cancelled"
+    (checkout.folder / "hang").unlink()
+    torn = checkout.root / ".venv" / "lib" / "python3.11" / "site-packages" / "torn-1.dist-info"
+    torn.mkdir(parents=True)
+    assert checkout.call()[0] == 0
+    assert checkout.steps == ALL[1:]
+    assert not torn.exists()
+
+
+def test_a_failure_of_pip_is_told_with_its_words_and_is_no_interrupt(checkout: Checkout) -> None:
+    (checkout.folder / "fail").touch()
+    code, errors = checkout.call()
+    assert code == 2
+    assert "ERROR: no space left" in errors
+    assert errors.splitlines()[-1].startswith("flexslew: pip could not install")
+    assert checkout.steps == ["venv", "pip"]
+
+
+def test_without_a_terminal_the_progress_is_a_few_short_lines(checkout: Checkout) -> None:
+    _, errors = checkout.call()
+    assert "\r" not in errors
+    assert "\033[K" not in errors
+    lines = errors.splitlines()
+    steps = [line for line in lines if line.startswith("  ")]  # 60 packages
+    assert [step.split()[0] for step in steps] == ["25", "50", "unpacking"]
+    assert max(map(len, lines)) < 100
