@@ -34,7 +34,7 @@ def call(capfd, monkeypatch):
         monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
         monkeypatch.setenv("COLUMNS", "200")
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            cli()
         out, err = capfd.readouterr()
         return end.value.code, out, err
 
