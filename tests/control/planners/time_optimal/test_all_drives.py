@@ -1,3 +1,4 @@
+import signal
 import sys
 
 import numpy as np
@@ -5,6 +6,7 @@ import pytest
 
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.time_optimal import all_drives
+from flexslew_control.planners.time_optimal.interruptible import Interrupt, interruptible
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
@@ -80,3 +82,32 @@ def test_what_cannot_be_done_is_said_in_one_line(monkeypatch, one_start):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(BadInput, match="need the package casadi; pip install casadi"):
         planned({"base_yaw": 1.0, "hub_pitch": 0.5})
+
+
+def test_an_interrupt_inside_the_solver_ends_the_planning(monkeypatch):
+    iterations, check = [], Interrupt.check
+
+    def interrupted_at_the_third(self, iteration=0):
+        iterations.append(iteration)
+        if len(iterations) == 3:
+            signal.raise_signal(signal.SIGINT)
+        check(self, iteration)
+
+    monkeypatch.setattr(Interrupt, "check", interrupted_at_the_third)
+    heard, before = [], signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        planned({"base_yaw": 1.0, "hub_pitch": 0.5}, heard=heard)
+    assert heard == []  # no other start was tried
+    assert len(iterations) <= 4
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_an_interrupt_reaches_the_handler_that_was_there_before():
+    heard = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: heard.append(number))
+    try:
+        with pytest.raises(KeyboardInterrupt), interruptible(Interrupt()):
+            signal.raise_signal(signal.SIGINT)
+        assert heard == [signal.SIGINT]
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -15,6 +15,7 @@ import numpy as np
 
 from flexslew_control.planners.feedforward.gauss_newton import Progress, Update
 from flexslew_control.planners.time_optimal.arcs import final_sensitivity
+from flexslew_control.planners.time_optimal.interruptible import Interrupt, interruptible
 from flexslew_control.planners.time_optimal.optimal_switching import (
     nearest_durations,
     shortest_durations,
@@ -33,7 +34,7 @@ _STEP = 0.25  # longest integration step, as an angle of the fastest mode [rad]
 
 @dataclass(frozen=True)
 class AllDrives:
-    """A slew at rest to rest with every effort at +- its amplitude.
+    """A slew from rest to rest with every effort at +- its amplitude.
 
     Args:
         model: what is turned.
@@ -66,8 +67,8 @@ class AllDrives:
         return np.eye(self.start.size)
 
     @property
-    def flock(self) -> tuple[int, Matrix, Vector, Vector]:
-        """What the kernels of `arcs` fly: the model alone."""
+    def ensemble(self) -> tuple[int, Matrix, Vector, Vector]:
+        """What the kernels of `arcs` simulate: the model alone."""
         nothing = np.zeros(self.model.joints)
         return self.model.kind, self.model.packed[None], nothing, nothing
 
@@ -84,7 +85,7 @@ class AllDrives:
     def linearised(self, durations: Vector) -> tuple[Vector, Matrix]:
         """Return what misses the goal and its derivatives by the durations."""
         efforts = self.efforts(durations.size)
-        x, slopes = final_sensitivity(*self.flock, self.start, efforts, durations, self.step)
+        x, slopes = final_sensitivity(*self.ensemble, self.start, efforts, durations, self.step)
         return x - self.goal, slopes
 
 
@@ -184,6 +185,8 @@ def _transcription(
     problem.minimize(duration)
     quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "max_iter": 500, "tol": 1e-8}
     problem.solver("ipopt", {"print_time": False}, quiet)
+    interrupt = Interrupt()
+    problem.callback(interrupt.check)
     rigid = AllDrives(model, start, goal, amplitude, np.zeros((0, m))).rigid_duration
 
     def solve(rng: np.random.Generator) -> tuple[float, Matrix] | None:
@@ -193,10 +196,11 @@ def _transcription(
         problem.set_initial(states, guess)
         problem.set_initial(shares, rng.uniform(-0.5, 0.5, (m, _INTERVALS)))
         problem.set_initial(duration, 2.0 * rigid)
-        try:
-            found = problem.solve()
-        except RuntimeError:  # how Opti says that IPOPT did not converge
-            return None
+        with interruptible(interrupt):
+            try:
+                found = problem.solve()
+            except RuntimeError:  # how Opti says that IPOPT did not converge
+                return None
         return float(found.value(duration)), np.asarray(found.value(shares)).T
 
     return solve

@@ -1,8 +1,9 @@
-"""Arcs of constant effort flown as kernels: final states, exact sensitivities and the costate.
+"""Arcs of constant effort as kernels: final states, exact sensitivities and the costate.
 
-A leader flies the effort of the arcs; followers, the same testbed with other numbers, fly it with
-a feedback on the leader's joints besides: u_i = u + Kp (q_0 - q_i) + Kd (v_0 - v_i). Without
-followers, or without gains, that is open loop.
+An ensemble is simulated: a nominal model under the effort of the arcs, and copies with perturbed
+parameters under the same effort and a feedback on the nominal joints,
+    u_i = u + Kp (q_0 - q_i) + Kd (v_0 - v_i).
+Without gains that is open loop.
 
 Every arc is integrated from its beginning to its end by steps of order 8, so no step ever crosses
 a switch and the durations may be any real numbers.
@@ -19,7 +20,7 @@ from flexslew_plant.testbeds.dynamics import STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
 def rates(
     kind: int, packed: Matrix, kp: Vector, kd: Vector, z: Vector, effort: Vector, out: Vector
 ) -> None:
-    """Write dz/dt of leader and followers.
+    """Write dz/dt of all copies.
 
     Args:
         kind, packed, kp, kd: as in final_states.
@@ -88,14 +89,14 @@ def final_states(
     durations: Vector,
     step: float,
 ) -> Matrix:
-    """Return the states after all arcs, shape (copies, 2 n), the leader's first.
+    """Return the states after all arcs, shape (copies, 2 n), the nominal one's first.
 
     Args:
         kind: the model's kernels, as in dynamics.derivative.
-        packed: their numbers, one row a copy.
-        kp, kd: gains of the followers, shape (joints,) [N m/rad, N m s/rad].
+        packed: their parameters, one row per copy.
+        kp, kd: gains of the perturbed copies, shape (joints,) [N m/rad, N m s/rad].
         start: state of all at the beginning of the first arc, shape (2 n,).
-        efforts: one row an arc, shape (arcs, joints) [N m or N].
+        efforts: one row per arc, shape (arcs, joints) [N m or N].
         durations: shape (arcs,) [s].
         step: longest step of the integration [s].
     """

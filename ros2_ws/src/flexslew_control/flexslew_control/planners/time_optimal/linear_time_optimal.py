@@ -2,7 +2,7 @@
 
 For a duration T the smallest |u| that meets the end conditions, u constant on each of N intervals,
 is a linear programme. The T at which it equals the amplitude is the least one, and the signs of u
-tell the switches, to about T/N. With the sensitivity s of a follower under the feedback,
+tell the switches, to about T/N. With the sensitivity s of a bench under the feedback,
     x' = A x + B u,    s' = (A - B K) s + (dA/dk) x,
 the robust slew is that of the state (x, s).
 """

@@ -31,8 +31,8 @@ class Arcs(Protocol):
         """Duration of the rigid body's time-optimal slew [s]."""
 
     @property
-    def flock(self) -> tuple[int, Matrix, Vector, Vector]:
-        """What the kernels of `arcs` fly."""
+    def ensemble(self) -> tuple[int, Matrix, Vector, Vector]:
+        """What the kernels of `arcs` simulate."""
 
     @property
     def conditions(self) -> Matrix:
@@ -59,14 +59,14 @@ def switching_function(slew: Arcs, durations: Vector) -> Extremality:
     """Return the switching function of the slew with these arcs.
 
     lambda(t_f) = C^T mu with (dr/dd)^T mu = 1: then H = 1 on every arc, which makes sigma zero at
-    the switches. A robust slew has costates of its followers too.
+    the switches. A robust slew has costates of its perturbed copies too.
     """
     jacobian = slew.linearised(durations)[1]
     multipliers = np.linalg.lstsq(jacobian.T, np.ones(durations.size), rcond=None)[0]
     efforts = slew.efforts(durations.size)
-    final = final_states(*slew.flock, slew.start, efforts, durations, slew.step).ravel()
+    final = final_states(*slew.ensemble, slew.start, efforts, durations, slew.step).ravel()
     costate = slew.conditions.T @ multipliers
-    times, values = costate_backwards(*slew.flock, final, costate, efforts, durations, slew.step)
+    times, values = costate_backwards(*slew.ensemble, final, costate, efforts, durations, slew.step)
     driven = efforts.any(axis=0)
     times, sigma = times[::-1], values[::-1, driven]
     arc = np.searchsorted(np.cumsum(durations)[:-1], times, side="right")

@@ -95,7 +95,7 @@ class BangBang:
 
     @property
     def conditions(self) -> Matrix:
-        """C of the end conditions r = C z - goal, z the final states of leader and followers."""
+        """C of the end conditions r = C z - goal, z the final states of all copies."""
         size = self.start.size
         nominal: Matrix = np.eye(size)[self.rows]
         if not self.robust:
@@ -108,12 +108,12 @@ class BangBang:
         return whole
 
     @property
-    def flock(self) -> tuple[int, Matrix, Vector, Vector]:
-        """What the kernels of `arcs` fly: kind, numbers of all copies, and the gains."""
+    def ensemble(self) -> tuple[int, Matrix, Vector, Vector]:
+        """What the kernels of `arcs` simulate: kind, parameters of all copies, and the gains."""
         return self.copies((1.0, *(factor for factor, _ in STENCIL)) if self.robust else (1.0,))
 
     def copies(self, factors: tuple[float, ...]) -> tuple[int, Matrix, Vector, Vector]:
-        """Return a flock of models with the stiffness times these factors, the leader's first."""
+        """Return an ensemble with the stiffness times these factors, the nominal one first."""
         packed = np.array([with_stiffness(self.model, factor).packed for factor in factors])
         kp, kd = np.zeros(self.model.joints), np.zeros(self.model.joints)
         kp[self.joint], kd[self.joint] = self.kp, self.kd
@@ -143,13 +143,13 @@ class BangBang:
     def residual(self, durations: Vector, scale: float = 1.0) -> Vector:
         """Return what misses the end conditions, divided by scale."""
         efforts = self.efforts(durations.size, scale)
-        z = final_states(*self.flock, self.start, efforts, durations, self.step)
+        z = final_states(*self.ensemble, self.start, efforts, durations, self.step)
         return self._missed(z.ravel(), scale)
 
     def linearised(self, durations: Vector, scale: float = 1.0) -> tuple[Vector, Matrix]:
         """Return the residual and its derivatives by the durations, dr/dd."""
         efforts = self.efforts(durations.size, scale)
-        z, slopes = final_sensitivity(*self.flock, self.start, efforts, durations, self.step)
+        z, slopes = final_sensitivity(*self.ensemble, self.start, efforts, durations, self.step)
         return self._missed(z, scale), np.asarray(self.conditions @ slopes / scale)
 
     def _missed(self, z: Vector, scale: float) -> Vector:
@@ -226,12 +226,12 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
     half = slew.rigid_duration / 2.0
     rows = np.array([slew.joint, slew.model.joints])
     middle = slew.start[rows] + np.array([0.5 * slew.distance, 0.0])
-    flock, efforts = slew.copies((1.0,)), slew.efforts(3)
+    ensemble, efforts = slew.copies((1.0,)), slew.efforts(3)
 
     def arcs(p: float) -> Vector | None:
         d = np.array([p, 0.0, half - p])
         for _ in range(20):
-            x, by_duration = final_sensitivity(*flock, slew.start, efforts, d, slew.step)
+            x, by_duration = final_sensitivity(*ensemble, slew.start, efforts, d, slew.step)
             change = np.linalg.solve(by_duration[rows, 1:], middle - x[rows])
             if not np.isfinite(change).all() or np.abs(change).max() > half:
                 return None
