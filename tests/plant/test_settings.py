@@ -3,7 +3,7 @@ import pytest
 
 from flexslew_plant.bench.bench import BenchSettings
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import flat, load_yaml, plain, validated, yaml_text
+from flexslew_plant.settings import PerJoint, flat, load_yaml, plain, validated, yaml_text
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.csa import CsaTestbed
 
@@ -95,3 +95,51 @@ def test_settings_cannot_be_changed():
     with pytest.raises(AttributeError):
         bed.modes = 4
     assert np.isfinite(bed.parameters.length)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "words"),
+    [
+        (Testbed, 5, "trial.yaml: (whole file): 5 is not allowed: give keys"),
+        (Testbed, {"kind": "moon"}, "moon is unknown; allowed: 'csa', "),
+        (Testbed, {"effort_limit": [5.0]}, "effort_limit: [5.0] is not allowed: too few entries"),
+        (BenchSettings, {"testbed": 5}, "testbed: 5 is not allowed: give keys"),
+        (BenchSettings, {"fallback": "pd"}, "fallback: 'pd' is not allowed: give a list"),
+        (BenchSettings, {"schedule": [{}]}, "schedule.0.at: is missing"),
+        (BenchSettings, {"faults_enabled": "perhaps"}, "'perhaps' is not allowed: give true or"),
+        (BenchSettings, {"max_missed": 1.5}, "max_missed: 1.5 is not allowed: give a whole number"),
+        (PerJoint, [], "[] is not allowed: at least 1 entry, here 0"),
+    ],
+)
+def test_no_word_of_python_reaches_the_user(kind, values, words):
+    text = refusal(kind, values)
+    assert words in text
+    for python in ("tuple", "dictionary", "instance", "_kind", "Input should", "argument", "class"):
+        assert python not in text
+
+
+def test_a_single_number_serves_every_joint():
+    assert validated(PerJoint, 460, "t") == validated(PerJoint, [460.0], "t") == (460.0,)
+    assert validated(PerJoint, [1.0, 2.0], "t") == (1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "a: 1\nb: 2\na: 3",
+            "trial.yaml: line 3, column 1 the key a stands twice, first in line 1",
+        ),
+        ("a: {kp: 1,\n  kp: 2}", "line 2, column 3 the key kp stands twice"),
+        ("- {x: 1}\n- {x: 1, y: {z: 1, 'z': 2}}", "the key z stands twice"),
+    ],
+)
+def test_a_key_that_stands_twice_is_refused(text, words):
+    with pytest.raises(BadInput) as caught:
+        load_yaml(text, "trial.yaml")
+    assert words in str(caught.value)
+
+
+def test_equal_keys_of_different_sections_and_merges_are_read():
+    text = "a: &a {x: 1, y: 2}\nb: {<<: *a, x: 3}\nc: [{x: 1}, {x: 1}]"
+    assert load_yaml(text, "t")["b"] == {"x": 3, "y": 2}

@@ -60,6 +60,9 @@ class BrokenEstimator:
         return Estimate(np.zeros(2), np.zeros(2), none, np.zeros((0, 0)), none)
 
 
+RAISED = '            raise RuntimeError("lost my\\nbearings")'
+
+
 class Estimating(Steady):
     estimator = BrokenEstimator()
 
@@ -159,7 +162,10 @@ def test_a_broken_law_is_named_replaced_and_the_run_goes_on(how):
 def test_a_broken_estimator_is_named_too():
     mine = controller("mine", HERE + "Estimating")
     _, events = flown(mine)
-    assert only(events, "not_ready").data["reason"].endswith("RuntimeError: lost my bearings")
+    reason = only(events, "not_ready").data["reason"]
+    line = 1 + Path(__file__).read_text().splitlines().index(RAISED)
+    assert "RuntimeError: lost my bearings (" in reason
+    assert reason.endswith(f"test_user_law.py, line {line})")
     assert only(events, "fallback").tick == 20 + MAX_MISSED - 1
 
 
@@ -216,3 +222,35 @@ def test_a_module_and_an_entry_point_serve_as_well(monkeypatch, tmp_path):
     by_module = user_law.find_law("wheels_of_mine.MyLaw", "test")
     assert by_module.__name__ == "MyLaw"
     assert user_law.find_law("mine", "test") is by_module
+
+
+class Counting(Steady):
+    """A law whose answer depends on how often it was asked."""
+
+    def __init__(self, settings, period, effort_limit):
+        super().__init__(settings, period, effort_limit)
+        self.asked = 0
+
+    def update(self, measurement, estimate, reference):
+        self.asked += 1
+        HEARD.append(measurement.tick)
+        if self.settings.get("raises"):
+            raise RuntimeError("not in the mood")
+        return [float(self.asked), 0.0]
+
+
+HEARD = []
+
+
+@pytest.mark.parametrize("raises", [False, True])
+def test_a_controller_is_warm_without_having_moved(raises):
+    mine = controller("mine", HERE + "Counting", raises=raises)
+    mine.warm(2)
+    assert mine.law._built.update.__globals__["HEARD"]
+    assert (mine.reason, mine.last_tick) == ("", -1)
+    zero = np.zeros(2)
+    answer = mine.observe(Measurement(0, 0, 0.0, "mine", zero, zero, zero, zero, zero))
+    if raises:
+        assert answer is None
+    else:
+        assert answer.command.effort[0] == 1.0

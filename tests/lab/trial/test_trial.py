@@ -44,3 +44,14 @@ def test_what_is_wrong_is_named(text, word):
     with pytest.raises(BadInput, match=rf"t\.yaml: .*{word}") as caught:
         parse_trial(text, "t.yaml")
     assert "\n" not in str(caught.value)
+
+
+def test_an_entry_after_the_end_is_refused(tmp_path):
+    path = tmp_path / "t.yaml"
+    text = "duration: 10.0\nschedule: [{at: AT, disturbance: {base_yaw: 1.0}}]"
+    path.write_text(text.replace("AT", "9.99"))
+    assert load_trial(path).duration == 10.0
+    for late in ("10.0", "9.996", "70.0"):
+        path.write_text(text.replace("AT", late))
+        with pytest.raises(BadInput, match=r"schedule\.0\.at: .* the run ends at 10 s"):
+            load_trial(path)

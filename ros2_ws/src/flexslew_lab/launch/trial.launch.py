@@ -14,8 +14,8 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from flexslew_lab.trial.outputs import new_folder
 from flexslew_lab.trial.processes import node_processes, parameter_file
-from flexslew_lab.trial.run import new_folder
 from flexslew_lab.trial.trial import DEFAULT, load_trial, trial_text
 from launch import LaunchContext, LaunchDescription
 

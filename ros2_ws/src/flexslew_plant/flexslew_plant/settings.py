@@ -1,10 +1,11 @@
 """Sections of a trial file: one YAML section is one frozen dataclass, checked on the way in."""
 
 import difflib
+from collections.abc import Hashable
 from typing import Annotated, Any, TypeVar, dataclass_transform
 
 import yaml
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from flexslew_plant.errors import BadInput
@@ -14,6 +15,16 @@ _T = TypeVar("_T")
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+def _as_list(value: Any) -> Any:
+    """Return a single number as a list of one."""
+    single = isinstance(value, int | float) and not isinstance(value, bool)
+    return (value,) if single else value
+
+
+# one number per joint; a single number, or a list of one, serves every joint
+PerJoint = Annotated[tuple[NonNegative, ...], BeforeValidator(_as_list), Field(min_length=1)]
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -52,11 +63,38 @@ def load_yaml(text: str, source: str) -> Any:
         BadInput: the text is not YAML.
     """
     try:
-        return yaml.load(text, Loader=yaml.CSafeLoader)
+        return yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         where = getattr(error, "problem_mark", None)
         line = f" line {where.line + 1}, column {where.column + 1}" if where else ""
-        raise BadInput(f"{source}:{line} is not YAML: {getattr(error, 'problem', error)}") from None
+        problem = str(getattr(error, "problem", None) or error)
+        words = problem if isinstance(error, _TwiceError) else f"is not YAML: {problem}"
+        raise BadInput(f"{source}:{line} {' '.join(words.split())}") from None
+
+
+class _TwiceError(yaml.MarkedYAMLError):
+    """A key stands twice in one mapping."""
+
+
+class _Loader(yaml.CSafeLoader):
+    """Reads plain data; of two equal keys YAML would silently keep the last."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
+        """Return the mapping of a node.
+
+        Raises:
+            _TwiceError: a key stands twice.
+        """
+        lines: dict[Hashable, int] = {}
+        for key_node, _ in node.value if isinstance(node, yaml.MappingNode) else ():
+            key = key_node.value
+            if not isinstance(key, str) or key == "<<":
+                continue
+            if key in lines:
+                words = f"the key {key} stands twice, first in line {lines[key]}; remove one"
+                raise _TwiceError(problem=words, problem_mark=key_node.start_mark)
+            lines[key] = key_node.start_mark.line + 1
+        return super().construct_mapping(node, deep)
 
 
 class _Plain(yaml.CSafeDumper):
@@ -94,32 +132,78 @@ def _one_line(error: ValidationError, kind: Any, values: Any, source: str) -> st
     """Say the first error as `file: key: value is not allowed: why`."""
     first = error.errors()[0]
     place = [str(part) for part in first["loc"]]
-    key = ".".join(_written(first["loc"], values)) or "(whole file)"
+    key = ".".join(_written(first, values)) or "(whole file)"
     if first["type"] == "unexpected_keyword_argument":
         known = _known_keys(error, kind, place[:-1])
         close = difflib.get_close_matches(place[-1], known, n=1)
         hint = f"did you mean {close[0]}? " if close else ""
         allowed = f"allowed here: {', '.join(known)}" if known else "remove it"
         return f"{source}: {key}: unknown key; {hint}{allowed}"
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    others = {_written(one, values) for one in error.errors()} - {_written(first, values)}
+    more = f" (and {len(others)} more)" if others else ""
+    if first["type"] in _MISSING and not isinstance(first["loc"][-1], int):
+        return f"{source}: {key}: is missing{more}"
     value = repr(first["input"])
     value = value if len(value) <= 60 else value[:57] + "..."
-    return f"{source}: {key}: {value} is not allowed: {first['msg']}{more}"
+    return f"{source}: {key}: {value} is not allowed: {_reason(first)}{more}"
 
 
-def _written(place: tuple[int | str, ...], values: Any) -> list[str]:
-    """Return the path as the file has it: without the tags of unions."""
-    path = []
+_MISSING = ("missing", "missing_argument", "missing_keyword_only_argument")
+_REASONS = {  # by pydantic's type of an error; the rest of its words are plain enough
+    "tuple_type": "give a list, for example [1.0, 2.0]",
+    "list_type": "give a list, for example [1.0, 2.0]",
+    "dict_type": "give keys, for example {key: value}",
+    "dataclass_type": "give keys, for example {key: value}",
+    "dataclass_exact_type": "give keys, for example {key: value}",
+    "float_type": "give a number",
+    "float_parsing": "give a number",
+    "finite_number": "give a finite number",
+    "int_type": "give a whole number",
+    "int_parsing": "give a whole number",
+    "int_from_float": "give a whole number",
+    "bool_type": "give true or false",
+    "bool_parsing": "give true or false",
+    "string_type": "give a text",
+}
+
+
+def _reason(error: Any) -> str:
+    """Return why a value is not allowed, in words of a trial file instead of Python's."""
+    kind, context = error["type"], error.get("ctx", {})
+    if kind in _REASONS:
+        return _REASONS[kind]
+    if kind == "union_tag_invalid":
+        return f"{context['tag']} is unknown; allowed: {context['expected_tags']}"
+    if kind == "union_tag_not_found":
+        return f"the key {str(context['discriminator']).strip(chr(39))} is missing"
+    if kind in _MISSING:  # in a list of fixed length
+        return "too few entries"
+    if kind == "string_pattern_mismatch":
+        return f"must match {context['pattern']}"
+    if kind in ("too_short", "too_long"):
+        bound = context["min_length" if kind == "too_short" else "max_length"]
+        side = "at least" if kind == "too_short" else "at most"
+        return f"{side} {bound} entr{'y' if bound == 1 else 'ies'}, here {context['actual_length']}"
+    words = str(error["msg"])
+    for old, new in (("Input should be ", "must be "), ("Value error, ", "")):
+        words = words.replace(old, new)
+    return words
+
+
+def _written(error: Any, values: Any) -> tuple[str, ...]:
+    """Return the path as the file has it: without the tags of unions and what is not there."""
+    path, place = [], error["loc"]
     for part in place:
         inside = isinstance(part, int) or (isinstance(values, dict) and part in values)
-        if inside or part == place[-1]:
+        missing = part == place[-1] and error["type"] in _MISSING
+        if (inside and not (missing and isinstance(part, int))) or (missing and not inside):
             path.append(str(part))
         if inside:
             try:
                 values = values[part]
             except (LookupError, TypeError):
                 values = None
-    return path
+    return tuple(path)
 
 
 def _known_keys(error: ValidationError, kind: Any, place: list[str]) -> list[str]:

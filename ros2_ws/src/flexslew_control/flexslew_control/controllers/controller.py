@@ -1,5 +1,7 @@
 """A controller: estimator, law and plan behind the one question of the bench."""
 
+from contextlib import suppress
+from copy import deepcopy
 from math import isfinite
 from typing import NamedTuple
 
@@ -153,6 +155,23 @@ class Controller:
             terms = {**terms, "handover": blend}
         command = EffortCommand(measurement.tick, measurement.epoch, self.name, effort)
         return Answer(command, reference, estimate, terms)
+
+    def warm(self, appendages: int) -> None:
+        """Compile and load what the first answers need, so that none of them comes late.
+
+        A copy answers two questions at rest and is thrown away: this controller stays as it is.
+
+        Args:
+            appendages: how many the bench has.
+        """
+        joints, none = np.zeros(len(self.joint_names)), np.zeros(appendages)
+        with suppress(LawFailed, TypeError):  # a user's law may refuse the question or the copy
+            copied = deepcopy(self)
+            for tick in range(2):
+                time = tick * self.period
+                copied.observe(
+                    Measurement(tick, 0, time, self.name, joints, joints, none, none, joints)
+                )
 
     def reference(self, tick: int) -> Reference:
         """Return the plan's reference, or rest where the first measurement was."""

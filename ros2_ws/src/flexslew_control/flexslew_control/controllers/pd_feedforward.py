@@ -1,25 +1,20 @@
 """PD + feedforward: collocated feedback of the joints about the plan (papers/000, eqs 12-13)."""
 
-from typing import Annotated
-
 import numpy as np
-from pydantic import Field
 
 from flexslew_control.law import Estimate, Estimator, Law, MeasuredJoints, Reference
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import NonNegative, section
-
-Gains = Annotated[tuple[NonNegative, ...], Field(min_length=1)]
+from flexslew_plant.settings import PerJoint, section
 
 
 @section
 class PdFeedforwardSettings:
-    """The gains (17), one a joint; a single value serves every joint."""
+    """The gains (17), one per joint; a single value serves every joint."""
 
-    kp: Gains = (460.0,)  # [N m/rad]
-    kd: Gains = (920.0,)  # [N m s/rad]
+    kp: PerJoint = (460.0,)  # [N m/rad]
+    kd: PerJoint = (920.0,)  # [N m s/rad]
 
 
 class PdFeedforward:

@@ -7,6 +7,7 @@ reference, effort)`, an `estimator` (see law.Estimator) and `terms`.
 
 import importlib
 import importlib.util
+import traceback
 from importlib.metadata import entry_points
 from pathlib import Path
 from time import perf_counter
@@ -229,6 +230,20 @@ def _whole(measurement: Measurement) -> bool:
 
 
 def _words(error: Exception) -> str:
-    """Return an exception in one line."""
+    """Return an exception in one line, with the place in the user's file where it was raised."""
     text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+    words = f"{type(error).__name__}: {text}" if text else type(error).__name__
+    if isinstance(error, SyntaxError):  # its own words name the place
+        return words
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not _ours(f.filename)]
+    if not frames:
+        return words
+    place = next(f for f in reversed(frames) if f.filename == frames[0].filename)
+    path = Path(place.filename)
+    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return f"{words} ({shown}, line {place.lineno})"
+
+
+def _ours(filename: str) -> bool:
+    """Return whether a frame is of this file or of the machinery that imports modules."""
+    return filename == __file__ or filename.startswith("<frozen") or "importlib" in filename

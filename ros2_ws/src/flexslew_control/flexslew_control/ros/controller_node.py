@@ -54,6 +54,7 @@ class ControllerNode:
         self._law_values: dict[str, Any] = given
         self._name: str = node.get_name()
         self._controller: Controller | None = None
+        self._appendages = 0  # of the bench
         self._plan: msg.Plan | None = None
         self._plan_refused = ""
         self._last_reason: str | None = None
@@ -133,6 +134,8 @@ class ControllerNode:
             self._settings.requires_plan,
         )
         self._settings_text = settings_text(self._controller, self._settings.law, self._law_values)
+        self._appendages = len(message.appendage_names)
+        self._controller.warm(self._appendages)
         self._adopt()
 
     def _on_plan(self, message: msg.Plan) -> None:
@@ -142,6 +145,8 @@ class ControllerNode:
     def _adopt(self) -> None:
         if self._controller is not None and self._plan is not None:
             self._plan_refused = self._controller.adopt(plan_of(self._plan))
+            if self._controller.last_tick < 0:
+                self._controller.warm(self._appendages)  # on the plan that it will follow
             if self._plan_refused:
                 self.node.get_logger().warning(f"plan refused: {self._plan_refused}")
         self._announce(always=True)

@@ -27,25 +27,40 @@ def bench(
 
     Example: `./flexslew bench planning --json`
     """
-    import importlib.util
-
     folder = _root() / "benchmarks"
     known = sorted(path.stem for path in folder.glob("*.py"))
-    figures: dict[str, float] = {}
-    for name in names or [name for name in known if name not in LONG]:
+    for name in names or ():
         if name not in known:
             raise BadInput(f"{name} is not a benchmark; allowed: {', '.join(known)}")
+    figures: dict[str, float] = {}
+    failed: dict[str, str] = {}
+    for name in names or [name for name in known if name not in LONG]:
         with screen.status(f"measuring {name}"):
-            spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
-            assert spec is not None
-            assert spec.loader is not None
-            module = importlib.util.module_from_spec(spec)
-            spec.loader.exec_module(module)
-            figures |= module.figures()
+            try:
+                figures |= _figures_of(name, folder / f"{name}.py")
+            except Exception as error:  # the figures of the others are not lost with it
+                failed[name] = f"{type(error).__name__}: {' '.join(str(error).split())}"
+                screen.print(f"[red]failed:[/red] {name}: {failed[name]}", highlight=False)
     if as_json:
         print(json.dumps(figures, indent=2))
     else:
         print_table(("figure", "value"), [(k, f"{v:.4g}") for k, v in figures.items()])
+    if failed:
+        raise typer.Exit(1)
+
+
+def _figures_of(name: str, path: Path) -> dict[str, float]:
+    """Return what a file of benchmarks/ measures."""
+    import importlib.util
+
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # a kernel that is kept for later runs is found by this name
+    spec.loader.exec_module(module)
+    figures: dict[str, float] = module.figures()
+    return figures
 
 
 def test(context: typer.Context) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from flexslew_lab.cli.terminal import print_table, screen
+from flexslew_lab.trial.outputs import writable_folder
 
 log = typer.Typer(no_args_is_help=True, help="Look into bags, check, mend and export them.")
 
@@ -75,6 +76,7 @@ def export(
     """
     from flexslew_lab.log.export import export_log
 
+    writable_folder(out, "--out")
     done = export_log(bag_of(bag), out, kind, topic)  # type: ignore[arg-type]  # it says what is allowed
     if as_json:
         files = {t: str(path) for t, path in done.files.items()}
@@ -96,6 +98,8 @@ def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
     """
     from flexslew_lab.log.recover import recover as mend
 
+    if out is not None:
+        writable_folder(out, "--out")
     done = mend(bag_of(bag), out)
     if as_json:
         values = {**done._asdict(), "statement": done.statement}

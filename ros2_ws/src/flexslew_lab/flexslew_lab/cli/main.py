@@ -2,6 +2,8 @@
 
 import json
 import math
+import os
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,6 +14,7 @@ from flexslew_lab.cli.checkout import bench, test
 from flexslew_lab.cli.log import Json, bag_of, log, recover
 from flexslew_lab.cli.replay import check, live, play, resim
 from flexslew_lab.cli.terminal import print_table, progress, screen, short
+from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
 
 app = typer.Typer(
@@ -52,7 +55,7 @@ def trial(
     source = file or DEFAULT
     wanted = load_trial(source)
     if rate is not None:
-        if rate < 0.0:
+        if not 0.0 <= rate < math.inf:
             raise BadInput(f"--rate: {rate} is not allowed: 0 is as fast as it goes, 1 real time")
         wanted = replace(wanted, rate_factor=rate)
     with progress(wanted.name) as advance:
@@ -65,7 +68,7 @@ def trial(
         _summary(result.metrics)
     screen.print(f"[bold]{result.folder}[/bold]: {', '.join(_content(result.folder))}")
     if result.exit_code:
-        screen.print(f"[red]{result.message}[/red]")
+        screen.print(result.message, style="red", highlight=False, soft_wrap=True)
         raise typer.Exit(result.exit_code)
 
 
@@ -85,6 +88,9 @@ def plan(
     from flexslew_control.planners import make_plan, other_method, plan_settings
     from flexslew_lab.trial.trial import DEFAULT, load_trial
 
+    for path, option in ((out, "--out"), (figure, "--figure")):
+        if path is not None:
+            writable_file(path, option)
     source = file or DEFAULT
     wanted = load_trial(source)
     settings = wanted.plan
@@ -105,11 +111,13 @@ def plan(
     made = make_plan(settings, wanted.period, limit, None if as_json else iteration)
     summary = {**made.summary, "duration": made.duration, "hash": plan_hash(made)}
     if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
         save_plan(made, out)
         screen.print(f"saved {out}")
     if figure is not None:
         from flexslew_lab.report.figures import plan_figure
 
+        figure.parent.mkdir(parents=True, exist_ok=True)
         plan_figure(made).write_html(figure)
         screen.print(f"drawn {figure}")
     if as_json:
@@ -131,6 +139,8 @@ def report(
     from flexslew_lab.report.report import write_report
 
     target = out or (bags[0] if bags[0].is_dir() else bags[0].parent) / "report.html"
+    if bags[0].exists():
+        writable_file(target, "--out")
     write_report([bag_of(path) for path in bags], target)
     screen.print(f"written {target}")
 
@@ -150,6 +160,8 @@ def compare(
 
     source = file or DEFAULT
     wanted = load_trial(source)
+    if not as_json:
+        writable_file(out, "--out")
     with progress("compare") as advance:
         if as_json:
             print(json.dumps(comparison.compared(wanted, str(source), advance).rows(), indent=2))
@@ -172,9 +184,12 @@ def reproduce(
 
     if name not in REPRODUCTIONS:
         raise BadInput(f"{name} is not a paper of ours; allowed: {', '.join(REPRODUCTIONS)}")
+    if figures is not None:
+        writable_file(figures, "--figures")
     with screen.status(f"computing {name}"):
         rows = REPRODUCTIONS[name].rows()
         if figures is not None:
+            figures.parent.mkdir(parents=True, exist_ok=True)
             write_figures(name, figures)
     if as_json:
         print(json.dumps(rows, indent=2))
@@ -215,6 +230,9 @@ def switch(
     """
     from flexslew_lab.ros.operator import switch_controller
 
+    for value, option in ((at, "--at"), (max_effort_step, "--max-effort-step")):
+        if not 0.0 <= value < math.inf:
+            raise BadInput(f"{option}: {value} is not allowed: at least 0, finite")
     ok, message = switch_controller(controller, at, strict, max_effort_step)
     screen.print(message)
     if not ok:
@@ -247,15 +265,22 @@ def main() -> None:
         code = app(prog_name="./flexslew", standalone_mode=False) or 0
     except typer.Exit as leave:
         code = leave.exit_code
-    except typer.Abort:
+    except (typer.Abort, KeyboardInterrupt):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # from here on it ends anyway
+        screen.print("interrupted")
         code = 130
-    except KeyboardInterrupt:
-        code = 130
+    except BrokenPipeError:  # whoever read our output has left
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 1
     except RunFault as error:
         screen.print(f"[red]error:[/red] {error}", highlight=False)
         code = 3
     except FlexslewError as error:
         screen.print(f"[red]error:[/red] {error}", highlight=False, soft_wrap=True)
+        code = 2
+    except OSError as error:  # a disk that is full, a file that went away
+        where = f"{error.filename}: " if error.filename else ""
+        screen.print(f"[red]error:[/red] {where}{error.strerror or error}", highlight=False)
         code = 2
     except Exception as error:
         if not hasattr(error, "format_message"):  # click's usage errors have it

@@ -9,6 +9,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from flexslew_lab.cli.log import Bag, Json, bag_of, demand
 from flexslew_lab.cli.terminal import print_table, progress, screen
+from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
 
 
@@ -79,11 +80,14 @@ def check(
     from flexslew_lab.replay.check import difference_figure
     from flexslew_lab.replay.logged_controllers import logged_laws
 
+    if figure is not None:
+        writable_file(figure, "--figure")
     place = bag_of(bag)
     name = controller or next(iter(logged_laws(BagReader(place))))
     with progress("check") as advance:
         result = compare(place, name, law, _settings(settings or []), advance)
     if figure is not None:
+        figure.parent.mkdir(parents=True, exist_ok=True)
         difference_figure(result).write_html(figure)
         screen.print(f"drawn {figure}")
     first = result.first_divergence
@@ -165,6 +169,8 @@ def live(
     """
     from flexslew_lab.ros.live_node import live as run
 
+    if not 0 <= port <= 65535:
+        raise BadInput(f"--port: {port} is not allowed: 0 to 65535")
     run(port, screen.print)
 
 

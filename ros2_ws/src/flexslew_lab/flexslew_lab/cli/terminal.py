@@ -20,7 +20,8 @@ def progress(name: str) -> Iterator[Callable[[int, int], None]]:
         MofNCompleteColumn(),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=screen, transient=True) as bar:
+    hidden = not screen.is_terminal  # a file would get an empty line
+    with Progress(*columns, console=screen, transient=True, disable=hidden) as bar:
         task = bar.add_task(f"{name} [dim]ticks[/dim]", total=None)
         yield lambda tick, last: bar.update(task, completed=tick, total=last)
 

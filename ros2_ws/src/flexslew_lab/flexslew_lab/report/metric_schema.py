@@ -60,7 +60,12 @@ METRICS: dict[str, Metric] = {
         False,
         "largest step of any effort at a switch; null: no switch",
     ),
-    "faults": Metric("-", False, "events of level fault"),
+    "faults": Metric(
+        "-",
+        False,
+        "faults that began, injected ones included; a fallback or the brake that takes over is one",
+    ),
+    "fallbacks": Metric("-", False, "times that a fallback or the brake took over"),
     "manoeuvre_start": Metric("s", False, "start of the last plan; 0 without a plan"),
     "manoeuvre_end": Metric("s", False, "end of the last plan; 0 without a plan"),
     "ticks": Metric("-", False, "periods that the truth covers: last tick minus first tick"),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_lab.log.bag_layout import RUN_RECORD
-from flexslew_lab.log.bag_reader import BagReader, Overview
+from flexslew_lab.log.bag_reader import BagReader, LoggedEvent, Overview
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
@@ -209,7 +209,8 @@ def _result(r: _Running, overview: Overview) -> dict[str, Any]:
         "missed_ticks": sum(_ticks(e.data) for e in events if e.kind == "missed"),
         "switches": len(steps),
         "largest_effort_step": max(steps, default=None),
-        "faults": sum(e.level == "fault" for e in events),
+        "faults": sum(e.level == "fault" or _begins(e) for e in events),
+        "fallbacks": sum(e.kind in ("fallback", "brake") for e in events),
         "manoeuvre_start": m.start,
         "manoeuvre_end": m.end,
         "ticks": r.last_tick - r.first_tick,
@@ -219,6 +220,11 @@ def _result(r: _Running, overview: Overview) -> dict[str, Any]:
         "missing_ticks": r.missing,
         "log_complete": overview.cut is None,
     }
+
+
+def _begins(event: LoggedEvent) -> bool:
+    """Return whether an injected fault begins with this event."""
+    return event.kind == "fault" and isinstance(event.data, dict) and bool(event.data.get("on"))
 
 
 def _ticks(data: Any) -> int:

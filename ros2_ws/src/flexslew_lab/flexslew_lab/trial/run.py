@@ -1,10 +1,9 @@
 """One trial from its file to its folder: bag, metrics.json and report.html."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,11 +13,13 @@ from flexslew_control.planners import ReferenceOnly
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_observer import BagObserver
+from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
 from flexslew_lab.log.bag_writer import BagWriter
-from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.report.metrics import metrics_from
 from flexslew_lab.report.report import write_report
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.in_process import fly
+from flexslew_lab.trial.outputs import new_folder
 from flexslew_lab.trial.processes import node_processes, parameter_file
 from flexslew_lab.trial.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import (
@@ -51,24 +52,6 @@ class _Crew(NamedTuple):
     plan: Plan | None
 
 
-def new_folder(name: str, out: Path | None) -> Path:
-    """Return the folder of a run, not yet made.
-
-    Raises:
-        BadInput: the wanted folder is there and not empty.
-    """
-    if out is None:
-        now = datetime.now().strftime("%Y%m%d-%H%M%S")
-        out = Path("runs") / f"{name}-{now}"
-        counter = 1
-        while out.exists():
-            counter += 1
-            out = Path("runs") / f"{name}-{now}-{counter}"
-    if out.exists() and any(out.iterdir()):
-        raise BadInput(f"{out}: is not empty; choose another folder with --out")
-    return out
-
-
 def run_trial(
     trial: Trial,
     source: str,
@@ -92,8 +75,13 @@ def run_trial(
     Raises:
         BadInput, PlanFailed: before anything was written.
     """
-    crew = _crew(trial, source)
     folder = new_folder(trial.name, out)
+    crew = _crew(trial, source)
+    if crew.plan is not None and crew.plan.end > trial.duration:
+        say(
+            f"warning: the plan ends at {crew.plan.end:g} s, the run at {trial.duration:g} s: "
+            "nothing can be said about what is left after the manoeuvre"
+        )
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
     metadata = {"trial_file": source, "versions": json.dumps(software_versions())}
@@ -172,7 +160,24 @@ def _over_ros(
 
 def _finished(folder: Path, bag: Path, outcome: Outcome) -> Result:
     metrics: dict[str, Any] = {}
+    message = outcome.message
     with suppress(BadInput):  # an interrupted run may hold no tick at all
-        metrics = metrics_of(bag)
+        reader = BagReader(bag)
+        metrics = metrics_from(reader)
         (folder / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
-    return Result(folder, outcome.exit_code, outcome.message, metrics)
+        if outcome.exit_code == 3:
+            message = "; ".join(_takeovers(reader.overview.events)) or message
+    return Result(folder, outcome.exit_code, message, metrics)
+
+
+def _takeovers(events: Sequence[LoggedEvent]) -> list[str]:
+    """Return who fell silent when, who took over, and why where the bench knows."""
+    words, reasons = [], {}
+    for event in events:
+        data = event.data if isinstance(event.data, dict) else {}
+        if event.kind == "not_ready":
+            reasons[data.get("controller")] = str(data.get("reason", ""))
+        elif event.kind in ("fallback", "brake"):
+            reason = reasons.get(data.get("from"), "")
+            words.append(f"{event.time:.2f} s: {event.message}" + f" ({reason})" * bool(reason))
+    return words

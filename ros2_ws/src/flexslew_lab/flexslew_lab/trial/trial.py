@@ -69,8 +69,16 @@ def load_trial(path: Path) -> Trial:
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: cannot be read: {error}") from None
-    return parse_trial(text, str(path))
+        why = getattr(error, "strerror", None) or "it is not a text file"
+        raise BadInput(f"{path}: cannot be read: {why}") from None
+    trial = parse_trial(text, str(path))
+    for i, entry in enumerate(trial.schedule):  # the log of an older version may hold such an entry
+        if round(entry.at / trial.period) >= round(trial.duration / trial.period):
+            raise BadInput(
+                f"{path}: schedule.{i}.at: {entry.at:g} is not allowed: the run ends at "
+                f"{trial.duration:g} s; choose an earlier time or a longer duration"
+            )
+    return trial
 
 
 def parse_trial(text: str, source: str) -> Trial:

@@ -179,7 +179,9 @@ class Bench:
         self._ask()
 
     def request_switch(self, request: SwitchRequest) -> str | None:
-        """Schedule a switch; return why it is refused, or None."""
+        """Schedule a switch at a tick (0: the next); return why it is refused, or None."""
+        if 0 < request.tick < self.tick:
+            return self._over(request.tick)
         if request.tick <= self.tick:
             request = request._replace(tick=self.tick + 1)
         if any(other.tick == request.tick for other in self._switches):
@@ -198,9 +200,11 @@ class Bench:
 
         Args:
             text: YAML, see schedule.injected_entry.
-            tick: at which it begins; one that is over: the next.
+            tick: at which it begins; 0: the next.
         """
         start = max(tick, self.tick + 1)
+        if 0 < tick < self.tick:
+            return InjectResult(False, self._over(tick), self.tick)
         if not self.settings.faults_enabled:
             return InjectResult(
                 False, "faults are off in this trial; set allow_faults: true", self.tick
@@ -235,6 +239,9 @@ class Bench:
             self._event(Level.WARNING, "not_ready", f"{controller} is not ready: {reason}", data)
         else:
             self._event(Level.INFO, "ready", f"{controller} is ready again", data)
+
+    def _over(self, tick: int) -> str:
+        return f"{tick * self.settings.period:g} s is over: the bench is at {self.time:g} s"
 
     def _tick_of(self, time: float) -> int:
         return round(time / self.settings.period)

@@ -75,7 +75,8 @@ class Services:
         if reply.message:
             return reply
         at = request.at.sec + request.at.nanosec * 1e-9
-        tick = max(round(at / bench.settings.period), bench.tick + 1)
+        wanted = round(at / bench.settings.period)
+        tick = wanted if 0 < wanted < bench.tick else max(wanted, bench.tick + 1)
         limit = request.max_effort_step or float("inf")
         wish = SwitchRequest(request.controller, tick, request.strict, limit)
         reply.message = bench.request_switch(wish) or ""

@@ -1,0 +1,85 @@
+"""What a person may get wrong: one line that names it, exit code 2, nothing written."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from flexslew_lab.cli import checkout
+from flexslew_lab.cli.main import main
+
+Call = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def call(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> Call:
+    def run(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
+        monkeypatch.setenv("COLUMNS", "80")
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(SystemExit) as end:
+            main()
+        code = end.value.code
+        assert isinstance(code, int)
+        return code, *capfd.readouterr()
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("trial", "--rate", "nan"), "--rate: nan"),
+        (("trial", "--rate", "inf"), "--rate: inf"),
+        (("trial", "--rate", "-1"), "--rate: -1.0"),
+        (("trial", "--in-process", "--out", "/proc/x"), "--out: /proc/x cannot be written"),
+        (("trial", "--in-process", "--out", "/dev/null"), "--out: /dev/null is a file"),
+        (("trial", "nothing.yaml"), "nothing.yaml: cannot be read: No such file"),
+        (("trial", "/"), "/: cannot be read: Is a directory"),
+        (("trial", sys.executable), "cannot be read: it is not a text file"),
+        (("plan", "--out", "/proc/x"), "--out: /proc/x"),
+        (("plan", "--figure", "/"), "--figure: / is a folder"),
+        (("compare", "--out", "/proc/x.html"), "--out: /proc/x.html"),
+        (("report", "/nothing"), "/nothing: no such bag"),
+        (("reproduce", "csa", "--figures", "/proc/x"), "--figures: /proc/x"),
+        (("reproduce", "magic"), "magic"),
+        (("log", "export", "/nothing", "--out", "/proc/x"), "--out: /proc/x"),
+        (("recover", "/nothing", "--out", "/proc/x"), "--out: /proc/x"),
+        (("check", "/nothing", "--figure", "/proc/x"), "--figure: /proc/x"),
+        (("play", "/nothing", "--rate", "nan"), "play: rate: nan"),
+        (("switch", "pd_feedforward", "--at", "nan"), "--at: nan"),
+        (("switch", "pd_feedforward", "--max-effort-step", "-1"), "--max-effort-step: -1.0"),
+        (("live", "--port", "99999"), "--port: 99999"),
+        (("bench", "magic"), "magic is not a benchmark; allowed: "),
+        (("trial", "--nothing"), "--nothing"),
+        (("magic",), "magic"),
+    ],
+    ids=lambda words: " ".join(words) if isinstance(words, tuple) else "",
+)
+def test_bad_input_is_one_line_and_leaves_nothing(
+    call: Call, tmp_path: Path, words: tuple[str, ...], told: str
+) -> None:
+    code, out, err = call(*words)
+    assert code == 2
+    assert " ".join(err.split()).startswith("error: ")
+    assert told in err.replace("\n", " ")
+    assert "Traceback" not in err
+    assert out == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_broken_benchmark_costs_no_figure_of_the_others(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "benchmarks").mkdir()
+    for name, body in (("a", "return {'a': 1.0}"), ("b", "raise OSError('no room')"),
+                       ("c", "return {'c': 3.0}")):  # fmt: skip
+        (tmp_path / "benchmarks" / f"{name}.py").write_text(f"def figures():\n    {body}\n")
+    monkeypatch.setattr(checkout, "_root", lambda: tmp_path)
+    code, out, err = call("bench")
+    assert code == 1
+    assert [line.split() for line in out.splitlines()[1:]] == [["a", "1"], ["c", "3"]]
+    assert "failed: b: OSError: no room" in err
