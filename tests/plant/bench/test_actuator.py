@@ -1,7 +1,6 @@
-from math import exp
-
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from flexslew_plant.bench.actuator import Actuator, ActuatorSettings
 
@@ -35,11 +34,24 @@ def test_the_slew_rate_bounds_every_change():
     np.testing.assert_allclose(efforts[:, 1], -efforts[:, 0])
 
 
-def test_a_lag_is_the_first_order_response():
-    motor = actuator(lag=0.05)
-    efforts = [motor.apply(np.array([10.0, 0.0]))[0] for _ in range(20)]
-    expected = [10.0 * (1.0 - exp(-(k + 1) * PERIOD / 0.05)) for k in range(20)]
-    np.testing.assert_allclose(efforts, expected, rtol=1e-12)
+@pytest.mark.parametrize("periods", [0.1, 0.3, 1.0, 5.0, 30.0, 100.0])
+def test_the_impulse_of_every_tick_is_that_of_the_continuous_lag(periods):
+    demands = np.random.default_rng(3).uniform(-90.0, 90.0, (60, 2))
+    lag = periods * PERIOD
+    motor, torque = actuator(lag=lag), np.zeros(2)
+    # (torque, impulse, demand)' = ((demand - torque) / lag, torque, 0)
+    tick = expm(PERIOD * np.array([[-1.0 / lag, 0.0, 1.0 / lag], [1.0, 0.0, 0.0], [0.0] * 3]))
+    for demand in demands:
+        torque, impulse, _ = tick @ np.array([torque, np.zeros(2), demand])
+        np.testing.assert_allclose(motor.apply(demand) * PERIOD, impulse, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("lag", [0.001, 0.005, 0.05, 1.0])
+def test_a_lag_delays_a_step_by_its_time_constant(lag):
+    motor, step = actuator(lag=lag), np.array([10.0, -10.0])
+    ticks = max(10, round(40.0 * lag / PERIOD))
+    missing = sum(step - motor.apply(step) for _ in range(ticks)) * PERIOD
+    np.testing.assert_allclose(missing / step, lag, rtol=1e-12)
 
 
 def test_torques_are_multiples_of_the_quantum():

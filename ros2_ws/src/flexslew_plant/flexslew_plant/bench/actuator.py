@@ -1,6 +1,6 @@
 """The motors: torque limit, slew rate, quantisation, first-order lag and friction."""
 
-from math import exp
+from math import expm1
 
 import numpy as np
 
@@ -21,7 +21,10 @@ class ActuatorSettings:
 
 
 class Actuator:
-    """One motor a joint. Its torque is held over a tick.
+    """One motor per joint, with the demand held over a tick.
+
+    With a lag z' = (demand - z) / lag the torque varies within the tick; what is applied is its
+    exact mean, so that the impulse over every tick is that of the continuous response.
 
     Args:
         settings: the `actuator` section.
@@ -33,17 +36,20 @@ class Actuator:
         self._settings, self._limit = settings, limit
         self._bounds: list[float] = limit.tolist()
         self._largest_change = settings.slew_rate * period
-        self._share = 1.0 - exp(-period / settings.lag) if settings.lag else 1.0
+        ratio = period / settings.lag if settings.lag else 0.0
+        self._rise = -expm1(-ratio)  # of z over a tick, in parts of demand - z
+        self._mean_rise = 1.0 - self._rise / ratio if ratio else 1.0
         self.reset()
 
     def reset(self) -> None:
         """Forget the past: no torque."""
         self.effort: Vector = np.zeros(self._limit.size)  # really applied [N m or N]
         self._demand: Vector = np.zeros(self._limit.size)
+        self._lagged: Vector = np.zeros(self._limit.size)  # z at the end of the last tick
         self.saturated = False
 
     def apply(self, demand: Vector) -> Vector:
-        """Return the effort really held over the coming tick, shape (joints,) [N m or N]."""
+        """Return the mean effort over the coming tick, shape (joints,) [N m or N]."""
         s = self._settings
         # a Python loop over one or two joints takes a third of the time of NumPy's calls
         within = zip(demand.tolist(), self._bounds, strict=True)
@@ -56,7 +62,11 @@ class Actuator:
         if s.quantisation:
             most = np.floor(self._limit / s.quantisation)
             effort = s.quantisation * np.clip(np.round(effort / s.quantisation), -most, most)
-        self.effort = effort if s.lag == 0.0 else self.effort + self._share * (effort - self.effort)
+        self.effort = effort
+        if s.lag:
+            gap = effort - self._lagged
+            self.effort = self._lagged + self._mean_rise * gap
+            self._lagged = self._lagged + self._rise * gap
         return self.effort
 
     def friction(self, velocity: Vector) -> Vector | None:
