@@ -6,9 +6,21 @@ import signal
 import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.processes import NodeProcess
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.trial import parse_trial
 
 from .flight import Flight, kill, slew
+
+LOST = """
+name: lost
+duration: 20.0
+period: 0.1
+testbed: {modes: 12}
+controllers: {pd_feedforward: {}}
+schedule: [{at: 1.0, disturbance: {base_yaw: 5.0}}]
+"""
 
 
 def test_a_killed_controller_ends_in_the_brake_and_a_bench_at_rest(tmp_path):
@@ -85,3 +97,18 @@ def test_bad_input_stops_before_a_folder_is_made(tmp_path):
     assert "modes" in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "run").exists()
+
+
+def test_a_run_whose_state_is_lost_ends_in_order(tmp_path):
+    trial = parse_trial(LOST, "test")
+    alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
+    flight = Flight(trial, tmp_path / "ros")
+    assert flight.outcome.exit_code == 3
+    assert alone.message in flight.outcome.message
+    assert flight.events[-2:] == ["not_finite", "finished"]
+    metrics = flight.metrics
+    assert metrics["log_complete"]
+    assert metrics["trajectory_hash"] == alone.metrics["trajectory_hash"]
+    for topic, field in (("/truth", "velocity"), ("/measurement", "joint_velocity")):
+        assert np.isfinite(BagReader(flight.bag).columns(topic, {field})[field]).all()
+    assert resim(flight.bag).identical

@@ -156,10 +156,9 @@ class _Again:
             answer = predecessor.observe(bench.question) if predecessor else None
             if answer is not None:
                 bench.offer(answer.command)
-        try:
-            bench.advance()
-        except FloatingPointError as error:
-            raise RunFault(str(error)) from None
+        bench.advance()
+        if bench.failure:
+            raise RunFault(bench.failure)
 
     def _grant(self, wish: LoggedEvent) -> None:
         self.replayed[wish.kind] += 1

@@ -36,7 +36,7 @@ def fly(
     observer: Observer | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Run the bench to the end of its duration.
+    """Run the bench to the end of its duration, or until its state is lost.
 
     Args:
         bench: at tick 0.
@@ -64,7 +64,8 @@ def fly(
         },
     )
     if observer is not None:
-        observer.truth(bench.truth())
+        if not bench.failure:  # else the truth of this tick was seen before it failed
+            observer.truth(bench.truth())
         for event in _drained(bench):
             observer.event(event)
 

@@ -125,7 +125,8 @@ def _in_process(
         observer.announce(trial, bench, plan, controllers)
         fly(bench, controllers, observer, lambda tick: progress(tick, last))
         writer.close({"messages": str(writer.messages)})
-    return Outcome(3 if bench.faulted else 0, "a controller fell silent" * bench.faulted)
+    words = bench.failure or "a controller fell silent" * bench.faulted
+    return Outcome(3 if bench.faulted else 0, words)
 
 
 def _without_feedforward(trial: Trial, source: str, folder: Path) -> Path | None:

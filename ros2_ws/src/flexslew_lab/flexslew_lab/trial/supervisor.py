@@ -162,6 +162,8 @@ class Supervisor:
             if name != self._plant and code:
                 return self._outcome(3, f"{name} ended during the run")
         if self._codes[self._plant]:
+            if self._complaint:
+                return self._outcome(3, "the run ended early")
             return self._outcome(3, "a controller fell silent; see the events")
         return self._outcome(0, "")
 

@@ -5,7 +5,7 @@ then `advance`. Advancing without an answer is a missed tick.
 """
 
 from collections import deque
-from math import inf, isfinite
+from math import inf
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from flexslew_plant.bench.disturbances import (
     check_disturbance,
     disturbance_effort,
 )
+from flexslew_plant.bench.divergence import diagnosis, is_lost
 from flexslew_plant.bench.drive import Drive
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
@@ -80,7 +81,8 @@ class Bench:
         self.drive.reset()
         self.actuator.reset()
         self.saturated_ticks = 0
-        self.faulted = False  # a controller had to be replaced
+        self.faulted = False  # a controller had to be replaced, or the state was lost
+        self.failure = ""  # why the run cannot go on, one line
         self._sensors = Sensors(
             self.settings.sensors, np.random.default_rng([self.settings.seed, self.epoch])
         )
@@ -115,8 +117,9 @@ class Bench:
 
     @property
     def done(self) -> bool:
-        """The duration is over."""
-        return self.last_tick is not None and self.tick >= self.last_tick
+        """The duration is over, or the state was lost."""
+        over = self.last_tick is not None and self.tick >= self.last_tick
+        return over or bool(self.failure)
 
     @property
     def answered(self) -> bool:
@@ -155,7 +158,10 @@ class Bench:
         return True
 
     def advance(self) -> None:
-        """Integrate [t_k, t_k+1) with the answer, or with the last one if there is none."""
+        """Integrate [t_k, t_k+1) with the answer, or with the last one if there is none.
+
+        A state that is lost on the way ends the run: see `failure`; the truth stays at t_k.
+        """
         for ghost in self._faults.ghosts(first=False):
             self._objected(ghost)
         if self._answer is not None:
@@ -165,16 +171,18 @@ class Bench:
         n, m, period = self.model.coordinates, self.model.joints, self.settings.period
         velocity = self._x[n : n + m]
         demand = self._faults.demand(self.drive.effort(velocity))
-        self._applied = self._faults.effort(self.actuator.apply(demand))
-        self.saturated_ticks += self.actuator.saturated
-        self._extra = self._disturbance_at(self.tick)
-        total = self._applied + self._extra
+        applied = self._faults.effort(self.actuator.apply(demand))
+        extra = self._disturbance_at(self.tick)
+        total = applied + extra
         friction = self.actuator.friction(velocity)
         if friction is not None:
             total = total + friction
-        self._x = self.model.advance(self._x, total, period)
-        if not all(map(isfinite, self._x.tolist())):
-            raise FloatingPointError(f"the state is not finite after tick {self.tick}")
+        after = self.model.advance(self._x, total, period)
+        if is_lost(after):
+            self._fail(after, extra)
+            return
+        self._x, self._applied, self._extra = after, applied, extra
+        self.saturated_ticks += self.actuator.saturated
         self.tick += 1
         self._ask()
 
@@ -242,6 +250,24 @@ class Bench:
 
     def _over(self, tick: int) -> str:
         return f"{tick * self.settings.period:g} s is over: the bench is at {self.time:g} s"
+
+    def _fail(self, after: Vector, disturbance: Vector) -> None:
+        """End the run at this tick: the state a tick later is not finite."""
+        where, cause = diagnosis(
+            self.model,
+            self._x,
+            after,
+            disturbance,
+            self.limit,
+            self.drive.active,
+            self.settings.period,
+        )
+        self.faulted = True
+        self.failure = (
+            f"the state is not finite after tick {self.tick} ({self.time:.6g} s), {where}; "
+            f"likely cause: {cause}"
+        )
+        self._event(Level.FAULT, "not_finite", self.failure, {"state": where, "cause": cause})
 
     def _tick_of(self, time: float) -> int:
         return round(time / self.settings.period)

@@ -225,6 +225,8 @@ class Plant:
                 "rejected": dict(bench.drive.rejected),
             },
         )
+        if bench.failure:
+            print(f"error: {bench.failure}", flush=True)  # for the one who started this node
         if self._settings.exit_when_done:
             self.loop.stop(3 if bench.faulted else 0)
 

@@ -1,0 +1,39 @@
+"""A trial that diverges: exit 3, one line, a whole log up to there, and resim repeats it."""
+
+import pytest
+
+from flexslew_control.controllers import CONTROLLERS
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.check import check_log
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.trial import parse_trial
+
+TRIAL = """
+name: lost
+duration: 20.0
+period: 0.1
+testbed: {{modes: 12}}
+active: {law}
+controllers: {{{law}: {{}}}}
+schedule: [{{at: 1.0, disturbance: {{base_yaw: 5.0}}}}]
+"""
+
+
+@pytest.mark.parametrize("law", CONTROLLERS)
+def test_a_trial_that_diverges_has_its_log_and_metrics(tmp_path, law):
+    trial = parse_trial(TRIAL.format(law=law), "test")
+    result = run_trial(trial, "test", tmp_path / "run", in_process=True, report=False)
+    assert result.exit_code == 3
+    last = result.metrics["ticks"]
+    assert result.message.startswith(f"the state is not finite after tick {last} ")
+    assert "\n" not in result.message
+    assert result.metrics["log_complete"]
+    assert result.metrics["faults"] == 1
+    bag = tmp_path / "run" / "bag"
+    assert [finding for finding in check_log(bag) if not finding.ok] == []
+    (event,) = (e for e in BagReader(bag).overview.events if e.kind == "not_finite")
+    assert (event.tick, event.level, event.message) == (last, "fault", result.message)
+    again = resim(bag)
+    assert again.identical
+    assert again.ticks == last + 1

@@ -1,0 +1,100 @@
+"""A state that is lost ends the run: the tick, the coordinate and the likely cause are told."""
+
+import re
+
+import numpy as np
+import pytest
+
+from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.bench.divergence import FARTHEST, STABLE_TURN, is_lost
+from flexslew_plant.bench.events import Level
+from flexslew_plant.bench.measurement import EffortCommand
+from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.dynamics import STAGE_WEIGHTS, STEP_WEIGHTS
+
+
+def flown(bed, gain=0.0, most=2000):
+    """Fly to the end of the run; a positive gain feeds the rates back the wrong way."""
+    rng = np.random.default_rng(2)
+    for _ in range(most):
+        if bed.done:
+            return
+        question = bed.question
+        effort = gain * question.joint_velocity + rng.normal(0.0, 30.0, bed.model.joints)
+        bed.offer(EffortCommand(question.tick, question.epoch, question.controller, effort))
+        bed.advance()
+    raise AssertionError("it never ends")
+
+
+def too_slow():
+    return Bench(BenchSettings(active="a", period=0.1, testbed=CsaTestbed(modes=12)))
+
+
+def pushed():
+    entry = ScheduleEntry(at=0.5, disturbance={"hub_pitch": 1e22})
+    return Bench(BenchSettings(active="a", schedule=(entry,)))
+
+
+def unstable():
+    strong = CsaTestbed(modes=1, effort_limit=(1e18, 1e18))
+    return Bench(BenchSettings(active="a", testbed=strong))
+
+
+@pytest.mark.parametrize(
+    ("build", "gain", "cause"),
+    [
+        (too_slow, 0.0, r"a period of 0\.1 s is too long for its fastest mode .* most 0\.047 s"),
+        (pushed, 0.0, r"a disturbance of 1e\+22 on hub_pitch, whose drive gives 150"),
+        (unstable, 1e5, r"a does not hold it, the motion grows without bound"),
+    ],
+)
+def test_the_run_ends_at_its_last_finite_tick_and_says_why(build, gain, cause):
+    bed = build()
+    flown(bed, gain)
+    words = rf"the state is not finite after tick {bed.tick} \(.* s\), .* was .* before; "
+    assert re.fullmatch(rf"{words}likely cause: {cause}.*", bed.failure)
+    assert bed.faulted
+    told = [event for event in bed.events if event.kind == "not_finite"]
+    assert [event[:4] for event in told] == [(bed.tick, bed.time, bed.epoch, Level.FAULT)]
+    state = bed.truth()
+    numbers = [state.position, state.velocity, state.applied_effort, state.disturbance]
+    assert np.isfinite(np.concatenate((*numbers, state.tip_deflection, [state.energy]))).all()
+
+
+def test_the_truth_stays_what_was_told_before():
+    bed = pushed()
+    for _ in range(50):
+        bed.advance()
+    before = bed.truth()
+    bed.advance()
+    assert bed.failure
+    after = bed.truth()
+    for name, value, same in zip(before._fields, before, after, strict=True):
+        np.testing.assert_array_equal(value, same, err_msg=name)
+
+
+def test_a_reset_begins_anew():
+    bed = pushed()
+    flown(bed)
+    bed.reset()
+    assert (bed.failure, bed.faulted, bed.done, bed.tick) == ("", False, False, 0)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, -2.0 * FARTHEST])
+@pytest.mark.parametrize("place", [0, 3])
+def test_what_cannot_be_told_is_lost(value, place):
+    state = np.ones(4)
+    assert not is_lost(state)
+    state[place] = value
+    assert is_lost(state)
+
+
+def test_the_stable_turn_is_where_the_method_begins_to_amplify():
+    def amplification(turn):
+        identity, ones = np.eye(len(STEP_WEIGHTS)), np.ones(len(STEP_WEIGHTS))
+        stages = np.linalg.solve(identity - 1j * turn * STAGE_WEIGHTS, ones)
+        return abs(1.0 + 1j * turn * STEP_WEIGHTS @ stages)
+
+    assert max(map(amplification, np.linspace(0.1, STABLE_TURN, 500))) <= 1.0
+    assert amplification(STABLE_TURN * 1.001) > 1.0
