@@ -5,13 +5,8 @@ The class needs `__init__(settings, period, effort_limit)` and
 reference, effort)`, an `estimator` (see law.Estimator) and `terms`.
 """
 
-import importlib
-import importlib.util
 import traceback
-from importlib.metadata import entry_points
-from pathlib import Path
 from time import perf_counter
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -20,9 +15,8 @@ from flexslew_control.law import Estimate, Estimator, LawFailed, MeasuredJoints,
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import LAWS, load_class
 from flexslew_plant.settings import Positive, validated
-
-GROUP = "flexslew.laws"  # of the entry points of installed packages
 
 
 def find_law(law: str, source: str, known: tuple[str, ...] = ()) -> type[Any]:
@@ -35,21 +29,10 @@ def find_law(law: str, source: str, known: tuple[str, ...] = ()) -> type[Any]:
         known: the laws that are built in, for the error.
 
     Raises:
-        BadInput: there is no such law, or its module cannot be imported.
+        BadInput: there is no such law, its module cannot be imported, or a log names it that is
+            not trusted.
     """
-    for point in entry_points(group=GROUP):
-        if point.name == law:
-            return _class_of(point.load, law, source)
-    if ".py:" in law:
-        path, _, name = law.rpartition(":")
-        return _class_of(lambda: getattr(_module_at(Path(path)), name), law, source)
-    if "." in law:
-        place, _, name = law.rpartition(".")
-        return _class_of(lambda: getattr(importlib.import_module(place), name), law, source)
-    allowed = ", ".join(sorted({*known, *(point.name for point in entry_points(group=GROUP))}))
-    raise BadInput(
-        f"{source}: {law} is not a law; allowed: {allowed}, my_law.py:MyLaw, package.module.MyLaw"
-    )
+    return load_class(law, LAWS, "law", source, known)
 
 
 def build_user_law(
@@ -196,26 +179,6 @@ class UserLaw:
             if term.shape == (self._joints,):
                 terms[str(name)] = term
         return terms
-
-
-def _module_at(path: Path) -> ModuleType:
-    """Return the module of a file, under a name that hides no other."""
-    spec = importlib.util.spec_from_file_location(f"flexslew_user_{path.stem}", path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"{path} is not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def _class_of(load: Any, law: str, source: str) -> type[Any]:
-    try:
-        found = load()
-    except Exception as error:  # a user's module may do anything
-        raise BadInput(f"{source}: {law} cannot be loaded: {_words(error)}") from error
-    if not isinstance(found, type):
-        raise BadInput(f"{source}: {law} is a {type(found).__name__}, wanted is a class")
-    return found
 
 
 def _whole(measurement: Measurement) -> bool:

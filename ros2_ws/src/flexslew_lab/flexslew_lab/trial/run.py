@@ -20,6 +20,7 @@ from flexslew_lab.report.report import write_report
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.outputs import new_folder
+from flexslew_lab.trial.own_code import HASHES, own_code_of
 from flexslew_lab.trial.processes import node_processes, parameter_file
 from flexslew_lab.trial.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import (
@@ -84,7 +85,11 @@ def run_trial(
         )
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
-    metadata = {"trial_file": source, "versions": json.dumps(software_versions())}
+    metadata = {
+        "trial_file": source,
+        "versions": json.dumps(software_versions()),
+        HASHES: json.dumps(own_code_of(trial)),
+    }
     bag = folder / "bag"
     if in_process:
         outcome = _in_process(trial, crew, bag, metadata, progress)

@@ -1,0 +1,166 @@
+"""Classes of the user's own (laws, testbeds, ...), loaded by name: the one place that does so.
+
+A name from a trial file is the user's own word. A name that a log holds is somebody else's: while
+a log is read, only what `only_trusted` lists is loaded.
+"""
+
+import hashlib
+import importlib
+import importlib.util
+import sys
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from flexslew_plant.errors import BadInput
+
+ALL = "all"  # trusts every name
+LAWS, TESTBEDS = GROUPS = "flexslew.laws", "flexslew.testbeds"  # entry points of packages
+
+_trusted: ContextVar[frozenset[str] | None] = ContextVar("trusted", default=None)  # None: all
+
+
+class Untrusted(BadInput):
+    """A log names code that its reader has not trusted.
+
+    Args:
+        words: where it is named, and what would run.
+        name: of the class.
+    """
+
+    def __init__(self, words: str, name: str) -> None:
+        super().__init__(words)
+        self.name = name
+
+
+@contextmanager
+def only_trusted(names: Collection[str]) -> Iterator[None]:
+    """Refuse, inside of the block, to load what is not named; `all` names everything.
+
+    Blocks nest: an inner one cannot trust more than the outer one.
+    """
+    before = _trusted.get()
+    wanted = None if ALL in names else frozenset(names)
+    both = wanted if before is None else before if wanted is None else before & wanted
+    token = _trusted.set(both)
+    try:
+        yield
+    finally:
+        _trusted.reset(token)
+
+
+def is_own_code(name: str) -> bool:
+    """Return whether a name stands for a file or a module: `my_law.py:MyLaw`, `package.MyLaw`."""
+    return ".py:" in name or "." in name
+
+
+def file_of(name: str) -> Path | None:
+    """Return the file that would run for a name, without running any of it; None: not found."""
+    entry = next(filter(None, (_entry(name, group) for group in GROUPS)), None)
+    module = entry.module if entry is not None else name.rpartition(".")[0]
+    if entry is None and ".py:" in name:
+        path = Path(name.rpartition(":")[0])
+        return path if path.is_file() else None
+    top, *inner = module.split(".")
+    with suppress(ImportError, ValueError, AttributeError):
+        # find_spec imports the packages around a module: ask for the outermost one only
+        spec = importlib.util.find_spec(top) if top else None
+        if spec is None or spec.origin is None:
+            return None
+        place = Path(spec.origin)
+        for part in inner:
+            folder = place.parent / part
+            place = folder / "__init__.py" if folder.is_dir() else folder.with_suffix(".py")
+        return place if place.is_file() else None
+    return None
+
+
+def code_hash(name: str) -> str:
+    """Return the SHA-256 of the file that a name stands for, hexadecimal; empty: no such file."""
+    path = file_of(name)
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path is not None else ""
+
+
+def load_class(name: str, group: str, what: str, source: str, known: Collection[str]) -> type[Any]:
+    """Return the class that a name stands for.
+
+    Args:
+        name: `my_law.py:MyLaw` (a path from the working directory), `package.module.MyLaw`, or
+            an entry point of the group.
+        group: of the entry points of installed packages, for example flexslew.laws.
+        what: the kind of thing, for the error: law, testbed, ...
+        source: file or node to name in an error.
+        known: what is built in, for the error.
+
+    Raises:
+        Untrusted: a log names a file or a module that its reader has not trusted.
+        BadInput: there is no such class, or its module cannot be imported.
+    """
+    entry = _entry(name, group)
+    if entry is not None:
+        return _class_of(entry.load, name, source)
+    if not is_own_code(name):
+        registered = (point.name for point in entry_points(group=group))
+        allowed = ", ".join(sorted({*known, *registered}))
+        own = f"My{what.capitalize()}"
+        raise BadInput(
+            f"{source}: {name} is not a {what}; allowed: {allowed}, my_{what}.py:{own}, "
+            f"package.module.{own}"
+        )
+    _demand_trust(name, source)
+    place, _, attribute = name.rpartition(":" if ".py:" in name else ".")
+    if ".py:" in name:
+        return _class_of(lambda: getattr(_module_at(Path(place)), attribute), name, source)
+    return _class_of(lambda: getattr(importlib.import_module(place), attribute), name, source)
+
+
+def _entry(name: str, group: str) -> Any:
+    """Return the entry point of this name, which an installed package offers, or None."""
+    return next((point for point in entry_points(group=group) if point.name == name), None)
+
+
+def _demand_trust(name: str, source: str) -> None:
+    trusted = _trusted.get()
+    if trusted is None or name in trusted:
+        return
+    path, digest = file_of(name), code_hash(name)
+    found = f"{path.resolve()}, SHA-256 {digest}" if path is not None else "which is not found here"
+    words = f"{source}: refused to run {name} ({found}), which this log names; read it first, "
+    raise Untrusted(f"{words}then allow it with --trust {name}", name)
+
+
+def _module_at(path: Path) -> ModuleType:
+    """Return the module of a file, under a name that hides no other."""
+    place = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
+    name = f"flexslew_own_{path.stem}_{place}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path} is not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # kernels that Numba has cached find their module by its name
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _class_of(load: Any, name: str, source: str) -> type[Any]:
+    try:
+        found = load()
+    except Exception as error:  # a user's module may do anything
+        raise BadInput(f"{source}: {name} cannot be loaded: {_words(error)}") from error
+    if not isinstance(found, type):
+        raise BadInput(f"{source}: {name} is a {type(found).__name__}, wanted is a class")
+    return found
+
+
+def _words(error: Exception) -> str:
+    """Return an exception in one line."""
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
