@@ -170,9 +170,7 @@ class _Again:
             if answer is not None and (not missed or key in self._refused):
                 bench.offer(answer.command)
         if bench.question is not question and not missed:  # the newcomer's step was refused
-            predecessor = self._controllers.controllers.get(
-                bench.question.controller
-            )
+            predecessor = self._controllers.controllers.get(bench.question.controller)
             answer = predecessor.observe(bench.question) if predecessor else None
             if answer is not None:
                 bench.offer(answer.command)
