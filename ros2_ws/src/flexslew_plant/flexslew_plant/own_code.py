@@ -8,6 +8,7 @@ import hashlib
 import importlib
 import importlib.util
 import sys
+import traceback
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -154,13 +155,28 @@ def _class_of(load: Any, name: str, source: str) -> type[Any]:
     try:
         found = load()
     except Exception as error:  # a user's module may do anything
-        raise BadInput(f"{source}: {name} cannot be loaded: {_words(error)}") from error
+        raise BadInput(f"{source}: {name} cannot be loaded: {in_words(error)}") from error
     if not isinstance(found, type):
         raise BadInput(f"{source}: {name} is a {type(found).__name__}, wanted is a class")
     return found
 
 
-def _words(error: Exception) -> str:
-    """Return an exception in one line."""
+def in_words(error: Exception) -> str:
+    """Return an exception in one line, with the place in the user's file where it was raised."""
     text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+    words = f"{type(error).__name__}: {text}" if text else type(error).__name__
+    if isinstance(error, SyntaxError):  # its own words name the place
+        return words
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not _ours(f.filename)]
+    if not frames:
+        return words
+    place = next(f for f in reversed(frames) if f.filename == frames[0].filename)
+    path = Path(place.filename)
+    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return f"{words} ({shown}, line {place.lineno})"
+
+
+def _ours(filename: str) -> bool:
+    """Return whether a frame is of those who call own code, or of what imports modules."""
+    callers = filename == __file__ or filename.endswith("/controllers/user_law.py")
+    return callers or filename.startswith("<frozen") or "importlib" in filename

@@ -5,7 +5,6 @@ The class needs `__init__(settings, period, effort_limit)` and
 reference, effort)`, an `estimator` (see law.Estimator) and `terms`.
 """
 
-import traceback
 from time import perf_counter
 from typing import Any
 
@@ -15,7 +14,7 @@ from flexslew_control.law import Estimate, Estimator, LawFailed, MeasuredJoints,
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
-from flexslew_plant.own_code import LAWS, load_class
+from flexslew_plant.own_code import LAWS, in_words, load_class
 from flexslew_plant.settings import Positive, validated
 
 
@@ -61,7 +60,7 @@ def build_user_law(
     try:
         built = found(own, period, effort_limit.copy())
     except Exception as error:
-        raise BadInput(f"{source}: {law} cannot be built: {_words(error)}") from error
+        raise BadInput(f"{source}: {law} cannot be built: {in_words(error)}") from error
     if not callable(getattr(built, "update", None)):
         raise BadInput(f"{source}: {law} has no method update(measurement, estimate, reference)")
     estimator = getattr(built, "estimator", None)
@@ -86,7 +85,7 @@ class UserEstimator:
         try:
             self._estimator.reset(measurement)
         except Exception as error:
-            raise LawFailed(f"the estimator of {self._law} raised {_words(error)}") from error
+            raise LawFailed(f"the estimator of {self._law} raised {in_words(error)}") from error
 
     def update(self, measurement: Measurement) -> Estimate:
         """Return the user's estimate.
@@ -97,7 +96,7 @@ class UserEstimator:
         try:
             estimate = self._estimator.update(measurement)
         except Exception as error:
-            raise LawFailed(f"the estimator of {self._law} raised {_words(error)}") from error
+            raise LawFailed(f"the estimator of {self._law} raised {in_words(error)}") from error
         if not isinstance(estimate, Estimate):
             raise LawFailed(f"the estimator of {self._law} gave a {type(estimate).__name__}")
         try:
@@ -137,7 +136,7 @@ class UserLaw:
         try:
             reset(measurement, estimate, reference, effort.copy())
         except Exception as error:
-            raise LawFailed(f"{self._law} raised {_words(error)} in reset") from error
+            raise LawFailed(f"{self._law} raised {in_words(error)} in reset") from error
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the user's efforts, checked, shape (joints,) [N m or N].
@@ -150,7 +149,7 @@ class UserLaw:
             answer = self._built.update(measurement, estimate, reference)
             effort = np.array(answer, dtype=np.float64)
         except Exception as error:
-            raise LawFailed(f"{self._law} raised {_words(error)}") from error
+            raise LawFailed(f"{self._law} raised {in_words(error)}") from error
         took = perf_counter() - begun
         if self._limit is not None and took > self._limit:
             raise LawFailed(
@@ -190,23 +189,3 @@ def _whole(measurement: Measurement) -> bool:
         measurement.root_curvature,
     )
     return all(bool(np.isfinite(reading).all()) for reading in readings)
-
-
-def _words(error: Exception) -> str:
-    """Return an exception in one line, with the place in the user's file where it was raised."""
-    text = " ".join(str(error).split())
-    words = f"{type(error).__name__}: {text}" if text else type(error).__name__
-    if isinstance(error, SyntaxError):  # its own words name the place
-        return words
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if not _ours(f.filename)]
-    if not frames:
-        return words
-    place = next(f for f in reversed(frames) if f.filename == frames[0].filename)
-    path = Path(place.filename)
-    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
-    return f"{words} ({shown}, line {place.lineno})"
-
-
-def _ours(filename: str) -> bool:
-    """Return whether a frame is of this file or of the machinery that imports modules."""
-    return filename == __file__ or filename.startswith("<frozen") or "importlib" in filename

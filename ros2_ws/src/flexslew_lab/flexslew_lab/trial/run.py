@@ -13,8 +13,9 @@ from flexslew_control.planners import ReferenceOnly
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_observer import BagObserver
-from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
+from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.log.record_schema import LoggedEvent
 from flexslew_lab.report.metrics import metrics_from
 from flexslew_lab.report.report import write_report
 from flexslew_lab.trial.domain import own_domain
