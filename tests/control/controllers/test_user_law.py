@@ -1,3 +1,4 @@
+from hashlib import sha256
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -138,7 +139,8 @@ def test_a_law_gets_its_settings_the_period_and_the_limits():
     ]
     values = {"gain": 3.0, "handover_time": 0.5}
     logged = load_yaml(settings_text(built, HERE + "Steady", values), "log")
-    assert logged == {**values, "computed": {}}
+    digest = sha256(Path(__file__).read_bytes()).hexdigest()
+    assert logged == {**values, "computed": {}, "law_sha256": digest}
 
 
 @pytest.mark.parametrize("how", REASONS)

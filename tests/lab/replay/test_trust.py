@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from flexslew_control.controllers.user_law import find_law
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.bag_writer import BagWriter
@@ -119,14 +120,12 @@ def test_a_testbed_of_the_readers_own_is_code_too(tmp_path):
     with BagWriter(tmp_path / "bag", {"trial": text}) as writer:
         kind = TOPICS["/clock"].type
         writer.write("/clock", kind, encode(kind, {}), 0)
-    with pytest.raises(BadInput, match="mine.py:Testbed"):
+    with pytest.raises(BadInput, match=r"mine\.py:Testbed"):
         resim(tmp_path / "bag")
 
 
 def test_blocks_of_trust_do_not_widen_each_other():
     with only_trusted(["a.A"]), only_trusted(["all"]), pytest.raises(Untrusted):
-        from flexslew_control.controllers.user_law import find_law
-
         find_law("b.B", "test")
     path = Path(__file__)
     assert file_of(f"{path}:Anything") == path
