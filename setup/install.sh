@@ -7,6 +7,7 @@ venv=$root/.venv
 python=${FLEXSLEW_PYTHON:-python3}
 installed_ros=${FLEXSLEW_INSTALLED_ROS:-}
 lock=$root/setup/requirements.lock.txt
+sources=$root/setup/requirements.source.txt
 [ -z "$installed_ros" ] || lock=$root/setup/requirements.installed_ros.txt
 started=$SECONDS
 step=
@@ -77,17 +78,22 @@ python_packages() {
   for unpacked in "$venv"/lib/python3*/site-packages/*.dist-info; do
     [ ! -d "$unpacked" ] || [ -e "$unpacked/RECORD" ] || rm -rf "$unpacked"
   done
-  run pip_install "$count" "${options[@]}" -r "$lock" || {
-    grep -v WARNING "$venv/pip.log" | tail -5 >&2
-    fail "pip could not install $lock; all it said is in $venv/pip.log"
-  }
+  run pip_install "$count" "${options[@]}" -r "$lock" || pip_failed
+  if [ -z "$installed_ros" ]; then
+    run pip_install 1 --require-hashes --no-deps --no-build-isolation --use-pep517 -r "$sources" || pip_failed
+  fi
   rm -f "$packages.begun"
   touch "$packages"
 }
 
+pip_failed() {
+  grep -v WARNING "$venv/pip.log" | tail -5 >&2
+  fail "pip could not install $lock; all it said is in $venv/pip.log"
+}
+
 # A terminal gets one line that changes, a file one line per 25 distributions.
 pip_install() {
-  "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off "${@:2}" \
+  "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off --no-compile "${@:2}" \
     2>"$venv/pip.log" | awk -v count="$1" -v terminal="$([ ! -t 2 ] || echo yes)" '
       /^Collecting/ { n++; if (terminal) printf "\r  %d of %d: %s\033[K", n, count, $2 }
       /^Collecting/ && !terminal && n % 25 == 0 { printf "  %d of %d\n", n, count }
@@ -130,7 +136,7 @@ case $root in
     fail "the checkout lies in '$root', and the ROS 2 build tools take no spaces, quotes or signs in a path; move it" ;;
 esac
 size="1.4 GB"
-packages_digest=$(digest <"$lock")
+packages_digest=$(cat "$lock" "$sources" | digest)
 packages=$venv/flexslew.$packages_digest
 workspace=$root/ros2_ws/install/flexslew.$({
   echo "$packages_digest"

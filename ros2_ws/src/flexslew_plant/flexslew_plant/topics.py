@@ -22,5 +22,3 @@ SWITCH_CONTROLLER = "switch_controller"
 LIST_CONTROLLERS = "list_controllers"
 INJECT_FAULT = "inject_fault"
 PLAN_SLEW = "plan_slew"
-
-LOOP_DEPTH = 4000  # history of every topic that is not latched [messages]; see ros.node.LOOP

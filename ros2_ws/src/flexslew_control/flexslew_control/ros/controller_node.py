@@ -4,12 +4,13 @@ from functools import partial
 from time import monotonic
 from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from flexslew_msgs import msg
 
 from flexslew_control.controllers import build_controller, settings_text
 from flexslew_control.controllers.controller import Answer, Controller
-from flexslew_control.message_fields import answer_fields, plan_of
+from flexslew_control.ros.plan_message import plan_of
 from flexslew_plant import topics
 from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from
 from flexslew_plant.ros.node import (
@@ -17,8 +18,8 @@ from flexslew_plant.ros.node import (
     Loop,
     PlantWatch,
     declared,
+    doubles,
     latched,
-    message_of,
     new_node,
     parameters_of,
     run_node,
@@ -143,7 +144,7 @@ class ControllerNode:
 
     def _adopt(self) -> None:
         if self._controller is not None and self._plan is not None:
-            self._plan_refused = self._controller.adopt(plan_of(self._plan, topics.PLAN))
+            self._plan_refused = self._controller.adopt(plan_of(self._plan))
             if self._controller.last_tick < 0:
                 self._controller.warm(self._appendages)  # on the plan that it will follow
             if self._plan_refused:
@@ -164,7 +165,24 @@ class ControllerNode:
             self._announce(always=True)
 
     def _publish_state(self, answer: Answer, at: Stamp) -> None:
-        state = message_of(msg.ControllerState, answer_fields(answer))
+        command, reference, estimate = answer.command, answer.reference, answer.estimate
+        state = msg.ControllerState(
+            tick=command.tick,
+            epoch=command.epoch,
+            controller=self._name,
+            reference_position=doubles(reference.position),
+            reference_velocity=doubles(reference.velocity),
+            feedforward=doubles(reference.effort),
+            estimate_position=doubles(estimate.position),
+            estimate_velocity=doubles(estimate.velocity),
+            estimate_disturbance=doubles(estimate.disturbance),
+            covariance_diagonal=doubles(np.diagonal(estimate.covariance)),
+            innovation=doubles(estimate.innovation),
+            nis=estimate.nis,
+            effort=doubles(command.effort),
+            term_names=list(answer.terms),
+            terms=doubles(np.concatenate(list(answer.terms.values()))) if answer.terms else [],
+        )
         state.header.stamp = Time(sec=at.sec, nanosec=at.nanosec)
         self._state.publish(state)
 

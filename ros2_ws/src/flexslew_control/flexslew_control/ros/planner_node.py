@@ -7,19 +7,17 @@ from flexslew_msgs import action, msg
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 
-from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
 from flexslew_control.planners import PlanSettings, make_plan
+from flexslew_control.ros.plan_message import plan_message
 from flexslew_plant import topics
 from flexslew_plant.bench.events import Event, Level
-from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.ros.node import (
     Loop,
     PlantWatch,
     event_message,
     latched,
-    message_of,
     new_node,
     run_node,
     settings_of,
@@ -88,13 +86,10 @@ class Planner:
         return make_plan(validated(PlanSettings, values, "plan"), period, limit, progress)
 
     def _publish(self, plan: Plan) -> None:
-        message = self._message(plan)
+        message = plan_message(plan, self._time)
         self._plan.publish(message)
         words = f"{plan.method}: {plan.duration:g} s planned, hash {message.hash[:12]}"
         self._say(Level.INFO, "planned", words, {"hash": message.hash, "method": plan.method})
-
-    def _message(self, plan: Plan) -> msg.Plan:
-        return message_of(msg.Plan, {"stamp": stamp_of(self._time), **plan_fields(plan)})
 
     def _say(self, level: Level, kind: str, words: str, data: dict[str, Any]) -> None:
         event = Event(0, self._time, 0, level, "planner", kind, words, data)
@@ -129,7 +124,7 @@ class Planner:
             result.message = str(error)
             goal.abort()
         else:
-            result.plan = self._message(plan)
+            result.plan = plan_message(plan, self._time)
             self._publish(plan)
             goal.succeed()
         return result

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from flexslew_lab.cli.checkout import bench, test
 from flexslew_lab.cli.log import Json, bag_of, log, recover
+from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.replay import check, live, play, resim
 from flexslew_lab.cli.terminal import print_table, progress, screen, short
 from flexslew_lab.trial.outputs import writable_file
@@ -52,6 +54,8 @@ def trial(
     from flexslew_lab.trial.run import run_trial
     from flexslew_lab.trial.trial import DEFAULT, load_trial
 
+    if not in_process:
+        require_ros()
     source = file or DEFAULT
     wanted = load_trial(source)
     if rate is not None:
@@ -258,11 +262,16 @@ def _content(folder: Path) -> list[str]:
     return sorted(path.name + "/" * path.is_dir() for path in folder.iterdir())
 
 
+def _called() -> str:
+    """Return the command as it was typed: with pip it is on the PATH."""
+    return "flexslew" if Path(sys.argv[0]).name == "flexslew" else "./flexslew"
+
+
 def main() -> None:
     """Run the command line; every known error is one line."""
     code = 0
     try:
-        code = app(prog_name="./flexslew", standalone_mode=False) or 0
+        code = app(prog_name=_called(), standalone_mode=False) or 0
     except typer.Exit as leave:
         code = leave.exit_code
     except (typer.Abort, KeyboardInterrupt):
@@ -277,6 +286,11 @@ def main() -> None:
         code = 3
     except FlexslewError as error:
         screen.print(f"[red]error:[/red] {error}", highlight=False, soft_wrap=True)
+        code = 2
+    except ModuleNotFoundError as error:
+        if not remedy(error):
+            raise
+        screen.print("[red]error:[/red]", escape(remedy(error)), highlight=False, soft_wrap=True)
         code = 2
     except OSError as error:  # a disk that is full, a file that went away
         where = f"{error.filename}: " if error.filename else ""

@@ -12,29 +12,18 @@ from flexslew_lab.cli.terminal import print_table, progress, screen
 from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
 
-Trust = Annotated[
-    list[str] | None,
-    typer.Option(help="Run this class that the log names: file.py:Class; again and again; all."),
-]
-Partial = Annotated[
-    bool, typer.Option("--partial", help="The log holds a part of the run: accept that part.")
-]
-
 
 def resim(
     bag: Bag,
     elsewhere: Annotated[
         bool, typer.Option(help="Recorded on another build or processor: accept its rounding.")
     ] = False,
-    partial: Partial = False,
-    trust: Trust = None,
     as_json: Json = False,
 ) -> None:
     """Fly a run again from nothing but its log and compare the trajectory.
 
     On the same build every bit must be the same, else the exit code is 1; with --elsewhere the
-    largest difference of each field may be 1e-9 of its largest magnitude. A law or a testbed from
-    a file or a module runs only if --trust names it.
+    largest difference of each field may be 1e-9 of its largest magnitude.
 
     Example: `./flexslew resim runs/m1-20260101-120000`
     """
@@ -42,7 +31,7 @@ def resim(
     from flexslew_lab.replay.resim import resim as fly_again
 
     with progress("resim") as advance:
-        again = fly_again(bag_of(bag), advance, trust or ())
+        again = fly_again(bag_of(bag), advance)
     first = again.first_difference
     if as_json:
         values = {**again._asdict(), "first_difference": first and first._asdict()}
@@ -67,9 +56,7 @@ def resim(
                 f"first difference: tick {first.tick} of epoch {first.epoch}, {first.field}: "
                 f"recorded {first.recorded!r}, here {first.ours!r}"
             )
-    _tell(again.missing, again.changed_code)
     demand(again.identical or (elsewhere and again.within_tolerance))
-    demand(partial or not again.missing)
 
 
 def check(
@@ -80,8 +67,6 @@ def check(
         list[str] | None, typer.Option("--set", help="key=value, YAML, instead of the recorded.")
     ] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw the differences, HTML.")] = None,
-    partial: Partial = False,
-    trust: Trust = None,
     as_json: Json = False,
 ) -> None:
     """Feed recorded measurements into a controller and compare every number that it says.
@@ -93,17 +78,14 @@ def check(
     from flexslew_lab.log.bag_reader import BagReader
     from flexslew_lab.replay.check import check as compare
     from flexslew_lab.replay.check import difference_figure
-    from flexslew_lab.replay.logged_code import reading
     from flexslew_lab.replay.logged_controllers import logged_laws
 
     if figure is not None:
         writable_file(figure, "--figure")
     place = bag_of(bag)
-    trusted = trust or ()
-    with reading(reader := BagReader(place), trusted):
-        name = controller or next(iter(logged_laws(reader)))
+    name = controller or next(iter(logged_laws(BagReader(place))))
     with progress("check") as advance:
-        result = compare(place, name, law, _settings(settings or []), advance, trusted)
+        result = compare(place, name, law, _settings(settings or []), advance)
     if figure is not None:
         figure.parent.mkdir(parents=True, exist_ok=True)
         difference_figure(result).write_html(figure)
@@ -136,8 +118,7 @@ def check(
                 f"first divergence: tick {first.tick} of epoch {first.epoch}, {first.field}: "
                 f"recorded {first.recorded!r}, here {first.ours!r}"
             )
-    _tell(result.missing, result.changed_code)
-    demand(result.ok and (partial or not result.missing))
+    demand(result.ok)
 
 
 def play(
@@ -191,14 +172,6 @@ def live(
     if not 0 <= port <= 65535:
         raise BadInput(f"--port: {port} is not allowed: 0 to 65535")
     run(port, screen.print)
-
-
-def _tell(missing: str, changed: dict[str, tuple[str, str]]) -> None:
-    """Say what a comparison does not cover, and what else ran than was recorded."""
-    for name, (there, here) in changed.items():
-        screen.print(f"{name} is another file: SHA-256 {there[:16]} in the log, {here[:16]} here")
-    if missing:
-        screen.print(f"[yellow]only a part:[/yellow] {missing}", highlight=False)
 
 
 def _settings(pairs: list[str]) -> dict[str, Any]:

@@ -4,8 +4,6 @@ import hashlib
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from flexslew_plant.topics import LOOP_DEPTH
-
 FORMAT = "1"  # of the metadata records; another one is another version of the project
 TRIAL_RECORD = "flexslew"  # metadata record at the start: trial, trial_file, versions, ...
 RUN_RECORD = "flexslew_run"  # metadata record at the end: wall_time, exit_code, ...
@@ -15,25 +13,25 @@ MAGIC = b"\x89MCAP0\r\n"
 
 
 class Topic(NamedTuple):
-    """A topic as the bench offers it."""
+    """A topic as the bag knows it."""
 
     type: str
     latched: bool = False
-    depth: int = LOOP_DEPTH  # of the offered history [messages]
+    depth: int = 10
 
 
 TOPICS: dict[str, Topic] = {
-    "/measurement": Topic("flexslew_msgs/msg/Measurement"),
+    "/measurement": Topic("flexslew_msgs/msg/Measurement", depth=1000),
     "/effort_command": Topic("flexslew_msgs/msg/EffortCommand"),
-    "/truth": Topic("flexslew_msgs/msg/PlantState"),
-    "/controller_state": Topic("flexslew_msgs/msg/ControllerState"),
+    "/truth": Topic("flexslew_msgs/msg/PlantState", depth=1000),
+    "/controller_state": Topic("flexslew_msgs/msg/ControllerState", depth=1000),
     "/controller_status": Topic("flexslew_msgs/msg/ControllerStatus", latched=True, depth=1),
     "/plan": Topic("flexslew_msgs/msg/Plan", latched=True, depth=1),
     "/testbed": Topic("flexslew_msgs/msg/Testbed", latched=True, depth=1),
     "/events": Topic("flexslew_msgs/msg/Event", latched=True, depth=1000),
     "/joint_states": Topic("sensor_msgs/msg/JointState"),
     "/appendage_states": Topic("flexslew_msgs/msg/AppendageState"),
-    "/tf": Topic("tf2_msgs/msg/TFMessage"),
+    "/tf": Topic("tf2_msgs/msg/TFMessage", depth=100),
     "/tf_static": Topic("tf2_msgs/msg/TFMessage", latched=True, depth=1),
     "/robot_description": Topic("std_msgs/msg/String", latched=True, depth=1),
     "/markers": Topic("visualization_msgs/msg/MarkerArray"),

@@ -23,10 +23,11 @@ _PRIMITIVES = frozenset(
 def message_directory(package: str) -> Path | None:
     """Return where the .msg files of a package lie, or None where no place has them.
 
-    An installed workspace is asked through the ament index; the source tree beside this
-    package answers where there is none.
+    An installed workspace is asked through the ament index; where there is none, the source tree
+    beside this package has them, and an installation by pip holds a copy.
     """
-    places = [Path(__file__).resolve().parents[3] / package]
+    here = Path(__file__).resolve()
+    places = [here.parents[3] / package, here.parents[1] / "definitions" / package]
     try:
         from ament_index_python.packages import get_package_share_directory
 

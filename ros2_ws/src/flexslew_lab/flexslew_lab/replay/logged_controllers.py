@@ -3,15 +3,17 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from flexslew_control.controllers import CONTROLLERS, DERIVED, build_controller
+import numpy as np
+
+from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
+from flexslew_control.plan_file import plan_hash
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.cdr import decode
-from flexslew_lab.log.logged_text import logged_yaml
 from flexslew_lab.trial.trial import Trial, law_of, parse_trial
 from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
 
 Key = tuple[int, int]  # epoch and tick
 
@@ -32,12 +34,47 @@ def trial_of(bag: BagReader) -> Trial:
     """
     if not bag.trial_text:
         raise BadInput(f"{bag.path}: holds no trial")
-    source = f"{bag.path}: trial"
-    logged_yaml(bag.trial_text, source)
-    return parse_trial(bag.trial_text, source)
+    return parse_trial(bag.trial_text, f"{bag.path}: trial")
 
 
-class LoggedControllers:
+def plan_of_log(message: Any, source: str) -> Plan:
+    """Return a decoded flexslew_msgs/msg/Plan as a plan.
+
+    Raises:
+        BadInput: its content does not have its hash.
+    """
+    joints = len(message.joint_names)
+    ticks = len(message.effort) // max(joints, 1)
+
+    def rows(name: str, count: int) -> Any:
+        return np.asarray(getattr(message, name)).reshape(count, -1)
+
+    def text(name: str) -> Any:
+        return load_yaml(getattr(message, name), f"{source}: the plan is damaged: {name}") or {}
+
+    try:
+        plan = Plan(
+            method=message.method,
+            joint_names=tuple(message.joint_names),
+            start=float(message.start),
+            period=float(message.period),
+            position=rows("position", ticks + 1),
+            velocity=rows("velocity", ticks + 1),
+            effort=rows("effort", ticks),
+            state=rows("state", ticks + 1),
+            duration=float(message.duration),
+            request=text("request"),
+            summary=text("summary"),
+            versions=text("versions"),
+        )
+    except ValueError as error:
+        raise BadInput(f"{source}: the plan is damaged: {error}") from None
+    if plan_hash(plan) != message.hash:
+        raise BadInput(f"{source}: the plan is damaged: its content does not have its hash")
+    return plan
+
+
+class Crew:
     """Controllers as a log names them, each at its state before tick 0.
 
     Args:
@@ -85,12 +122,13 @@ class LoggedControllers:
 
 
 def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
-    """Return law and settings of every controller by name, those not in the trial too."""
+    """Return law and settings of every controller by name: of the trial, and of guests."""
     laws = {n: law_of(n, values or {}) for n, values in trial_of(bag).controllers.items()}
     for name, status in bag.overview.statuses.items():
         if name not in laws:
-            values = logged_yaml(status.settings, f"{bag.path}: controllers.{name}")
-            laws[name] = status.law, {k: v for k, v in values.items() if k not in DERIVED}
+            values = load_yaml(status.settings, f"{bag.path}: controllers.{name}") or {}
+            values.pop("computed", None)  # is said there, too, and follows from the others
+            laws[name] = status.law, values
     return laws
 
 
@@ -100,7 +138,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     Raises:
         BadInput: a controller says that it follows a plan that is not in the log.
     """
-    plans = {p.hash: plan_of(p, str(bag.path)) for p in bag.overview.plans}
+    plans = {p.hash: plan_of_log(p, str(bag.path)) for p in bag.overview.plans}
     following: dict[str, str] = {}
     found = []
     for _, kind, _, _, data in bag.messages(("/controller_status",)):
@@ -114,7 +152,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
             )
         following[name] = wanted
         seen = int(status.epoch), int(status.last_tick)
-        if seen == (0, 0):  # also what a controller says before its first measurement
+        if seen == (0, 0):  # said by one that has seen none, too; nobody plans within tick 0
             seen = 0, -1
         found.append(Adoption(name, seen, plans[wanted]))
     return sorted(found, key=lambda adoption: adoption.seen)

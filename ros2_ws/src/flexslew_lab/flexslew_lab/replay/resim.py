@@ -1,21 +1,18 @@
 """The run again from nothing but its log: trial, logged plan, operator's wishes, missed ticks."""
 
+import json
 from collections import defaultdict
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexslew_control.planners.slew import software_versions
-from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.logged_text import logged_json
-from flexslew_lab.log.record_schema import LoggedEvent
-from flexslew_lab.replay.coverage import missing_part
-from flexslew_lab.replay.logged_code import changed_code, reading
-from flexslew_lab.replay.logged_controllers import Key, LoggedControllers, trial_of
+from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
+from flexslew_lab.replay.logged_controllers import Crew, Key, trial_of
 from flexslew_lab.report.metrics import TrajectoryHash
-from flexslew_lab.trial.trial import Trial, bench_settings
+from flexslew_lab.trial.trial import bench_settings
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Bench, SwitchRequest
 from flexslew_plant.errors import BadInput, RunFault
@@ -46,8 +43,6 @@ class Resimulation(NamedTuple):
     largest: dict[str, float]  # |difference| by field, of the field's largest magnitude [-]
     replayed: dict[str, int]  # how many wishes and missed ticks were taken from the log
     other_versions: dict[str, tuple[str, str]]  # software: version of the log, version here
-    missing: str  # which part of the run was compared, and why not all of it; empty: all of it
-    changed_code: dict[str, tuple[str, str]]  # class: SHA-256 of its file there, here
 
     @property
     def within_tolerance(self) -> bool:
@@ -56,9 +51,7 @@ class Resimulation(NamedTuple):
 
 
 def resim(
-    bag: Path,
-    progress: Callable[[int, int], None] = lambda tick, last: None,
-    trusted: Collection[str] = (),
+    bag: Path, progress: Callable[[int, int], None] = lambda tick, last: None
 ) -> Resimulation:
     """Return the comparison of a log with its run flown again, in process.
 
@@ -67,21 +60,13 @@ def resim(
     Args:
         bag: the bag's folder or file.
         progress: called with the tick and the last tick of the trial.
-        trusted: names of classes that the log may run, or `all`.
 
     Raises:
-        Untrusted: the log names code that is not trusted.
         BadInput: the log does not hold what determines the run.
         RunFault: the run again leaves the finite numbers.
     """
     reader = BagReader(bag)
-    with reading(reader, trusted):
-        return _flown_again(reader, progress)
-
-
-def _flown_again(reader: BagReader, progress: Callable[[int, int], None]) -> Resimulation:
-    trial = trial_of(reader)
-    again = _Again(reader, trial)
+    again = _Again(reader)
     same = _Comparison()
     recorded, ours, epoch = TrajectoryHash(), TrajectoryHash(), 0
     for block in reader.blocks(["/truth"]):
@@ -115,8 +100,6 @@ def _flown_again(reader: BagReader, progress: Callable[[int, int], None]) -> Res
         same.relative(),
         again.replayed,
         _other_versions(reader),
-        missing_part(reader, trial, same.began, same.last[1], same.gaps),
-        changed_code(reader),
     )
 
 
@@ -125,12 +108,11 @@ class _Again:
 
     Args:
         bag: to read.
-        trial: that it was recorded from.
     """
 
-    def __init__(self, bag: BagReader, trial: Trial) -> None:
-        self.bench = Bench(bench_settings(trial))
-        self._controllers = LoggedControllers(bag)
+    def __init__(self, bag: BagReader) -> None:
+        self.bench = Bench(bench_settings(trial_of(bag)))
+        self._crew = Crew(bag)
         self._wishes: dict[Key, list[LoggedEvent]] = defaultdict(list)
         self._missed: set[Key] = set()
         self._refused: set[Key] = set()
@@ -160,17 +142,17 @@ class _Again:
     def _fly_tick(self) -> None:
         bench, question = self.bench, self.bench.question
         key = question.epoch, question.tick
-        self._controllers.adopt_until(key)
+        self._crew.adopt_until(key)
         for wish in self._wishes.pop(key, ()):
             self._grant(wish)
         missed = key in self._missed
         self.replayed["missed"] += missed
-        for controller in self._controllers.controllers.values():
+        for controller in self._crew.controllers.values():
             answer = controller.observe(question)  # heard it, even where nobody heard the answer
             if answer is not None and (not missed or key in self._refused):
                 bench.offer(answer.command)
         if bench.question is not question and not missed:  # the newcomer's step was refused
-            predecessor = self._controllers.controllers.get(bench.question.controller)
+            predecessor = self._crew.controllers.get(bench.question.controller)  # or the brake
             answer = predecessor.observe(bench.question) if predecessor else None
             if answer is not None:
                 bench.offer(answer.command)
@@ -194,8 +176,7 @@ class _Comparison:
     """Differences, block after block."""
 
     def __init__(self) -> None:
-        self.ticks, self.gaps = 0, 0
-        self.began, self.last = 0, (-1, -1)  # tick; epoch and tick
+        self.ticks = 0
         self.first: Difference | None = None
         self._largest = dict.fromkeys(FIELDS, 0.0)
         self._magnitude = dict.fromkeys(FIELDS, 0.0)
@@ -205,11 +186,6 @@ class _Comparison:
     ) -> None:
         """Take the next ticks."""
         self.ticks += len(tick)
-        before = self.last[1] if epoch == self.last[0] else int(tick[0]) - 1
-        if epoch > self.last[0]:
-            self.began = int(tick[0])
-        self.gaps += int(tick[-1]) - before - len(tick)  # truth comes once and in order
-        self.last = epoch, int(tick[-1])
         found = []
         for number, name in enumerate(FIELDS):
             theirs, mine = recorded[name], ours[name]
@@ -238,11 +214,11 @@ class _Comparison:
 
 
 def _other_versions(bag: BagReader) -> dict[str, tuple[str, str]]:
-    recorded = logged_json(bag.metadata.get("versions", ""), f"{bag.path}: versions")
+    recorded = json.loads(bag.metadata.get("versions", "{}"))
     here = software_versions()
     names = sorted({*recorded, *here})
     return {
-        name: (str(recorded.get(name, "-")), here.get(name, "-"))
+        name: (recorded.get(name, "-"), here.get(name, "-"))
         for name in names
         if recorded and recorded.get(name) != here.get(name)
     }

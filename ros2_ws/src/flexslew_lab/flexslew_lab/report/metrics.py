@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_lab.log.bag_layout import RUN_RECORD
-from flexslew_lab.log.bag_reader import BagReader, Overview
-from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.log.bag_reader import BagReader, LoggedEvent, Overview
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 

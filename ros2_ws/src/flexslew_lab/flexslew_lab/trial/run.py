@@ -13,15 +13,13 @@ from flexslew_control.planners import ReferenceOnly
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_observer import BagObserver
-from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
 from flexslew_lab.log.bag_writer import BagWriter
-from flexslew_lab.log.record_schema import LoggedEvent
 from flexslew_lab.report.metrics import metrics_from
 from flexslew_lab.report.report import write_report
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.outputs import new_folder
-from flexslew_lab.trial.own_code import HASHES, own_code_of
 from flexslew_lab.trial.processes import node_processes, parameter_file
 from flexslew_lab.trial.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import (
@@ -86,11 +84,7 @@ def run_trial(
         )
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
-    metadata = {
-        "trial_file": source,
-        "versions": json.dumps(software_versions()),
-        HASHES: json.dumps(own_code_of(trial)),
-    }
+    metadata = {"trial_file": source, "versions": json.dumps(software_versions())}
     bag = folder / "bag"
     if in_process:
         outcome = _in_process(trial, crew, bag, metadata, progress)

@@ -1,15 +1,15 @@
 """What every node of the bench shares: parameters, QoS, the loop, conversion of messages."""
 
 import gc
+import json
 import os
 import signal
 import sys
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from time import monotonic
 from typing import Any
 
-import numpy as np
 import rclpy
 from builtin_interfaces.msg import Time
 from flexslew_msgs import msg
@@ -26,11 +26,9 @@ from rclpy.task import Future
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.events import Event
-from flexslew_plant.bench.message_fields import event_fields
-from flexslew_plant.bench.wire import Stamp, stamp_of
+from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.settings import flat, load_yaml, plain, validated
-from flexslew_plant.topics import LOOP_DEPTH
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
@@ -43,7 +41,7 @@ _HURRIED = 5.0  # the same when somebody has interrupted it
 # anyone fall behind (Standby). Keeping all in DDS would stop every writer when a reader dies.
 LOOP = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
-    depth=LOOP_DEPTH,
+    depth=4000,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
@@ -157,20 +155,18 @@ def doubles(values: Vector) -> "array[float]":
     return array("d", values.tobytes())
 
 
-def message_of(kind: Any, fields: Mapping[str, Any]) -> Any:
-    """Return a message of ROS with these fields; arrays and stamps become the types of rclpy."""
-    return kind(**{name: _ros_value(value) for name, value in fields.items()})
-
-
-def _ros_value(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return doubles(value)
-    return Time(sec=value.sec, nanosec=value.nanosec) if isinstance(value, Stamp) else value
-
-
 def event_message(event: Event) -> msg.Event:
     """Return the event as a message."""
-    return message_of(msg.Event, event_fields(event))
+    return msg.Event(
+        stamp=stamp(event.time),
+        tick=event.tick,
+        epoch=event.epoch,
+        level=int(event.level),
+        source=event.source,
+        kind=event.kind,
+        message=event.message,
+        data=json.dumps(event.data),
+    )
 
 
 class Loop:

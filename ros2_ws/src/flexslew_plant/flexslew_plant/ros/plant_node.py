@@ -9,16 +9,15 @@ from flexslew_plant import topics
 from flexslew_plant.bench.backlog import Standby
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.bench.events import Event, Level
-from flexslew_plant.bench.message_fields import testbed_fields, truth_fields
 from flexslew_plant.bench.pacing import Pacing
 from flexslew_plant.bench.wire import command_from, measurement_bytes
 from flexslew_plant.ros.display import Display
 from flexslew_plant.ros.node import (
     LOOP,
     Loop,
+    doubles,
     event_message,
     latched,
-    message_of,
     new_node,
     run_node,
     settings_of,
@@ -182,7 +181,16 @@ class Plant:
             return
         self._shown = truth.epoch, truth.tick
         if self._settings.truth:
-            message = message_of(msg.PlantState, truth_fields(truth))
+            message = msg.PlantState(
+                tick=truth.tick,
+                epoch=truth.epoch,
+                position=doubles(truth.position),
+                velocity=doubles(truth.velocity),
+                applied_effort=doubles(truth.applied_effort),
+                disturbance=doubles(truth.disturbance),
+                tip_deflection=doubles(truth.tip_deflection),
+                energy=truth.energy,
+            )
             message.header.stamp = stamp(truth.time)
             self._truth.publish(message)
         self._display.show(truth)
@@ -278,8 +286,17 @@ class Plant:
         return True, f"flying {self._steps_left} ticks"
 
     def _testbed_message(self) -> msg.Testbed:
-        settings = yaml_text(plain(self._settings))
-        return message_of(msg.Testbed, testbed_fields(self.bench, settings))
+        bench, settings = self.bench, self._settings
+        return msg.Testbed(
+            kind=settings.bench.testbed.kind,
+            joint_names=list(bench.model.joint_names),
+            joint_units=list(bench.model.joint_units),
+            appendage_names=list(bench.appendages.names),
+            modes=bench.model.modes,
+            period=settings.bench.period,
+            effort_limit=doubles(bench.limit),
+            settings=yaml_text(plain(settings)),
+        )
 
 
 def main() -> None:

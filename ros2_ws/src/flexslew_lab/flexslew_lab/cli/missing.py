@@ -1,0 +1,37 @@
+"""What to do where a package is not installed: ROS 2, or an extra of the installation by pip."""
+
+from importlib.util import find_spec
+
+from flexslew_plant.errors import BadInput
+
+ROS = frozenset(
+    {
+        *("rclpy", "flexslew_msgs", "builtin_interfaces", "geometry_msgs", "rcl_interfaces"),
+        *("rosgraph_msgs", "sensor_msgs", "std_msgs", "std_srvs", "tf2_msgs", "visualization_msgs"),
+    }
+)
+EXTRAS = {"casadi": "casadi", "foxglove": "foxglove", "pandas": "pandas", "pyarrow": "export"}
+WITHOUT_ROS = (
+    "ROS 2 is not installed here: fly with --in-process, or use ./flexslew of a checkout, which "
+    "sets ROS 2 up"
+)
+
+
+def remedy(error: ModuleNotFoundError) -> str:
+    """Return one line that says what to do about a missing package; empty where nobody knows."""
+    package = (error.name or "").partition(".")[0]
+    if package in ROS:
+        return WITHOUT_ROS
+    if package in EXTRAS:
+        return f"the package {package} is missing; pip install 'flexslew[{EXTRAS[package]}]'"
+    return ""
+
+
+def require_ros() -> None:
+    """Refuse where ROS 2 or the messages of the bench are not installed.
+
+    Raises:
+        BadInput: one of them is missing.
+    """
+    if any(find_spec(package) is None for package in ("rclpy", "flexslew_msgs")):
+        raise BadInput(WITHOUT_ROS)

@@ -1,0 +1,171 @@
+"""The bench in a few lines of a notebook: build a trial, fly it in process, get arrays, plot them.
+
+from flexslew_lab.notebook import fly, trial
+
+flight = fly(trial("m1", {"testbed.modes": 5}))
+flight["position.base_yaw"], flight.units["position.base_yaw"]
+flight.plot("position", "tip")
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
+from flexslew_lab.report.metrics import metrics_from
+from flexslew_lab.report.signals import read_signals
+from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.trial import DEFAULT, Trial, parse_trial
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml, yaml_text
+
+if TYPE_CHECKING:
+    import pandas
+    import plotly.graph_objects
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What a run was: every signal over the ticks of the truth, by name and with its unit.
+
+    Signals are called `quantity.joint`, `quantity.mode_1` or `tip.appendage`; `energy` stands
+    alone. Where a signal has no value at a tick (nobody answered, say) it is NaN.
+    """
+
+    trial: dict[str, Any]  # the keys of the trial with every default written out
+    metrics: dict[str, Any]  # the content of metrics.json
+    events: tuple[LoggedEvent, ...]
+    time: Vector  # simulated, of every tick, (ticks,) [s]
+    signals: dict[str, Vector]  # by name, each (ticks,)
+    units: dict[str, str]  # by name
+
+    def __getitem__(self, name: str) -> Vector | Matrix:
+        """Return the signal `name`, (ticks,), or all of a quantity side by side, (ticks, n).
+
+        Raises:
+            KeyError: there is no such signal; it says which there are.
+        """
+        if name in self.signals:
+            return self.signals[name]
+        return np.column_stack([self.signals[full] for full in self.names(name)])
+
+    def names(self, quantity: str) -> tuple[str, ...]:
+        """Return the signals of a quantity (position, effort, ...), or the one of that name.
+
+        Raises:
+            KeyError: there is no such signal; it says which there are.
+        """
+        found = [n for n in self.signals if n == quantity or n.startswith(f"{quantity}.")]
+        if not found:
+            raise KeyError(f"{quantity} is not a signal; there are {', '.join(self.signals)}")
+        return tuple(found)
+
+    def frame(self) -> pandas.DataFrame:
+        """Return all signals as a pandas DataFrame over the time [s], units in `attrs`.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed.
+        """
+        import pandas
+
+        frame = pandas.DataFrame(self.signals, index=pandas.Index(self.time, name="time"))
+        frame.attrs["units"] = {"time": "s", **self.units}
+        return frame
+
+    def plot(self, *quantities: str) -> plotly.graph_objects.Figure:
+        """Return a Plotly figure, one panel per quantity over the same time axis.
+
+        Args:
+            quantities: as for `names`; without any: position, tip and effort.
+
+        Raises:
+            KeyError: there is no such signal.
+        """
+        from plotly.graph_objects import Scatter
+        from plotly.subplots import make_subplots
+
+        panels = quantities or ("position", "tip", "effort")
+        figure = make_subplots(rows=len(panels), shared_xaxes=True, vertical_spacing=0.06)
+        for row, quantity in enumerate(panels, 1):
+            names = self.names(quantity)
+            for name in names:
+                figure.add_trace(Scatter(x=self.time, y=self.signals[name], name=name), row, 1)
+            units = ", ".join(dict.fromkeys(self.units[name] for name in names))
+            figure.update_yaxes(title_text=f"{quantity} [{units}]", row=row, col=1)
+        figure.update_xaxes(title_text="time [s]", row=len(panels), col=1)
+        figure.update_layout(height=80 + 220 * len(panels), template="plotly_white")
+        return figure
+
+
+def trial(
+    source: str | Path | Mapping[str, Any] = "m1", changes: Mapping[str, Any] | None = None
+) -> Trial:
+    """Return a trial, validated as the command line does it.
+
+    Args:
+        source: the name of a shipped trial, a file, or the keys of a trial file.
+        changes: path to value, for example {"testbed.modes": 5, "plan.goal.hub_pitch": 0.8}.
+
+    Raises:
+        BadInput: no such trial, or one of its values is not allowed.
+    """
+    label, values = _keys(source)
+    return parse_trial(yaml_text(overridden(values, dict(changes or {}))), label)
+
+
+def fly(what: Trial, folder: Path | None = None) -> Flight:
+    """Return the flight of a trial in process, without ROS.
+
+    Args:
+        what: as from `trial`.
+        folder: of the run, with bag, metrics.json and report.html; None: nothing stays on disk.
+
+    Raises:
+        BadInput, PlanFailed: before anything was written.
+    """
+    if folder is not None:
+        return read(run_trial(what, "notebook", folder, in_process=True).folder)
+    with tempfile.TemporaryDirectory() as passing:
+        result = run_trial(what, "notebook", Path(passing, "run"), in_process=True, report=False)
+        return read(result.folder)
+
+
+def read(run: Path | str) -> Flight:
+    """Return a flight that was recorded before, in process or over ROS 2.
+
+    Args:
+        run: the folder of the run, its bag, or an .mcap file.
+
+    Raises:
+        BadInput: there is no bag, or it is damaged.
+    """
+    path = Path(run)
+    bag = BagReader(path / "bag" if (path / "bag").is_dir() else path)
+    signals = read_signals(bag)
+    keys = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
+    events = bag.overview.events
+    return Flight(keys, metrics_from(bag), events, signals.time, signals.values, signals.units)
+
+
+def _keys(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return a name for messages and the keys of a trial."""
+    if isinstance(source, Mapping):
+        return "trial", dict(source)
+    shipped = DEFAULT.parent / f"{source}.yaml"
+    path = shipped if shipped.is_file() else Path(source)
+    try:
+        values = load_yaml(path.read_text(), str(path))
+    except (OSError, UnicodeDecodeError):
+        names = ", ".join(sorted(found.stem for found in DEFAULT.parent.glob("*.yaml")))
+        raise BadInput(f"{source}: cannot be read; trials by name: {names}") from None
+    if not isinstance(values, dict):
+        raise BadInput(f"{path}: holds no keys")
+    return str(path), values

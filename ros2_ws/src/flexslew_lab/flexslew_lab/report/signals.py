@@ -1,0 +1,127 @@
+"""Every signal of a run as an array over the ticks of its truth, with name and unit."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_lab.log.bag_reader import BagReader, Overview
+from flexslew_lab.report.metrics import joint_names_of
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+
+# name of a signal: its topic, the field of the message, what its columns are named after
+_FIELDS = {
+    "position": ("/truth", "position", "coordinates"),
+    "velocity": ("/truth", "velocity", "coordinates"),
+    "effort": ("/truth", "applied_effort", "efforts"),
+    "disturbance": ("/truth", "disturbance", "efforts"),
+    "tip": ("/truth", "tip_deflection", "appendages"),
+    "energy": ("/truth", "energy", ""),
+    "measured": ("/measurement", "joint_position", "coordinates"),
+    "reference": ("/controller_state", "reference_position", "coordinates"),
+    "feedforward": ("/controller_state", "feedforward", "efforts"),
+    "demand": ("/controller_state", "effort", "efforts"),
+    "estimate": ("/controller_state", "estimate_position", "coordinates"),
+}
+
+
+class Signals(NamedTuple):
+    """Arrays of one length; NaN where a signal has no value at a tick."""
+
+    time: Vector  # simulated, of every tick, (ticks,) [s]
+    values: dict[str, Vector]  # by name, each (ticks,)
+    units: dict[str, str]  # by name
+
+
+def read_signals(bag: BagReader) -> Signals:
+    """Return all signals of a bag, whole in memory.
+
+    Raises:
+        BadInput: the bag is damaged, or holds no truth.
+    """
+    columns = _columns(bag)
+    truth = columns.get("/truth", {})
+    if not truth:
+        raise BadInput(f"{bag.path}: holds no truth")
+    ticks = _keys_of_ticks(truth)
+    labels = _labels(bag.overview, truth["applied_effort"].shape[1])
+    values: dict[str, Vector] = {}
+    units: dict[str, str] = {}
+    for quantity, (topic, field, kind) in _FIELDS.items():
+        if topic not in columns:
+            continue
+        found = columns[topic][field]
+        rows = _at(ticks, _keys_of_ticks(columns[topic]), found.reshape(len(found), -1))
+        for k, column in enumerate(rows.T):
+            name, unit = labels[kind](k)
+            full = f"{quantity}.{name}" if name else quantity
+            values[full] = np.ascontiguousarray(column)
+            units[full] = f"{unit}/s" if quantity == "velocity" else unit
+    time = truth["header.stamp.sec"] + truth["header.stamp.nanosec"] * 1e-9
+    return Signals(time, values, units)
+
+
+def _columns(bag: BagReader) -> dict[str, dict[str, Any]]:
+    """Return the fields of the topics as arrays, (messages, entries), by topic."""
+    fields: dict[str, set[str]] = {}
+    for topic, field, _ in _FIELDS.values():
+        fields.setdefault(topic, {"tick", "epoch"}).add(field)
+    fields["/truth"] |= {"header.stamp.sec", "header.stamp.nanosec"}
+    parts: dict[str, dict[str, list[Any]]] = {}
+    for block in bag.blocks(list(fields)):
+        found = parts.setdefault(block.topic, {})
+        for field in fields[block.topic]:
+            found.setdefault(field, []).append(np.asarray(block.columns[field]))
+    return {
+        topic: {field: _joined(pieces) for field, pieces in found.items()}
+        for topic, found in parts.items()
+    }
+
+
+def _joined(pieces: list[Any]) -> Any:
+    """Return blocks one below the other; narrower ones are filled up with NaN."""
+    if pieces[0].ndim == 1:
+        return np.concatenate(pieces)
+    width = max(piece.shape[1] for piece in pieces)
+    wide = [np.full((len(piece), width), np.nan) for piece in pieces]
+    for target, piece in zip(wide, pieces, strict=True):
+        target[:, : piece.shape[1]] = piece
+    return np.concatenate(wide)
+
+
+def _keys_of_ticks(columns: dict[str, Any]) -> Any:
+    """Return one rising number per epoch and tick."""
+    return columns["epoch"].astype(np.int64) << 40 | columns["tick"].astype(np.int64)
+
+
+def _at(ticks: Any, own: Any, values: Matrix) -> Matrix:
+    """Return the rows of `values` at the ticks of the truth, NaN where there is none."""
+    rows = np.full((len(ticks), values.shape[1]), np.nan)
+    place = np.minimum(np.searchsorted(ticks, own), len(ticks) - 1)
+    there = ticks[place] == own
+    rows[place[there]] = values[there]
+    return rows
+
+
+def _labels(overview: Overview, efforts: int) -> dict[str, Any]:
+    """Return for each kind of column a function from its number to its name and unit."""
+    joints = joint_names_of(overview, efforts)
+    known = overview.testbed is not None and len(overview.testbed.joint_units) == len(joints)
+    units = tuple(overview.testbed.joint_units) if known else ("rad",) * len(joints)
+    appendages = tuple(overview.testbed.appendage_names) if overview.testbed is not None else ()
+
+    def coordinate(k: int) -> tuple[str, str]:
+        return (joints[k], units[k]) if k < len(joints) else (f"mode_{k - len(joints) + 1}", "m")
+
+    def effort(k: int) -> tuple[str, str]:
+        return joints[k], "N" if units[k] == "m" else "N m"
+
+    def appendage(k: int) -> tuple[str, str]:
+        return appendages[k] if k < len(appendages) else f"appendage_{k + 1}", "m"
+
+    return {
+        "coordinates": coordinate,
+        "efforts": effort,
+        "appendages": appendage,
+        "": lambda k: ("", "J"),
+    }

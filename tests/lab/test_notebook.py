@@ -1,0 +1,133 @@
+"""The facade for notebooks: trials by name, file and keys; arrays with names and units."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_lab.notebook import Flight, fly, read, trial
+from flexslew_lab.trial.run import run_trial
+from flexslew_plant.errors import BadInput
+
+SHORT: dict[str, Any] = {
+    "duration": 3.0,
+    "plan": {
+        "method": "reference_only",
+        "goal": {"base_yaw": 0.1, "hub_pitch": 0.05},
+        "duration": 2.0,
+    },
+    "schedule": [{"at": 1.0, "until": 1.5, "disturbance": {"hub_pitch": 2.0}}],
+}
+
+
+@pytest.fixture(scope="module")
+def flight() -> Flight:
+    return fly(trial(SHORT))
+
+
+def test_a_trial_comes_by_name_by_file_and_by_its_keys(tmp_path: Path) -> None:
+    file = tmp_path / "my.yaml"
+    file.write_text("duration: 7.0\n")
+    assert trial("m1").name == "m1"
+    assert trial(file).duration == 7.0
+    assert trial(str(file), {"testbed.modes": 2}).testbed.modes == 2
+    assert trial(SHORT, {"duration": 4.0}).duration == 4.0
+    assert SHORT["duration"] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("source", "changes", "named"),
+    [
+        ("no_such_trial", {}, "m1"),
+        (SHORT, {"testbed.wings": 2}, "testbed.wings"),
+        (SHORT, {"duration": -1.0}, "duration"),
+    ],
+)
+def test_a_wrong_trial_is_one_line(source: Any, changes: dict[str, Any], named: str) -> None:
+    with pytest.raises(BadInput) as refused:
+        trial(source, changes)
+    assert named in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_every_signal_has_a_unit_and_a_value_per_tick(flight: Flight) -> None:
+    assert flight.units.keys() == flight.signals.keys()
+    assert flight.time == pytest.approx(np.arange(301) * 0.01, abs=1e-12)
+    assert {len(values) for values in flight.signals.values()} == {301}
+    assert flight.units["position.base_yaw"] == "rad"
+    assert flight.units["velocity.mode_1"] == "m/s"
+    assert flight.units["effort.hub_pitch"] == "N m"
+    assert flight.units["energy"] == "J"
+
+
+def test_signals_are_what_the_bench_did(flight: Flight) -> None:
+    assert flight["position.base_yaw"][0] == 0.0
+    assert flight["reference.base_yaw"][250] == pytest.approx(0.1)
+    # /truth carries what acted during the tick that ended; 1.0 s to 1.5 s are ticks 101 to 150
+    pushed = np.flatnonzero(flight["disturbance.hub_pitch"])
+    assert (pushed[0], pushed[-1]) == (101, 150)
+    assert flight["disturbance"].shape == (301, 2)
+    change = np.gradient(flight["position.hub_pitch"], flight.time)
+    assert change[5:-5] == pytest.approx(flight["velocity.hub_pitch"][5:-5], abs=1e-4)
+    # the answer of tick k acts during the tick after it
+    assert np.array_equal(flight["demand.hub_pitch"][:-1], flight["effort.hub_pitch"][1:])
+    assert np.isnan(flight["demand.hub_pitch"][-1])  # nobody is asked at the last tick
+    assert flight.metrics["ticks"] == 300
+    assert flight.trial["duration"] == 3.0
+    assert [event.kind for event in flight.events].count("disturbance") >= 1
+
+
+def test_an_unknown_signal_is_told_with_those_that_there_are(flight: Flight) -> None:
+    with pytest.raises(KeyError, match=r"attitude is not a signal; there are position\.base_yaw"):
+        flight["attitude"]
+
+
+def test_a_folder_keeps_the_run_and_is_read_again(flight: Flight, tmp_path: Path) -> None:
+    kept = fly(trial(SHORT), tmp_path / "run")
+    assert (tmp_path / "run" / "report.html").is_file()
+    assert kept.metrics["trajectory_hash"] == flight.metrics["trajectory_hash"]
+    again = read(str(tmp_path / "run" / "bag"))
+    for name, values in kept.signals.items():
+        assert np.array_equal(values, again.signals[name], equal_nan=True)
+
+
+def test_estimates_of_different_size_stand_beside_each_other(tmp_path: Path) -> None:
+    keys = {
+        **SHORT,
+        "controllers": {"pd_feedforward": {}, "proportional_integral": {}},
+        "schedule": [{"at": 2.0, "switch": "proportional_integral"}],
+    }
+    run_trial(trial(keys), "test", tmp_path / "run", in_process=True, report=False)
+    flown = read(tmp_path / "run")
+    assert not np.isnan(flown["estimate.base_yaw"][:300]).any()
+    assert np.isnan(flown["estimate.mode_1"][:200]).all()
+    assert not np.isnan(flown["estimate.mode_1"][200:300]).any()
+
+
+def test_a_figure_has_a_panel_per_quantity_with_its_unit(flight: Flight) -> None:
+    figure = flight.plot("position", "effort.base_yaw")
+    names = [trace.name for trace in figure.data]
+    assert names[:2] == ["position.base_yaw", "position.hub_pitch"]
+    assert names[-1] == "effort.base_yaw"
+    assert figure.layout.yaxis.title.text == "position [rad, m]"
+    assert figure.layout.yaxis2.title.text == "effort.base_yaw [N m]"
+    assert np.array_equal(figure.data[0].y, flight["position.base_yaw"])
+    assert len(flight.plot().data) > 4
+
+
+def test_a_data_frame_has_the_time_as_index_and_the_units(flight: Flight) -> None:
+    pytest.importorskip("pandas")
+    frame = flight.frame()
+    assert frame.index.name == "time"
+    assert list(frame.columns) == list(flight.signals)
+    assert frame.attrs["units"]["tip." + flight.names("tip")[0].partition(".")[2]] == "m"
+
+
+def test_without_pandas_the_arrays_are_there_and_the_frame_says_what_is_missing(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ModuleNotFoundError, match="pandas"):
+        flight.frame()
