@@ -26,7 +26,7 @@ def ping_pong(side: str) -> None:
     from flexslew_msgs import msg
     from rclpy.experimental import EventsExecutor
 
-    from flexslew_plant.ros.node import LOOP
+    from flexslew_plant.topics import LOOP_DEPTH
 
     rclpy.init()
     node = rclpy.create_node(side)
@@ -34,7 +34,7 @@ def ping_pong(side: str) -> None:
     executor.add_node(node)
     two = array("d", [0.0, 0.0])
     if side == "pong":
-        answer = node.create_publisher(msg.EffortCommand, "pong", LOOP)
+        answer = node.create_publisher(msg.EffortCommand, "pong", LOOP_DEPTH)
 
         def pong(question):
             answer.publish(
@@ -43,11 +43,11 @@ def ping_pong(side: str) -> None:
                 )
             )
 
-        node.create_subscription(msg.Measurement, "ping", pong, LOOP)
+        node.create_subscription(msg.Measurement, "ping", pong, LOOP_DEPTH)
         while os.getppid() != 1:
             executor.spin_once(timeout_sec=0.5)
         return
-    ask = node.create_publisher(msg.Measurement, "ping", LOOP)
+    ask = node.create_publisher(msg.Measurement, "ping", LOOP_DEPTH)
     count = 0
 
     def question():
@@ -67,7 +67,7 @@ def ping_pong(side: str) -> None:
         if count < TICKS:
             ask.publish(question())
 
-    heard = node.create_subscription(msg.EffortCommand, "pong", again, LOOP)
+    heard = node.create_subscription(msg.EffortCommand, "pong", again, LOOP_DEPTH)
     while not (ask.get_subscription_count() and heard.get_publisher_count()):
         executor.spin_once(timeout_sec=0.05)
     start = perf_counter()
@@ -99,7 +99,7 @@ def _ours(trial: Trial, record: bool, together: bool = False) -> float:
         parameters = folder / "parameters.yaml"
         parameters.write_text(parameter_file(processes))
         if together:
-            processes = [NodeProcess("", "flexslew_lab", "sweep", {})]
+            processes = [NodeProcess("", "flexslew_lab", "single_process", {})]
         said = folder / "nodes.log"
         supervisor = Supervisor(processes, parameters, said, domain, lambda tick, last: None)
         outcome = supervisor.run()
@@ -114,7 +114,7 @@ def _ours(trial: Trial, record: bool, together: bool = False) -> float:
 def figures() -> dict[str, float]:
     """Return ticks per second, medians of interleaved runs, and their ratios to the floor."""
     bare = Trial(duration=TICKS * 0.01, display_rate=0.0)
-    crew = Trial(
+    several = Trial(
         duration=TICKS * 0.01,
         display_rate=0.0,
         controllers={"pd_feedforward": {}, "output_feedback": {}, "proportional_integral": {}},
@@ -126,7 +126,7 @@ def figures() -> dict[str, float]:
         runs.setdefault("lockstep_floor_ticks_per_s", []).append(_floor())
         runs.setdefault("lockstep_ticks_per_s", []).append(_ours(bare, record=True))
         runs.setdefault("output_feedback_ticks_per_s", []).append(_ours(estimated, record=True))
-        runs.setdefault("three_controllers_ticks_per_s", []).append(_ours(crew, record=True))
+        runs.setdefault("three_controllers_ticks_per_s", []).append(_ours(several, record=True))
         runs.setdefault("one_process_ticks_per_s", []).append(_ours(bare, False, together=True))
     result = {name: median(values) for name, values in runs.items()}
     floor, rate = result["lockstep_floor_ticks_per_s"], result["lockstep_ticks_per_s"]

@@ -5,15 +5,18 @@ from array import array
 from flexslew_msgs import msg
 
 from flexslew_plant import topics
-from flexslew_plant.ros.node import LOOP, PlantWatch, new_node, run_node
+from flexslew_plant.ros.graph import PlantWatch
+from flexslew_plant.ros.loop import run_node
+from flexslew_plant.ros.offers import publisher, subscription
+from flexslew_plant.ros.parameters import new_node
 
 
 class Intruder:
     def __init__(self, loop):
         self.node = new_node("intruder")
         loop.add(self.node)
-        self._lies = self.node.create_publisher(msg.EffortCommand, topics.EFFORT_COMMAND, LOOP)
-        heard = self.node.create_subscription(msg.Measurement, topics.MEASUREMENT, self._lie, LOOP)
+        self._lies = publisher(self.node, topics.EFFORT_COMMAND)
+        heard = subscription(self.node, topics.MEASUREMENT, self._lie)
         self._watch = PlantWatch(loop, heard, True)
 
     def _lie(self, question):

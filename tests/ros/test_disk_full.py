@@ -14,7 +14,8 @@ from flexslew_lab.log.bag_writer import RecordingStopped
 from flexslew_lab.log.check import check_log
 from flexslew_lab.log.recover import recover
 from flexslew_lab.report.metrics import metrics_of
-from flexslew_plant.ros.node import latched
+from flexslew_plant.ros.offers import qos
+from flexslew_plant.topics import EVENTS, TOPICS
 
 from .flight import Flight, slew
 
@@ -61,8 +62,9 @@ def hear(kind: str, pid: int) -> list[str]:
     node = rclpy.create_node("bystander")
     found: list[str] = []
     try:
+        events = qos(TOPICS[EVENTS])
         node.create_subscription(
-            Event, "/events", lambda e: e.kind == kind and found.append(e.message), latched(1000)
+            Event, "/events", lambda e: e.kind == kind and found.append(e.message), events
         )
         while not found and Path(f"/proc/{pid}").exists():
             rclpy.spin_once(node, timeout_sec=0.2)

@@ -11,7 +11,9 @@ from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
 from flexslew_lab.trial.domain import own_domain
-from flexslew_plant.ros.node import latched, stamp
+from flexslew_plant.ros.messages import stamp
+from flexslew_plant.ros.offers import qos
+from flexslew_plant.topics import EVENTS, TOPICS
 
 WAIT = 30.0
 
@@ -21,7 +23,7 @@ class Operator:
         self.node = rclpy.create_node("operator")
         self.events = []
         self.truth = None
-        self.node.create_subscription(msg.Event, "events", self.events.append, latched(1000))
+        self.node.create_subscription(msg.Event, "events", self.events.append, qos(TOPICS[EVENTS]))
         self.node.create_subscription(msg.PlantState, "truth", self._see, 10)
 
     def _see(self, truth):

@@ -17,7 +17,8 @@ from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.supervisor import Supervisor
-from flexslew_plant.ros.node import latched
+from flexslew_plant.ros.offers import qos
+from flexslew_plant.topics import EVENTS, TOPICS
 
 from .flight import slew
 
@@ -121,8 +122,8 @@ def late_listener(expected):
     node = rclpy.create_node("late")
     plans, events = [], []
     try:
-        node.create_subscription(Plan, "/plan", plans.append, latched(1000))
-        node.create_subscription(Event, "/events", events.append, latched(1000))
+        node.create_subscription(Plan, "/plan", plans.append, qos(TOPICS[EVENTS]))
+        node.create_subscription(Event, "/events", events.append, qos(TOPICS[EVENTS]))
         client = node.create_client(Trigger, "/plant/pause")
         while not (plans and len([e for e in events if e.source == "plant"]) >= expected):
             rclpy.spin_once(node, timeout_sec=20.0)

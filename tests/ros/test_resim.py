@@ -17,7 +17,7 @@ from flexslew_lab.replay.resim import resim
 from flexslew_lab.ros.operator import switch_controller
 from flexslew_lab.trial.processes import NodeProcess
 from flexslew_plant.errors import BadInput
-from flexslew_plant.ros.node import stamp
+from flexslew_plant.ros.messages import stamp
 
 from .flight import Flight, slew
 
@@ -118,7 +118,7 @@ def guest(name, law, **values):
     """Return a controller that is not in the trial, with a law of the user's own."""
     return NodeProcess(
         name, "flexslew_control", "controller",
-        {"law": law, "wait_for": ["recorder_ears"], "exit_with_plant": True, **values},
+        {"law": law, "wait_for": ["recorder"], "exit_with_plant": True, **values},
     )  # fmt: skip
 
 

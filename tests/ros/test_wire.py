@@ -15,7 +15,7 @@ from flexslew_plant.bench.wire import (
     measurement_bytes,
     measurement_from,
 )
-from flexslew_plant.ros.node import stamp
+from flexslew_plant.ros.messages import stamp
 
 NAMES = ("", "a", "pd_feedforward", "an_even_longer_name")
 ARRAYS = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature", "applied_effort")

@@ -24,7 +24,7 @@ setup(
         "console_scripts": [
             "planner = flexslew_control.ros.planner_node:main",
             "controller = flexslew_control.ros.controller_node:main",
-            *(f"{name} = flexslew_control.ros.controller_node:{name}" for name in CONTROLLERS),
+            *(f"{name} = flexslew_control.ros.controller_node:main" for name in CONTROLLERS),
         ]
     },
 )

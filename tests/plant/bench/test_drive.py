@@ -30,7 +30,7 @@ def answered_once(**more):
 
 WRONG = {
     "sender": {"controller": "b"},
-    "stale": {"tick": 0},
+    "stale": {"tick": 0, "effort": 2.0 * GOOD},
     "size": {"effort": np.zeros(3)},
     "finite": {"effort": np.array([np.nan, 0.0])},
 }
@@ -105,6 +105,18 @@ def test_silence_goes_to_the_fallbacks_in_turn_and_then_to_the_brake():
     assert [(e.kind, e.data["to"]) for e in faults] == [
         ("fallback", "b"), ("fallback", "c"), ("brake", ""),
     ]  # fmt: skip
+
+
+def test_a_repeated_answer_is_no_wrong_one():
+    bed = bench()
+    again = command(bed)
+    for _ in range(3):
+        bed.offer(command(bed))
+        bed.advance()
+    bed.events.clear()
+    assert not bed.offer(again)  # its question had been repeated
+    assert not bed.drive.rejected
+    assert not bed.events
 
 
 def test_an_answer_in_between_starts_the_count_anew():

@@ -3,7 +3,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from flexslew_plant.bench.backlog import Standby
+from flexslew_plant.bench.backlog import Backlog
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
 from flexslew_plant.bench.events import Level
 from flexslew_plant.bench.measurement import EffortCommand
@@ -322,7 +322,7 @@ def test_an_injected_fault_does_what_a_scheduled_one_does():
 
     answers = []
     run, scheduled = Run(settings(), meanwhile=inject), with_fault("command_lost")
-    assert answers[0] == (True, "command_lost at tick 200", 200)
+    assert answers[0] == (True, "command_lost 0 at tick 200", 200, 0)
     assert np.array_equal(run.states, scheduled.states)
     (wish,) = run.of("injected")
     assert wish.data["start"] == 200
@@ -331,17 +331,48 @@ def test_an_injected_fault_does_what_a_scheduled_one_does():
 
 def test_an_injected_disturbance_begins_at_the_next_tick():
     bench = Bench(settings())
-    assert bench.inject("disturbance: {base_yaw: 4.0}") == (True, "disturbance at tick 1", 1)
+    assert bench.inject("disturbance: {base_yaw: 4.0}") == (True, "disturbance 0 at tick 1", 1, 0)
     bench.advance()
     assert not bench.truth().disturbance.any()
     bench.advance()
     assert bench.truth().disturbance.tolist() == [4.0, 0.0]
 
 
+def test_what_acts_can_be_ended_by_its_number_and_ends_with_the_next_tick():
+    bench = Bench(settings(FAULTS["actuator_gain"], max_missed=100))
+    bench.inject("disturbance: {base_yaw: 4.0}")
+    bench.inject("{kind: command_lost}")
+    bench.inject("{kind: command_lost}", 50)
+    assert [fault.number for fault in bench.active_faults()] == [0, 1, 2, 3]
+    assert bench.active_faults()[3].start == 50
+    for _ in range(10):
+        bench.advance()
+    for number in (1, 2, 3):
+        assert bench.end_fault(number, "me") == (
+            True, f"fault or disturbance {number} ends at tick 11", 11, number,
+        )  # fmt: skip
+    refused = bench.end_fault(1)
+    assert (refused.ok, refused.message) == (
+        False, "nothing with number 1 acts or will; numbers: 0",
+    )  # fmt: skip
+    bench.advance()
+    assert bench.truth().disturbance.tolist() == [4.0, 0.0]
+    for _ in range(60):
+        missed = bench.drive.missed
+        bench.offer(pd("first")(bench.question))
+        bench.advance()
+        assert bench.drive.missed == missed
+        assert bench.truth().disturbance.tolist() == [0.0, 0.0]
+    ended = [e for e in bench.events if e.kind == "fault" and not e.data["on"]]
+    assert [event.tick for event in ended] == [11]
+    assert [e.data["who"] for e in bench.events if e.kind == "fault_ended"] == ["me"] * 3
+
+
 def test_a_reset_forgets_what_was_injected_and_keeps_what_was_scheduled():
     bench = Bench(settings(FAULTS["actuator_gain"]))
     bench.inject("{kind: command_lost}")
     bench.reset()
+    bench.events.clear()
     for _ in range(AT_TICK + 1):
         bench.offer(pd("first")(bench.question))
         assert bench.drive.missed == 0
@@ -366,7 +397,7 @@ def test_a_reset_forgets_what_was_injected_and_keeps_what_was_scheduled():
 )
 def test_a_wrong_fault_is_refused_in_one_line_and_changes_nothing(text, word):
     bench = Bench(settings())
-    ok, message, _ = bench.inject(text)
+    ok, message, *_ = bench.inject(text)
     assert not ok
     assert word in message
     assert "\n" not in message
@@ -390,23 +421,23 @@ def test_settings_with_faults_survive_yaml():
     assert again == given
 
 
-def test_the_plant_holds_back_for_a_slow_standby_but_not_for_a_dead_one():
-    standby = Standby(patience=2.0)
-    standby.heard("slow", 0, 0)
-    assert standby.slow(1000, 0, now=0.0) == []
-    assert standby.slow(1001, 0, now=0.0) == ["slow"]
-    standby.heard("slow", 100, 0)
-    assert standby.slow(1001, 0, now=1.9) == []
-    assert standby.slow(1101, 0, now=2.0) == ["slow"]
-    assert standby.slow(1101, 0, now=4.1) == []  # given up
-    assert "tick 100" in standby.reason("slow", 1101, 0)
-    standby.heard("slow", 200, 0)
-    assert standby.reason("slow", 1101, 0) == ""
+def test_the_plant_holds_back_for_a_slow_controller_but_not_for_a_dead_one():
+    backlog = Backlog(patience=2.0)
+    backlog.heard("slow", 0, 0)
+    assert backlog.slow(1000, 0, now=0.0) == []
+    assert backlog.slow(1001, 0, now=0.0) == ["slow"]
+    backlog.heard("slow", 100, 0)
+    assert backlog.slow(1001, 0, now=1.9) == []
+    assert backlog.slow(1101, 0, now=2.0) == ["slow"]
+    assert backlog.slow(1101, 0, now=4.1) == []  # given up
+    assert "tick 100" in backlog.reason("slow", 1101, 0)
+    backlog.heard("slow", 200, 0)
+    assert backlog.reason("slow", 1101, 0) == ""
 
 
 def test_a_paced_plant_does_not_wait_but_says_who_is_behind():
-    standby = Standby(paced=True)
-    standby.heard("slow", 10, 0)
-    assert standby.slow(5000, 0, now=0.0) == []
-    assert standby.reason("slow", 5000, 0) == "it has seen tick 10, the bench is at 5000"
-    assert standby.reason("slow", 900, 1) == ""  # a new epoch counts from its own tick 0
+    backlog = Backlog(paced=True)
+    backlog.heard("slow", 10, 0)
+    assert backlog.slow(5000, 0, now=0.0) == []
+    assert backlog.reason("slow", 5000, 0) == "it has seen tick 10, the bench is at 5000"
+    assert backlog.reason("slow", 900, 1) == ""  # a new epoch counts from its own tick 0

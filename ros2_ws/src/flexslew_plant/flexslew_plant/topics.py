@@ -1,4 +1,24 @@
-"""The names on the graph, in one place. Relative but for those that ROS keeps global."""
+"""The names, types and QoS of everything on the graph, in one place.
+
+Names are relative, so a namespace holds a whole bench; only what ROS keeps global is not.
+"""
+
+from typing import NamedTuple
+
+
+class Topic(NamedTuple):
+    """What a topic carries and how it is offered; every offer is reliable unless said."""
+
+    name: str  # relative to the namespace; absolute what ROS keeps global
+    type: str
+    depth: int
+    latched: bool = False  # a late subscriber gets the last `depth` samples
+    reliable: bool = True
+
+
+# Nothing on the loop may be lost: reliable, and deeper than the 1,000 ticks by which the plant lets
+# anyone fall behind (Backlog). Keeping all in DDS would stop every writer when a reader dies.
+LOOP_DEPTH = 4000
 
 MEASUREMENT = "measurement"
 EFFORT_COMMAND = "effort_command"
@@ -6,6 +26,8 @@ TRUTH = "truth"
 CONTROLLER_STATE = "controller_state"
 CONTROLLER_STATUS = "controller_status"
 RECORDER_STATUS = "recorder_status"
+ALIVE = "alive"
+BENCH_STATE = "bench_state"
 TESTBED = "testbed"
 PLAN = "plan"
 EVENTS = "events"
@@ -14,11 +36,45 @@ APPENDAGE_STATES = "appendage_states"
 MARKERS = "markers"
 ROBOT_DESCRIPTION = "robot_description"
 TF = "/tf"
+TF_STATIC = "/tf_static"
 CLOCK = "/clock"
 ROSOUT = "/rosout"
 
+TOPICS: dict[str, Topic] = {
+    topic.name: topic
+    for topic in (
+        Topic(MEASUREMENT, "flexslew_msgs/msg/Measurement", LOOP_DEPTH),
+        Topic(EFFORT_COMMAND, "flexslew_msgs/msg/EffortCommand", LOOP_DEPTH),
+        Topic(TRUTH, "flexslew_msgs/msg/PlantState", LOOP_DEPTH),
+        Topic(CONTROLLER_STATE, "flexslew_msgs/msg/ControllerState", LOOP_DEPTH),
+        Topic(CONTROLLER_STATUS, "flexslew_msgs/msg/ControllerStatus", 1, latched=True),
+        Topic(RECORDER_STATUS, "flexslew_msgs/msg/RecorderStatus", 1, latched=True),
+        Topic(ALIVE, "flexslew_msgs/msg/Alive", 20, reliable=False),
+        Topic(BENCH_STATE, "flexslew_msgs/msg/BenchState", 1, latched=True),
+        Topic(PLAN, "flexslew_msgs/msg/Plan", 1, latched=True),
+        Topic(TESTBED, "flexslew_msgs/msg/Testbed", 1, latched=True),
+        Topic(EVENTS, "flexslew_msgs/msg/Event", 1000, latched=True),
+        Topic(JOINT_STATES, "sensor_msgs/msg/JointState", LOOP_DEPTH),
+        Topic(APPENDAGE_STATES, "flexslew_msgs/msg/AppendageState", LOOP_DEPTH),
+        Topic(TF, "tf2_msgs/msg/TFMessage", LOOP_DEPTH),
+        Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", 1, latched=True),
+        Topic(ROBOT_DESCRIPTION, "std_msgs/msg/String", 1, latched=True),
+        Topic(MARKERS, "visualization_msgs/msg/MarkerArray", LOOP_DEPTH),
+        Topic(CLOCK, "rosgraph_msgs/msg/Clock", LOOP_DEPTH),
+        Topic(ROSOUT, "rcl_interfaces/msg/Log", 1000, latched=True),
+    )
+}
+
+# They tell of this moment of the wall clock; what of it changes a run is an event.
+NOT_RECORDED = (ALIVE, BENCH_STATE, RECORDER_STATUS)
+
 START, PAUSE, STEP, RESET = "start", "pause", "step", "reset"
+BRAKE, RELEASE_BRAKE = "brake", "release_brake"
+OPERATE = "operate"
+SET_RATE = "set_rate"
+NOTE = "note"
 SWITCH_CONTROLLER = "switch_controller"
 LIST_CONTROLLERS = "list_controllers"
-INJECT_FAULT = "inject_fault"
+INJECT_FAULT, END_FAULT = "inject_fault", "end_fault"
+TUNE = "~/tune"  # of each controller
 PLAN_SLEW = "plan_slew"

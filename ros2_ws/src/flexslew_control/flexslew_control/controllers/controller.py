@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from copy import deepcopy
+from dataclasses import fields, is_dataclass
 from math import isfinite
 from typing import NamedTuple
 
@@ -56,6 +57,7 @@ class Controller:
         self._offset: Vector = np.zeros(len(joint_names))  # predecessor minus own effort
         self._handover_tick = 0
         self._hold = self._at_rest(np.zeros(len(joint_names)))
+        self._predecessor: Estimator | None = None  # whose state is taken over
         self._failure = ""  # why the law or its estimator gave up
         self._blind = False  # the estimate is not finite
 
@@ -96,6 +98,15 @@ class Controller:
         self.plan = plan
         return ""
 
+    def succeed(self, other: "Controller") -> None:
+        """Take the place of another design of the same controller from the next measurement on.
+
+        Its plan and what its estimator knows are taken over (where both are of one kind and size;
+        else the estimator starts afresh); its effort is handed over as that of any predecessor.
+        """
+        self.plan, self._hold, self._key = other.plan, other._hold, other._key
+        self._predecessor = other._estimator
+
     def observe(self, measurement: Measurement) -> Answer | None:
         """Return the answer if the measurement names this controller.
 
@@ -124,6 +135,11 @@ class Controller:
                 self._estimator.reset(measurement)
                 self._hold = self._at_rest(measurement.joint_position)
                 self._answered = -1
+            if self._predecessor is not None:
+                self._estimator.reset(measurement)
+                if follows:
+                    _inherit(self._estimator, self._predecessor)
+                self._predecessor = None
             self._estimate = self._estimator.update(measurement)
             if self._blind:  # a filter that has swallowed NaN keeps it: start it afresh
                 self._estimator.reset(measurement)
@@ -182,6 +198,17 @@ class Controller:
     def _at_rest(self, position: Vector) -> Reference:
         rest = np.zeros(len(self.joint_names))
         return Reference(position, rest, rest, np.zeros(0))
+
+
+def _inherit(estimator: Estimator, other: Estimator) -> None:
+    """Copy the state of an estimator into another one of the same kind and size, just reset."""
+    if type(estimator) is not type(other) or not is_dataclass(estimator):
+        return
+    names = [item.name for item in fields(estimator) if not item.init]
+    arrays = [name for name in names if isinstance(getattr(estimator, name), np.ndarray)]
+    if all(getattr(estimator, n).shape == getattr(other, n).shape for n in arrays):
+        for name in names:
+            setattr(estimator, name, getattr(other, name))
 
 
 def _finite(estimate: Estimate) -> bool:

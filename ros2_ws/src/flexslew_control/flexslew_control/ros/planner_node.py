@@ -1,30 +1,33 @@
 """The `planner` node: plans on request (action `plan_slew`) and what its parameters ask for."""
 
+import math
+from pathlib import Path
 from time import monotonic
 from typing import Any
 
 from flexslew_msgs import action, msg
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
+from rclpy.task import Future
 
+from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
-from flexslew_control.planners import PlanSettings, make_plan
-from flexslew_control.ros.plan_message import plan_message
+from flexslew_control.plan_file import load_plan
+from flexslew_control.planning import Iteration, Planning, PlanRequest, Refusal
 from flexslew_plant import topics
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.ros.node import (
-    Loop,
-    PlantWatch,
-    event_message,
-    latched,
-    new_node,
-    run_node,
-    settings_of,
-)
-from flexslew_plant.settings import load_yaml, section, validated
+from flexslew_plant.ros.event_log import EventLog
+from flexslew_plant.ros.graph import PlantWatch
+from flexslew_plant.ros.loop import Loop, run_node
+from flexslew_plant.ros.messages import message_of, seconds_of, stamp
+from flexslew_plant.ros.offers import publisher, subscription
+from flexslew_plant.ros.parameters import new_node, settings_of
+from flexslew_plant.settings import load_yaml, section
 
 _LOOK = 0.2  # between two looks at the graph [wall s]
+_PLANNING = 0.02  # between two looks at the planning process [wall s]
+_CANCELED = Refusal(False, "canceled by the client")
 
 
 @section
@@ -32,27 +35,28 @@ class PlannerSettings:
     """The parameters of the node."""
 
     plan: str = ""  # `plan` section as YAML: planned as soon as the testbed is known; empty: none
+    file: str = ""  # a saved plan to publish instead; empty: none
     exit_with_plant: bool = False  # end the process when the plant is gone
 
 
-class _CanceledError(Exception):
-    """The client has lost interest."""
-
-
 class Planner:
-    """Publishes plans on `plan`, latched."""
+    """Publishes plans on `plan`, latched. It makes one at a time, in a process of its own."""
 
     def __init__(self, loop: Loop) -> None:
+        self.loop = loop
         self.node = node = new_node("planner")
-        loop.add(node)
+        loop.live(node, "planner")
         self._settings: PlannerSettings = settings_of(node, PlannerSettings)
-        self._time = 0.0
+        self._planning = Planning()
+        self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
+        self._done: Future | None = None  # of the plan under way
+        self._bench = msg.BenchState()
+        self._heard = 0.0  # when that came [wall s]
         self._next_look = 0.0
-        self._plan = node.create_publisher(msg.Plan, topics.PLAN, latched(1))
-        self._events = node.create_publisher(msg.Event, topics.EVENTS, latched(100))
-        testbed = node.create_subscription(
-            msg.Testbed, topics.TESTBED, self._on_testbed, latched(1)
-        )
+        self._plan = publisher(node, topics.PLAN)
+        self._events = EventLog(node)
+        testbed = subscription(node, topics.TESTBED, self._on_testbed)
+        subscription(node, topics.BENCH_STATE, self._on_bench)
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         self._server = ActionServer(
             node,
@@ -63,71 +67,113 @@ class Planner:
         )
 
     def poll(self) -> float:
-        """Look for the plant; return the wall seconds until the next look."""
+        """Look for the plant and for plans; return the wall seconds until the next look."""
         now = monotonic()
         if now >= self._next_look:
             self._watch.look()
             self._next_look = now + _LOOK
-        return self._next_look - now
+        if self._done is None:
+            return self._next_look - now
+        for news in self._planning.news():
+            self._take(news)
+        if self._done is not None and self._goal is not None and self._goal.is_cancel_requested:
+            self._planning.cancel()
+            self._take(_CANCELED)
+        return _PLANNING
 
     def close(self) -> None:
         """Leave the graph."""
+        self._planning.close()
         self._server.destroy()
         self.node.destroy_node()
 
-    def _on_testbed(self, testbed: msg.Testbed) -> None:
-        if not self._settings.plan:
+    def _ask(self, request: PlanRequest, goal: ServerGoalHandle | None) -> Future:
+        self._goal, self._done = goal, self.loop.future()
+        self._planning.ask(request)
+        self.loop.hurry()
+        return self._done
+
+    def _take(self, news: Iteration | Plan | Refusal) -> None:
+        """Take what the planning process says."""
+        if isinstance(news, Iteration):
+            if self._goal is not None:
+                values = news._asdict()
+                number = values.pop("number")
+                self._goal.publish_feedback(action.PlanSlew.Feedback(iteration=number, **values))
             return
-        values = load_yaml(self._settings.plan, "parameter plan")
-        plan = self._make(values, testbed.period, tuple(testbed.effort_limit), None)
-        self._publish(plan)
+        done, self._done = self._done, None
+        if done is not None:
+            done.set_result(news)
+        if self._goal is None and isinstance(news, Refusal):
+            raise (BadInput if news.bad_input else PlanFailed)(f"parameter plan: {news.message}")
+        if self._goal is None and isinstance(news, Plan):
+            self._publish(news, "")
 
-    def _make(self, values: Any, period: float, limit: tuple[float, ...], progress: Any) -> Plan:
-        return make_plan(validated(PlanSettings, values, "plan"), period, limit, progress)
+    def _on_bench(self, message: msg.BenchState) -> None:
+        self._bench, self._heard = message, monotonic()
 
-    def _publish(self, plan: Plan) -> None:
-        message = plan_message(plan, self._time)
+    def _on_testbed(self, testbed: msg.Testbed) -> None:
+        if self._settings.file:
+            self._publish(load_plan(Path(self._settings.file)), "")
+        elif self._settings.plan and self._done is None:
+            values = load_yaml(self._settings.plan, "parameter plan")
+            self._ask(PlanRequest(values, testbed.period, tuple(testbed.effort_limit)), None)
+
+    def _publish(self, plan: Plan, who: str) -> msg.Plan:
+        now = self._now()
+        message = message_of(msg.Plan, {"stamp": stamp(now), **plan_fields(plan)})
         self._plan.publish(message)
         words = f"{plan.method}: {plan.duration:g} s planned, hash {message.hash[:12]}"
-        self._say(Level.INFO, "planned", words, {"hash": message.hash, "method": plan.method})
+        data = {"hash": message.hash, "method": plan.method, "who": who or "unnamed"}
+        tick = round(now / plan.period)
+        event = Event(tick, now, self._bench.epoch, Level.INFO, "planner", "planned", words, data)
+        self._events.tell(event)
+        return message
 
-    def _say(self, level: Level, kind: str, words: str, data: dict[str, Any]) -> None:
-        event = Event(0, self._time, 0, level, "planner", kind, words, data)
-        self._events.publish(event_message(event))
-        self.node.get_logger().info(words)
+    def _now(self) -> float:
+        """Return the simulated time [s]: as the plant told it, and what has passed since."""
+        known = seconds_of(self._bench.stamp)
+        running = self._bench.state == "running"
+        passed = (monotonic() - self._heard) * self._bench.rate_factor if running else 0.0
+        return known + passed
 
-    def _execute(self, goal: ServerGoalHandle) -> action.PlanSlew.Result:
-        result = action.PlanSlew.Result()
-
-        def progress(iteration: Any) -> None:
-            if goal.is_cancel_requested:
-                raise _CanceledError
-            goal.publish_feedback(
-                action.PlanSlew.Feedback(
-                    iteration=iteration.number,
-                    objective=iteration.objective,
-                    norm_terminal_error=iteration.norm_terminal_error,
-                    norm_input=iteration.norm_input,
-                )
-            )
-
-        request = goal.request
-        try:
-            values = load_yaml(request.request, "request")
-            plan = self._make(values, request.period, tuple(request.effort_limit), progress)
-        except _CanceledError:
-            result.error_code, result.message = result.CANCELED, "canceled by the client"
-            goal.canceled()
-        except (BadInput, PlanFailed) as error:
-            bad = isinstance(error, BadInput)
-            result.error_code = result.BAD_INPUT if bad else result.FAILED
-            result.message = str(error)
-            goal.abort()
+    async def _execute(self, goal: ServerGoalHandle) -> action.PlanSlew.Result:
+        request, result = goal.request, action.PlanSlew.Result()
+        outcome: Plan | Refusal
+        if self._done is not None:
+            outcome = Refusal(False, "another plan is being made; cancel it, or wait")
+        elif words := _unusable(request):
+            outcome = Refusal(True, words)
         else:
-            result.plan = plan_message(plan, self._time)
-            self._publish(plan)
+            try:
+                values = load_yaml(request.request, "request")
+            except BadInput as error:
+                outcome = Refusal(True, str(error))
+            else:
+                limit = tuple(request.effort_limit)
+                outcome = await self._ask(PlanRequest(values, request.period, limit), goal)
+        if isinstance(outcome, Plan):
+            result.plan = self._publish(outcome, request.who)
             goal.succeed()
+            return result
+        result.message = outcome.message
+        if outcome is _CANCELED:
+            result.error_code = result.CANCELED
+            goal.canceled()
+        else:
+            result.error_code = result.BAD_INPUT if outcome.bad_input else result.FAILED
+            goal.abort()
         return result
+
+
+def _unusable(request: Any) -> str:
+    """Return what is wrong with the numbers of a goal, or an empty text."""
+    if not (math.isfinite(request.period) and request.period > 0.0):
+        return f"period: {request.period} is not allowed: a positive number of seconds"
+    limit = list(request.effort_limit)
+    if not limit or not all(math.isfinite(value) and value > 0.0 for value in limit):
+        return f"effort_limit: {limit} is not allowed: one positive number per joint"
+    return ""
 
 
 def main() -> None:

@@ -2,7 +2,9 @@
 
 import hashlib
 from collections.abc import Mapping
-from typing import NamedTuple
+
+from flexslew_plant import topics
+from flexslew_plant.topics import Topic
 
 FORMAT = "1"  # of the metadata records; another one is another version of the project
 TRIAL_RECORD = "flexslew"  # metadata record at the start: trial, trial_file, versions, ...
@@ -12,31 +14,11 @@ METADATA_FILE = "metadata.yaml"
 MAGIC = b"\x89MCAP0\r\n"
 
 
-class Topic(NamedTuple):
-    """A topic as the bag knows it."""
-
-    type: str
-    latched: bool = False
-    depth: int = 10
-
-
+# Absolute names, as a bench without a namespace has them: a bag does not know where it was flown.
 TOPICS: dict[str, Topic] = {
-    "/measurement": Topic("flexslew_msgs/msg/Measurement", depth=1000),
-    "/effort_command": Topic("flexslew_msgs/msg/EffortCommand"),
-    "/truth": Topic("flexslew_msgs/msg/PlantState", depth=1000),
-    "/controller_state": Topic("flexslew_msgs/msg/ControllerState", depth=1000),
-    "/controller_status": Topic("flexslew_msgs/msg/ControllerStatus", latched=True, depth=1),
-    "/plan": Topic("flexslew_msgs/msg/Plan", latched=True, depth=1),
-    "/testbed": Topic("flexslew_msgs/msg/Testbed", latched=True, depth=1),
-    "/events": Topic("flexslew_msgs/msg/Event", latched=True, depth=1000),
-    "/joint_states": Topic("sensor_msgs/msg/JointState"),
-    "/appendage_states": Topic("flexslew_msgs/msg/AppendageState"),
-    "/tf": Topic("tf2_msgs/msg/TFMessage", depth=100),
-    "/tf_static": Topic("tf2_msgs/msg/TFMessage", latched=True, depth=1),
-    "/robot_description": Topic("std_msgs/msg/String", latched=True, depth=1),
-    "/markers": Topic("visualization_msgs/msg/MarkerArray"),
-    "/clock": Topic("rosgraph_msgs/msg/Clock"),
-    "/rosout": Topic("rcl_interfaces/msg/Log", latched=True, depth=1000),
+    "/" + name.lstrip("/"): topic
+    for name, topic in topics.TOPICS.items()
+    if name not in topics.NOT_RECORDED
 }
 
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
@@ -44,11 +26,11 @@ _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
 def qos_profile(topic: str) -> dict[str, object]:
     """Return the offered QoS of a topic as rosbag2 (version 9) writes it."""
-    known = TOPICS.get(topic, Topic(""))
+    known = TOPICS.get(topic, Topic(topic, "", 10))
     return {
         "history": "keep_last",
         "depth": known.depth,
-        "reliability": "reliable",
+        "reliability": "reliable" if known.reliable else "best_effort",
         "durability": "transient_local" if known.latched else "volatile",
         "deadline": dict(_FOREVER),
         "lifespan": dict(_FOREVER),

@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from importlib import import_module
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -12,12 +11,13 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.cdr import stamp_of
 from flexslew_lab.log.schemas import schema_text
 from flexslew_plant.errors import BadInput
-from flexslew_plant.ros.node import LOOP, Loop, latched, new_node, run_node, settings_of
+from flexslew_plant.ros.loop import Loop, run_node
+from flexslew_plant.ros.offers import SEVERAL, message_class, qos
+from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.settings import section
 
 _REFRESH = 0.05  # how often clients hear the simulated time [wall s]
 _CLOCKS = {"/clock", "/measurement", "/truth"}  # the plant's own: each rises until a reset
-_GUESTS = 20  # latched messages that are kept where several nodes publish one each
 HOST = "127.0.0.1"  # never another one: nobody is asked for a password
 
 
@@ -93,12 +93,12 @@ class LiveNode:
             )
             self._channels[topic] = channel
             if known.latched:
-                self._latched[topic] = deque(maxlen=max(known.depth, _GUESTS))
+                self._latched[topic] = deque(maxlen=max(known.depth, SEVERAL))
             node.create_subscription(
-                _message_class(known.type),
-                topic,
+                message_class(known.type),
+                known.name,
                 partial(self._forward, topic, known.type),
-                latched(max(known.depth, _GUESTS)) if known.latched else LOOP,
+                qos(known, SEVERAL if known.latched else 0),
                 raw=True,
             )
         say(f"open ws://{HOST}:{self._server.port} in Foxglove; Ctrl-C ends it")
@@ -133,11 +133,6 @@ class LiveNode:
 def live(port: int, say: Callable[[str], None]) -> None:
     """Serve from this process until it is interrupted, then exit."""
     run_node(partial(LiveNode, LiveSettings(port=port), say), args=[])
-
-
-def _message_class(kind: str) -> Any:
-    package, _, name = kind.split("/")
-    return getattr(import_module(f"{package}.msg"), name)
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from flexslew_plant import topics
 from flexslew_plant.errors import FlexslewError
-from flexslew_plant.ros.node import stamp
+from flexslew_plant.ros.messages import stamp
 
 _TIMEOUT = 5.0  # for the plant to be found and to answer [wall s]
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence, Set
 from functools import partial
-from importlib import import_module
 from time import monotonic
 from typing import Any
 
@@ -14,18 +13,13 @@ from std_srvs.srv import Trigger
 
 from flexslew_lab.replay.player import CLOCK, Outgoing, Player, PlaySettings
 from flexslew_plant.errors import BadInput
-from flexslew_plant.ros.node import (
-    LOOP,
-    Loop,
-    latched,
-    new_node,
-    run_node,
-    settings_of,
-    stamp,
-    unmatched,
-)
+from flexslew_plant.ros.graph import unmatched
+from flexslew_plant.ros.loop import Loop, run_node
+from flexslew_plant.ros.messages import seconds_of, stamp
+from flexslew_plant.ros.offers import message_class, qos
+from flexslew_plant.ros.parameters import new_node, settings_of
+from flexslew_plant.topics import LOOP_DEPTH, Topic
 
-_DEPTH = 4000  # of LOOP, which drops what is older
 _LOOK = 0.05  # until the next poll, for what a service has changed [wall s]
 _LOT = 1000  # messages between two looks at whether all were heard
 _PATIENCE = Duration(seconds=2)  # with a listener that does not take what it is sent
@@ -55,7 +49,7 @@ class PlayNode:
         self._publish(set(self._player.topics))
         self._clock: Publisher[Any] | None = None
         if self._settings.clock:
-            self._clock = node.create_publisher(Clock, CLOCK, LOOP)
+            self._clock = node.create_publisher(Clock, CLOCK, LOOP_DEPTH)
         node.create_service(Trigger, "~/pause", self._on_pause)
         node.create_service(Trigger, "~/resume", self._on_resume)
         node.create_service(srv.Step, "~/step", self._on_step)
@@ -89,10 +83,12 @@ class PlayNode:
         for topic in topics:
             if topic in self._publishers:
                 self.node.destroy_publisher(self._publishers[topic])
-            kind = _message_class(self._player.topics[topic])
+            kind = self._player.topics[topic]
             # deeper than the original: a second of playing may be a day of it
-            qos = latched(_DEPTH) if topic in self._player.latched else LOOP
-            self._publishers[topic] = self.node.create_publisher(kind, topic, qos)
+            offer = Topic(topic, kind, LOOP_DEPTH, topic in self._player.latched)
+            self._publishers[topic] = self.node.create_publisher(
+                message_class(kind), topic, qos(offer)
+            )
 
     def _all_there(self) -> bool:
         missing = unmatched(self.node, list(self._publishers.values()), self._settings.wait_for)
@@ -153,7 +149,7 @@ class PlayNode:
 
     def _on_seek(self, request: srv.Seek.Request, reply: srv.Seek.Response) -> srv.Seek.Response:
         try:
-            time = self._player.seek(request.time.sec + request.time.nanosec * 1e-9)
+            time = self._player.seek(seconds_of(request.time))
         except BadInput as error:
             reply.message = str(error)
             return reply
@@ -168,11 +164,6 @@ class PlayNode:
 def play(settings: PlaySettings, report: Report = lambda time, end: None) -> None:
     """Play a bag from this process, then exit; see PlaySettings."""
     run_node(partial(PlayNode, settings, report), args=[])
-
-
-def _message_class(kind: str) -> Any:
-    package, _, name = kind.split("/")
-    return getattr(import_module(f"{package}.msg"), name)
 
 
 def main() -> None:

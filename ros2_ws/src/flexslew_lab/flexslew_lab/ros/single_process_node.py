@@ -3,11 +3,11 @@
 from functools import partial
 
 from flexslew_control.ros.controller_node import ControllerNode
-from flexslew_plant.ros.node import Loop, run_node
+from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.plant_node import Plant
 
 
-class Sweep:
+class PlantAndController:
     """Both nodes behind one loop.
 
     Args:
@@ -16,11 +16,16 @@ class Sweep:
     """
 
     def __init__(self, controller: str, loop: Loop) -> None:
-        self._nodes = ControllerNode(controller, loop), Plant(loop)
+        self._plant = Plant(loop)
+        self._nodes = ControllerNode(controller, loop), self._plant
 
     def poll(self) -> float:
         """Do what is due in both; return the wall seconds until something can be due again."""
         return min(node.poll() for node in self._nodes)
+
+    def interrupted(self) -> None:
+        """Let the plant say that the run ends before its time."""
+        self._plant.interrupted()
 
     def close(self) -> None:
         """Leave the graph."""
@@ -30,7 +35,7 @@ class Sweep:
 
 def main() -> None:
     """Run the plant beside PD + feedforward until it is done or interrupted."""
-    run_node(partial(Sweep, "pd_feedforward"))
+    run_node(partial(PlantAndController, "pd_feedforward"))
 
 
 if __name__ == "__main__":

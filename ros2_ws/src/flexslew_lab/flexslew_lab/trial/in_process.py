@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from time import monotonic
-from typing import Any, Protocol
+from typing import Protocol
 
 from flexslew_control.controllers.controller import Answer, Controller
 from flexslew_plant.bench.bench import Bench, Truth
@@ -45,24 +45,12 @@ def fly(
         progress: called with the tick, once every 1000.
     """
     started = monotonic()
-    _event(bench, "started", "started at tick 0", {})
+    bench.say(Level.INFO, "started", "started at tick 0", {})
     while not bench.done:
         _tick(bench, controllers, observer)
         if progress is not None and bench.tick % 1000 == 0:
             progress(bench.tick)
-    wall = monotonic() - started
-    _event(
-        bench,
-        "finished",
-        f"{bench.tick} ticks in {wall:.2f} s wall, {bench.drive.missed} missed",
-        {
-            "wall_time": wall,
-            "ticks": bench.tick,
-            "missed_ticks": bench.drive.missed,
-            "saturated_time": bench.saturated_ticks * bench.settings.period,
-            "rejected": dict(bench.drive.rejected),
-        },
-    )
+    bench.finish(monotonic() - started)
     if observer is not None:
         if not bench.failure:  # else the truth of this tick was seen before it failed
             observer.truth(bench.truth())
@@ -104,9 +92,3 @@ def _answer(
 def _drained(bench: Bench) -> Iterator[Event]:
     while bench.events:
         yield bench.events.popleft()
-
-
-def _event(bench: Bench, kind: str, message: str, data: dict[str, Any]) -> None:
-    bench.events.append(
-        Event(bench.tick, bench.time, bench.epoch, Level.INFO, "plant", kind, message, data)
-    )

@@ -28,7 +28,7 @@ def node_processes(
         record: with the recorder.
         metadata: of the run, for the bag.
     """
-    listeners = ["recorder_ears"] if record else []
+    listeners = ["recorder"] if record else []
     processes = []
     if record:
         parameters = {

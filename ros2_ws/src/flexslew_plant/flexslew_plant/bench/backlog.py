@@ -1,4 +1,4 @@
-"""Warm standby: nobody falls so far behind that a swap would find a cold estimator."""
+"""Nobody falls so far behind that a swap would find a cold estimator, or the log a hole."""
 
 from dataclasses import dataclass, field
 
@@ -12,11 +12,11 @@ class _Heard:
 
 
 @dataclass
-class Standby:
-    """Who has seen which tick, from the statuses of the controllers.
+class Backlog:
+    """Who has seen which tick, from the statuses of controllers and recorders.
 
-    Not paced, the plant holds back for the slowest. Paced it cannot, so who is too far behind
-    is not ready.
+    Not paced, the plant holds back for the slowest. Paced it cannot, so a controller that is too
+    far behind is not ready.
 
     Args:
         allowed: largest distance behind the plant [ticks].
@@ -29,17 +29,21 @@ class Standby:
     paced: bool = False
     _heard: dict[str, _Heard] = field(init=False, default_factory=dict)
 
-    def heard(self, controller: str, tick: int, epoch: int) -> None:
+    def heard(self, name: str, tick: int, epoch: int) -> None:
         """Take a status.
 
         Args:
-            controller: whose.
+            name: of the node.
             tick: the last that it has seen.
             epoch: of that tick.
         """
-        before = self._heard.get(controller)
+        before = self._heard.get(name)
         if before is None or (before.epoch, before.tick) != (epoch, tick):
-            self._heard[controller] = _Heard(tick, epoch)
+            self._heard[name] = _Heard(tick, epoch)
+
+    def forget(self, name: str) -> None:
+        """Wait for this one no more: it is gone."""
+        self._heard.pop(name, None)
 
     def slow(self, tick: int, epoch: int, now: float) -> list[str]:
         """Return for whom the plant must hold back now; paced for nobody.

@@ -6,11 +6,13 @@ then `advance`. Advancing without an answer is a missed tick.
 
 from collections import deque
 from math import inf
+from typing import Any
 
 import numpy as np
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.actuator import Actuator
+from flexslew_plant.bench.charge import Charge
 from flexslew_plant.bench.disturbances import (
     TimedDisturbance,
     check_disturbance,
@@ -20,6 +22,7 @@ from flexslew_plant.bench.divergence import diagnosis, is_lost
 from flexslew_plant.bench.drive import Drive
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
+from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.records import BenchSettings as BenchSettings
 from flexslew_plant.bench.records import InjectResult as InjectResult
 from flexslew_plant.bench.records import SwitchRequest as SwitchRequest
@@ -30,11 +33,9 @@ from flexslew_plant.bench.sensors import Readings, Sensors
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.injection import Fate, Faults
 from flexslew_plant.faults.kinds import Names, Timed, check_fault
-from flexslew_plant.settings import plain
+from flexslew_plant.settings import plain, yaml_text
 from flexslew_plant.testbeds import build_model, dynamics
 from flexslew_plant.testbeds.appendages import appendages_of
-
-_LARGEST = float(np.finfo(np.float64).max)
 
 
 class Bench:
@@ -48,6 +49,8 @@ class Bench:
             although faults are off.
     """
 
+    question: Measurement  # of this tick
+
     def __init__(self, settings: BenchSettings) -> None:
         self.settings = settings
         self.model = build_model(settings.testbed)
@@ -59,9 +62,8 @@ class Bench:
         self.model.advance(self._start, np.zeros(self.model.joints), 0.0)  # compiled before tick 0
         free = self.model.linearise(rest)
         brake = settings.brake_damping_ratio * free.frequencies[0] * np.diag(free.mass)
-        self.drive = Drive(
-            settings.active, settings.fallback, settings.max_missed, brake[: self.model.joints]
-        )
+        self.drive = Drive(settings.active, settings.max_missed, brake[: self.model.joints])
+        self.charge = Charge(self.drive, settings.fallback, self.say)
         self.actuator = Actuator(settings.actuator, self.limit, settings.period)
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
         require_allowed(settings.schedule, settings.faults_enabled)
@@ -71,17 +73,21 @@ class Bench:
             for i, entry in enumerate(settings.schedule)
             if entry.switch is None
         ]
-        self.epoch = -1
+        self.events: deque[Event] = deque()
+        self.epoch, self.tick = -1, 0
         self.reset()
 
     def reset(self) -> None:
         """Return to tick 0 in a new epoch."""
+        self.charge.reset(
+            SwitchRequest(entry.switch, self._tick_of(entry.at))
+            for entry in self.settings.schedule
+            if entry.switch is not None
+        )
         self.epoch += 1
         self.tick = 0
-        self.drive.reset()
         self.actuator.reset()
         self.saturated_ticks = 0
-        self.faulted = False  # a controller had to be replaced, or the state was lost
         self.failure = ""  # why the run cannot go on, one line
         self._sensors = Sensors(
             self.settings.sensors, np.random.default_rng([self.settings.seed, self.epoch])
@@ -91,6 +97,8 @@ class Bench:
         self._extra: Vector = np.zeros(self.model.joints)  # disturbance during the last tick
         self._answer: Vector | None = None
         self._lost = False  # the answer of this tick was given, and did not arrive
+        self._ended: set[int] = set()  # by an operator
+        self._breakings = list(self._known)  # of the schedule, then of operators: by number
         self._disturbances = [e for e in self._known if isinstance(e, TimedDisturbance)]
         self._faults = Faults(
             self._names,
@@ -98,16 +106,6 @@ class Bench:
             self.epoch,
             tuple(e for e in self._known if isinstance(e, Timed)),
         )
-        self._handover: tuple[SwitchRequest, str] | None = None
-        self._unready: dict[str, str] = {}
-        self.events: deque[Event] = deque()
-        self.switch_results: deque[SwitchResult] = deque()
-        ticks = [self._tick_of(entry.at) for entry in self.settings.schedule]
-        self._switches = [
-            SwitchRequest(entry.switch, tick)
-            for entry, tick in zip(self.settings.schedule, ticks, strict=True)
-            if entry.switch is not None
-        ]
         self._ask()
 
     @property
@@ -120,6 +118,16 @@ class Bench:
         """The duration is over, or the state was lost."""
         over = self.last_tick is not None and self.tick >= self.last_tick
         return over or bool(self.failure)
+
+    @property
+    def faulted(self) -> bool:
+        """A controller had to be replaced, or the state was lost."""
+        return self.charge.faulted or bool(self.failure)
+
+    @property
+    def switch_results(self) -> deque[SwitchResult]:
+        """What became of switches, the oldest first; its reader empties it."""
+        return self.charge.results
 
     @property
     def answered(self) -> bool:
@@ -147,12 +155,17 @@ class Bench:
 
         An answer that a fault keeps from the drive settles it too: no better one will come.
         """
+        asked = self.question.tick, self.question.controller
+        other = (command.tick, command.controller) != asked
+        if other and self.drive.heard_before(command):
+            return False
         if self._objected(command) or self._answer is not None or self._lost:
             return False
         if self._faults.fate(command) is not Fate.ARRIVES:
             self._lost = True
             return True
-        if self._handover is not None and not self._finish_handover(command.effort):
+        if not self.charge.answered(command.effort, self._applied):
+            self.question = self.question._replace(controller=self.drive.active)
             return False
         self._answer = command.effort
         return True
@@ -162,12 +175,12 @@ class Bench:
 
         A state that is lost on the way ends the run: see `failure`; the truth stays at t_k.
         """
-        for ghost in self._faults.ghosts(first=False):
-            self._objected(ghost)
+        for old in self._faults.old_answers(first=False):
+            self._objected(old)
         if self._answer is not None:
             self.drive.take(self._answer)
         elif self.drive.active:
-            self._miss()
+            self.charge.missed()
         n, m, period = self.model.coordinates, self.model.joints, self.settings.period
         velocity = self._x[n : n + m]
         demand = self._faults.demand(self.drive.effort(velocity))
@@ -184,6 +197,8 @@ class Bench:
         self._x, self._applied, self._extra = after, applied, extra
         self.saturated_ticks += self.actuator.saturated
         self.tick += 1
+        if self.done:
+            self.charge.drop_all("the run is over")
         self._ask()
 
     def request_switch(self, request: SwitchRequest) -> str | None:
@@ -192,23 +207,23 @@ class Bench:
             return self._over(request.tick)
         if request.tick <= self.tick:
             request = request._replace(tick=self.tick + 1)
-        if any(other.tick == request.tick for other in self._switches):
-            return f"another switch is already due at tick {request.tick}"
-        if request.controller == self.drive.active and not self._switches:
-            return f"{request.controller} is already in charge"
-        self._switches.append(request)
-        data = request._asdict()
-        data["max_effort_step"] = min(request.max_effort_step, _LARGEST)  # JSON has no infinity
-        words = f"{request.controller} wanted from tick {request.tick} on"
-        self._event(Level.INFO, "switch_requested", words, data)
-        return None
+        return self.charge.request(request, self.tick, self.last_tick)
 
-    def inject(self, text: str, tick: int = 0) -> InjectResult:
+    def note_readiness(self, controller: str, reason: str) -> None:
+        """Take that a controller could not take charge, with the reason, or could again ("")."""
+        self.charge.note_readiness(controller, reason)
+
+    def brake(self, on: bool, who: str = "") -> str | None:
+        """Latch or release the drive's own brake from the next tick on; return why not, or None."""
+        return self.charge.brake(on, self.tick + 1, who)
+
+    def inject(self, text: str, tick: int = 0, who: str = "") -> InjectResult:
         """Return whether something breaks as an operator wants, or why not.
 
         Args:
             text: YAML, see schedule.injected_entry.
             tick: at which it begins; 0: the next.
+            who: wants it.
         """
         start = max(tick, self.tick + 1)
         if 0 < tick < self.tick:
@@ -228,25 +243,43 @@ class Bench:
         else:
             self._disturbances.append(breaking)
             word = "disturbance"
-        data: dict[str, object] = {"text": text, "start": start}
-        self._event(Level.INFO, "injected", f"{word} wanted at tick {start}", data)
-        return InjectResult(True, f"{word} at tick {start}", start)
+        number = len(self._breakings)
+        self._breakings.append(breaking)
+        data = {"text": text, "start": start, "number": number, "who": who}
+        self.say(Level.INFO, "injected", f"{word} wanted at tick {start}", data)
+        return InjectResult(True, f"{word} {number} at tick {start}", start, number)
 
-    def note_readiness(self, controller: str, reason: str) -> None:
-        """Say it as an event when a controller could no longer take charge, or can again.
+    def end_fault(self, number: int, who: str = "") -> InjectResult:
+        """Return whether a fault or disturbance ends with the next tick, or why not.
 
         Args:
-            controller: whose.
-            reason: why it could not; empty if it could.
+            number: see active_faults.
+            who: wants it.
         """
-        if self._unready.get(controller, "") == reason:
-            return
-        self._unready[controller] = reason
-        data: dict[str, object] = {"controller": controller, "reason": reason}
-        if reason:
-            self._event(Level.WARNING, "not_ready", f"{controller} is not ready: {reason}", data)
+        here = {fault.number for fault in self.active_faults()}
+        if number not in here:
+            known = ", ".join(map(str, sorted(here))) or "none"
+            words = f"nothing with number {number} acts or will; numbers: {known}"
+            return InjectResult(False, words, self.tick)
+        end, breaking = self.tick + 1, self._breakings[number]
+        if isinstance(breaking, Timed):
+            self._faults.end(breaking, end)
         else:
-            self._event(Level.INFO, "ready", f"{controller} is ready again", data)
+            k = next(k for k, d in enumerate(self._disturbances) if d is breaking)
+            self._disturbances[k] = breaking._replace(end=end)
+            self._breakings[number] = self._disturbances[k]
+        self._ended.add(number)
+        words = f"fault or disturbance {number} ends at tick {end}"
+        self.say(Level.INFO, "fault_ended", words, {"number": number, "who": who})
+        return InjectResult(True, words, end, number)
+
+    def active_faults(self) -> list[ActiveFault]:
+        """Return what disturbs or breaks now, or will."""
+        return [
+            ActiveFault(number, _words(e), int(e.start), int(e.end) if e.end < inf else None)
+            for number, e in enumerate(self._breakings)
+            if e.end > self.tick and number not in self._ended
+        ]
 
     def _over(self, tick: int) -> str:
         return f"{tick * self.settings.period:g} s is over: the bench is at {self.time:g} s"
@@ -262,12 +295,12 @@ class Bench:
             self.drive.active,
             self.settings.period,
         )
-        self.faulted = True
         self.failure = (
             f"the state is not finite after tick {self.tick} ({self.time:.6g} s), {where}; "
             f"likely cause: {cause}"
         )
-        self._event(Level.FAULT, "not_finite", self.failure, {"state": where, "cause": cause})
+        self.say(Level.FAULT, "not_finite", self.failure, {"state": where, "cause": cause})
+        self.charge.drop_all("the run is over")
 
     def _tick_of(self, time: float) -> int:
         return round(time / self.settings.period)
@@ -277,13 +310,8 @@ class Bench:
             data = {"on": on, "fault": plain(timed.fault), "start": timed.start}
             data |= {"end": int(timed.end)} if timed.end < inf else {}
             words = f"{timed.fault.kind} {'on' if on else 'off'}"
-            self._event(Level.WARNING if on else Level.INFO, "fault", words, data)
-        due = [r for r in self._switches if r.tick <= self.tick] if self._switches else []
-        for request in due:
-            self._switches.remove(request)
-            if request.controller != self.drive.active:
-                self._handover = request, self.drive.active
-                self.drive.hand_over(request.controller)
+            self.say(Level.WARNING if on else Level.INFO, "fault", words, data)
+        self.charge.begin(self.tick)
         self._answer, self._lost = None, False
         n, m = self.model.coordinates, self.model.joints
         modes = self._x[m:n]
@@ -303,8 +331,8 @@ class Bench:
             *self._faults.read(readings),
             self._applied,
         )
-        for ghost in self._faults.ghosts(first=True):
-            self._objected(ghost)
+        for old in self._faults.old_answers(first=True):
+            self._objected(old)
 
     def _objected(self, command: EffortCommand) -> bool:
         """Return whether the drive rejects the command, and say so."""
@@ -314,67 +342,13 @@ class Bench:
         kind, words = objection
         count = self.drive.rejected[kind]
         if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th, ...: a flood stays readable
-            self._event(
+            self.say(
                 Level.WARNING,
                 "rejected",
                 f"effort command rejected ({kind}): {words}; {count} so far",
                 {"reason": kind, "count": count, "controller": command.controller},
             )
         return True
-
-    def _finish_handover(self, effort: Vector) -> bool:
-        """Measure the step of the incoming controller; give the bench back if it is too large."""
-        assert self._handover is not None
-        (request, outgoing), self._handover = self._handover, None
-        step = effort - self._applied
-        largest = float(np.abs(step).max())
-        ok = not (request.strict and largest > request.max_effort_step)
-        data = {
-            "from": outgoing,
-            "to": request.controller,
-            "effort_step": step.tolist(),
-        }
-        if ok:
-            words = f"{outgoing or 'brake'} -> {request.controller}, effort step {largest:.3g}"
-            self._event(Level.INFO, "switched", words, data)
-        else:
-            words = (
-                f"switch to {request.controller} refused: its effort would step by {largest:.3g}, "
-                f"max_effort_step is {request.max_effort_step:.3g}"
-            )
-            self._event(Level.WARNING, "switch_refused", words, data)
-            self.drive.hand_over(outgoing)
-            self.question = self.question._replace(controller=outgoing)
-            step = np.zeros_like(step)
-        self.switch_results.append(SwitchResult(request, ok, words, self.tick, step))
-        return ok
-
-    def _miss(self) -> None:
-        silent = self.drive.active
-        successor = self.drive.miss()
-        row = self.drive.missed_in_a_row
-        self._event(
-            Level.WARNING,
-            "missed",
-            f"no valid answer from {silent}, last effort held ({row} in a row)",
-            {"controller": silent, "in_a_row": row},
-        )
-        if successor is None:
-            return
-        if self._handover is not None:  # the incoming controller never answered
-            (request, _), self._handover = self._handover, None
-            words = f"{silent} never answered"
-            self.switch_results.append(
-                SwitchResult(request, False, words, self.tick, np.zeros(self.model.joints))
-            )
-        self.drive.hand_over(successor)
-        self.faulted = True
-        self._event(
-            Level.FAULT,
-            "fallback" if successor else "brake",
-            f"{silent} is silent: {successor or 'the brake'} takes over",
-            {"from": silent, "to": successor},
-        )
 
     def _breaking(self, entry: ScheduleEntry, place: str) -> TimedDisturbance | Timed:
         """Return a disturbance or a fault with its ticks; see check_disturbance, check_fault."""
@@ -396,15 +370,43 @@ class Bench:
                 )
             if tick in (timed.start, timed.end):
                 word = "on" if tick == timed.start else "off"
-                shapes = {
-                    name: shape if isinstance(shape, float) else plain(shape)
-                    for name, shape in timed.shapes.items()
-                }
+                shapes = _plain_shapes(timed)
                 words = f"disturbance {word}: {shapes}"
-                self._event(Level.INFO, "disturbance", words, {**shapes, "on": word == "on"})
+                self.say(Level.INFO, "disturbance", words, {**shapes, "on": word == "on"})
         return total
 
-    def _event(self, level: Level, kind: str, message: str, data: dict[str, object]) -> None:
+    def finish(self, wall_time: float) -> None:
+        """Say how the run went, to people and to programs.
+
+        Args:
+            wall_time: during which ticks have passed [s].
+        """
+        words = f"{self.tick} ticks in {wall_time:.2f} s wall, {self.drive.missed} missed"
+        data = {
+            "wall_time": wall_time,
+            "ticks": self.tick,
+            "missed_ticks": self.drive.missed,
+            "saturated_time": self.saturated_ticks * self.settings.period,
+            "rejected": dict(self.drive.rejected),
+        }
+        self.say(Level.INFO, "finished", words, data)
+
+    def say(self, level: Level, kind: str, message: str, data: dict[str, Any]) -> None:
+        """Note an event of the present tick."""
         self.events.append(
             Event(self.tick, self.time, self.epoch, level, "plant", kind, message, dict(data))
         )
+
+
+def _plain_shapes(timed: TimedDisturbance) -> dict[str, Any]:
+    return {
+        name: shape if isinstance(shape, float) else plain(shape)
+        for name, shape in timed.shapes.items()
+    }
+
+
+def _words(breaking: TimedDisturbance | Timed) -> str:
+    """Return a fault or a disturbance as one line of YAML."""
+    if isinstance(breaking, Timed):
+        return yaml_text(plain(breaking.fault), flow=True).strip()
+    return yaml_text({"disturbance": _plain_shapes(breaking)}, flow=True).strip()

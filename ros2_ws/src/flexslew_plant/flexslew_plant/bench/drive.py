@@ -1,6 +1,6 @@
-"""The drive: checks every answer, holds the last good one, falls back and brakes."""
+"""The drive: checks every answer, holds the last good one, and brakes when nobody is in charge."""
 
-from collections import Counter
+from collections import Counter, deque
 from math import isfinite
 
 import numpy as np
@@ -8,32 +8,38 @@ import numpy as np
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 
+_REMEMBERED = 64  # answers; a question that was repeated is answered more than once
+
 
 class Drive:
     """Who may command the motors, and what they do when nobody does.
 
     Args:
         active: the controller in charge at the start.
-        fallback: who takes over in turn when answers fail to come.
-        max_missed: ticks in a row without a valid answer before that happens.
+        max_missed: ticks in a row without a valid answer before somebody else must take over.
         brake: viscous coefficient of each joint's own brake, shape (joints,) [N m s/rad].
     """
 
-    def __init__(
-        self, active: str, fallback: tuple[str, ...], max_missed: int, brake: Vector
-    ) -> None:
-        self._start = (active, fallback)
+    def __init__(self, active: str, max_missed: int, brake: Vector) -> None:
+        self._start = active
         self._max_missed, self._brake = max_missed, brake
         self.reset()
 
     def reset(self) -> None:
         """Return to the state of the start."""
-        self.active, chain = self._start
-        self._chain = list(chain)
+        self.active = self._start
         self.demand: Vector = np.zeros(self._brake.size)  # last good answer [N m or N]
         self.missed_in_a_row = 0
         self.missed = 0
         self.rejected: Counter[str] = Counter()
+        self._heard: deque[EffortCommand] = deque(maxlen=_REMEMBERED)
+
+    def heard_before(self, command: EffortCommand) -> bool:
+        """Return whether this very answer was given already: the question had been repeated."""
+        return any(
+            command[:3] == other[:3] and np.array_equal(command.effort, other.effort)
+            for other in self._heard
+        )
 
     def objection(self, question: Measurement, command: EffortCommand) -> tuple[str, str] | None:
         """Return why the command is not an answer to the question (kind, words), or None."""
@@ -53,6 +59,7 @@ class Drive:
         elif not all(map(isfinite, command.effort.tolist())):
             kind, words = "finite", f"effort {command.effort.tolist()} is not finite"
         else:
+            self._heard.append(command)
             return None
         self.rejected[kind] += 1
         return kind, words
@@ -62,19 +69,11 @@ class Drive:
         self.demand = effort
         self.missed_in_a_row = 0
 
-    def miss(self) -> str | None:
-        """Count a tick without a valid answer.
-
-        Returns:
-            the next controller of the fallback chain ("" is the brake) if it must take over now.
-        """
-        if not self.active:
-            return None
+    def miss(self) -> bool:
+        """Count a tick without a valid answer; return whether somebody else must take over now."""
         self.missed += 1
         self.missed_in_a_row += 1
-        if self.missed_in_a_row < self._max_missed:
-            return None
-        return self._chain.pop(0) if self._chain else ""
+        return self.missed_in_a_row >= self._max_missed
 
     def hand_over(self, controller: str) -> None:
         """Put a controller in charge; "" is the brake."""

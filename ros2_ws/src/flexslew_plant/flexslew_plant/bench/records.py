@@ -53,6 +53,7 @@ class SwitchRequest(NamedTuple):
     tick: int
     strict: bool = False
     max_effort_step: float = inf  # [N m or N]
+    who: str = ""  # asked for it; empty: the schedule, or somebody without a name
 
 
 class SwitchResult(NamedTuple):
@@ -71,3 +72,13 @@ class InjectResult(NamedTuple):
     ok: bool
     message: str
     tick: int  # at which it takes effect
+    number: int = -1  # by which it can be ended; -1: nothing was broken
+
+
+class ActiveFault(NamedTuple):
+    """Something that disturbs or breaks, or will."""
+
+    number: int  # by which it can be ended
+    words: str  # kind and values, YAML
+    start: int  # tick
+    end: int | None  # tick; None: the end of the run

@@ -44,7 +44,7 @@ class Switched(NamedTuple):
     on: bool
 
 
-class _Ghost(NamedTuple):
+class _Delayed(NamedTuple):
     tick: int  # at which it reaches the drive
     first: bool  # before the answer of that tick
     command: EffortCommand
@@ -69,7 +69,8 @@ class Faults:
         self._acting: list[Timed] = []
         self._frozen: dict[int, Vector] = {}  # by the identity of an acting fault
         self._delayed: dict[int, deque[Vector]] = {}
-        self._ghosts: list[_Ghost] = []
+        self._ends: dict[int, int] = {}  # set by an operator, by the identity of a fault
+        self._late: list[_Delayed] = []
         self._last_demand: Vector = np.zeros(len(names.joints))
         self._last_effort: Vector = np.zeros(len(names.joints))
         self._tick = 0
@@ -78,15 +79,21 @@ class Faults:
         """Let one more fault act at its time."""
         self._waiting.append(timed)
 
+    def end(self, timed: Timed, tick: int) -> None:
+        """Let a fault end at this tick, or never begin."""
+        self._ends[id(timed)] = tick
+        self._waiting = [other for other in self._waiting if other is not timed]
+
     def begin(self, tick: int) -> list[Switched]:
         """Start a tick; return what sets in and what ends with it."""
         self._tick = tick
         if not self._acting and not self._waiting:
             return []
-        ended = [timed for timed in self._acting if tick >= timed.end]
+        ended = [t for t in self._acting if tick >= min(t.end, self._ends.get(id(t), t.end))]
         begun = [timed for timed in self._waiting if tick >= timed.start]
         if ended or begun:
-            self._acting = [t for t in self._acting if tick < t.end] + begun
+            over = set(map(id, ended))
+            self._acting = [t for t in self._acting if id(t) not in over] + begun
             self._waiting = [t for t in self._waiting if tick < t.start]
             for timed in ended:
                 self._frozen.pop(id(timed), None)
@@ -103,7 +110,7 @@ class Faults:
         return readings
 
     def fate(self, command: EffortCommand) -> Fate:
-        """Return what becomes of the answer of this tick; its ghosts are remembered."""
+        """Return what becomes of the answer of this tick; what reaches the drive later is kept."""
         for timed in self._acting:
             match timed.fault:
                 case ControllerSilent(controller=name) if name == command.controller:
@@ -111,26 +118,26 @@ class Faults:
                 case CommandLost() if self._happens(timed):
                     return Fate.LOST
                 case CommandLate(ticks=ticks) if self._happens(timed):
-                    self._ghosts.append(_Ghost(self._tick + ticks, True, command))
+                    self._late.append(_Delayed(self._tick + ticks, True, command))
                     return Fate.LATE
                 case CommandReordered() if self._happens(timed):
-                    self._ghosts.append(_Ghost(self._tick + 1, False, command))
+                    self._late.append(_Delayed(self._tick + 1, False, command))
                     return Fate.OVERTAKEN
                 case CommandDuplicated() if self._happens(timed):
-                    self._ghosts.append(_Ghost(self._tick + 1, True, command))
+                    self._late.append(_Delayed(self._tick + 1, True, command))
         return Fate.ARRIVES
 
-    def ghosts(self, first: bool) -> list[EffortCommand]:
+    def old_answers(self, first: bool) -> list[EffortCommand]:
         """Return the old answers that reach the drive at this tick.
 
         Args:
             first: those before the tick's own answer, else those behind it.
         """
-        if not self._ghosts:
+        if not self._late:
             return []
-        due = [g for g in self._ghosts if g.tick <= self._tick and g.first is first]
-        self._ghosts = [g for g in self._ghosts if g not in due]
-        return [ghost.command for ghost in due]
+        due = [g for g in self._late if g.tick <= self._tick and g.first is first]
+        self._late = [g for g in self._late if g not in due]
+        return [old.command for old in due]
 
     def demand(self, demand: Vector) -> Vector:
         """Return what reaches the motors instead of what the drive asks for."""

@@ -11,7 +11,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from flexslew_plant import topics
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.ros.node import LOOP, doubles, latched, stamp
+from flexslew_plant.ros.messages import doubles, stamp
+from flexslew_plant.ros.offers import publisher
 from flexslew_plant.testbeds.scene import Scene
 
 
@@ -30,12 +31,12 @@ class Display:
             return
         self._bench = bench
         self._scene = Scene(bench.settings.testbed)
-        self._clock = node.create_publisher(Clock, topics.CLOCK, LOOP)
-        self._joints = node.create_publisher(JointState, topics.JOINT_STATES, LOOP)
-        self._appendages = node.create_publisher(AppendageState, topics.APPENDAGE_STATES, LOOP)
-        self._tf = node.create_publisher(TFMessage, topics.TF, LOOP)
-        self._markers = node.create_publisher(MarkerArray, topics.MARKERS, LOOP)
-        self._description = node.create_publisher(String, topics.ROBOT_DESCRIPTION, latched(1))
+        self._clock = publisher(node, topics.CLOCK)
+        self._joints = publisher(node, topics.JOINT_STATES)
+        self._appendages = publisher(node, topics.APPENDAGE_STATES)
+        self._tf = publisher(node, topics.TF)
+        self._markers = publisher(node, topics.MARKERS)
+        self._description = publisher(node, topics.ROBOT_DESCRIPTION)
         self._description.publish(String(data=self._scene.robot_description()))
 
     def show(self, truth: Truth) -> None:

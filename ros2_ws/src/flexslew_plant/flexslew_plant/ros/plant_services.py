@@ -2,31 +2,26 @@
 
 from collections.abc import Callable
 from time import monotonic
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from flexslew_msgs import srv
-from rclpy.task import Future
+from flexslew_msgs import msg, srv
 from std_srvs.srv import Trigger
 
 from flexslew_plant import topics
-from flexslew_plant.bench.bench import SwitchRequest, SwitchResult
-from flexslew_plant.ros.node import Loop, doubles
+from flexslew_plant.bench.run_state import Reply
+from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.messages import seconds_of, stamp
+from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.switch_service import SwitchService
 
 if TYPE_CHECKING:
     from flexslew_plant.ros.plant_node import Plant
 
-
-class _Pending(NamedTuple):
-    """A switch that somebody waits for."""
-
-    request: SwitchRequest
-    epoch: int
-    deadline: float  # [wall s]
-    future: Future
+_RENEW = 0.5  # between two states of the bench, if nothing changes [wall s]
 
 
 class Services:
-    """Answers the operator; a switch is answered when it has happened.
+    """Answers the operator and shows the state of the bench.
 
     Args:
         plant: whose bench it is.
@@ -34,101 +29,118 @@ class Services:
     """
 
     def __init__(self, plant: "Plant", loop: Loop) -> None:
-        self._plant, self._loop = plant, loop
-        self._pending: list[_Pending] = []
-        node = plant.node
-        node.create_service(Trigger, topics.START, _trigger(plant.start))
-        node.create_service(Trigger, topics.PAUSE, _trigger(plant.pause))
-        node.create_service(Trigger, topics.RESET, _trigger(plant.reset))
-        node.create_service(srv.Step, topics.STEP, self._on_step)
-        node.create_service(srv.SwitchController, topics.SWITCH_CONTROLLER, self._on_switch)
-        node.create_service(srv.ListControllers, topics.LIST_CONTROLLERS, self._on_list)
-        node.create_service(srv.InjectFault, topics.INJECT_FAULT, self._on_inject)
+        self._plant, self._loop, self._session = plant, loop, plant.session
+        self._bench = plant.session.bench
+        self._switches = SwitchService(plant.node, plant.session, loop)
+        self._state = publisher(plant.node, topics.BENCH_STATE)
+        self._shown: tuple[Any, ...] = ()
+        self._next_state = 0.0
+        session, node = self._session, plant.node
+        self._actions: dict[str, Callable[[str], Reply]] = {
+            topics.START: session.start,
+            topics.PAUSE: lambda who: session.pause(monotonic(), who),
+            topics.RESET: session.reset,
+            topics.BRAKE: lambda who: session.brake(True, who),
+            topics.RELEASE_BRAKE: lambda who: session.brake(False, who),
+        }
+        for name, act in self._actions.items():
+            node.create_service(Trigger, name, self._trigger(act))
+        for kind, name, answer in (
+            (srv.Operate, topics.OPERATE, self._on_operate),
+            (srv.Step, topics.STEP, self._on_step),
+            (srv.SetRate, topics.SET_RATE, self._on_rate),
+            (srv.Note, topics.NOTE, self._on_note),
+            (srv.ListControllers, topics.LIST_CONTROLLERS, self._on_list),
+            (srv.InjectFault, topics.INJECT_FAULT, self._on_inject),
+            (srv.EndFault, topics.END_FAULT, self._on_end_fault),
+        ):
+            node.create_service(kind, name, answer)
 
-    def poll(self) -> None:
-        """Tell those who wait for a switch what became of it."""
-        results = self._plant.bench.switch_results
-        while results:
-            result = results.popleft()
-            for pending in [p for p in self._pending if p.request == result.request]:
-                self._resolve(pending, result)
-        now, epoch = monotonic(), self._plant.bench.epoch
-        for pending in [p for p in self._pending if now >= p.deadline or p.epoch != epoch]:
-            self._resolve(pending, None)
+    def poll(self, now: float) -> float:
+        """Answer those who wait for a switch, show the state; return when to do so again [s]."""
+        self._show(now)
+        return min(_RENEW, self._switches.poll(now))
 
-    def _resolve(self, pending: _Pending, result: SwitchResult | None) -> None:
-        self._pending.remove(pending)
-        pending.future.set_result(result)
+    def _show(self, now: float) -> None:
+        session, bench = self._session, self._bench
+        faults = bench.active_faults()
+        shown = (
+            session.run.state, tuple(session.waiting_for), bench.epoch, bench.drive.active,
+            bench.charge.latched, session.pacing.rate_factor, len(faults),
+        )  # fmt: skip
+        if shown == self._shown and now < self._next_state:
+            return
+        self._shown, self._next_state = shown, now + _RENEW
+        self._state.publish(
+            msg.BenchState(
+                stamp=stamp(bench.time),
+                state=session.run.state,
+                waiting_for=session.waiting_for,
+                tick=bench.tick,
+                last_tick=bench.last_tick or 0,
+                epoch=bench.epoch,
+                rate_factor=session.pacing.rate_factor,
+                wall_time=session.run.wall_time(now),
+                active=bench.drive.active,
+                brake_latched=bench.charge.latched,
+                missed_ticks=bench.drive.missed,
+                fault_numbers=[fault.number for fault in faults],
+                faults=[fault.words for fault in faults],
+            )
+        )
 
-    def _on_step(self, request: srv.Step.Request, reply: srv.Step.Response) -> srv.Step.Response:
-        tick = self._plant.bench.tick
-        reply.ok, reply.message = self._plant.step(request.ticks)
-        reply.tick = tick + max(1, request.ticks) if reply.ok else tick
-        return reply
-
-    async def _on_switch(
-        self, request: srv.SwitchController.Request, reply: srv.SwitchController.Response
-    ) -> srv.SwitchController.Response:
-        bench = self._plant.bench
-        reply.effort_step = doubles(0.0 * bench.limit)
-        reply.message = self._objection(request.controller)
-        if reply.message:
+    def _trigger(self, act: Callable[[str], Reply]) -> Callable[[Any, Any], Any]:
+        def answer(_: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
+            reply.success, reply.message = act("")
+            self._loop.hurry()
             return reply
-        at = request.at.sec + request.at.nanosec * 1e-9
-        wanted = round(at / bench.settings.period)
-        tick = wanted if 0 < wanted < bench.tick else max(wanted, bench.tick + 1)
-        limit = request.max_effort_step or float("inf")
-        wish = SwitchRequest(request.controller, tick, request.strict, limit)
-        reply.message = bench.request_switch(wish) or ""
-        reply.tick = tick
-        if reply.message:
-            return reply
-        reply.ok = True
-        reply.message = f"switch to {request.controller} at tick {tick}"
-        if self._plant.state != "running":
-            return reply  # it will happen, but nobody knows when
-        deadline = monotonic() + (request.timeout or float("inf"))
-        future = self._loop.future()
-        self._pending.append(_Pending(wish, bench.epoch, deadline, future))
-        result = await future
-        if result is not None:
-            reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick
-            reply.effort_step = doubles(result.effort_step)
+
+        return answer
+
+    def _done(self, reply: Any, outcome: Reply) -> Any:
+        """Fill in what most services answer."""
+        reply.ok, reply.message = outcome
+        reply.tick = self._bench.tick
+        self._loop.hurry()
         return reply
 
-    def _objection(self, controller: str) -> str:
-        """Return why the bench cannot be given to this controller, or an empty text."""
-        plant, bench = self._plant, self._plant.bench
-        status = plant.controllers.get(controller)
-        if status is None:
-            known = ", ".join(sorted(plant.controllers)) or "none"
-            return f"unknown controller {controller}; on the graph: {known}"
-        reason = status.reason or plant.standby.reason(controller, bench.tick, bench.epoch)
-        return f"{controller} is not ready: {reason}" if reason else ""
+    def _on_operate(self, request: Any, reply: Any) -> Any:
+        act = self._actions.get(request.action)
+        if act is None:
+            words = f"action: {request.action!r} is not allowed: {', '.join(self._actions)}"
+            return self._done(reply, Reply(False, words))
+        return self._done(reply, act(request.who))
 
-    def _on_list(
-        self, _: srv.ListControllers.Request, reply: srv.ListControllers.Response
-    ) -> srv.ListControllers.Response:
-        controllers = self._plant.controllers
-        reply.controllers = [controllers[name] for name in sorted(controllers)]
-        reply.active = self._plant.bench.drive.active
+    def _on_step(self, request: Any, reply: Any) -> Any:
+        outcome = self._session.step(request.ticks, request.who)
+        self._done(reply, outcome)
+        reply.tick += max(1, request.ticks) if outcome.ok else 0
         return reply
 
-    def _on_inject(
-        self, request: srv.InjectFault.Request, reply: srv.InjectFault.Response
-    ) -> srv.InjectFault.Response:
-        at = request.at.sec + request.at.nanosec * 1e-9
-        bench = self._plant.bench
-        tick = round(at / bench.settings.period)
-        reply.ok, reply.message, reply.tick = bench.inject(request.fault, tick)
+    def _on_rate(self, request: Any, reply: Any) -> Any:
+        outcome = self._session.set_rate(request.rate_factor, monotonic(), request.who)
+        return self._done(reply, outcome)
+
+    def _on_note(self, request: Any, reply: Any) -> Any:
+        return self._done(reply, self._session.note(request.text, request.who))
+
+    def _on_list(self, _: Any, reply: Any) -> Any:
+        for name, status in sorted(self._plant.statuses.items()):
+            reason = self._session.reason(name, monotonic())
+            status.ready, status.reason = not reason, reason
+            reply.controllers.append(status)
+        reply.active = self._bench.drive.active
         return reply
 
-
-def _trigger(
-    act: Callable[[], tuple[bool, str]],
-) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
-    def answer(_: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
-        reply.success, reply.message = act()
+    def _on_inject(self, request: Any, reply: Any) -> Any:
+        tick = round(seconds_of(request.at) / self._bench.settings.period)
+        result = self._bench.inject(request.fault, tick, request.who)
+        self._loop.hurry()
+        reply.ok, reply.message, reply.tick, reply.number = result
         return reply
 
-    return answer
+    def _on_end_fault(self, request: Any, reply: Any) -> Any:
+        result = self._bench.end_fault(request.number, request.who)
+        self._loop.hurry()
+        reply.ok, reply.message, reply.tick, _ = result
+        return reply

@@ -1,0 +1,167 @@
+"""A controller as its node has it: built when the testbed is known, tuned at a tick, ready or not.
+
+The host holds everything that a node must decide but the graph: so it is tested without ROS, and a
+log is flown again with the same object.
+"""
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from flexslew_control.controllers.controller import Answer, Controller
+from flexslew_control.plan import Plan
+from flexslew_plant.bench.events import Event, Level
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
+
+Build = Callable[[dict[str, Any]], Controller]  # from the settings of the law
+
+
+class Tuned(NamedTuple):
+    """What became of a wish to change settings."""
+
+    ok: bool
+    message: str
+    tick: int  # first tick with the new settings
+
+
+class _Tuning(NamedTuple):
+    tick: int
+    changes: dict[str, Any]
+    values: dict[str, Any]
+    controller: Controller
+    who: str
+
+
+class ControllerHost:
+    """One controller of the bench.
+
+    Args:
+        name: unique on the bench.
+        values: settings of its law as plain data.
+    """
+
+    def __init__(self, name: str, values: dict[str, Any]) -> None:
+        self.name, self.values = name, values
+        self.controller: Controller | None = None
+        self.plan: Plan | None = None
+        self.epoch = 0  # of the last question
+        self.events: deque[Event] = deque()
+        self._build: Build | None = None
+        self._unfit = "no testbed announced yet"
+        self._appendages = 0  # of the testbed
+        self._plan_refused = ""
+        self._tunings: list[_Tuning] = []
+
+    @property
+    def reason(self) -> str:
+        """Why it could not take charge now; empty when it could."""
+        if self.controller is None:
+            return self._unfit
+        if self.controller.reason:
+            return self._plan_refused or self.controller.reason
+        return ""
+
+    @property
+    def last_tick(self) -> int:
+        """The last tick that the controller has seen; 0: none."""
+        return max(self.controller.last_tick, 0) if self.controller else 0
+
+    def announce(self, build: Build, appendages: int = 0) -> None:
+        """Stand before a testbed; another one than before replaces it.
+
+        Args:
+            build: makes a controller for this testbed.
+            appendages: how many it has.
+
+        Raises:
+            BadInput: the settings fit no testbed that was ever seen, the first one.
+        """
+        first, self._build = self._build is None, build
+        self._tunings, self._appendages = [], appendages
+        try:
+            self.controller = build(self.values)
+        except BadInput as error:
+            if first:
+                raise
+            self.controller, self._unfit = None, f"it does not fit this testbed: {error}"
+            return
+        self.controller.warm(appendages)
+        if self.plan is not None:
+            self.adopt(self.plan)
+
+    def adopt(self, plan: Plan) -> str:
+        """Follow a plan as soon as there is a testbed; return why not, or an empty text."""
+        self.plan, self._plan_refused = plan, ""
+        if self.controller is not None:
+            self._plan_refused = self.controller.adopt(plan)
+            if self.controller.last_tick < 0:
+                self.controller.warm(self._appendages)  # on the plan that it will follow
+        return self._plan_refused
+
+    def observe(self, question: Measurement) -> Answer | None:
+        """Return the answer if the question names this controller; see Controller.observe."""
+        if self.controller is None:
+            return None
+        if question.joint_position.size != len(self.controller.joint_names):
+            return None  # of a testbed that is still to be announced
+        if question.epoch != self.epoch:
+            self.epoch, self._tunings = question.epoch, []
+        while self._tunings and self._tunings[0].tick <= question.tick:
+            self._take(self._tunings.pop(0), question)
+        return self.controller.observe(question)
+
+    def tune(self, changes: Mapping[str, Any], tick: int = 0, who: str = "") -> Tuned:
+        """Design the controller anew with some settings changed, for a tick to come.
+
+        Args:
+            changes: of its settings, nested as they are.
+            tick: first one with the new settings; one that is over: the next.
+            who: asks.
+        """
+        if self._build is None or self.controller is None:
+            return Tuned(False, f"{self.name} cannot be tuned: {self.reason}", 0)
+        tick = max(tick, self.controller.last_tick + 1)
+        values = merged(self._tunings[-1].values if self._tunings else self.values, changes)
+        if not changes:
+            return Tuned(False, "nothing changes; give at least one setting", tick)
+        try:
+            controller = self._build(values)
+        except BadInput as error:
+            return Tuned(False, str(error), tick)
+        self._tunings.append(_Tuning(tick, dict(changes), values, controller, who))
+        self._tunings.sort(key=lambda tuning: tuning.tick)
+        words = ", ".join(f"{key}: {value}" for key, value in changes.items())
+        return Tuned(True, f"{words} from tick {tick} on", tick)
+
+    def _take(self, tuning: _Tuning, question: Measurement) -> None:
+        assert self.controller is not None
+        tuning.controller.succeed(self.controller)
+        self.controller, self.values = tuning.controller, tuning.values
+        words = ", ".join(f"{key}: {value}" for key, value in tuning.changes.items())
+        self.events.append(
+            Event(
+                question.tick,
+                question.time,
+                question.epoch,
+                Level.INFO,
+                self.name,
+                "tuned",
+                f"{self.name} tuned: {words}",
+                {
+                    "controller": self.name,
+                    "settings": tuning.changes,
+                    "who": tuning.who or "unnamed",
+                },
+            )
+        )
+
+
+def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nested settings with some of them changed."""
+    result = dict(values)
+    for key, value in changes.items():
+        before = result.get(key)
+        both = isinstance(value, Mapping) and isinstance(before, Mapping)
+        result[key] = merged(before, value) if both else value  # type: ignore[arg-type]
+    return result

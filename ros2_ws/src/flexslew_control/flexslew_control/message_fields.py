@@ -1,0 +1,101 @@
+"""Answers and plans as the fields of their messages, and plans back, for nodes and logs alike."""
+
+from typing import Any
+
+import numpy as np
+
+from flexslew_control.controllers.controller import Answer
+from flexslew_control.plan import Plan
+from flexslew_control.plan_file import plan_hash
+from flexslew_plant.arrays import Matrix
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml, yaml_text
+
+TEXTS = ("request", "summary", "versions")  # YAML in the message
+
+
+def answer_fields(answer: Answer) -> dict[str, Any]:
+    """Return the fields of flexslew_msgs/ControllerState but for its header."""
+    command, reference, estimate, terms = answer
+    return {
+        "tick": command.tick,
+        "epoch": command.epoch,
+        "controller": command.controller,
+        "reference_position": reference.position,
+        "reference_velocity": reference.velocity,
+        "feedforward": reference.effort,
+        "estimate_position": estimate.position,
+        "estimate_velocity": estimate.velocity,
+        "estimate_disturbance": estimate.disturbance,
+        "covariance_diagonal": np.diagonal(estimate.covariance),
+        "innovation": estimate.innovation,
+        "nis": estimate.nis,
+        "effort": command.effort,
+        "term_names": list(terms),
+        "terms": np.concatenate([*terms.values(), np.zeros(0)]),
+    }
+
+
+def plan_fields(plan: Plan) -> dict[str, Any]:
+    """Return the fields of flexslew_msgs/Plan but for its stamp."""
+    return {
+        "method": plan.method,
+        "hash": plan_hash(plan),
+        "joint_names": list(plan.joint_names),
+        "start": plan.start,
+        "duration": plan.duration,
+        "period": plan.period,
+        "position": plan.position.ravel(),
+        "velocity": plan.velocity.ravel(),
+        "effort": plan.effort.ravel(),
+        "state": plan.state.ravel(),
+        **{name: yaml_text(getattr(plan, name)) for name in TEXTS},
+    }
+
+
+def plan_of(message: Any, source: str) -> Plan:
+    """Return the plan in a message.
+
+    Args:
+        message: flexslew_msgs/Plan, of ROS or decoded from a log.
+        source: topic or log to name in an error.
+
+    Raises:
+        BadInput: its arrays do not fit together, or its content does not have its hash.
+    """
+
+    def rows(name: str, count: int) -> Matrix:
+        values = np.array(getattr(message, name), dtype=np.float64)
+        return values.reshape(count, -1) if values.size else np.zeros((count, 0))
+
+    def text(name: str) -> dict[str, Any]:
+        found = load_yaml(getattr(message, name), f"{source}: the plan is damaged: {name}") or {}
+        if not isinstance(found, dict):
+            raise ValueError(f"{name} holds no keys")
+        return found
+
+    try:
+        joints = len(message.joint_names)
+        if not joints:
+            raise ValueError("it moves no joint")
+        ticks = len(message.effort) // joints
+        plan = Plan(
+            method=message.method,
+            joint_names=tuple(message.joint_names),
+            start=float(message.start),
+            period=float(message.period),
+            position=rows("position", ticks + 1),
+            velocity=rows("velocity", ticks + 1),
+            effort=rows("effort", ticks),
+            state=rows("state", ticks + 1),
+            duration=float(message.duration),
+            **{name: text(name) for name in TEXTS},
+        )
+        if plan.position.shape[1] != joints or plan.velocity.shape[1] != joints:
+            raise ValueError("its references are not one per joint")
+        found = plan_hash(plan)
+    except (ValueError, TypeError) as error:
+        raise BadInput(f"{source}: the plan is damaged: {error}") from None
+    if found != message.hash:
+        raise BadInput(f"{source}: the plan is damaged: its content does not have its hash")
+    return plan

@@ -1,0 +1,100 @@
+"""Plans made in a process of their own, so that whoever asks can cancel at any moment."""
+
+import signal
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any, NamedTuple
+
+from flexslew_control.plan import Plan
+from flexslew_plant.errors import BadInput, PlanFailed
+
+
+class PlanRequest(NamedTuple):
+    """What a planner needs to know."""
+
+    values: Any  # the `plan` section as plain data
+    period: float  # one tick of the bench [s]
+    effort_limit: tuple[float, ...]  # of the drives, one per joint [N m or N]
+
+
+class Iteration(NamedTuple):
+    """One iteration of a planner that iterates."""
+
+    number: int
+    objective: float
+    norm_terminal_error: float
+    norm_input: float
+
+
+class Refusal(NamedTuple):
+    """No plan came out."""
+
+    bad_input: bool  # the request cannot be used; else no such manoeuvre was found
+    message: str
+
+
+class Planning:
+    """A process that waits for requests; its imports are done before the first one comes."""
+
+    def __init__(self) -> None:
+        self._start()
+
+    def ask(self, request: PlanRequest) -> None:
+        """Begin to plan."""
+        self._pipe.send(request)
+
+    def news(self) -> list[Iteration | Plan | Refusal]:
+        """Return what has come out since the last call; a plan or a refusal is the last word."""
+        found: list[Iteration | Plan | Refusal] = []
+        try:
+            while self._pipe.poll():
+                found.append(self._pipe.recv())
+        except (EOFError, OSError):
+            code = self._process.exitcode
+            found.append(
+                Refusal(False, f"the planning process ended by itself (exit code {code})")
+            )
+            self._start()
+        return found
+
+    def cancel(self) -> None:
+        """Stop planning, wherever it is; the next request can come at once."""
+        self.close()
+        self._start()
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.join()
+        self._pipe.close()
+
+    def _start(self) -> None:
+        # spawned: a copy of this process would take its threads' locks with it
+        context = get_context("spawn")
+        self._pipe, end = context.Pipe()
+        self._process = context.Process(target=_work, args=(end,), daemon=True)
+        self._process.start()
+        end.close()
+
+
+def _work(pipe: Connection) -> None:
+    """Answer requests until nobody is left to ask."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
+    from flexslew_control.planners import PlanSettings, make_plan
+    from flexslew_plant.settings import validated
+
+    def progress(update: Any) -> None:
+        pipe.send(Iteration(*(getattr(update, name) for name in Iteration._fields)))
+
+    try:
+        while True:
+            request: PlanRequest = pipe.recv()
+            try:
+                settings = validated(PlanSettings, request.values, "plan")
+                pipe.send(make_plan(settings, request.period, request.effort_limit, progress))
+            except (BadInput, PlanFailed) as error:
+                pipe.send(Refusal(isinstance(error, BadInput), str(error)))
+            except (ArithmeticError, ValueError, MemoryError) as error:
+                pipe.send(Refusal(False, f"{type(error).__name__}: {error}"))
+    except (EOFError, OSError):
+        return

@@ -1,0 +1,85 @@
+"""In which order a recorder writes what it hears: by epoch, then by simulated time."""
+
+import struct
+from bisect import bisect_right
+from collections.abc import Iterable
+from operator import itemgetter
+from typing import NamedTuple
+
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.cdr import stamp_of
+
+_TICK_AND_EPOCH = struct.Struct("<QI")
+_BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame
+_OF_PLANT = ("/measurement", "/truth")  # their epoch counts
+_DISPLAYED = ("/clock", "/joint_states", "/appendage_states", "/tf", "/markers")  # they have none
+_RANK = {topic: rank for rank, topic in enumerate(TOPICS)}
+_time, _by_time = itemgetter(0, 1), itemgetter(0, 1, 2)
+
+
+class Ordered(NamedTuple):
+    """A message at its place in the log."""
+
+    epoch: int
+    at: int  # simulated time in its epoch [ns]
+    rank: int  # of its topic among those of one time
+    topic: str
+    data: bytes  # CDR
+
+
+class RecordingOrder:
+    """Sorts messages as they come; hands out what is surely complete.
+
+    The topics of one tick do not arrive at one moment, so what is newer than the newest message of
+    the round before waits for the next one.
+    """
+
+    def __init__(self) -> None:
+        self.newest = 0, 0  # epoch, and simulated time in it [ns]
+        self.tick = 0  # of that time
+        self._displayed = dict.fromkeys(_DISPLAYED, (0, 0))  # epoch and time by topic
+        self._waiting: list[Ordered] = []
+
+    def take(self, messages: Iterable[tuple[str, bytes]], last: bool = False) -> list[Ordered]:
+        """Return what can be written now.
+
+        Args:
+            messages: topic and CDR, as they came since the last round.
+            last: nothing will come any more.
+        """
+        horizon = self.newest
+        fresh = []
+        for topic, data in messages:
+            at = stamp_of(TOPICS[topic].type, data, horizon[1])
+            fresh.append((topic, at, data))
+            if topic in _OF_PLANT:
+                tick, epoch = tick_and_epoch(data)
+                if (epoch, at) >= self.newest:
+                    self.newest, self.tick = (epoch, at), tick
+        self._waiting += [Ordered(self._epoch(t, at, d), at, _RANK[t], t, d) for t, at, d in fresh]
+        self._waiting.sort(key=_by_time)
+        ready = len(self._waiting) if last else bisect_right(self._waiting, horizon, key=_time)
+        done, self._waiting = self._waiting[:ready], self._waiting[ready:]
+        return done
+
+    def _epoch(self, topic: str, at: int, data: bytes) -> int:
+        """Return the epoch to which a message belongs; the plant's newest one is known."""
+        newest = self.newest[0]
+        if topic in self._displayed:
+            epoch, before = self._displayed[topic]
+            epoch = newest if at < before else epoch
+            self._displayed[topic] = epoch, at
+            return epoch
+        if not newest:
+            return 0
+        if topic in _OF_PLANT or topic == "/controller_state":
+            return min(newest, tick_and_epoch(data)[1])
+        if topic in ("/effort_command", "/events"):
+            return min(newest, int(_TICK_AND_EPOCH.unpack_from(data, _BEHIND_STAMP)[1]))
+        return newest
+
+
+def tick_and_epoch(data: bytes) -> tuple[int, int]:
+    """Return tick and epoch of a message that begins with a header and these two."""
+    tick, epoch = _TICK_AND_EPOCH.unpack_from(data, _BEHIND_HEADER)
+    return int(tick), int(epoch)

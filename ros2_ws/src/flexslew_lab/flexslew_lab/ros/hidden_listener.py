@@ -1,0 +1,57 @@
+"""Listens on behalf of a node, off its executor: messages wait in DDS until they are taken."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+from flexslew_plant.ros.graph import HIDDEN
+from flexslew_plant.ros.offers import SEVERAL, message_class, qos
+from flexslew_plant.topics import Topic
+
+
+class HiddenListener:
+    """Raw subscriptions of a second node, which ROS hides for the underscore in its name.
+
+    Taking many messages at once costs the bench far less than waking up for each of them, and an
+    executor wakes up for every subscription of its nodes.
+
+    Args:
+        node: on whose behalf; its namespace and its remappings hold.
+        heard: topics by their absolute names in a bench without a namespace.
+    """
+
+    def __init__(self, node: Node, heard: Mapping[str, Topic]) -> None:
+        self._node = Node(
+            HIDDEN + node.get_name(),
+            namespace=node.get_namespace(),
+            use_global_arguments=False,
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
+        self.subscriptions: dict[str, Subscription[Any]] = {}
+        for name, topic in heard.items():
+            self.subscriptions[name] = self._node.create_subscription(
+                message_class(topic.type),
+                node.resolve_topic_name(topic.name),
+                _nothing,
+                qos(topic, SEVERAL if topic.latched else 0),
+                raw=True,
+            )
+
+    def take(self) -> Iterator[tuple[str, bytes]]:
+        """Yield all that waits: the name of the topic, as it was given, and CDR."""
+        for name, subscription in self.subscriptions.items():
+            with subscription.handle:
+                take, kind = subscription.handle.take_message, subscription.msg_type
+                while (taken := take(kind, True)) is not None:
+                    yield name, taken[0]
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._node.destroy_node()
+
+
+def _nothing(_: Any) -> None:
+    """Messages are taken by hand."""

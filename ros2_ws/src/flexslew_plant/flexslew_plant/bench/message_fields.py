@@ -1,0 +1,41 @@
+"""Records of the bench as the fields of their messages, for nodes and for the log alike."""
+
+import json
+from typing import Any
+
+from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.bench.events import Event
+from flexslew_plant.bench.wire import stamp_of
+
+
+def truth_fields(truth: Truth) -> dict[str, Any]:
+    """Return the fields of flexslew_msgs/PlantState but for its header."""
+    fields = truth._asdict()
+    del fields["time"]
+    return fields
+
+
+def event_fields(event: Event) -> dict[str, Any]:
+    """Return the fields of flexslew_msgs/Event; the stamp is a wire.Stamp."""
+    fields = event._asdict()
+    at = stamp_of(fields.pop("time"))
+    return {"stamp": at, **fields, "level": int(event.level), "data": json.dumps(event.data)}
+
+
+def testbed_fields(bench: Bench, settings: str) -> dict[str, Any]:
+    """Return the fields of flexslew_msgs/Testbed but for its stamp.
+
+    Args:
+        bench: that stands there.
+        settings: of the plant, YAML.
+    """
+    return {
+        "kind": bench.settings.testbed.kind,
+        "joint_names": list(bench.model.joint_names),
+        "joint_units": list(bench.model.joint_units),
+        "appendage_names": list(bench.appendages.names),
+        "modes": bench.model.modes,
+        "period": bench.settings.period,
+        "effort_limit": bench.limit,
+        "settings": settings,
+    }

@@ -1,0 +1,81 @@
+"""Who on the graph is alive, by the beats that every node of the bench sends."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+BEAT_EVERY = 0.25  # [wall s]
+SILENT_AFTER = 0.8  # without a beat a node counts as gone [wall s]
+
+
+class Beat(NamedTuple):
+    """One sign of life; see flexslew_msgs/Alive."""
+
+    node: str
+    role: str  # plant, controller, recorder or planner
+    instance: int  # drawn by the process at its start
+    since: int  # when it started [ns of the wall clock]
+
+    @property
+    def age(self) -> tuple[int, int]:
+        """What orders two of one name: the older one is the smaller."""
+        return self.since, self.instance
+
+
+class Presence:
+    """The beats of everybody, and how long ago they came."""
+
+    def __init__(self) -> None:
+        self._heard: dict[int, tuple[Beat, float]] = {}  # by instance, with the wall time [s]
+        self._known: dict[str, str] = {}  # role by name, of all that were ever heard
+
+    def hear(self, beat: Beat, now: float) -> None:
+        """Take a beat that came at this wall time [s]."""
+        self._heard[beat.instance] = beat, now
+        self._known[beat.node] = beat.role
+
+    def excuse(self, seconds: float) -> None:
+        """Forgive everybody this silence: it was the listener who did not listen."""
+        self._heard = {key: (beat, at + seconds) for key, (beat, at) in self._heard.items()}
+
+    def alive(self, now: float) -> dict[str, Beat]:
+        """Return who is alive by name; of several with one name the oldest."""
+        found: dict[str, Beat] = {}
+        for beat, at in self._heard.values():
+            if now - at <= SILENT_AFTER and (
+                beat.node not in found or beat.age < found[beat.node].age
+            ):
+                found[beat.node] = beat
+        return found
+
+    def silent(self, name: str, now: float) -> bool:
+        """Return whether a node that was heard once is heard no more."""
+        return name in self._known and name not in self.alive(now)
+
+    def lost(self, names: Iterable[str], patience: float, now: float) -> set[str]:
+        """Return those of these names that were heard once, and not for `patience` [wall s]."""
+        last: dict[str, float] = {}
+        for beat, at in self._heard.values():
+            last[beat.node] = max(at, last.get(beat.node, at))
+        return {name for name in names if name in last and now - last[name] > patience}
+
+    def of_role(self, role: str) -> list[str]:
+        """Return all names with this role that were ever heard."""
+        return sorted(name for name, had in self._known.items() if had == role)
+
+    def elder(self, beat: Beat, now: float) -> Beat | None:
+        """Return the older one that is alive under the same name, or as another plant, if any."""
+        rivals = [other for other in self._rivals(beat, now) if other.age < beat.age]
+        return min(rivals, key=lambda other: other.age, default=None)
+
+    def younger(self, beat: Beat, now: float) -> list[Beat]:
+        """Return the younger ones that are alive under the same name, or as another plant."""
+        return [other for other in self._rivals(beat, now) if other.age > beat.age]
+
+    def _rivals(self, beat: Beat, now: float) -> list[Beat]:
+        return [
+            other
+            for other, at in self._heard.values()
+            if other.instance != beat.instance
+            and now - at <= SILENT_AFTER
+            and (other.node == beat.node or other.role == beat.role == "plant")
+        ]

@@ -1,0 +1,87 @@
+"""Whether the bench waits, runs, rests or is done, and what may be asked of it then."""
+
+from typing import NamedTuple
+
+WAITING, RUNNING, PAUSED, FINISHED = "waiting", "running", "paused", "finished"
+
+
+class Reply(NamedTuple):
+    """What became of a request."""
+
+    ok: bool
+    message: str
+
+
+class RunState:
+    """The states of a run: waiting for somebody -> running <-> paused -> finished.
+
+    Args:
+        autostart: begin waiting; else paused.
+    """
+
+    def __init__(self, autostart: bool) -> None:
+        self.state = WAITING if autostart else PAUSED
+        self._steps_left = 0  # of a paused bench; 0: no end
+        self._wall = 0.0  # of the finished stretches of this epoch [s]
+        self._since: float | None = None  # of the present one [wall s]
+
+    @property
+    def running(self) -> bool:
+        """Ticks pass."""
+        return self.state == RUNNING
+
+    def wall_time(self, now: float) -> float:
+        """Return for how long ticks have passed in this epoch, pauses left out [wall s]."""
+        return self._wall + (now - self._since if self._since is not None else 0.0)
+
+    def begin(self, now: float) -> None:
+        """Run: all who were waited for are there."""
+        self.state, self._since = RUNNING, now
+
+    def start(self) -> Reply:
+        """Run on without an end, as soon as all are there."""
+        refused = {FINISHED: "the run is over; call reset first", RUNNING: "already running"}
+        if self.state in refused and not self._steps_left:
+            return Reply(False, refused[self.state])
+        self._steps_left = 0
+        if self.state == PAUSED:
+            self.state = WAITING
+        return Reply(True, "starting")
+
+    def pause(self, now: float) -> Reply:
+        """Rest between two ticks."""
+        if self.state not in (RUNNING, WAITING):
+            return Reply(False, f"not running but {self.state}")
+        self._rest(PAUSED, now)
+        return Reply(True, "paused")
+
+    def step(self, ticks: int) -> Reply:
+        """Run for some ticks, then rest again."""
+        if self.state != PAUSED:
+            return Reply(False, f"not paused but {self.state}; call pause first")
+        self._steps_left = max(1, ticks)
+        self.state = WAITING
+        return Reply(True, f"flying {self._steps_left} ticks")
+
+    def reset(self) -> None:
+        """Rest at tick 0; nothing is left of what was under way."""
+        self.state, self._steps_left = PAUSED, 0
+        self._wall, self._since = 0.0, None
+
+    def ticked(self, now: float) -> bool:
+        """Count a tick; return whether the bench rests after it."""
+        if not self._steps_left:
+            return False
+        self._steps_left -= 1
+        if self._steps_left:
+            return False
+        self._rest(PAUSED, now)
+        return True
+
+    def finish(self, now: float) -> None:
+        """Nothing is left to fly."""
+        self._rest(FINISHED, now)
+
+    def _rest(self, state: str, now: float) -> None:
+        self._wall, self._since = self.wall_time(now), None
+        self.state, self._steps_left = state, 0

@@ -1,0 +1,280 @@
+"""A run of the bench against the wall clock: who is there, how fast it goes, what is asked of it.
+
+The session has no clock and no graph of its own: its caller tells it the time and what came, asks
+it to `poll`, and sends on what lies in `outbox`.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Any, TypeAlias
+
+from flexslew_plant.bench.backlog import Backlog
+from flexslew_plant.bench.bench import Bench, SwitchRequest, Truth
+from flexslew_plant.bench.events import Event, Level
+from flexslew_plant.bench.measurement import EffortCommand, Measurement
+from flexslew_plant.bench.pacing import Pacing
+from flexslew_plant.bench.presence import BEAT_EVERY, Presence
+from flexslew_plant.bench.run_state import PAUSED, WAITING, Reply, RunState
+
+Outgoing: TypeAlias = Measurement | Truth | Event
+
+_LOOK = 0.02  # between two looks at who is missing [wall s]
+
+
+class Session:
+    """The state machine behind the plant node.
+
+    Args:
+        bench: that is run.
+        controllers: that must be ready before tick 0, besides the one in charge.
+        rate_factor: simulated seconds per wall second; 0: as fast as it goes.
+        answer_timeout: silence that counts as missed ticks when not paced [wall s].
+        autostart: start as soon as all are there.
+        missing: returns who must still come before a tick can pass, beyond readiness.
+        arrived: returns the commands that came and were not yet delivered by `take`.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        controllers: tuple[str, ...],
+        rate_factor: float,
+        answer_timeout: float,
+        autostart: bool,
+        missing: Callable[[], list[str]],
+        arrived: Callable[[], Iterable[EffortCommand]],
+    ) -> None:
+        self.bench = bench
+        self.run = RunState(autostart)
+        self.pacing = Pacing(bench.settings.period, rate_factor, answer_timeout)
+        self.backlog = Backlog(patience=answer_timeout, paced=self.pacing.paced)
+        self.presence = Presence()
+        self.reasons: dict[str, str] = {}  # why not ready, as the controllers say themselves
+        self.waiting_for: list[str] = []
+        self.outbox: deque[Outgoing] = deque()
+        self._wanted = controllers
+        scheduled = (entry.switch for entry in bench.settings.schedule if entry.switch)
+        self._named = {*bench.settings.fallback, *scheduled}  # may have to take over
+        self._who = ""  # wanted the start that is under way
+        self._missing, self._arrived = missing, arrived
+        self._shown = (0, -1)  # epoch and tick of the newest truth that went out
+        self._late = (0, 0.0)  # how often behind the schedule, and by how much in all [wall s]
+        self._next_look = 0.0
+        self._gone: set[str] = set()  # recorders that fell silent
+
+    def poll(self, now: float) -> float:
+        """Do what is due at this wall time [s]; return after how many seconds to be called."""
+        if self.run.state == WAITING:
+            self._try_begin(now)
+        if not self.run.running:
+            self._look_around(now)
+            self._flush()
+            return _LOOK if self.run.state == WAITING else BEAT_EVERY
+        held_up = self.pacing.look(now)
+        self.presence.excuse(held_up)
+        bench = self.bench
+        if not bench.answered:  # what has come is taken before anybody is judged
+            for command in self._arrived():
+                bench.offer(command)
+        self._look_around(now)
+        if self.pacing.tick_over(now, bench.answered, bench.drive.missed_in_a_row):
+            if self._held_back(now):
+                return 0.005
+            self._advance(now)
+        elif not bench.answered and self.pacing.repeat_due(now):
+            self.outbox.append(bench.question)
+        self._flush()
+        if bench.answered and not self.pacing.paced:
+            return 0.0
+        return self.pacing.wait(now)
+
+    def take(self, command: EffortCommand, now: float) -> bool:
+        """Take an answer; return whether `poll` is wanted at once."""
+        if not self.run.running:
+            return False
+        bench = self.bench
+        question = bench.question
+        if bench.offer(command) and not self.pacing.paced:
+            if self._held_back(now):
+                return True
+            self._advance(now)
+        elif bench.question is not question:  # a refused switch: its predecessor is asked
+            self.outbox.append(bench.question)
+        self._flush()
+        return bool(bench.charge.results) or bench.answered
+
+    def reason(self, controller: str, now: float) -> str:
+        """Return why a controller could not take charge now; empty if it could."""
+        if controller not in self.reasons:
+            return "it is not on the graph"
+        if self.presence.silent(controller, now):
+            return "it gives no sign of life"
+        bench = self.bench
+        behind = self.backlog.reason(controller, bench.tick, bench.epoch)
+        return self.reasons[controller] or behind
+
+    def start(self, who: str = "") -> Reply:
+        """Start or resume as soon as all are there."""
+        reply = self.run.start()
+        if not reply.ok:
+            return reply
+        self._who = who
+        return Reply(True, f"starting at tick {self.bench.tick}")
+
+    def pause(self, now: float, who: str = "") -> Reply:
+        """Rest between two ticks."""
+        reply = self.run.pause(now)
+        return self._said(reply, "paused", f"paused at tick {self.bench.tick}", who)
+
+    def step(self, ticks: int, who: str = "") -> Reply:
+        """Fly some ticks of a paused bench."""
+        reply = self.run.step(ticks)
+        words = f"{max(1, ticks)} ticks from tick {self.bench.tick} on"
+        self._who = who
+        return self._said(reply, "step", words, who, ticks=max(1, ticks))
+
+    def reset(self, who: str = "") -> Reply:
+        """Return to tick 0 in a new epoch and rest there."""
+        self.bench.reset()
+        self.run.reset()
+        words = f"reset, epoch {self.bench.epoch}; call start"
+        return self._said(Reply(True, words), "reset", words, who)
+
+    def brake(self, on: bool, who: str = "") -> Reply:
+        """Latch or release the drive's own brake from the next tick on."""
+        refused = self.bench.brake(on, who)
+        self._flush()
+        words = f"{'brake latched' if on else 'brake released'} from tick {self.bench.tick + 1} on"
+        return Reply(not refused, refused or words)
+
+    def set_rate(self, rate_factor: float, now: float, who: str = "") -> Reply:
+        """Go on at another rate from the next tick on; nothing of the trajectory changes."""
+        if not 0.0 <= rate_factor < float("inf"):
+            return Reply(False, f"rate_factor: {rate_factor} is not allowed: 0 (fast) or more")
+        self.pacing.set_rate(rate_factor, now)
+        self.backlog.paced = self.pacing.paced
+        words = f"rate {rate_factor:g}" if rate_factor else "as fast as it goes"
+        return self._said(Reply(True, words), "rate", words, who, rate_factor=rate_factor)
+
+    def note(self, text: str, who: str = "") -> Reply:
+        """Keep an operator's remark in the log."""
+        if not text.strip():
+            return Reply(False, "text: is empty; write something")
+        reply = Reply(True, f"noted at tick {self.bench.tick}")
+        return self._said(reply, "note", text.strip(), who)
+
+    def switch(self, request: SwitchRequest, now: float) -> str | None:
+        """Queue a switch; return why it is refused, or None. See Bench.request_switch."""
+        if request.controller not in self.reasons:
+            known = ", ".join(sorted(self.reasons)) or "none"
+            return f"unknown controller {request.controller}; on the graph: {known}"
+        reason = self.reason(request.controller, now)
+        if reason:
+            return f"{request.controller} is not ready: {reason}"
+        refused = self.bench.request_switch(request)
+        self._flush()
+        return refused
+
+    def interrupted(self) -> None:
+        """Say that the run ends before its time, if it does."""
+        if self.run.state in ("running", PAUSED) and self.bench.tick:
+            words = f"stopped at tick {self.bench.tick}"
+            self.bench.say(Level.WARNING, "interrupted", words, {})
+        self._flush()
+
+    def _try_begin(self, now: float) -> None:
+        """Begin as soon as nobody is missing."""
+        bench = self.bench
+        active = bench.drive.active
+        needed = {*self._wanted, active} - {""} if bench.tick == 0 else {active} - {""}
+        reasons = {name: self.reason(name, now) for name in needed}
+        unready = {f"{name} ({why})" for name, why in reasons.items() if why}
+        self.waiting_for = sorted({*self._missing(), *unready})
+        if self.waiting_for:
+            return
+        self.run.begin(now)
+        self.pacing.start(now)
+        word = "started" if bench.tick == 0 else "resumed"
+        self.bench.say(Level.INFO, word, f"{word} at tick {bench.tick}", _named(self._who))
+        self._look_around(now)
+        self._tell_tick()
+
+    def _advance(self, now: float) -> None:
+        self.bench.advance()
+        if self.bench.done:
+            self._finish(now)
+            return
+        behind = self.pacing.fall_behind(now)
+        self.pacing.asked(now)
+        if behind:
+            self._tell_late(behind)
+        self._tell_tick()
+        self.run.ticked(now)
+
+    def _tell_tick(self) -> None:
+        """Ask first: the answer is under way while the rest goes out."""
+        self.outbox.append(self.bench.question)
+        self._tell_truth()
+        self._flush()
+
+    def _tell_truth(self) -> None:
+        truth = self.bench.truth()
+        if (truth.epoch, truth.tick) != self._shown:  # resumed: only the question is repeated
+            self._shown = truth.epoch, truth.tick
+            self.outbox.append(truth)
+
+    def _tell_late(self, behind: float) -> None:
+        count, total = self._late[0] + 1, self._late[1] + behind
+        self._late = count, total
+        if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th, ...: a slow machine stays readable
+            words = f"{behind:.3f} s behind the schedule, which is shifted; {total:.3f} s in all"
+            data = {"late": behind, "total": total, "count": count}
+            self.bench.say(Level.WARNING, "late", words, data)
+
+    def _finish(self, now: float) -> None:
+        self.run.finish(now)
+        self._tell_truth()
+        self.bench.finish(self.run.wall_time(now))
+        self._flush()
+
+    def _held_back(self, now: float) -> bool:
+        """Return whether somebody is too far behind for another question."""
+        slow = self.backlog.slow(self.bench.tick + 1, self.bench.epoch, now)
+        return any(not self.presence.silent(name, now) for name in slow)
+
+    def _look_around(self, now: float) -> None:
+        """Note who fell silent and who can take charge."""
+        if now < self._next_look and self.run.running:
+            return
+        self._next_look = now + BEAT_EVERY / 2
+        charge = self.bench.charge
+        if self.run.running:
+            for name in sorted({*self.reasons, *self._named}):
+                charge.note_readiness(name, self.reason(name, now))
+        for name in self.presence.of_role("recorder"):
+            silent = self.presence.silent(name, now)
+            if silent and name not in self._gone:
+                self._gone.add(name)
+                self.backlog.forget(name)
+                words = f"the recorder {name} gives no sign of life; what follows is not recorded"
+                self.bench.say(Level.FAULT, "recorder_lost", words, {"recorder": name})
+            elif not silent and name in self._gone:
+                self._gone.discard(name)
+                words = f"the recorder {name} is back"
+                self.bench.say(Level.WARNING, "recorder_back", words, {"recorder": name})
+
+    def _said(self, reply: Reply, kind: str, words: str, who: str, **data: Any) -> Reply:
+        """Note a request that was granted as an event."""
+        if reply.ok:
+            self.bench.say(Level.INFO, kind, words, {**data, **_named(who)})
+        self._flush()
+        return Reply(reply.ok, words if reply.ok else reply.message)
+
+    def _flush(self) -> None:
+        """Hand out the events of the bench."""
+        while self.bench.events:
+            self.outbox.append(self.bench.events.popleft())
+
+
+def _named(who: str) -> dict[str, str]:
+    return {"who": who or "unnamed"}

@@ -1,0 +1,46 @@
+"""The signs of life of the nodes: each beats on `alive` and hears the others."""
+
+import random
+from time import monotonic, time_ns
+
+from flexslew_msgs import msg
+from rclpy.node import Node
+
+from flexslew_plant import topics
+from flexslew_plant.bench.presence import BEAT_EVERY, Beat, Presence
+from flexslew_plant.ros.offers import publisher, subscription
+
+
+class Alive:
+    """Beats for a node and keeps who else is alive.
+
+    Args:
+        node: whose life it is.
+        role: plant, controller, recorder or planner.
+    """
+
+    def __init__(self, node: Node, role: str) -> None:
+        self.presence = Presence()
+        self.beat = Beat(node.get_name(), role, random.getrandbits(63), time_ns())
+        self._message = msg.Alive(**self.beat._asdict())
+        self._publisher = publisher(node, topics.ALIVE)
+        subscription(node, topics.ALIVE, self._hear)
+        self._next = 0.0
+
+    @property
+    def elder(self) -> str:
+        """Who was here before under the same name, or as a plant of this namespace; or ""."""
+        found = self.presence.elder(self.beat, monotonic())
+        return f"another {found.role} called {found.node} is on the graph already" if found else ""
+
+    def poll(self, now: float) -> float:
+        """Beat if it is time; return when it is time again [wall s]."""
+        if now >= self._next:
+            self._publisher.publish(self._message)
+            self._next = now + BEAT_EVERY
+        return self._next
+
+    def _hear(self, message: msg.Alive) -> None:
+        if message.instance != self.beat.instance:
+            beat = Beat(message.node, message.role, message.instance, message.since)
+            self.presence.hear(beat, monotonic())

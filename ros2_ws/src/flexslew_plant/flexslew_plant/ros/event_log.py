@@ -1,0 +1,31 @@
+"""Events of a node: on the topic for programs, in its log for people."""
+
+from rclpy.node import Node
+
+from flexslew_plant import topics
+from flexslew_plant.bench.events import Event, Level
+from flexslew_plant.ros.messages import event_message
+from flexslew_plant.ros.offers import publisher
+
+
+class EventLog:
+    """Publishes events and logs them.
+
+    Args:
+        node: that says them.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._publisher, self._logger = publisher(node, topics.EVENTS), node.get_logger()
+
+    def tell(self, event: Event) -> None:
+        """Publish and log an event."""
+        self._publisher.publish(event_message(event))
+        words = f"t = {event.time:.2f} s: {event.message}"
+        # rclpy ties a severity to the line of the call
+        if event.level == Level.INFO:
+            self._logger.info(words)
+        elif event.level == Level.WARNING:
+            self._logger.warning(words)
+        else:
+            self._logger.error(words)

@@ -1,0 +1,106 @@
+"""Who is on the graph: listeners that are missing or do not fit, and whether the plant is there."""
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+HIDDEN = "_"  # ROS hides nodes whose names begin so; `_x` listens on behalf of the node `x`
+
+
+def listeners_of(node: Node, publisher: Publisher[Any]) -> set[str]:
+    """Return the names of all nodes that listen, those of another namespace with it."""
+    names = set()
+    for info in node.get_subscriptions_info_by_topic(publisher.topic_name):
+        name = info.node_name.removeprefix(HIDDEN)
+        here = info.node_namespace == node.get_namespace()
+        names.add(name if here else f"{info.node_namespace.rstrip('/')}/{name}")
+    return names
+
+
+def unmatched(
+    node: Node, publishers: Sequence[Publisher[Any]], listeners: Sequence[str]
+) -> list[str]:
+    """Return whom a sample published now would not reach, of those that must be there.
+
+    A listener that asks for another QoS than is offered will never be reached, so nobody waits for
+    it; see incompatible.
+
+    Args:
+        node: that publishes.
+        publishers: what must be heard.
+        listeners: names of nodes in the namespace of this one.
+    """
+    missing = set()
+    for publisher in publishers:
+        missing |= set(listeners) - listeners_of(node, publisher)
+        fitting = [
+            info
+            for info in node.get_subscriptions_info_by_topic(publisher.topic_name)
+            if _fits(publisher, info)
+        ]
+        if publisher.get_subscription_count() < len(fitting):
+            missing.add(f"a subscriber of {publisher.topic_name}")
+    return sorted(missing)
+
+
+def incompatible(node: Node, publishers: Sequence[Publisher[Any]]) -> list[str]:
+    """Return who asks for a QoS that is not offered, as `node on topic`."""
+    return sorted(
+        f"{info.node_name} on {publisher.topic_name}"
+        for publisher in publishers
+        for info in node.get_subscriptions_info_by_topic(publisher.topic_name)
+        if not _fits(publisher, info)
+    )
+
+
+def publishers_of(node: Node, subscription: Subscription[Any]) -> set[str]:
+    """Return the names of the nodes of this namespace that publish what the node hears here."""
+    return {
+        info.node_name
+        for info in node.get_publishers_info_by_topic(subscription.topic_name)
+        if info.node_namespace == node.get_namespace()
+    }
+
+
+def _fits(publisher: Publisher[Any], info: Any) -> bool:
+    """Return whether a subscription asks for no more than is offered."""
+    offered, asked = publisher.qos_profile, info.qos_profile
+    reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+    return bool(
+        (asked.reliability != reliable or offered.reliability == reliable)
+        and (asked.durability != latched or offered.durability == latched)
+    )
+
+
+class _Stops(Protocol):
+    def stop(self, code: int) -> None: ...
+
+
+class PlantWatch:
+    """Ends a loop when the plant, once seen, is gone for good.
+
+    Args:
+        loop: to stop.
+        subscription: to a topic that only the plant publishes.
+        enabled: otherwise it only watches.
+    """
+
+    def __init__(self, loop: _Stops, subscription: Subscription[Any], enabled: bool) -> None:
+        self._loop, self._subscription, self._enabled = loop, subscription, enabled
+        self._seen = False
+
+    @property
+    def here(self) -> bool:
+        """A plant is on the graph."""
+        return bool(self._subscription.get_publisher_count() > 0)
+
+    def look(self, code: int = 0, stay: bool = False) -> None:
+        """Look for the plant; stop the loop with this code if it has left, unless told to stay."""
+        here = self.here
+        if self._enabled and self._seen and not here and not stay:
+            self._loop.stop(code)
+        self._seen = self._seen or here

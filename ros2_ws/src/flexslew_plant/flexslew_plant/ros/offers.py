@@ -1,0 +1,66 @@
+"""Publishers and subscriptions as the table of topics has them."""
+
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from flexslew_plant.topics import TOPICS, Topic
+
+SEVERAL = 100  # latched samples a listener takes at least: several nodes may publish one each
+
+
+@cache
+def message_class(kind: str) -> Any:
+    """Return the class of `package/msg/Type`."""
+    package, _, name = kind.split("/")
+    return getattr(import_module(f"{package}.msg"), name)
+
+
+def qos(topic: Topic, at_least: int = 0) -> QoSProfile:
+    """Return the QoS of a topic.
+
+    Args:
+        topic: an entry of the table.
+        at_least: samples kept, where the table has fewer.
+    """
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=max(topic.depth, at_least),
+        reliability=(
+            ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT
+        ),
+        durability=(
+            DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
+        ),
+    )
+
+
+def publisher(node: Node, name: str) -> Publisher[Any]:
+    """Return a publisher of a topic of the table."""
+    topic = TOPICS[name]
+    return node.create_publisher(message_class(topic.type), name, qos(topic))
+
+
+def subscription(
+    node: Node, name: str, callback: Callable[[Any], None], raw: bool = False, at: str = ""
+) -> Subscription[Any]:
+    """Return a subscription to a topic of the table.
+
+    Args:
+        node: that listens.
+        name: a key of TOPICS.
+        callback: takes the message, or its bytes.
+        raw: bytes instead of messages.
+        at: another name on the graph.
+    """
+    topic = TOPICS[name]
+    profile = qos(topic, SEVERAL if topic.latched else 0)
+    return node.create_subscription(
+        message_class(topic.type), at or name, callback, profile, raw=raw
+    )

@@ -1,0 +1,79 @@
+"""The service switch_controller: answered when the switch has happened, or cannot any more."""
+
+from math import inf
+from time import monotonic
+from typing import Any, NamedTuple
+
+from flexslew_msgs import srv
+from rclpy.node import Node
+from rclpy.task import Future
+
+from flexslew_plant import topics
+from flexslew_plant.bench.records import SwitchRequest, SwitchResult
+from flexslew_plant.bench.session import Session
+from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.messages import doubles, seconds_of
+
+
+class _Pending(NamedTuple):
+    """A switch that somebody waits for."""
+
+    request: SwitchRequest
+    deadline: float  # [wall s]
+    future: Future
+
+
+class SwitchService:
+    """Queues switches and answers with what became of them.
+
+    Args:
+        node: that offers the service.
+        session: whose bench it is.
+        loop: that serves the node.
+    """
+
+    def __init__(self, node: Node, session: Session, loop: Loop) -> None:
+        self._session, self._loop = session, loop
+        self._pending: list[_Pending] = []
+        node.create_service(srv.SwitchController, topics.SWITCH_CONTROLLER, self._on_switch)
+
+    def poll(self, now: float) -> float:
+        """Answer those who need wait no longer; return when to look again [wall s]."""
+        results = self._session.bench.charge.results
+        while results:
+            result = results.popleft()
+            for pending in [p for p in self._pending if p.request == result.request]:
+                self._resolve(pending, result)
+        for pending in [p for p in self._pending if now >= p.deadline]:
+            self._resolve(pending, None)
+        return min((p.deadline - now for p in self._pending), default=inf)
+
+    def _resolve(self, pending: _Pending, result: SwitchResult | None) -> None:
+        self._pending.remove(pending)
+        pending.future.set_result(result)
+
+    async def _on_switch(self, request: Any, reply: Any) -> Any:
+        bench = self._session.bench
+        reply.effort_step = doubles(0.0 * bench.limit)
+        wanted = round(seconds_of(request.at) / bench.settings.period)
+        tick = reply.tick = wanted if 0 < wanted < bench.tick else max(wanted, bench.tick + 1)
+        limit = request.max_effort_step if request.strict else inf
+        wish = SwitchRequest(request.controller, tick, request.strict, limit, request.who)
+        reply.message = self._session.switch(wish, monotonic()) or ""
+        self._loop.hurry()
+        if not reply.message:
+            future = self._loop.future()
+            deadline = monotonic() + (request.timeout if request.timeout > 0.0 else inf)
+            self._pending.append(_Pending(wish, deadline, future))
+            result = await future
+            if result is None:
+                reply.scheduled = True
+                reply.message = (
+                    f"switch to {request.controller} is due at tick {tick} and stays in the queue: "
+                    f"it has not happened within {request.timeout:g} s"
+                )
+            else:
+                reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick
+                reply.effort_step = doubles(result.effort_step)
+        reply.active = bench.drive.active
+        return reply
