@@ -51,9 +51,7 @@ class Planning:
                 found.append(self._pipe.recv())
         except (EOFError, OSError):
             code = self._process.exitcode
-            found.append(
-                Refusal(False, f"the planning process ended by itself (exit code {code})")
-            )
+            found.append(Refusal(False, f"the planning process ended by itself (exit code {code})"))
             self._start()
         return found
 

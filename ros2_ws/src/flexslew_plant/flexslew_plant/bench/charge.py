@@ -95,6 +95,10 @@ class Charge:
         self._say(Level.INFO, "brake_requested", words, {"on": on, "tick": tick, "who": who})
         return None
 
+    def due(self, tick: int) -> list[str]:
+        """Return who takes over at this tick, if all goes well."""
+        return [request.controller for request in self._queue if request.tick <= tick]
+
     def begin(self, tick: int) -> None:
         """Let happen what is due at the tick that begins."""
         self._tick = tick

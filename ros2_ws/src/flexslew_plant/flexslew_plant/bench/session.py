@@ -60,6 +60,7 @@ class Session:
         self._shown = (0, -1)  # epoch and tick of the newest truth that went out
         self._late = (0, 0.0)  # how often behind the schedule, and by how much in all [wall s]
         self._next_look = 0.0
+        self._held_since: float | None = None  # for the one who is due to take over [wall s]
         self._gone: set[str] = set()  # recorders that fell silent
 
     def poll(self, now: float) -> float:
@@ -238,19 +239,38 @@ class Session:
         self._flush()
 
     def _held_back(self, now: float) -> bool:
-        """Return whether somebody is too far behind for another question."""
-        slow = self.backlog.slow(self.bench.tick + 1, self.bench.epoch, now)
-        return any(not self.presence.silent(name, now) for name in slow)
+        """Return whether another question must wait for somebody who is behind or held up.
+
+        Paced it never does. Else a busy machine must not decide whether a switch happens: who is
+        due to take over and gives no sign of life is waited for.
+        """
+        if self.pacing.paced:
+            return False
+        tick, epoch = self.bench.tick + 1, self.bench.epoch
+        slow = self.backlog.slow(tick, epoch, now)
+        if any(not self.presence.silent(name, now) for name in slow):
+            return True
+        due = self.bench.charge.due(tick)
+        held = any(self.presence.silent(name, now) for name in due)
+        if not held:
+            self._held_since = None
+            self._refresh(due, now)
+            return False
+        self._held_since = now if self._held_since is None else self._held_since
+        return now - self._held_since <= self.backlog.patience
+
+    def _refresh(self, controllers: Iterable[str], now: float) -> None:
+        """Note who of these can take charge at this moment."""
+        for name in controllers:
+            self.bench.charge.note_readiness(name, self.reason(name, now))
 
     def _look_around(self, now: float) -> None:
         """Note who fell silent and who can take charge."""
         if now < self._next_look and self.run.running:
             return
         self._next_look = now + BEAT_EVERY / 2
-        charge = self.bench.charge
         if self.run.running:
-            for name in sorted({*self.reasons, *self._named}):
-                charge.note_readiness(name, self.reason(name, now))
+            self._refresh(sorted({*self.reasons, *self._named}), now)
         for name in self.presence.of_role("recorder"):
             silent = self.presence.silent(name, now)
             if silent and name not in self._gone:
