@@ -25,3 +25,11 @@ def compiled(function: _Function) -> _Function:
 def inlined(function: _Function) -> _Function:
     """Return function for use inside compiled ones, where its body replaces the call."""
     return cast(_Function, numba.njit(inline="always", error_model="numpy")(function))
+
+
+def called(function: _Function) -> _Function:
+    """Return function for calls from compiled ones; the compiler may merge the two.
+
+    For what is called from many places: `inlined` would compile its body for each of them.
+    """
+    return cast(_Function, numba.njit(error_model="numpy")(function))

@@ -1,0 +1,164 @@
+"""Generalised forces B(q, t) u of a spacecraft's actuators, and their derivatives."""
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector, called, compiled
+from flexslew_plant.testbeds.spacecraft import layout as at
+from flexslew_plant.testbeds.spacecraft.geometry import (
+    Triple,
+    apply_transposed,
+    cross,
+    dot,
+    nine,
+    plus,
+    scaled,
+    triple,
+)
+from flexslew_plant.testbeds.spacecraft.kernels import hinge_frame, offsets, put
+
+
+@called
+def _speed_limited(u: float, speed: float, limit: float) -> float:
+    """Return the torque of a wheel: none that would drive it beyond its limit."""
+    if abs(speed) >= limit and u * speed > 0.0:
+        return 0.0
+    return u
+
+
+@called
+def _platform_force(
+    p: Vector, t: float, x: Vector, d: int, u: float, own_q: int, own_v: int, nq: int
+) -> tuple[Triple, Triple, float]:
+    """Return force and moment on the platform in body axes and the moment about the hinge.
+
+    Args:
+        p, t, x: packed spacecraft, time, state.
+        d: where the actuator's block lies.
+        u: its effort.
+        own_q, own_v, nq: see kernels.offsets.
+    """
+    direction, place = scaled(u, triple(p, d + at.DIRECTION)), triple(p, d + at.AT)
+    what, b = p[d + at.WHAT], int(p[d + at.WHOSE])
+    none = (0.0, 0.0, 0.0)
+    if what == at.FORCE:
+        return direction, cross(place, direction), 0.0
+    if what == at.TORQUE:
+        return none, direction, 0.0
+    n = int(p[b + at.COUNT])
+    q = own_q + int(p[at.HINGES]) + int(p[at.WHEELS]) + int(p[b + at.START])
+    shape = d + at.SHAPES
+    force, moment = none, direction
+    if what == at.POINT_FORCE:
+        for i in range(n):
+            moved = (p[shape + i], p[shape + n + i], p[shape + 2 * n + i])
+            place = plus(place, scaled(x[q + i], moved))
+        force, moment = direction, cross(place, direction)
+    if p[b + at.KIND] == at.FIXED:
+        return force, moment, 0.0
+    angle, rate = 0.0, 0.0
+    if p[b + at.KIND] == at.DRIVEN:
+        angle = x[own_q + int(p[b + at.HINGE_INDEX])]
+    e, _, _ = hinge_frame(p, b, t, angle, rate)
+    pull = apply_transposed(e, force)
+    arm = cross(triple(p, b + at.PLACE), pull)
+    return pull, plus(arm, apply_transposed(e, moment)), dot(triple(p, b + at.AXIS), moment)
+
+
+@called
+def _platform_share(p: Vector, force: Triple, moment: Triple, out: Vector) -> None:
+    """Add a force and a moment on the platform to the generalised forces."""
+    if p[at.MOTION] == at.FREE:
+        put(out, 0, force)
+        put(out, 3, moment)
+    elif p[at.MOTION] == at.PIVOT:
+        out[0] += dot(triple(p, at.PIVOT_AXES), force)
+        out[0] += dot(triple(p, at.PIVOT_AXES + 3), moment)
+
+
+@compiled
+def actuation(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> None:
+    """Add B(q, t) u to the generalised forces `out`, shape (nv,)."""
+    own_q, own_v, nq, _ = offsets(p)
+    hinges, wheels = int(p[at.HINGES]), int(p[at.WHEELS])
+    mode = own_v + hinges + wheels
+    table = int(p[at.ACTUATOR_TABLE])
+    for k in range(int(p[at.ACTUATORS])):
+        u = effort[k]
+        if u == 0.0:
+            continue
+        d = int(p[table + k])
+        index = int(p[d + at.INDEX])
+        if p[d + at.WHAT] == at.HINGE:
+            out[own_v + index] += u
+            continue
+        if p[d + at.WHAT] == at.WHEEL:
+            at_wheel = own_v + hinges + index
+            out[at_wheel] += _speed_limited(u, x[nq + at_wheel], p[d + at.BOUND])
+            continue
+        force, moment, about_hinge = _platform_force(p, t, x, d, u, own_q, own_v, nq)
+        _platform_share(p, force, moment, out)
+        b = int(p[d + at.WHOSE])
+        if b < 0:
+            continue
+        n, first = int(p[b + at.COUNT]), mode + int(p[b + at.START])
+        share = d + at.SHAPES + 3 * n
+        for i in range(n):
+            out[first + i] += u * p[share + i]
+        if p[b + at.KIND] == at.DRIVEN:
+            out[own_v + int(p[b + at.HINGE_INDEX])] += about_hinge
+
+
+@compiled
+def actuation_jacobian(p: Vector, t: float, x: Vector, effort: Vector, dq: Matrix) -> None:
+    """Subtract d(B u)/dq from dq, shape (nv, nq): arms of point forces and turned hinges."""
+    own_q, own_v, _nq, nv = offsets(p)
+    hinges, wheels = int(p[at.HINGES]), int(p[at.WHEELS])
+    table = int(p[at.ACTUATOR_TABLE])
+    column = np.empty(nv)
+    for k in range(int(p[at.ACTUATORS])):
+        d = int(p[table + k])
+        b, u = int(p[d + at.WHOSE]), effort[k]
+        what = p[d + at.WHAT]
+        if b < 0 or u == 0.0 or (what != at.POINT_FORCE and what != at.TIP_TORQUE):
+            continue
+        n, first = int(p[b + at.COUNT]), int(p[b + at.START])
+        force = scaled(u, triple(p, d + at.DIRECTION))
+        driven, fixed = p[b + at.KIND] == at.DRIVEN, p[b + at.KIND] == at.FIXED
+        hinge, shape = int(p[b + at.HINGE_INDEX]), d + at.SHAPES
+        axis, place = triple(p, b + at.AXIS), triple(p, b + at.PLACE)
+        angle = 0.0
+        if driven:
+            angle = x[own_q + hinge]
+        e = nine(p, b + at.AXES)
+        if not fixed:
+            e, _, _ = hinge_frame(p, b, t, angle, 0.0)
+        if what == at.POINT_FORCE:
+            for i in range(n):
+                moved = (p[shape + i], p[shape + n + i], p[shape + 2 * n + i])
+                moment = cross(moved, force)
+                column[:] = 0.0
+                if driven:
+                    column[own_v + hinge] = dot(axis, moment)
+                if not fixed:
+                    moment = apply_transposed(e, moment)
+                _platform_share(p, (0.0, 0.0, 0.0), moment, column)
+                to = own_q + hinges + wheels + first + i
+                for r in range(nv):
+                    dq[r, to] -= column[r]
+        if driven:
+            moment = force
+            if what == at.POINT_FORCE:
+                arm = triple(p, d + at.AT)
+                q = own_q + hinges + wheels + first
+                for i in range(n):
+                    moved = (p[shape + i], p[shape + n + i], p[shape + 2 * n + i])
+                    arm = plus(arm, scaled(x[q + i], moved))
+                moment = cross(arm, force)
+            else:
+                force = (0.0, 0.0, 0.0)
+            pull = apply_transposed(e, cross(axis, force))
+            about = plus(cross(place, pull), apply_transposed(e, cross(axis, moment)))
+            column[:] = 0.0
+            _platform_share(p, pull, about, column)
+            for r in range(nv):
+                dq[r, own_q + hinge] -= column[r]

@@ -1,0 +1,271 @@
+"""Clamped beams that bend both ways and twist, with a rigid body at the tip.
+
+Local axes: z along the beam, deflections u along x and v along y, twist about z. A section turns
+by (-v', u', twist). Slender sections: their own inertia counts for the twist alone.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.beam import ClampedFreeBeam
+from flexslew_plant.testbeds.spacecraft.integrals import (
+    Points,
+    integrals_of,
+    rigid_points,
+)
+from flexslew_plant.testbeds.spacecraft.shape import FlexibleShape, Spot
+
+DOF = 5  # of a node: u, u', v, v', twist
+GAUSS = 4  # points of an element: exact for products of two cubics and for their moments
+DRAWN = 21  # points along a drawn beam
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A uniform beam.
+
+    Args:
+        length: L [m].
+        linear_density: rho A [kg/m].
+        stiffness_x, stiffness_y: EI of the deflections u and v [N m^2].
+        torsion_stiffness: GJ [N m^2].
+        polar_inertia: per length, about the beam's axis [kg m].
+    """
+
+    length: float
+    linear_density: float
+    stiffness_x: float
+    stiffness_y: float
+    torsion_stiffness: float = 0.0
+    polar_inertia: float = 0.0
+
+
+@dataclass(frozen=True)
+class TipBody:
+    """A rigid body at the end of a beam.
+
+    Args:
+        mass: [kg].
+        inertia: about its centre of mass in the beam's axes, shape (3, 3) [kg m^2].
+        offset: of its centre of mass from the beam's end, shape (3,) [m].
+    """
+
+    mass: float
+    inertia: Matrix
+    offset: Vector
+
+    def matrices(self) -> tuple[Matrix, Matrix]:
+        """Return what the last node's five freedoms move and turn it, each of shape (3, 5)."""
+        move, turn = np.zeros((3, DOF)), np.zeros((3, DOF))
+        move[0, 0] = move[1, 2] = 1.0
+        turn[1, 1], turn[0, 3], turn[2, 4] = 1.0, -1.0, 1.0
+        return move - np.cross(self.offset[:, None], turn, axis=0), turn
+
+
+def _hermite(x: float, h: float, derivative: int) -> Vector:
+    """Return the cubic shape functions (w1, w1', w2, w2') of an element at x in 0..1."""
+    rows = {
+        0: (
+            1 - 3 * x**2 + 2 * x**3,
+            h * (x - 2 * x**2 + x**3),
+            3 * x**2 - 2 * x**3,
+            h * x**2 * (x - 1),
+        ),
+        1: (6 * x * (x - 1), h * (1 - 4 * x + 3 * x**2), 6 * x * (1 - x), h * x * (3 * x - 2)),
+        2: (12 * x - 6, h * (6 * x - 4), 6 - 12 * x, h * (6 * x - 2)),
+    }
+    values: Vector = np.array(rows[derivative], dtype=float) / h**derivative
+    return values
+
+
+@dataclass(frozen=True)
+class FiniteElementModes:
+    """Modes of a beam by finite elements.
+
+    Args:
+        length: of the beam [m].
+        nodal: mode shapes at the nodes, the clamped one included, shape (elements + 1, 5, n).
+    """
+
+    length: float
+    nodal: Matrix
+
+    def _element(self, s: float) -> tuple[int, float, float]:
+        elements = len(self.nodal) - 1
+        h = self.length / elements
+        e = min(int(s / h), elements - 1)
+        return e, s / h - e, h
+
+    def spot(self, s: float) -> Spot:
+        """Return what the modes do at the distance s from the clamp."""
+        e, x, h = self._element(s)
+        bend = self.nodal[e : e + 2, :4]  # (2, 4, n)
+        u, v = (bend[:, k : k + 2].reshape(4, -1) for k in (0, 2))
+        twist = (1.0 - x) * self.nodal[e, 4] + x * self.nodal[e + 1, 4]
+        n0, n1, n2 = (_hermite(x, h, k) for k in range(3))
+        return Spot(
+            np.array([0.0, 0.0, s]),
+            np.stack([n0 @ u, n0 @ v, np.zeros_like(twist)]),
+            np.stack([-n1 @ v, n1 @ u, twist]),
+            np.stack([n2 @ u, n2 @ v]),
+        )
+
+
+def _assembled(beam: Beam, tip: TipBody | None, elements: int) -> tuple[Matrix, Matrix]:
+    """Return the mass and stiffness matrices of the free nodes, shape (5 elements, 5 elements)."""
+    h = beam.length / elements
+    size = DOF * (elements + 1)
+    mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
+    x, w = np.polynomial.legendre.leggauss(GAUSS)
+    shapes = [(_hermite((1 + a) / 2, h, 0), _hermite((1 + a) / 2, h, 2)) for a in x]
+    bending_mass = sum(b * h / 2 * np.outer(n, n) for b, (n, _) in zip(w, shapes, strict=True))
+    bending = sum(b * h / 2 * np.outer(n, n) for b, (_, n) in zip(w, shapes, strict=True))
+    twist_mass = h / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
+    twist = np.array([[1.0, -1.0], [-1.0, 1.0]]) / h
+    for e in range(elements):
+        at = DOF * e
+        for first, ei in ((0, beam.stiffness_x), (2, beam.stiffness_y)):
+            i = at + np.array([first, first + 1, DOF + first, DOF + first + 1])
+            mass[np.ix_(i, i)] += beam.linear_density * bending_mass
+            stiffness[np.ix_(i, i)] += ei * bending
+        i = at + np.array([4, DOF + 4])
+        mass[np.ix_(i, i)] += beam.polar_inertia * twist_mass
+        stiffness[np.ix_(i, i)] += beam.torsion_stiffness * twist
+    if tip is not None:
+        move, turn = tip.matrices()
+        mass[-DOF:, -DOF:] += tip.mass * move.T @ move + turn.T @ tip.inertia @ turn
+    return mass[DOF:, DOF:], stiffness[DOF:, DOF:]
+
+
+def finite_element_beam(
+    beam: Beam, tip: TipBody | None, elements: int, modes: int
+) -> FlexibleShape:
+    """Return the lowest modes of a clamped beam by cubic elements, of modal mass one.
+
+    A beam without torsional stiffness or inertia does not twist.
+
+    Args:
+        beam: its numbers.
+        tip: what it carries.
+        elements: how many of equal length.
+        modes: how many modes, the slowest first.
+    """
+    mass, stiffness = _assembled(beam, tip, elements)
+    kept = np.arange(len(mass))
+    if beam.torsion_stiffness == 0.0:
+        kept = kept[kept % DOF != 4]
+    elif beam.polar_inertia == 0.0:  # massless in twist but for the tip: condense it out
+        raise ValueError("a beam that twists needs a polar inertia")
+    of = np.ix_(kept, kept)
+    squares, vectors = eigh(stiffness[of], mass[of], subset_by_index=(0, modes - 1))
+    nodal = np.zeros((len(mass), modes))
+    nodal[kept] = vectors * np.sign(vectors[np.argmax(abs(vectors), axis=0), np.arange(modes)])
+    free = nodal.reshape(elements, DOF, modes)
+    line = FiniteElementModes(beam.length, np.concatenate((np.zeros((1, DOF, modes)), free)))
+    h = beam.length / elements
+    x, w = np.polynomial.legendre.leggauss(GAUSS)
+    s = (np.arange(elements)[:, None] + (1.0 + x) / 2.0) * h
+    weights = np.tile(beam.linear_density * w * h / 2.0, elements)
+    return _shape(beam, tip, line, s.ravel(), weights, np.ones(modes), squares)
+
+
+@dataclass(frozen=True)
+class ClosedFormModes:
+    """Clamped-free modes of both deflections, then of the twist; each of one direction alone.
+
+    Args:
+        x, y: beams whose modes are u and v.
+        twists: how many torsional modes sin((2 j - 1) pi z / 2 L).
+    """
+
+    x: ClampedFreeBeam
+    y: ClampedFreeBeam
+    twists: int
+
+    def spot(self, s: float) -> Spot:
+        """Return what the modes do at the distance s from the clamp."""
+        a, b = self.x.modes, self.y.modes
+        n = a + b + self.twists
+        at = np.array([s])
+        displacement, turn, curvature = np.zeros((3, n)), np.zeros((3, n)), np.zeros((2, n))
+        for row, beam, modes in ((0, self.x, slice(0, a)), (1, self.y, slice(a, a + b))):
+            if beam.modes:
+                displacement[row, modes] = beam.shape(at)[:, 0]
+                turn[1 - row, modes] = (1.0, -1.0)[row] * beam.shape(at, 1)[:, 0]
+                curvature[row, modes] = beam.shape(at, 2)[:, 0]
+        numbers = (np.arange(self.twists) + 0.5) * np.pi / self.x.length
+        turn[2, a + b :] = np.sin(numbers * s)
+        return Spot(np.array([0.0, 0.0, s]), displacement, turn, curvature)
+
+
+def closed_form_beam(beam: Beam, modes_x: int, modes_y: int, twists: int) -> FlexibleShape:
+    """Return clamped-free modes in closed form, one at the tip (twist: one radian there).
+
+    Args:
+        beam: its numbers.
+        modes_x, modes_y: how many of each deflection.
+        twists: how many torsional modes.
+    """
+    both = [
+        ClampedFreeBeam(beam.length, beam.linear_density, ei, modes)
+        for ei, modes in ((beam.stiffness_x, modes_x), (beam.stiffness_y, modes_y))
+    ]
+    line = ClosedFormModes(both[0], both[1], twists)
+    panels = 4 * max(modes_x, modes_y, twists, 1)
+    x, w = np.polynomial.legendre.leggauss(16)
+    h = beam.length / panels
+    s = ((np.arange(panels)[:, None] + (1.0 + x) / 2.0) * h).ravel()
+    weights = np.tile(w * h / 2.0, panels)
+    numbers = (np.arange(twists) + 0.5) * np.pi / beam.length
+    mass: list[Vector] = [beam.linear_density * b.integral(0, 2, 0) for b in both if b.modes]
+    stiffness = [
+        m * b.frequencies**2 for m, b in zip(mass, [b for b in both if b.modes], strict=True)
+    ]
+    mass.append(np.full(twists, beam.polar_inertia * beam.length / 2.0))
+    twisting: Vector = 0.5 * beam.torsion_stiffness * beam.length * numbers**2
+    stiffness.append(twisting)
+    return _shape(
+        beam,
+        None,
+        line,
+        s,
+        beam.linear_density * weights,
+        np.concatenate(mass),
+        np.concatenate(stiffness),
+    )
+
+
+def _shape(
+    beam: Beam,
+    tip: TipBody | None,
+    line: FiniteElementModes | ClosedFormModes,
+    s: Vector,
+    weights: Vector,
+    mass: Vector,
+    stiffness: Vector,
+) -> FlexibleShape:
+    """Sum over the mass points at the distances s, and over those of the tip body."""
+    spots = [line.spot(float(at)) for at in s]
+    points = Points(
+        np.stack([spot.place for spot in spots]),
+        weights,
+        np.stack([spot.displacement for spot in spots]),
+    )
+    end = line.spot(beam.length)
+    if tip is not None:
+        move = end.displacement - np.cross(tip.offset[:, None], end.turn, axis=0)
+        place = end.place + tip.offset
+        points = points.joined(rigid_points(tip.mass, place, tip.inertia, move, end.turn))
+    drawn = [line.spot(float(at)) for at in np.linspace(0.0, beam.length, DRAWN)]
+    return FlexibleShape(
+        integrals_of(points),
+        mass,
+        stiffness,
+        end,
+        np.stack([spot.place for spot in drawn]),
+        np.stack([spot.displacement for spot in drawn]),
+        line,
+    )

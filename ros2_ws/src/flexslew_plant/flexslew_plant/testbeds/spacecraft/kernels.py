@@ -1,0 +1,440 @@
+"""Equations of motion of a platform with flexible appendages, Kane's form (papers/002, 004).
+
+M(q, t) nu' + h(q, nu, t) = B u. Every appendage is worked in its own axes: with the velocity V_e
+and rate w_e of its frame, s = sum m x, J the inertia and C = sum m x~ Phi at the deflected shape,
+    r_V = m V' + w' x s + P q'' + w x s' + w x p_V,               p_V = m V + w x s + P q'
+    r_w = s x V' + J w' + C q'' + s' x V + J' w + w x p_w + V x p_V, p_w = s x V + J w + C q'
+    r_q = P^T V' + C^T w' + M_q q'' + 2 (q'^T G) w - P^T (V x w) - w^T D w / 2 + K q + D_q q',
+then projected on the platform's velocities, the hinges' rates and the modes. Linear and angular
+momentum and the energy are kept by this form exactly, whatever the integrals are.
+"""
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector, called, compiled
+from flexslew_plant.testbeds.spacecraft import layout as at
+from flexslew_plant.testbeds.spacecraft.geometry import (
+    Nine,
+    Triple,
+    apply,
+    apply_transposed,
+    cross,
+    dot,
+    nine,
+    plus,
+    scaled,
+    symmetric,
+    triple,
+    turned,
+)
+from flexslew_plant.testbeds.spacecraft.hinge_motion import prescribed
+
+
+@called
+def offsets(p: Vector) -> tuple[int, int, int, int]:
+    """Return how many positions and velocities the platform has, and q and v altogether."""
+    others = int(p[at.HINGES]) + int(p[at.WHEELS]) + int(p[at.MODES])
+    if p[at.MOTION] == at.FREE:
+        return 7, 6, 7 + others, 6 + others
+    if p[at.MOTION] == at.HELD:
+        return 0, 0, others, others
+    return 1, 1, 1 + others, 1 + others
+
+
+@called
+def platform_velocity(p: Vector, x: Vector, v: int) -> tuple[Triple, Triple]:
+    """Return V and w along body axes; v is where the velocities begin."""
+    if p[at.MOTION] == at.FREE:
+        return triple(x, v), triple(x, v + 3)
+    still = (0.0, 0.0, 0.0)
+    if p[at.MOTION] == at.HELD:
+        return still, still
+    rate = x[v]
+    return (
+        scaled(rate, triple(p, at.PIVOT_AXES)),
+        scaled(rate, triple(p, at.PIVOT_AXES + 3)),
+    )
+
+
+@called
+def hinge_frame(
+    p: Vector, b: int, t: float, angle: float, rate: float
+) -> tuple[Nine, Triple, Triple]:
+    """Return E, the relative rate and its derivative without the hinge's own acceleration.
+
+    Args:
+        p: packed spacecraft.
+        b: where the appendage's block lies.
+        t: time [s].
+        angle, rate: of a driven hinge [rad, rad/s].
+    """
+    if p[b + at.KIND] == at.DRIVEN:
+        axis = triple(p, b + at.AXIS)
+        e = turned(axis, np.cos(angle), np.sin(angle), nine(p, b + at.AXES))
+        return e, scaled(rate, axis), (0.0, 0.0, 0.0)
+    return prescribed(p, b, t)
+
+
+@called
+def deflected(p: Vector, b: int, x: Vector, q: int, w: Vector) -> None:
+    """Write [D, C] of an appendage at the deflected shape, component by component, (9 n,).
+
+    D_j = dJ/dq_j in the order xx, yy, zz, xy, xz, yz; C = sum m x~ Phi.
+
+    Args:
+        p: packed spacecraft.
+        b: where the appendage's block lies.
+        x: state; its modal coordinates begin at q.
+        w: out, at least 9 n long.
+    """
+    n = int(p[b + at.COUNT])
+    base = b + at.SUMS + 3 * n
+    for c in range(9 * n):
+        w[c] = p[base + c]
+    if p[b + at.SECOND_ORDER] > 0.5:
+        row = base + 9 * n
+        for i in range(n):
+            qi = x[q + i]
+            for c in range(9 * n):
+                w[c] += qi * p[row + c]
+            row += 9 * n
+
+
+@called
+def add_point_mass_row(
+    mass: Matrix, s: Triple, j: tuple[float, float, float, float, float, float], m: float
+) -> None:
+    """Add the rigid block [m, -s~; s~, J] to the platform's rows."""
+    mass[0, 0] += m
+    mass[1, 1] += m
+    mass[2, 2] += m
+    mass[0, 4] += s[2]
+    mass[0, 5] -= s[1]
+    mass[1, 3] -= s[2]
+    mass[1, 5] += s[0]
+    mass[2, 3] += s[1]
+    mass[2, 4] -= s[0]
+    mass[3, 3] += j[0]
+    mass[4, 4] += j[1]
+    mass[5, 5] += j[2]
+    mass[3, 4] += j[3]
+    mass[3, 5] += j[4]
+    mass[4, 5] += j[5]
+
+
+@called
+def put(a: Vector, i: int, f: Triple) -> None:
+    """Add f to three numbers of a."""
+    a[i] += f[0]
+    a[i + 1] += f[1]
+    a[i + 2] += f[2]
+
+
+@compiled
+def unprojected(
+    p: Vector, t: float, x: Vector, mass: Matrix, coupling: Matrix, modal: Vector, bias: Vector
+) -> None:
+    """Write M and h for nu = (V, w, hinges, wheels, modes), as of a free platform.
+
+    Args:
+        p: packed spacecraft.
+        t: time [s].
+        x: state [q, v].
+        mass: out, upper triangle of M without the modes, shape (r, r).
+        coupling: out, M between these and the modes, shape (r, modes).
+        modal: out, the modes' diagonal, shape (modes,).
+        bias: out, shape (r + modes,).
+    """
+    hinges, wheels, modes = int(p[at.HINGES]), int(p[at.WHEELS]), int(p[at.MODES])
+    own_q, own_v, nq, _ = offsets(p)
+    mass[:] = 0.0
+    coupling[:] = 0.0
+    bias[:] = 0.0
+    velocity, spin = platform_velocity(p, x, nq)
+    hinge_q, hinge_v = own_q, nq + own_v
+    mode_q, mode_v = own_q + hinges + wheels, nq + own_v + hinges + wheels
+    mode_row = 6 + hinges + wheels
+    # the rigid part
+    m, s = p[at.MASS], triple(p, at.FIRST)
+    j = (p[19], p[20], p[21], p[22], p[23], p[24])
+    add_point_mass_row(mass, s, j, m)
+    linear = plus(scaled(m, velocity), cross(spin, s))
+    angular = plus(cross(s, velocity), symmetric(j, spin))
+    table = int(p[at.WHEEL_TABLE])
+    for k in range(wheels):
+        axis, inertia = triple(p, table), p[table + at.WHEEL_INERTIA]
+        own = scaled(inertia, axis)
+        row = 6 + hinges + k
+        mass[row, row] = inertia
+        mass[3, row], mass[4, row], mass[5, row] = own
+        angular = plus(angular, scaled(x[hinge_v + hinges + k], own))
+        table += at.WHEEL_SIZE
+    put(bias, 0, cross(spin, linear))
+    put(bias, 3, plus(cross(spin, angular), cross(velocity, linear)))
+    work = np.empty(9 * modes)
+    table = int(p[at.APPENDAGE_TABLE])
+    for k in range(int(p[at.APPENDAGES])):
+        b = int(p[table + k])
+        n, first = int(p[b + at.COUNT]), int(p[b + at.START])
+        q, v, row = mode_q + first, mode_v + first, mode_row + first
+        fixed = p[b + at.KIND] == at.FIXED
+        driven = p[b + at.KIND] == at.DRIVEN
+        hinge = int(p[b + at.HINGE_INDEX])
+        e = nine(p, b + at.AXES)
+        own_velocity, own_spin = velocity, spin
+        drift, turn_drift = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        place = triple(p, b + at.PLACE)
+        if not fixed:
+            angle, rate = 0.0, 0.0
+            if driven:
+                angle, rate = x[hinge_q + hinge], x[hinge_v + hinge]
+            e, relative, relative_rate = hinge_frame(p, b, t, angle, rate)
+            own_velocity = apply(e, plus(velocity, cross(spin, place)))
+            carried = apply(e, spin)
+            own_spin = plus(carried, relative)
+            drift = cross(own_velocity, relative)
+            turn_drift = plus(relative_rate, cross(carried, relative))
+        # sums at the deflected shape
+        deflected(p, b, x, q, work)
+        sums = b + at.SUMS
+        base = sums + 3 * n
+        rest = base + 9 * n * (n + 1)
+        s, m = triple(p, b + at.OWN_FIRST), p[b + at.OWN_MASS]
+        sx, sy, sz = s
+        dx, dy, dz = 0.0, 0.0, 0.0
+        o = b + at.OWN_INERTIA
+        jxx, jyy, jzz, jxy, jxz, jyz = p[o], p[o + 1], p[o + 2], p[o + 3], p[o + 4], p[o + 5]
+        ixx, iyy, izz, ixy, ixz, iyz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # dJ/dt
+        cx, cy, cz = 0.0, 0.0, 0.0  # C q'
+        for i in range(n):
+            qi, vi = x[q + i], x[v + i]
+            half = 0.5 * qi
+            sx += p[sums + i] * qi
+            sy += p[sums + n + i] * qi
+            sz += p[sums + 2 * n + i] * qi
+            dx += p[sums + i] * vi
+            dy += p[sums + n + i] * vi
+            dz += p[sums + 2 * n + i] * vi
+            jxx += half * (p[base + i] + work[i])
+            jyy += half * (p[base + n + i] + work[n + i])
+            jzz += half * (p[base + 2 * n + i] + work[2 * n + i])
+            jxy += half * (p[base + 3 * n + i] + work[3 * n + i])
+            jxz += half * (p[base + 4 * n + i] + work[4 * n + i])
+            jyz += half * (p[base + 5 * n + i] + work[5 * n + i])
+            ixx += vi * work[i]
+            iyy += vi * work[n + i]
+            izz += vi * work[2 * n + i]
+            ixy += vi * work[3 * n + i]
+            ixz += vi * work[4 * n + i]
+            iyz += vi * work[5 * n + i]
+            cx += vi * work[6 * n + i]
+            cy += vi * work[7 * n + i]
+            cz += vi * work[8 * n + i]
+        s, ds = (sx, sy, sz), (dx, dy, dz)
+        j = (jxx, jyy, jzz, jxy, jxz, jyz)
+        dj = (ixx, iyy, izz, ixy, ixz, iyz)
+        linear = plus(plus(scaled(m, own_velocity), cross(own_spin, s)), ds)
+        angular = plus(plus(cross(s, own_velocity), symmetric(j, own_spin)), (cx, cy, cz))
+        force = plus(cross(own_spin, ds), cross(own_spin, linear))
+        torque = plus(cross(ds, own_velocity), symmetric(dj, own_spin))
+        torque = plus(torque, plus(cross(own_spin, angular), cross(own_velocity, linear)))
+        turned_velocity = cross(own_velocity, own_spin)
+        a, c, d = own_spin
+        if not fixed:  # accelerations of the frame itself
+            force = plus(force, plus(scaled(m, drift), cross(turn_drift, s)))
+            torque = plus(torque, plus(cross(s, drift), symmetric(j, turn_drift)))
+        # the modes' rows: M_q and 2 (q'^T G) w - P^T (V x w) - w^T D w / 2 + K q + D_q q'
+        for i in range(n):
+            centrifugal = (
+                work[i] * a * a
+                + work[n + i] * c * c
+                + work[2 * n + i] * d * d
+                + 2.0 * (work[3 * n + i] * a * c + work[4 * n + i] * a * d)
+                + 2.0 * work[5 * n + i] * c * d
+            )
+            carried_along = (
+                p[sums + i] * turned_velocity[0]
+                + p[sums + n + i] * turned_velocity[1]
+                + p[sums + 2 * n + i] * turned_velocity[2]
+            )
+            h = p[rest + n + i] * x[q + i] - 0.5 * centrifugal - carried_along
+            for k2 in range(n):
+                h += p[rest + 2 * n + i * n + k2] * x[v + k2]
+            if not fixed:
+                h += p[sums + i] * drift[0] + p[sums + n + i] * drift[1]
+                h += p[sums + 2 * n + i] * drift[2]
+                h += work[6 * n + i] * turn_drift[0] + work[7 * n + i] * turn_drift[1]
+                h += work[8 * n + i] * turn_drift[2]
+            bias[row + i] += h
+            modal[first + i] = p[rest + i]
+        if p[b + at.SECOND_ORDER] > 0.5:
+            g = base + 9 * n + 6 * n
+            for k2 in range(n):
+                va, vc, vd = 2.0 * x[v + k2] * a, 2.0 * x[v + k2] * c, 2.0 * x[v + k2] * d
+                for i in range(n):
+                    bias[row + i] += va * p[g + i] + vc * p[g + n + i] + vd * p[g + 2 * n + i]
+                g += 9 * n
+        if fixed:
+            add_point_mass_row(mass, s, j, m)
+            put(bias, 0, force)
+            put(bias, 3, torque)
+            for i in range(n):
+                coupling[0, first + i] = p[sums + i]
+                coupling[1, first + i] = p[sums + n + i]
+                coupling[2, first + i] = p[sums + 2 * n + i]
+                coupling[3, first + i] = work[6 * n + i]
+                coupling[4, first + i] = work[7 * n + i]
+                coupling[5, first + i] = work[8 * n + i]
+            continue
+        at_body, pull = apply_transposed(e, s), apply_transposed(e, force)
+        put(bias, 0, pull)
+        put(bias, 3, plus(cross(place, pull), apply_transposed(e, torque)))
+        total = plus(at_body, scaled(m, place))
+        add_point_mass_row(mass, total, _about(e, j, at_body, place, m), m)
+        for i in range(n):
+            along = apply_transposed(e, (p[sums + i], p[sums + n + i], p[sums + 2 * n + i]))
+            about = apply_transposed(e, (work[6 * n + i], work[7 * n + i], work[8 * n + i]))
+            about = plus(about, cross(place, along))
+            coupling[0, first + i], coupling[1, first + i], coupling[2, first + i] = along
+            coupling[3, first + i], coupling[4, first + i], coupling[5, first + i] = about
+        if driven:
+            axis, to = triple(p, b + at.AXIS), 6 + hinge
+            pulled = apply_transposed(e, cross(axis, s))
+            turned_by = symmetric(j, axis)
+            mass[0, to], mass[1, to], mass[2, to] = pulled
+            mass[3, to], mass[4, to], mass[5, to] = plus(
+                apply_transposed(e, turned_by), cross(place, pulled)
+            )
+            mass[to, to] = dot(axis, turned_by)
+            bias[to] = dot(axis, torque) + p[b + at.HINGE_STIFFNESS] * x[hinge_q + hinge]
+            bias[to] += p[b + at.HINGE_DAMPING] * x[hinge_v + hinge]
+            for i in range(n):
+                coupling[to, first + i] = (
+                    axis[0] * work[6 * n + i]
+                    + axis[1] * work[7 * n + i]
+                    + axis[2] * work[8 * n + i]
+                )
+
+
+@called
+def _about(
+    e: Nine,
+    j: tuple[float, float, float, float, float, float],
+    s: Triple,
+    r: Triple,
+    m: float,
+) -> tuple[float, float, float, float, float, float]:
+    """Return E^T J E + m (r.r 1 - r r^T) + 2 r.s 1 - r s^T - s r^T: inertia about the body origin.
+
+    Args:
+        e: direction cosines, body to appendage.
+        j: inertia about the hinge in appendage axes.
+        s: first moment about the hinge in body axes.
+        r: place of the hinge.
+        m: mass.
+    """
+    x = apply_transposed(e, symmetric(j, (e[0], e[3], e[6])))
+    y = apply_transposed(e, symmetric(j, (e[1], e[4], e[7])))
+    z = apply_transposed(e, symmetric(j, (e[2], e[5], e[8])))
+    both = m * dot(r, r) + 2.0 * dot(r, s)
+    return (
+        x[0] + both - m * r[0] * r[0] - 2.0 * r[0] * s[0],
+        y[1] + both - m * r[1] * r[1] - 2.0 * r[1] * s[1],
+        z[2] + both - m * r[2] * r[2] - 2.0 * r[2] * s[2],
+        y[0] - m * r[0] * r[1] - r[0] * s[1] - s[0] * r[1],
+        z[0] - m * r[0] * r[2] - r[0] * s[2] - s[0] * r[2],
+        z[1] - m * r[1] * r[2] - r[1] * s[2] - s[1] * r[2],
+    )
+
+
+@compiled
+def terms(
+    p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
+) -> None:
+    """Write M(q, t) and h(q, v, t) of M v' + h = B u, the modes last.
+
+    Args:
+        p: packed spacecraft.
+        t: time [s].
+        x: state [q, v].
+        joints: out, M of platform, hinges and wheels, shape (m, m).
+        coupling: out, M between these and the modes, shape (m, modes).
+        modal: out, the modes' diagonal of M, shape (modes,).
+        bias: out, h, shape (m + modes,).
+    """
+    m, n = coupling.shape
+    if p[at.MOTION] == at.FREE:
+        unprojected(p, t, x, joints, coupling, modal, bias)
+        for i in range(m):
+            for j in range(i):
+                joints[i, j] = joints[j, i]
+        return
+    own = 1 if p[at.MOTION] == at.PIVOT else 0
+    k = m + 6 - own
+    mass, across, h = np.empty((k, k)), np.empty((k, n)), np.empty(k + n)
+    unprojected(p, t, x, mass, across, modal, h)
+    bias[own:] = h[6:]
+    for i in range(6, k):
+        coupling[i - 6 + own] = across[i]
+        for j in range(i, k):
+            joints[i - 6 + own, j - 6 + own] = mass[i, j]
+            joints[j - 6 + own, i - 6 + own] = mass[i, j]
+    if own == 1:
+        joints[0] = 0.0
+        coupling[0] = 0.0
+        bias[0] = 0.0
+        for i in range(6):
+            a = p[at.PIVOT_AXES + i]
+            bias[0] += a * h[i]
+            joints[0, 0] += a * a * mass[i, i]
+            for j in range(i + 1, 6):
+                joints[0, 0] += 2.0 * a * p[at.PIVOT_AXES + j] * mass[i, j]
+            for j in range(6, k):
+                joints[0, j - 5] += a * mass[i, j]
+            for j in range(n):
+                coupling[0, j] += a * across[i, j]
+        for j in range(1, m):
+            joints[j, 0] = joints[0, j]
+
+
+@compiled
+def potential(p: Vector, t: float, q: Vector) -> float:
+    """Return the strain energy of appendages and sprung hinges [J]."""
+    energy = 0.0
+    own_q = offsets(p)[0]
+    mode_q = own_q + int(p[at.HINGES]) + int(p[at.WHEELS])
+    table = int(p[at.APPENDAGE_TABLE])
+    for k in range(int(p[at.APPENDAGES])):
+        b = int(p[table + k])
+        n, first = int(p[b + at.COUNT]), mode_q + int(p[b + at.START])
+        stiffness = b + at.SUMS + 3 * n + 9 * n * (n + 1) + n
+        for i in range(n):
+            energy += 0.5 * p[stiffness + i] * q[first + i] ** 2
+        if p[b + at.KIND] == at.DRIVEN:
+            angle = q[own_q + int(p[b + at.HINGE_INDEX])]
+            energy += 0.5 * p[b + at.HINGE_STIFFNESS] * angle * angle
+    return energy
+
+
+@compiled
+def kinematics(p: Vector, t: float, x: Vector, rate: Vector) -> None:
+    """Write q' = N(q) v, shape (nq,): R' = A V, quaternion' = quaternion (w, 0) / 2."""
+    own_q, own_v, nq, nv = offsets(p)
+    for i in range(nv - own_v):
+        rate[own_q + i] = x[nq + own_v + i]
+    if p[at.MOTION] == at.PIVOT:
+        rate[0] = x[nq]
+    if p[at.MOTION] == at.FREE:
+        a, b, c, d = x[3], x[4], x[5], x[6]
+        vx, vy, vz = x[nq], x[nq + 1], x[nq + 2]
+        wx, wy, wz = x[nq + 3], x[nq + 4], x[nq + 5]
+        rate[0] = (d * d + a * a - b * b - c * c) * vx
+        rate[0] += 2.0 * ((a * b - c * d) * vy + (a * c + b * d) * vz)
+        rate[1] = (d * d - a * a + b * b - c * c) * vy
+        rate[1] += 2.0 * ((a * b + c * d) * vx + (b * c - a * d) * vz)
+        rate[2] = (d * d - a * a - b * b + c * c) * vz
+        rate[2] += 2.0 * ((a * c - b * d) * vx + (b * c + a * d) * vy)
+        rate[3] = 0.5 * (d * wx + b * wz - c * wy)
+        rate[4] = 0.5 * (d * wy + c * wx - a * wz)
+        rate[5] = 0.5 * (d * wz + a * wy - b * wx)
+        rate[6] = -0.5 * (a * wx + b * wy + c * wz)
