@@ -225,7 +225,8 @@ def closed_form_beam(beam: Beam, modes_x: int, modes_y: int, twists: int) -> Fle
         m * b.frequencies**2 for m, b in zip(mass, [b for b in both if b.modes], strict=True)
     ]
     mass.append(np.full(twists, beam.polar_inertia * beam.length / 2.0))
-    twisting: Vector = 0.5 * beam.torsion_stiffness * beam.length * numbers**2
+    half = 0.5 * beam.torsion_stiffness * beam.length
+    twisting = np.asarray(half * numbers**2, dtype=np.float64)
     stiffness.append(twisting)
     return _shape(
         beam,
