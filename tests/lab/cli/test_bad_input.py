@@ -43,7 +43,7 @@ def call(
         (("plan", "--out", "/proc/x"), "--out: /proc/x"),
         (("plan", "--figure", "/"), "--figure: / is a folder"),
         (("compare", "--out", "/proc/x.html"), "--out: /proc/x.html"),
-        (("report", "/nothing"), "/nothing: no such bag"),
+        (("report", "/nothing"), "/nothing: no such run"),
         (("reproduce", "csa", "--figures", "/proc/x"), "--figures: /proc/x"),
         (("reproduce", "magic"), "magic"),
         (("log", "export", "/nothing", "--out", "/proc/x"), "--out: /proc/x"),

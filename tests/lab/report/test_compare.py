@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from flexslew_control.planners import PLANNERS
-from flexslew_lab.report.compare import compare, compared
+from flexslew_lab.report.compare import compared, write_comparison
+from flexslew_lab.report.compare_report import short_table
 from flexslew_lab.trial.trial import DEFAULT, load_trial, parse_trial
 from flexslew_plant.errors import BadInput
 
@@ -66,13 +67,13 @@ def test_feedforward_is_worth_something_and_robust_is_robust(yaw):
 
 def test_another_testbed_says_what_does_not_apply(tmp_path):
     trial = replace(load_trial(HUB), period=0.02)
-    page = compare(trial, "hub.yaml", tmp_path / "deep" / "hub.html", errors=(0.0, 0.1))
+    found = compared(trial, "hub.yaml", errors=(0.0, 0.1))
+    page = write_comparison(found, tmp_path / "deep" / "hub.html")
     text = page.read_text(encoding="utf-8")
     assert "Not flown" in text
-    assert text.count("plotly-graph-div") >= 3
+    assert text.count("data-panels=") == 3
     assert "<script src" not in text  # nothing to fetch
     assert "<link" not in text
-    found = compared(trial, "hub.yaml", errors=(0.0, 0.1))
     flown = [entry.name for entry in found.flown]
     assert flown == ["time_optimal", "time_optimal, robust", "reference_only"]
     assert all("\n" not in entry.refused for entry in found.entries)
@@ -84,3 +85,16 @@ def test_what_cannot_be_compared_is_said_in_one_line(tmp_path):
         compared(replace(trial, plan=None), "yaw.yaml")
     with pytest.raises(BadInput, match="errors"):
         compared(trial, "yaw.yaml", errors=(-1.0,))
+
+
+def test_the_swing_of_every_joint_is_told(yaw):
+    rows = {row["method"]: row for row in yaw.rows()}
+    for row in rows.values():
+        assert set(row["overshoot"]) == {"base_yaw", "hub_pitch"}
+        assert row["overshoot"]["hub_pitch"] is None  # it has nowhere to go
+        assert row["overshoot"]["base_yaw"] >= 0.0
+        over = 1.0 + row["overshoot"]["base_yaw"]
+        assert row["peak_position"]["base_yaw"] == pytest.approx(over, abs=1e-3)
+    columns, table = short_table(yaw)
+    assert [row[0] for row in table] == [entry.name for entry in yaw.flown]
+    assert columns[-2:] == ["base_yaw over [%]", "hub_pitch over [%]"]

@@ -2,12 +2,16 @@
 
 import json
 import re
+from base64 import b64decode
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.cdr import decode, encode
 from flexslew_lab.report.report import write_report
 from flexslew_lab.report.run_data import LOT, Thinner, read_run
 from flexslew_plant.errors import BadInput
@@ -22,9 +26,22 @@ def page(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     return write_report([bag], out).read_text()
 
 
-def figures_in(page: str) -> dict[str, dict]:  # type: ignore[type-arg]
-    pattern = r'<script type="application/json" data-figure="([^"]+)">(.*?)</script>'
+def panels_in(page: str) -> dict[str, list[Any]]:
+    pattern = r'<script type="application/json" data-panels="([^"]+)">(.*?)</script>'
     return {name: json.loads(text) for name, text in re.findall(pattern, page, re.DOTALL)}
+
+
+def names_in(panels: list[Any]) -> set[str]:
+    return {trace["name"] for panel in panels for trace in panel["data"]}
+
+
+def numbers(encoded: dict[str, str]) -> np.ndarray:
+    return np.frombuffer(b64decode(encoded["bdata"]), dtype=encoded["dtype"])
+
+
+def titles_in(page: str) -> list[str]:
+    found = re.findall(r'class="panel"><figcaption>(.*?)</figcaption>', page)
+    return [re.sub(r"<[^>]+>", "", title) for title in found]
 
 
 def test_the_page_needs_nothing_from_outside(page: str) -> None:
@@ -32,19 +49,52 @@ def test_the_page_needs_nothing_from_outside(page: str) -> None:
     assert page.count("plotly.js v") == 1
 
 
-def test_every_figure_is_there(page: str) -> None:
-    assert sorted(figures_in(page)) == [
-        "estimate-against-truth-0",
-        "terms-of-the-effort-0",
-        "the-manoeuvre-0",
-        "who-is-in-charge-0",
+def test_every_group_is_there_and_none_is_empty(page: str) -> None:
+    groups = panels_in(page)
+    assert sorted(groups) == [
+        "after-the-manoeuvre",
+        "estimate-minus-truth",
+        "modes",
+        "terms-of-the-effort",
+        "the-manoeuvre",
     ]
+    for panels in groups.values():
+        for panel in panels:
+            assert panel["data"]
+            for trace in panel["data"]:
+                assert np.isfinite(numbers(trace["y"])).any()
+
+
+def test_panels_are_named_after_the_testbed_of_the_run(page: str) -> None:
+    titles = titles_in(page)
+    for title in (
+        "base_yaw [rad]", "tip deflection of negative [m]", "mode 2 [m]",
+        "effort on hub_pitch, limit ±40 N m [N m]",
+    ):  # fmt: skip
+        assert title in titles
+
+
+def test_the_residual_is_on_a_scale_of_its_own(page: str) -> None:
+    panels = panels_in(page)["after-the-manoeuvre"]
+    for panel in panels:
+        assert panel["layout"]["yaxis"]["type"] == "log"
+        low, high = panel["layout"]["xaxis"]["range"]
+        assert (low, high) == (2.0, 5.0)
+    tip = numbers(panels[-1]["data"][0]["y"])
+    t = np.arange(200, 501) * 0.01
+    assert tip.max() == pytest.approx(np.abs(0.3 * np.sin(2.0 * t)).max(), rel=1e-6)
+
+
+def test_limits_are_always_drawn(page: str) -> None:
+    for panel in panels_in(page)["the-manoeuvre"][-2:]:
+        drawn = [s["y0"] for s in panel["layout"]["shapes"] if s["xref"] == "paper"]
+        assert drawn == [-40.0, 40.0]
 
 
 def test_what_a_reader_looks_for_is_on_the_page(page: str) -> None:
     for text in ("synthetic", "optimized_feedforward", "ab" * 32, "switched", "name: synthetic"):
-        assert text in page
-    assert "<code>settling_time.hub_pitch</code>" in page
+        assert text in page.replace("<wbr>", "")
+    assert "settling_time.hub_pitch" in page.replace("<wbr>", "")
     assert "no valid answer from pi" in page
 
 
@@ -67,10 +117,92 @@ def test_runs_are_overlaid_and_compared(
 ) -> None:
     without = write_bag(tmp_path / "without", messages[: len(messages) // 2])
     page = write_report([bag, without], tmp_path / "a.html", comparison=without).read_text()
-    figures = figures_in(page)
-    assert "with-and-without-feedforward-0" in figures
-    names = {trace["name"] for trace in figures["the-manoeuvre-0"]["data"]}
-    assert {"synthetic (run)", "synthetic (without)"} <= names
+    groups = panels_in(page)
+    assert "with-and-without-feedforward" in groups
+    assert {"synthetic (run)", "synthetic (without)"} <= names_in(groups["the-manoeuvre"])
+    headlines = page[page.index('<div class="cards table">') :].split("</table>")[0]
+    for label in ("synthetic (run)", "synthetic (without)", "without feedforward"):
+        assert label in headlines
+
+
+def test_a_run_has_one_colour_wherever_it_is_drawn(
+    bag: Path, tmp_path: Path, write_bag: Write, messages: list[Message]
+) -> None:
+    second = write_bag(tmp_path / "second", messages[: len(messages) // 2])
+    page = write_report([bag, second, bag], tmp_path / "a.html").read_text()
+    colours: dict[str, set[str]] = {}
+    for panels in panels_in(page).values():
+        for panel in panels:
+            for trace in panel["data"]:
+                colours.setdefault(trace["name"], set()).add(trace["line"]["color"])
+    runs = {name: found for name, found in colours.items() if name.startswith("synthetic")}
+    assert len(runs) == 3
+    assert all(len(found) == 1 for found in runs.values())
+    assert len(set.union(*runs.values())) == 3
+
+
+def test_every_joint_of_every_run_has_its_own_panel(
+    bag: Path, tmp_path: Path, write_bag: Write, messages: list[Message]
+) -> None:
+    def renamed(message: Message) -> Message:
+        topic, data, stamp = message
+        if topic not in ("/testbed", "/plan"):
+            return message
+        values = {k: v for k, v in vars(decode(TOPICS[topic].type, data)).items()}
+        values["joint_names"] = ["mast", "hub_pitch"]
+        return topic, encode(TOPICS[topic].type, values), stamp
+
+    other = write_bag(tmp_path / "other", [renamed(m) for m in messages])
+    page = write_report([bag, other], tmp_path / "a.html").read_text()
+    titles = titles_in(page)
+    for title in ("base_yaw [rad]", "mast [rad]", "effort on mast, limit ±40 N m [N m]"):
+        assert title in titles
+    panels = dict(zip(titles, panels_in(page)["the-manoeuvre"], strict=False))
+    names = {t["name"] for t in panels["effort on mast, limit ±40 N m [N m]"]["data"]}
+    assert names & {"synthetic (run)", "synthetic (other)"} == {"synthetic (other)"}
+
+
+def test_faults_and_disturbances_are_shaded_and_explained(
+    tmp_path: Path, write_bag: Write, messages: list[Message]
+) -> None:
+    def said(tick: int, kind: str, **data: Any) -> Message:
+        stamp = tick * 10**7
+        values = {"stamp": stamp, "tick": tick, "level": 1, "source": "plant", "kind": kind,
+                  "message": kind, "data": json.dumps(data)}  # fmt: skip
+        return "/events", encode("flexslew_msgs/msg/Event", values), stamp
+
+    fault = {"fault": {"kind": "sensor_bias", "channel": "joint_position", "bias": 0.1},
+             "start": 50}  # fmt: skip
+    some = [
+        *messages,
+        said(50, "fault", on=True, **fault),
+        said(90, "fault", on=False, **fault),
+        said(120, "disturbance", on=True, base_yaw=5.0),
+    ]
+    folder = write_bag(tmp_path / "run", some)
+    spans = [(s.kind, s.start, s.end) for s in read_run(folder).spans]
+    assert spans == [("fault", 0.5, 0.9), ("disturbance", 1.2, 5.0)]
+    page = write_report([folder], tmp_path / "report.html").read_text()
+    text = re.sub(r"<[^>]+>", "", page.replace("<wbr>", ""))
+    assert "sensor_bias (channel joint_position, bias 0.1), 0.5 to 0.9 s" in text
+    assert "disturbance of 5 N m on base_yaw, 1.2 to 5 s" in text
+    for panel in panels_in(page)["the-manoeuvre"]:
+        shaded = [(s["x0"], s["x1"]) for s in panel["layout"]["shapes"] if s["type"] == "rect"]
+        assert shaded == [(0.0, 2.0), (0.5, 0.9), (1.2, 5.0)]
+
+
+def test_no_state_is_lost_between_estimate_and_truth(
+    tmp_path: Path, write_bag: Write, messages: list[Message]
+) -> None:
+    states = [m for m in messages if m[0] == "/controller_state"]
+    truths = [m for m in messages if m[0] == "/truth"]
+    rest = [m for m in messages if m[0] not in ("/controller_state", "/truth")]
+    for order in ([*states, *truths], [*truths, *states], [*states[:300], *truths, *states[300:]]):
+        folder = write_bag(tmp_path / f"run{states.index(order[0]) if order[0] in states else 'x'}"
+                           f"{len(list(tmp_path.iterdir()))}", [*rest, *order])  # fmt: skip
+        error = read_run(folder).traces["estimate_error"]
+        assert len(np.unique(error.time[:, 0])) == 501
+        assert np.allclose(error.value, 0.001)
 
 
 def test_a_bag_with_truth_alone_still_gives_a_report(
@@ -92,8 +224,6 @@ def test_a_cut_log_is_announced(tmp_path: Path, write_bag: Write) -> None:
 def test_text_from_the_log_cannot_become_markup(
     tmp_path: Path, write_bag: Write, messages: list[Message]
 ) -> None:
-    from flexslew_lab.log.cdr import encode
-
     kind = "flexslew_msgs/msg/Event"
     evil = encode(kind, {"kind": "switched", "message": "</script><b>", "data": "{}"})
     folder = write_bag(tmp_path / "run", [*messages, ("/events", evil, 0)])

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from flexslew_lab.cli.log import Json
-from flexslew_lab.cli.terminal import print_table, screen
+from flexslew_lab.cli.terminal import print_table, say, screen
 from flexslew_plant.errors import BadInput
 
 LONG = ("day",)  # benchmarks that take hours
@@ -40,7 +40,7 @@ def bench(
                 figures |= _figures_of(name, folder / f"{name}.py")
             except Exception as error:  # the figures of the others are not lost with it
                 failed[name] = f"{type(error).__name__}: {' '.join(str(error).split())}"
-                screen.print(f"[red]failed:[/red] {name}: {failed[name]}", highlight=False)
+                say(f"{name}: {failed[name]}", head="failed: ")
     if as_json:
         print(json.dumps(figures, indent=2))
     else:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from flexslew_lab.cli.terminal import print_table, screen
+from flexslew_lab.cli.terminal import print_table, say
 from flexslew_lab.trial.outputs import writable_folder
 
 log = typer.Typer(no_args_is_help=True, help="Look into bags, check, mend and export them.")
@@ -106,7 +106,7 @@ def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
         print(json.dumps(values | {k: str(values[k]) for k in ("source", "out")}, indent=2))
     else:
         print(done.statement)
-        screen.print(f"[bold]{done.out}[/bold]")
+        say(str(done.out), "bold")
 
 
 def bag_of(path: Path) -> Path:

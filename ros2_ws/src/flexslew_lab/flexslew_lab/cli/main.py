@@ -15,8 +15,8 @@ from flexslew_lab.cli.checkout import bench, test
 from flexslew_lab.cli.log import Json, bag_of, log, recover
 from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.replay import check, live, play, resim
-from flexslew_lab.cli.terminal import print_table, progress, screen, short
-from flexslew_lab.trial.outputs import writable_file
+from flexslew_lab.cli.terminal import link, print_table, progress, say, screen, short
+from flexslew_lab.trial.outputs import WITHOUT, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
 
 app = typer.Typer(
@@ -63,16 +63,14 @@ def trial(
             raise BadInput(f"--rate: {rate} is not allowed: 0 is as fast as it goes, 1 real time")
         wanted = replace(wanted, rate_factor=rate)
     with progress(wanted.name) as advance:
-        result = run_trial(
-            wanted, str(source), out, in_process, not no_report, advance, screen.print
-        )
+        result = run_trial(wanted, str(source), out, in_process, not no_report, advance, say)
     if as_json:
         print(json.dumps(result.metrics, indent=2))
     else:
         _summary(result.metrics)
-    screen.print(f"[bold]{result.folder}[/bold]: {', '.join(_content(result.folder))}")
+    say(f"{result.folder}: {', '.join(_content(result.folder))}", "bold")
     if result.exit_code:
-        screen.print(result.message, style="red", highlight=False, soft_wrap=True)
+        say(result.message, "red")
         raise typer.Exit(result.exit_code)
 
 
@@ -114,20 +112,21 @@ def plan(
     limit = tuple(wanted.testbed.effort_limit)
     made = make_plan(settings, wanted.period, limit, None if as_json else iteration)
     summary = {**made.summary, "duration": made.duration, "hash": plan_hash(made)}
+    rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         save_plan(made, out)
-        screen.print(f"saved {out}")
+        say(f"saved {out}")
     if figure is not None:
-        from flexslew_lab.report.figures import plan_figure
+        from flexslew_lab.report.report import write_plan
+        from flexslew_plant.testbeds import build_model
 
-        figure.parent.mkdir(parents=True, exist_ok=True)
-        plan_figure(made).write_html(figure)
-        screen.print(f"drawn {figure}")
+        units = build_model(wanted.testbed).joint_units
+        write_plan(made, units, limit, rows, figure)
+        say(f"drawn {link(figure)}")
     if as_json:
         print(json.dumps(summary, indent=2))
     else:
-        rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
         print_table(("", made.method), rows)
 
 
@@ -136,23 +135,33 @@ def report(
     bags: Bags,
     out: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
 ) -> None:
-    """Write the report of one run, or of several side by side.
+    """Write the report of one run, or of several overlaid.
+
+    One run's report goes into its folder, an overlay into a new file below runs/.
 
     Example: `./flexslew report runs/m1-20260101-120000`
     """
     from flexslew_lab.report.report import write_report
 
-    target = out or (bags[0] if bags[0].is_dir() else bags[0].parent) / "report.html"
-    if bags[0].exists():
-        writable_file(target, "--out")
-    write_report([bag_of(path) for path in bags], target)
-    screen.print(f"written {target}")
+    for path in bags:
+        if not path.exists():
+            raise BadInput(f"{path}: no such run")
+    beside = bags[0] if bags[0].is_dir() else bags[0].parent
+    beside = beside.parent if beside.name == "bag" else beside
+    target = out or (beside / "report.html" if len(bags) == 1 else new_file("overlay.html"))
+    writable_file(target, "--out")
+    bare = beside / WITHOUT
+    comparison = bare if len(bags) == 1 and bare.is_dir() else None
+    write_report([bag_of(path) for path in bags], target, comparison)
+    say(f"written {link(target)}")
 
 
 @app.command()
 def compare(
     file: TrialFile = None,
-    out: Annotated[Path, typer.Option(help="The HTML file.")] = Path("compare.html"),
+    out: Annotated[
+        Path | None, typer.Option(help="The HTML file; else a new one below runs/.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Fly one manoeuvre with every planner on testbeds that differ from the planned one.
@@ -160,18 +169,24 @@ def compare(
     Example: `./flexslew compare --out compare.html`
     """
     from flexslew_lab.report import compare as comparison
+    from flexslew_lab.report.compare_report import short_table
     from flexslew_lab.trial.trial import DEFAULT, load_trial
 
     source = file or DEFAULT
     wanted = load_trial(source)
-    if not as_json:
-        writable_file(out, "--out")
-    with progress("compare") as advance:
-        if as_json:
-            print(json.dumps(comparison.compared(wanted, str(source), advance).rows(), indent=2))
-        else:
-            comparison.compare(wanted, str(source), out, advance)
-            screen.print(f"written {out}")
+    target = writable_file(out or new_file(f"{wanted.name}-compare.html"), "--out")
+    with progress("compare", "flights") as advance:
+        found = comparison.compared(wanted, str(source), advance)
+    if as_json:
+        print(json.dumps(found.rows(), indent=2))
+    else:
+        print_table(*short_table(found))
+        for entry in found.entries:
+            if entry.refused:
+                say(f"not flown: {entry.name}: {entry.refused}")
+    if out is not None or not as_json:
+        comparison.write_comparison(found, target)
+        say(f"written {link(target)}")
 
 
 @app.command()
@@ -238,7 +253,7 @@ def switch(
         if not 0.0 <= value < math.inf:
             raise BadInput(f"{option}: {value} is not allowed: at least 0, finite")
     ok, message = switch_controller(controller, at, strict, max_effort_step)
-    screen.print(message)
+    say(message)
     if not ok:
         raise typer.Exit(1)
 
@@ -276,16 +291,16 @@ def main() -> None:
         code = leave.exit_code
     except (typer.Abort, KeyboardInterrupt):
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # from here on it ends anyway
-        screen.print("interrupted")
+        say("interrupted")
         code = 130
     except BrokenPipeError:  # whoever read our output has left
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 1
     except RunFault as error:
-        screen.print(f"[red]error:[/red] {error}", highlight=False)
+        say(str(error), head="error: ")
         code = 3
     except FlexslewError as error:
-        screen.print(f"[red]error:[/red] {error}", highlight=False, soft_wrap=True)
+        say(str(error), head="error: ")
         code = 2
     except ModuleNotFoundError as error:
         if not remedy(error):
@@ -294,12 +309,12 @@ def main() -> None:
         code = 2
     except OSError as error:  # a disk that is full, a file that went away
         where = f"{error.filename}: " if error.filename else ""
-        screen.print(f"[red]error:[/red] {where}{error.strerror or error}", highlight=False)
+        say(f"{where}{error.strerror or error}", head="error: ")
         code = 2
     except Exception as error:
         if not hasattr(error, "format_message"):  # click's usage errors have it
             raise
-        screen.print(f"[red]error:[/red] {error.format_message()}", highlight=False)
+        say(str(error.format_message()), head="error: ")
         code = 2
     sys.exit(code)
 

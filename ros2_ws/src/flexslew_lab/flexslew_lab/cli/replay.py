@@ -8,7 +8,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn
 
 from flexslew_lab.cli.log import Bag, Json, bag_of, demand
-from flexslew_lab.cli.terminal import print_table, progress, screen
+from flexslew_lab.cli.terminal import link, print_table, progress, say, screen
 from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
 
@@ -89,7 +89,7 @@ def check(
     if figure is not None:
         figure.parent.mkdir(parents=True, exist_ok=True)
         difference_figure(result).write_html(figure)
-        screen.print(f"drawn {figure}")
+        say(f"drawn {link(figure)}")
     first = result.first_divergence
     if as_json:
         values = result._asdict()
@@ -171,7 +171,7 @@ def live(
 
     if not 0 <= port <= 65535:
         raise BadInput(f"--port: {port} is not allowed: 0 to 65535")
-    run(port, screen.print)
+    run(port, say)
 
 
 def _settings(pairs: list[str]) -> dict[str, Any]:

@@ -2,18 +2,20 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
+from rich.text import Text
 
 screen = Console(stderr=True)  # for people; standard output is for results
 
 
 @contextmanager
-def progress(name: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a bar for the time of a block, which gives it the tick and the last tick."""
+def progress(name: str, what: str = "ticks") -> Iterator[Callable[[int, int], None]]:
+    """Show a bar for the time of a block, which tells it how many are done, and of how many."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -22,18 +24,34 @@ def progress(name: str) -> Iterator[Callable[[int, int], None]]:
     )
     hidden = not screen.is_terminal  # a file would get an empty line
     with Progress(*columns, console=screen, transient=True, disable=hidden) as bar:
-        task = bar.add_task(f"{name} [dim]ticks[/dim]", total=None)
+        task = bar.add_task(f"{name} [dim]{what}[/dim]", total=None)
         yield lambda tick, last: bar.update(task, completed=tick, total=last)
 
 
 def print_table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
     """Print a table on standard output, long words folded."""
     table = Table(
-        *(Column(name, overflow="fold") for name in columns), box=None, header_style="bold"
+        *(Column(Text(name), overflow="fold") for name in columns), box=None, header_style="bold"
     )
     for row in rows:
-        table.add_row(*map(str, row))
+        table.add_row(*(Text(str(cell)) for cell in row))  # as it is: [s] is a unit, not a style
     Console().print(table)
+
+
+def say(words: str, style: str = "", head: str = "") -> None:
+    """Tell a person something, as it is and on one line.
+
+    Args:
+        words: any text.
+        style: of the words.
+        head: in red before them.
+    """
+    screen.print(Text.assemble((head, "red"), (words, style)), highlight=False, soft_wrap=True)
+
+
+def link(path: Path) -> str:
+    """Return a file as an address that a terminal opens with a click."""
+    return path.resolve().as_uri()
 
 
 def short(value: Any) -> str:

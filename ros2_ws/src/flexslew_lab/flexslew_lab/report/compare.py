@@ -52,6 +52,8 @@ class Flight:
     residual_tip: float  # largest |tip deflection| after the end [m]
     residual_joint: float  # largest |joint - goal| after the end [rad or m]
     settling_time: float  # of the slowest joint, from the start of the plan [s]
+    peak_position: Vector  # farthest from the start, (joints,) [rad or m]
+    overshoot: Vector  # beyond the goal as a fraction of the way, NaN without a way, (joints,) [-]
     peak_effort: Vector  # (joints,) [N m or N]
     effort: float  # integral of the sum of squared efforts to the end of the run [(N m)^2 s]
     time: Vector  # (samples,) [s]
@@ -121,6 +123,15 @@ class Comparison:
                     "settling_time": nominal.settling_time,
                     "residual_tip": nominal.residual_tip,
                     "residual_joint": nominal.residual_joint,
+                    "peak_position": dict(
+                        zip(self.joint_names, nominal.peak_position.tolist(), strict=True)
+                    ),
+                    "overshoot": {
+                        name: value if value == value else None  # NaN: nowhere to go
+                        for name, value in zip(
+                            self.joint_names, nominal.overshoot.tolist(), strict=True
+                        )
+                    },
                     "worst_residual_tip": entry.worst_residual,
                     "residual_tip_by_error": {
                         f"{f.error:+g}": f.residual_tip for f in entry.by_stiffness
@@ -146,28 +157,19 @@ class _Recorder(Observer):
         self.truths.append(truth)
 
 
-def compare(
-    trial: Trial,
-    source: str,
-    out: Path,
-    progress: Callable[[int, int], None] = lambda done, last: None,
-    errors: Sequence[float] = ERRORS,
-) -> Path:
+def write_comparison(comparison: Comparison, out: Path) -> Path:
     """Return the report that was written: one HTML file with everything in it.
 
     Args:
-        trial: the bench, the controller in charge, and in `plan` the manoeuvre.
-        source: its file, for messages.
+        comparison: what to show.
         out: the HTML file.
-        progress: called with the flights done and their number.
-        errors: of the stiffness, relative [-].
 
     Raises:
-        BadInput: the trial asks for no manoeuvre, or the file cannot be written.
+        BadInput: the file cannot be written.
     """
     from flexslew_lab.report.compare_report import comparison_page
 
-    page = comparison_page(compared(trial, source, progress, errors))
+    page = comparison_page(comparison)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(page, encoding="utf-8")
@@ -182,7 +184,17 @@ def compared(
     progress: Callable[[int, int], None] = lambda done, last: None,
     errors: Sequence[float] = ERRORS,
 ) -> Comparison:
-    """Return what every method does with the manoeuvre of a trial; see compare."""
+    """Return what every method does with the manoeuvre of a trial.
+
+    Args:
+        trial: the bench, the controller in charge, and in `plan` the manoeuvre.
+        source: its file, for messages.
+        progress: called with the flights done and their number.
+        errors: of the stiffness, relative [-].
+
+    Raises:
+        BadInput: the trial asks for no manoeuvre, or an error is not allowed.
+    """
     if trial.plan is None:
         raise BadInput(f"{source}: plan: is missing; add the manoeuvre to compare")
     if not errors or min(errors) <= -1.0:
@@ -287,6 +299,8 @@ def _measured(truths: list[Truth], plan: Plan, errors: tuple[float, float], end:
     over = time >= end - 1e-9
     settled = float(time[outside][-1]) - plan.start if outside.any() else 0.0
     held = np.diff(time, prepend=time[0])
+    moved = position - position[0]
+    beyond = np.maximum(((position - goal) * np.sign(goal - position[0])).max(axis=0), 0.0)
     shown = np.unique(np.linspace(0, len(time) - 1, _SHOWN).astype(int))
     return Flight(
         error=errors[0],
@@ -294,6 +308,8 @@ def _measured(truths: list[Truth], plan: Plan, errors: tuple[float, float], end:
         residual_tip=float(np.abs(largest[over]).max()),
         residual_joint=float(away[over].max()),
         settling_time=settled,
+        peak_position=np.take_along_axis(position, np.abs(moved).argmax(axis=0)[None], axis=0)[0],
+        overshoot=np.divide(beyond, way, out=np.full(joints, np.nan), where=way > 0.0),
         peak_effort=np.abs(applied).max(axis=0),
         effort=float((applied**2).sum(axis=1) @ held),
         time=time[shown],

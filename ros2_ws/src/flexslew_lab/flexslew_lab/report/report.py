@@ -1,18 +1,18 @@
 """report.html: one file with everything in it, made from bags alone."""
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jinja2
-import plotly.graph_objects as go
+import numpy as np
 import yaml
-from plotly.offline import get_plotlyjs
 
+from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_layout import RUN_RECORD, TRIAL_RECORD
 from flexslew_lab.report import figures
 from flexslew_lab.report.metric_schema import METRICS
+from flexslew_lab.report.page import embedded, render
+from flexslew_lab.report.panels import COLOURS, PALE, Group
 from flexslew_lab.report.run_data import RunData, read_run
 from flexslew_lab.report.scene_data import scene_of
 
@@ -27,15 +27,11 @@ HEADLINES = (
 )
 
 
-class _Figure(NamedTuple):
-    id: str
-    json: str
+class _Headline(NamedTuple):
+    """The numbers on top of a report."""
 
-
-class _Section(NamedTuple):
-    title: str
-    words: str
-    figures: list[_Figure]
+    label: str
+    cards: list[tuple[str, str, list[tuple[str, str]]]]  # (name, unit, [(value, joint)])
 
 
 def write_report(
@@ -59,40 +55,65 @@ def write_report(
     runs = [read_run(bag, label) for bag, label in zip(bags, _labels(bags, labels), strict=True)]
     if len({run.label for run in runs}) < len(runs):
         runs = [run._replace(label=_distinct(run)) for run in runs]
+    for k, run in enumerate(runs):  # the same run twice
+        if run.label in [other.label for other in runs[:k]]:
+            runs[k] = run._replace(label=f"{run.label} no. {k + 1}")
     other = read_run(comparison) if comparison else None
     if other is not None:
         runs[0] = runs[0]._replace(label="with feedforward") if len(runs) == 1 else runs[0]
         other = other._replace(label="without feedforward")
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(render(runs, other), encoding="utf-8")
+    out.write_text(page_of(runs, other), encoding="utf-8")
     return out
 
 
-def render(runs: Sequence[RunData], other: RunData | None = None) -> str:
-    """Return the report of these runs as HTML."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("flexslew_lab.report", "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+def write_plan(
+    plan: Plan,
+    units: Sequence[str],
+    limits: Sequence[float],
+    rows: Sequence[tuple[str, str]],
+    out: Path,
+) -> Path:
+    """Return the page that was written: a plan's reference and feedforward with their units.
+
+    Args:
+        plan: what to draw.
+        units: of the joints, rad or m.
+        limits: of the drives, one per joint [N m or N].
+        rows: numbers below the figure, (name, value).
+        out: the HTML file.
+    """
+    goal = ", ".join(
+        f"{name} {position:.4g} {unit}"
+        for name, position, unit in zip(plan.joint_names, plan.position[-1], units, strict=True)
     )
-    environment.filters["number"] = number
+    group = figures.planned(plan, units, limits)
+    page = render("plan.html.j2", title=plan.method, subtitle=f"to {goal}", group=group, rows=rows)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(page, encoding="utf-8")
+    return out
+
+
+def page_of(runs: Sequence[RunData], other: RunData | None = None) -> str:
+    """Return the report of these runs as HTML."""
     first = runs[0]
     shown = [*runs, *([other] if other else [])]
     scenes = [scene for scene in map(scene_of, shown) if scene]
-    return environment.get_template("report.html.j2").render(
-        title=str(first.trial.get("name", "")) or first.label,
-        subtitle=_subtitle(first),
+    names = dict.fromkeys(str(run.trial.get("name", "")) or run.label for run in runs)
+    return render(
+        "report.html.j2",
+        title=", ".join(names),
+        subtitle=_subtitle(first) if len(runs) == 1 else f"{len(runs)} runs, overlaid",
         runs=shown,
-        colours=figures.COLOURS,
-        headlines=_headlines(first),
-        sections=_sections(runs, other),
-        scenes=_embedded(scenes) if scenes else "",
+        compared=other is not None,
+        colours=COLOURS,
+        headlines=[_Headline(run.label, _cards(run)) for run in shown],
+        groups=list(_groups(runs, other)),
+        charges=[_charge(run) for run in runs if len(run.phases) > 1],
+        scenes=embedded(scenes) if scenes else "",
         first_look=0.5 * first.metrics["manoeuvre_start"] + 0.5 * first.metrics["manoeuvre_end"],
         metric_rows=_metric_rows(shown),
         provenance=[_provenance(run) for run in shown],
-        plotly=get_plotlyjs(),
     )
 
 
@@ -107,54 +128,56 @@ def number(value: Any) -> str:
     return str(value)
 
 
-def _sections(runs: Sequence[RunData], other: RunData | None) -> list[_Section]:
-    first, many = runs[0], len(runs) > 1
-    sections = [
-        _section(
-            "The manoeuvre",
-            "Joints with their reference, tip deflection, and the efforts that the drives really "
-            "applied with the plan's feedforward. The manoeuvre is shaded.",
-            [figures.manoeuvre(runs)],
-        )
-    ]
+def _groups(runs: Sequence[RunData], other: RunData | None) -> Iterator[Group]:
+    """Yield the groups of panels that have something to show."""
+    yield figures.manoeuvre(runs)
+    shown = [*runs, *([other] if other else [])]
+    left = figures.residual(shown)
+    if left is not None:
+        yield left
     if other is not None:
-        words = "The same trial flown by feedback alone: what the plan is worth."
-        figure = figures.comparison(first, other)
-        sections.append(_section("With and without feedforward", words, [figure]))
-    per_run: tuple[tuple[str, str, Callable[[RunData], go.Figure | None]], ...] = (
-        (
-            "Who is in charge",
-            "The controller that answers, and by how much the effort jumped when it changed.",
-            figures.charge,
-        ),
-        (
-            "Estimate against truth",
-            "What the controller in charge believed, minus what was so.",
-            figures.estimation,
-        ),
-        ("Terms of the effort", "What the controller in charge added up.", figures.effort_terms),
-    )
-    for title, words, draw in per_run:
-        drawn = [(run, draw(run)) for run in runs]
-        found = [(run, figure) for run, figure in drawn if figure is not None]
-        for run, figure in found:
-            if many:
-                figure.update_layout(title={"text": run.label, "x": 0.5, "font": {"size": 13}})
-        if found:
-            sections.append(_section(title, words, [figure for _, figure in found]))
-    return sections
+        yield figures.compared([runs[0], other])
+    modes = figures.modes(runs)
+    if modes is not None:
+        yield modes
+    for draw in (figures.estimation, figures.effort_terms):
+        for number, run in enumerate(runs):
+            group = draw(run)
+            if group is None:
+                continue
+            if len(runs) > 1:
+                group.title += f": {run.label}"
+                group.key = f"{draw.__name__}-{number}"
+            yield group
 
 
-def _section(title: str, words: str, drawn: list[go.Figure]) -> _Section:
-    name = title.lower().replace(" ", "-")
-    return _Section(
-        title,
-        words,
-        [_Figure(f"{name}-{k}", _safe(figure.to_json())) for k, figure in enumerate(drawn)],
-    )
+def _charge(run: RunData) -> dict[str, Any]:
+    """Return who was in charge when, how that came, and the step of the effort."""
+    names = list(dict.fromkeys(phase.controller for phase in run.phases if phase.controller))
+    changes = [e for e in run.overview.events if e.kind in ("switched", "fallback", "brake")]
+    total = max(run.phases[-1].end - run.phases[0].start, 1e-9)
+    phases = []
+    for number, phase in enumerate(run.phases):
+        before = [e for e in changes if abs(e.time - phase.start) < 1e-6 or e.time < phase.start]
+        event = before[-1] if before and number else None
+        data = event.data if event is not None and isinstance(event.data, dict) else {}
+        step = np.abs(np.atleast_1d(data.get("effort_step", []))).max(initial=-1.0)
+        known = phase.controller in names
+        phases.append(
+            {
+                "name": phase.controller or "the drive's brake",
+                "start": phase.start,
+                "end": phase.end,
+                "share": f"{(phase.end - phase.start) / total:.6f}",
+                "colour": COLOURS[names.index(phase.controller) % len(COLOURS)] if known else PALE,
+                "how": event.kind if event is not None else "from the start",
+                "step": f"{step:.3g}" if step >= 0.0 else "",
+            }
+        )
+    return {"label": run.label, "phases": phases, "unit": _unit("N m or N", run)}
 
 
-def _headlines(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
+def _cards(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
     """Return (name, unit, [(value, joint)]) for the numbers on top."""
     cards = []
     for key in HEADLINES:
@@ -178,8 +201,8 @@ def _metric_rows(runs: Sequence[RunData]) -> list[tuple[str, str, str, list[str]
             values = [number(run.metrics[key]) for run in runs]
             rows.append((key, unit, metric.meaning, values))
             continue
-        for name in runs[0].joint_names:
-            values = [number(run.metrics[key].get(name)) for run in runs]
+        for name in dict.fromkeys(name for run in runs for name in run.joint_names):
+            values = [number((run.metrics[key] or {}).get(name)) for run in runs]
             rows.append((f"{key}.{name}", unit, metric.meaning, values))
     return rows
 
@@ -243,12 +266,3 @@ def _distinct(run: RunData) -> str:
     folder = run.path.parent
     name = folder.parent.name if folder.name in ("bag", "log") else folder.name
     return f"{run.label} ({name})"
-
-
-def _embedded(data: Any) -> str:
-    return _safe(json.dumps(data, separators=(",", ":"), allow_nan=False))
-
-
-def _safe(text: str) -> str:
-    """Return JSON that may stand inside a script element."""
-    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

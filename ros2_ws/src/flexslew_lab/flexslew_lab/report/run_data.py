@@ -1,6 +1,6 @@
 """What a report shows of one run, thinned for the eye; a day costs no more memory than a minute."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,6 +32,15 @@ class Phase(NamedTuple):
     controller: str  # empty: the drive's brake
 
 
+class Span(NamedTuple):
+    """A fault or a disturbance from its beginning to its end."""
+
+    kind: str  # fault or disturbance
+    words: str  # what it is, for a person
+    start: float  # [s]
+    end: float  # [s]
+
+
 class RunData(NamedTuple):
     """One run as figures need it."""
 
@@ -42,6 +51,9 @@ class RunData(NamedTuple):
     metrics: dict[str, Any]
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]
+    appendage_names: tuple[str, ...]
+    goal: dict[str, float]  # by joint [rad or m]; empty without a plan
+    spans: tuple[Span, ...]  # faults and disturbances
     traces: dict[str, Trace]  # position, tip, effort, disturbance, reference, feedforward, ...
     terms: dict[str, Trace]  # summands of the effort by name
     phases: tuple[Phase, ...]
@@ -116,14 +128,18 @@ def read_run(path: Path, label: str = "") -> RunData:
     metrics = metrics_from(bag)
     trial = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     trial = trial if isinstance(trial, dict) else {}
-    collector = _Collector(overview.counts)
+    testbed = overview.testbed
+    collector = _Collector(
+        overview.counts, len(testbed.joint_names) if testbed is not None else None
+    )
     for block in bag.blocks(["/truth", "/controller_state", "/measurement"]):
         collector.take(block.topic, block.columns)
     traces = {name: thinner.trace() for name, thinner in collector.thinners.items()}
-    joints = traces["effort"].value.shape[1]
+    joints = collector.joints or 0
     names = joint_names_of(overview, joints)
-    known = overview.testbed is not None and len(overview.testbed.joint_units) == joints
-    units = tuple(overview.testbed.joint_units) if known else ("rad",) * joints
+    known = testbed is not None and len(testbed.joint_units) == joints
+    tips = traces["tip"].value.shape[1] if "tip" in traces else 0
+    end = float(np.nanmax(traces["effort"].time, initial=0.0))
     return RunData(
         label or str(trial.get("name", "")) or Path(path).name,
         bag.path,
@@ -131,7 +147,10 @@ def read_run(path: Path, label: str = "") -> RunData:
         overview,
         metrics,
         names,
-        units,
+        tuple(testbed.joint_units) if known else ("rad",) * joints,
+        appendage_names_of(overview, tips),
+        _goal(overview),
+        tuple(_spans(overview, end)),
         traces,
         {name: thinner.trace() for name, thinner in collector.terms.items()},
         tuple(collector.phases),
@@ -140,10 +159,75 @@ def read_run(path: Path, label: str = "") -> RunData:
     )
 
 
-class _Collector:
-    """Takes blocks in the order of the bag; joins estimate and truth by tick."""
+def appendage_names_of(overview: Overview, count: int) -> tuple[str, ...]:
+    """Return the names of the appendages as the bag gives them, else appendage_1, ..."""
+    testbed = overview.testbed
+    if testbed is not None and len(testbed.appendage_names) == count:
+        return tuple(testbed.appendage_names)
+    return tuple(f"appendage_{k + 1}" for k in range(count))
 
-    def __init__(self, counts: Mapping[str, int]) -> None:
+
+def _goal(overview: Overview) -> dict[str, float]:
+    """Return where the last plan ends, by joint."""
+    if not overview.plans:
+        return {}
+    plan = overview.plans[-1]
+    position = np.asarray(plan.position, dtype=float).reshape(-1, max(len(plan.joint_names), 1))
+    return dict(zip(plan.joint_names, position[-1].tolist(), strict=True))
+
+
+def _spans(overview: Overview, end: float) -> Iterator[Span]:
+    """Yield faults and disturbances from their events, in the order of their beginnings."""
+    testbed = overview.testbed
+    units = dict(zip(testbed.joint_names, testbed.joint_units, strict=True)) if testbed else {}
+    known = [
+        e
+        for e in overview.events
+        if e.kind in ("fault", "disturbance") and isinstance(e.data, dict)
+    ]
+    for k, event in enumerate(known):
+        data = {key: value for key, value in event.data.items() if key != "on"}
+        if not event.data.get("on"):
+            continue
+        over = (
+            e.time
+            for e in known[k + 1 :]
+            if e.kind == event.kind and not e.data.get("on")
+            and {key: value for key, value in e.data.items() if key != "on"} == data
+        )  # fmt: skip
+        until = next(over, max(end, event.time))
+        yield Span(event.kind, _words(event.kind, data, units), event.time, until)
+
+
+def _words(kind: str, data: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    """Return a fault or a disturbance in words, as its settings have it."""
+    if kind == "fault":
+        settings = dict(data.get("fault") or {})
+        name = settings.pop("kind", "fault")
+        said = [f"{key} {value}" for key, value in settings.items() if value is not None]
+        return f"{name} ({', '.join(said)})" if said else str(name)
+    shapes = [
+        f"{_shape(shape)} {'N' if units.get(joint) == 'm' else 'N m'} on {joint}"
+        for joint, shape in data.items()
+    ]
+    return f"disturbance of {' and '.join(shapes)}"
+
+
+def _shape(shape: Any) -> str:
+    if not isinstance(shape, dict):
+        return f"{shape:g}"
+    return ", ".join(
+        f"{form}: " + ", ".join(f"{k} {v:g}" for k, v in values.items() if v is not None)
+        for form, values in shape.items()
+        if isinstance(values, dict)
+    )
+
+
+class _Collector:
+    """Takes blocks in the order of the bag; joins estimate and truth by epoch and tick."""
+
+    def __init__(self, counts: Mapping[str, int], joints: int | None) -> None:
+        self.joints = joints  # None: as many as efforts
         ticks = counts.get("/truth", 0)
         self._size = -(-ticks // BUCKETS) if ticks > 2 * BUCKETS else 1
         self._frame_step = max(-(-ticks // FRAMES), 1)
@@ -154,7 +238,7 @@ class _Collector:
         self.phases: list[Phase] = []
         self.frame_time: list[float] = []
         self.frame_position: list[Vector] = []
-        self._truth: list[tuple[NDArray[np.uint64], Matrix]] = []
+        self._truth, self._estimate = _Waiting(), _Waiting()
 
     def take(self, topic: str, columns: Mapping[str, Any]) -> None:
         time = columns["header.stamp.sec"] + columns["header.stamp.nanosec"] * 1e-9
@@ -170,14 +254,18 @@ class _Collector:
             self.thinners.setdefault(name, Thinner(self._size)).add(time, value)
 
     def _take_truth(self, time: Vector, columns: Mapping[str, Any]) -> None:
-        joints = columns["applied_effort"].shape[1]
+        efforts = columns["applied_effort"].shape[1]
+        if self.joints is None or self.joints > columns["position"].shape[1]:
+            self.joints = efforts
+        joints = self.joints
         self._put("position", time, columns["position"][:, :joints])
         self._put("modes", time, columns["position"][:, joints:])
         self._put("tip", time, columns["tip_deflection"])
         self._put("effort", time, columns["applied_effort"])
         self._put("disturbance", time, columns["disturbance"])
         self._put("energy", time, columns["energy"][:, None])
-        self._truth = [*self._truth[-32:], (columns["tick"], columns["position"])]
+        self._truth.add(_keys(columns), columns["position"])
+        self._join()
         rows = np.arange(-self._seen % self._frame_step, len(time), self._frame_step)
         self._seen += len(time)
         self.frame_time.extend(time[rows].tolist())
@@ -196,7 +284,10 @@ class _Collector:
         self._put("reference", time, columns["reference_position"])
         self._put("feedforward", time, columns["feedforward"])
         self._put("demand", time, columns["effort"])
-        self._join(time, columns["tick"], columns["estimate_position"])
+        self._estimate.add(
+            _keys(columns), np.column_stack((time, columns["estimate_position"].astype(float)))
+        )
+        self._join()
         names = tuple(columns["term_names"][0])
         if names != self._term_names:
             for name in self._term_names:
@@ -209,22 +300,54 @@ class _Collector:
                 part = values[:, k * joints : (k + 1) * joints]
                 self.terms.setdefault(name, Thinner(self._size)).add(time, part)
 
-    def _join(self, time: Vector, tick: NDArray[np.uint64], estimate: Matrix) -> None:
-        """Put estimate minus truth where both are known; forget the truth that is older."""
-        if not self._truth:
-            return
-        widths = {position.shape[1] for _, position in self._truth}
-        if len(widths) > 1:  # another testbed after a reset: nothing to compare across it
-            self._truth = self._truth[-1:]
-        ticks = np.concatenate([t for t, _ in self._truth])
-        truth = np.concatenate([p for _, p in self._truth])
-        _, ours, theirs = np.intersect1d(tick, ticks, assume_unique=False, return_indices=True)
-        n = min(estimate.shape[1], truth.shape[1])
-        if ours.size:
-            error = estimate[ours, :n] - truth[theirs, :n]
-            self._put("estimate_error", time[ours], error)
-        newer = ticks > tick[-1]
-        self._truth = [(ticks[newer], truth[newer])]
+    def _join(self) -> None:
+        """Put estimate minus truth where both are known; the rest waits for its counterpart."""
+        for estimate, truth in self._estimate.matched(self._truth):
+            n = min(estimate.shape[1] - 1, truth.shape[1])
+            self._put("estimate_error", estimate[:, 0], estimate[:, 1 : n + 1] - truth[:, :n])
+
+
+class _Waiting:
+    """Rows by epoch and tick that wait for those of another topic."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[NDArray[np.uint64], Matrix]] = []  # of one width each
+
+    def add(self, keys: NDArray[np.uint64], rows: Matrix) -> None:
+        """Take rows, newer than those before."""
+        if self._parts and self._parts[-1][1].shape[1] == rows.shape[1]:
+            before = self._parts.pop()
+            keys = np.concatenate((before[0], keys))
+            rows = np.concatenate((before[1], rows))
+        self._parts.append((keys, rows))
+
+    def matched(self, other: "_Waiting") -> list[tuple[Matrix, Matrix]]:
+        """Return rows of both with equal keys, in order; forget what will find no counterpart."""
+        found = []
+        for keys, rows in self._parts:
+            for their_keys, their_rows in other._parts:
+                _, ours, theirs = np.intersect1d(keys, their_keys, return_indices=True)
+                if ours.size:
+                    found.append((rows[ours], their_rows[theirs]))
+        if self._parts and other._parts:
+            last = min(self._last, other._last)
+            self._forget(last)
+            other._forget(last)
+        return found
+
+    @property
+    def _last(self) -> int:
+        return max(int(keys.max(initial=0)) for keys, _ in self._parts)
+
+    def _forget(self, last: int) -> None:
+        kept = [(keys, rows, keys > np.uint64(last)) for keys, rows in self._parts]
+        self._parts = [(k[newer], r[newer]) for k, r, newer in kept if newer.any()]
+
+
+def _keys(columns: Mapping[str, Any]) -> NDArray[np.uint64]:
+    """Return epoch and tick as one number that rises, (rows,)."""
+    keys = (columns["epoch"].astype(np.uint64) << np.uint64(40)) + columns["tick"].astype(np.uint64)
+    return np.asarray(keys)
 
 
 def _extremes(time: Vector, value: Matrix, size: int) -> tuple[Matrix, Matrix]:

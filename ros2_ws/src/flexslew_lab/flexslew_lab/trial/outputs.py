@@ -10,6 +10,7 @@ from pathlib import Path
 from flexslew_plant.errors import BadInput
 
 RUNS = Path("runs")  # below the working directory
+WITHOUT = "without_feedforward"  # bag of the same trial without feedforward, in a run's folder
 
 
 def writable_file(path: Path, option: str) -> Path:
@@ -68,6 +69,22 @@ def new_folder(name: str, out: Path | None) -> Path:
         counter += 1
         out = RUNS / f"{name}-{now}-{counter}"
     return writable_folder(out, "--out (default)", empty=True)
+
+
+def new_file(name: str) -> Path:
+    """Return a new file below runs/, not yet written.
+
+    Args:
+        name: begins its name; its suffix is kept.
+    """
+    stem, dot, suffix = name.rpartition(".")
+    now = datetime.now().strftime("%Y%m%d-%H%M%S")
+    path = RUNS / f"{stem}-{now}{dot}{suffix}"
+    counter = 1
+    while path.exists():
+        counter += 1
+        path = RUNS / f"{stem}-{now}-{counter}{dot}{suffix}"
+    return path
 
 
 def _try(folder: Path, named: Path, option: str, name: str) -> None:

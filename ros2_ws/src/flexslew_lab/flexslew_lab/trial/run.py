@@ -19,7 +19,7 @@ from flexslew_lab.report.metrics import metrics_from
 from flexslew_lab.report.report import write_report
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.in_process import fly
-from flexslew_lab.trial.outputs import new_folder
+from flexslew_lab.trial.outputs import WITHOUT, new_folder
 from flexslew_lab.trial.processes import node_processes, parameter_file
 from flexslew_lab.trial.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import (
@@ -136,7 +136,7 @@ def _without_feedforward(trial: Trial, source: str, folder: Path) -> Path | None
         return None
     keys = ("model", "initial", "goal", "start", "duration", "reference", "feedback")
     bare = ReferenceOnly(**{key: getattr(plan, key) for key in keys})
-    bag = folder / "without_feedforward"
+    bag = folder / WITHOUT
     other = replace(trial, name=f"{trial.name}-without-feedforward", plan=bare)
     crew = _crew(other, source)
     _in_process(other, crew, bag, {"trial_file": source}, lambda tick, last: None)

@@ -1,0 +1,43 @@
+"""Pages of one file: templates with everything in them, nothing to fetch."""
+
+import json
+import re
+from importlib import resources
+from typing import Any
+
+import jinja2
+from markupsafe import Markup, escape
+
+_BREAKS = re.compile(r"(?<=[_./:-])(?=\w)")  # where a long name may go on in the next line
+
+
+def render(template: str, **values: Any) -> str:
+    """Return a template of this package as a page.
+
+    Args:
+        template: its file.
+        values: what it shows; all text is escaped.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("flexslew_lab.report", "."),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"wrapped": wrapped, "embedded": embedded}
+    script = resources.files("plotly") / "package_data" / "plotly.min.js"
+    return environment.get_template(template).render(
+        **values, plotly=script.read_text(encoding="utf-8")
+    )
+
+
+def wrapped(text: object) -> Markup:
+    """Return a text that may break after the separators inside of names, and only there."""
+    return Markup("<wbr>").join(escape(part) for part in _BREAKS.split(str(text)))
+
+
+def embedded(data: Any) -> str:
+    """Return plain data as JSON that may stand inside a script element."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

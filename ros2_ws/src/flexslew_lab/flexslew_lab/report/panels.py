@@ -1,0 +1,200 @@
+"""Panels of a page: one plot each, with its title and legend in HTML, where nothing can collide."""
+
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+
+INK, GRID, PALE = "#1d2733", "#e4e8ee", "#8a97a8"
+COLOURS = ("#0b6bcb", "#e0592a", "#1a9a6c", "#9a4fc4", "#c79100", "#c2375f", "#2aa3b8", "#6b7280")
+DASHES = ("solid", "dash", "dot", "dashdot")  # told apart where the colours run out
+MANOEUVRE, DISTURBED, BROKEN = "#0b6bcb", "#9a4fc4", "#c2375f"
+_LANES = 3  # of the numbers over shaded times
+
+
+class Mark(NamedTuple):
+    """A time that is shaded in every panel of a group and explained below its heading."""
+
+    label: str
+    start: float
+    end: float  # equal to start: a line
+    colour: str
+
+
+@dataclass
+class Panel:
+    """One plot over time, or over whatever `x_title` says."""
+
+    title: str
+    unit: str = ""
+    log: bool = False  # of the y axis
+    x_title: str = ""
+    height: int = 150  # [px]
+    traces: list[dict[str, Any]] = field(default_factory=list)
+    limits: tuple[float, ...] = ()  # horizontal lines
+    x_range: tuple[float, float] | None = None
+    y_range: tuple[float, float] | None = None
+
+    def line(self, x: Vector, y: Vector, name: str, style: dict[str, Any], **more: Any) -> None:
+        """Add a curve; NaN breaks it."""
+        self.traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "x": encoded(x, np.float64),
+                "y": encoded(y, np.float32),
+                "name": name,
+                "legendgroup": name,
+                "line": {"width": 1.6, **style},
+                "hovertemplate": f"%{{y:.4g}} {self.unit}",
+                **more,
+            }
+        )
+
+    def layout(self, marks: Sequence[Mark], last: bool) -> dict[str, Any]:
+        """Return the layout as plotly.js takes it.
+
+        Args:
+            marks: what is shaded.
+            last: whether the panel is the lowest of its group and names the x axis.
+        """
+        axis = {"gridcolor": GRID, "linecolor": GRID, "zeroline": False, "automargin": True}
+        x: dict[str, Any] = {**axis, "nticks": 8}
+        y: dict[str, Any] = {**axis, "nticks": 5, "exponentformat": "power"}
+        if self.x_range:
+            x["range"] = list(self.x_range)
+        if self.y_range:
+            y["range"] = list(self.y_range)
+        if self.log and self.y_range:  # whole decades: their labels cannot meet
+            low, high = np.floor(np.log10(self.y_range[0])), np.ceil(np.log10(self.y_range[1]))
+            y |= {"type": "log", "range": [low, high], "dtick": int(np.ceil((high - low) / 5.0))}
+        if last and self.x_title:
+            x["title"] = {"text": self.x_title, "standoff": 4}
+        return {
+            "height": self.height + (18 if last and self.x_title else 0),
+            "margin": {"l": 60, "r": 14, "t": 16 if marks else 8, "b": 24},
+            "paper_bgcolor": "rgba(0,0,0,0)",
+            "plot_bgcolor": "rgba(0,0,0,0)",
+            "font": {"family": "Inter, system-ui, sans-serif", "size": 11, "color": INK},
+            "showlegend": False,
+            "hovermode": "x unified",
+            "hoverlabel": {"namelength": -1, "font": {"size": 11}},
+            "xaxis": x,
+            "yaxis": y,
+            "shapes": [*_shaded(marks), *map(_limit, self.limits)],
+            "annotations": _numbers(marks, self.x_range),
+        }
+
+
+class Entry(NamedTuple):
+    """One line of the legend of a group."""
+
+    name: str  # as in the traces
+    colour: str
+    dash: str = "solid"
+
+
+@dataclass
+class Group:
+    """Panels over the same axis, under one heading."""
+
+    title: str
+    words: str
+    panels: list[Panel]
+    legend: tuple[Entry, ...] = ()
+    marks: tuple[Mark, ...] = ()
+    key: str = ""  # name in the page; empty: from the title
+
+    @property
+    def id(self) -> str:
+        """Name of the group in the page."""
+        return self.key or "-".join(word.lower() for word in self.title.split())
+
+    def content(self) -> list[dict[str, Any]]:
+        """Return data and layout of every panel as plain data for plotly.js."""
+        last = len(self.panels) - 1
+        return [
+            {"data": panel.traces, "layout": panel.layout(self.marks, k == last)}
+            for k, panel in enumerate(self.panels)
+        ]
+
+
+def encoded(values: Vector, kind: type[np.floating[Any]]) -> dict[str, str]:
+    """Return numbers as plotly.js takes them in bulk."""
+    array = np.asarray(values, dtype=kind)
+    return {"dtype": f"f{array.itemsize}", "bdata": b64encode(array.tobytes()).decode()}
+
+
+def style(number: int) -> dict[str, Any]:
+    """Return colour and dash of the curve with this number; the first eight differ by colour."""
+    turn = number // len(COLOURS) % len(DASHES)
+    return {"color": COLOURS[number % len(COLOURS)], "dash": DASHES[turn]}
+
+
+def legend(names: Sequence[str]) -> tuple[Entry, ...]:
+    """Return the legend of curves that are styled by their number."""
+    return tuple(Entry(name, **_entry(style(k))) for k, name in enumerate(names))
+
+
+def _entry(values: dict[str, Any]) -> dict[str, str]:
+    return {"colour": values["color"], "dash": values["dash"]}
+
+
+def _shaded(marks: Sequence[Mark]) -> list[dict[str, Any]]:
+    shapes = []
+    for mark in marks:
+        shape: dict[str, Any] = {"xref": "x", "yref": "paper", "y0": 0, "y1": 1, "layer": "below"}
+        shape |= {"x0": mark.start, "x1": mark.end}
+        if mark.end > mark.start:
+            shape |= {"type": "rect", "fillcolor": mark.colour, "opacity": 0.09}
+            shape |= {"line": {"width": 0}}
+        else:
+            shape |= {"type": "line", "line": {"color": mark.colour, "width": 1, "dash": "dash"}}
+        shapes.append(shape)
+    return shapes
+
+
+def _limit(value: float) -> dict[str, Any]:
+    line = {"color": BROKEN, "width": 1, "dash": "dot"}
+    return {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": value, "y1": value,
+            "line": line}  # fmt: skip
+
+
+def _numbers(marks: Sequence[Mark], shown: tuple[float, float] | None) -> list[dict[str, Any]]:
+    """Return the number of every mark above its start; close ones share a place."""
+    if not marks or shown is None:
+        return []
+    places: list[tuple[float, list[str]]] = []
+    gap = 0.12 * (shown[1] - shown[0])
+    for number, mark in sorted(enumerate(marks, start=1), key=lambda pair: pair[1].start):
+        at = min(max(mark.start, shown[0]), shown[1])
+        if places and at - places[-1][0] < gap:
+            places[-1][1].append(str(number))
+        else:
+            places.append((at, [str(number)]))
+    return [
+        {
+            "x": at,
+            "y": 1,
+            "yref": "paper",
+            "yanchor": "bottom",
+            "xanchor": "center" if shown[0] + gap < at < shown[1] - gap else _side(at, shown),
+            "text": _short(numbers),
+            "showarrow": False,
+            "font": {"size": 9.5, "color": PALE},
+        }
+        for at, numbers in places
+    ]
+
+
+def _side(at: float, shown: tuple[float, float]) -> str:
+    """Return the anchor of a text that keeps it inside the plot."""
+    return "left" if at < 0.5 * (shown[0] + shown[1]) else "right"
+
+
+def _short(numbers: list[str]) -> str:
+    return ",".join(numbers) if len(numbers) <= _LANES else f"{numbers[0]}-{numbers[-1]}"

@@ -1,0 +1,122 @@
+"""A headless Chromium, driven over the WebDriver protocol, for tests that look at a page."""
+
+import json
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+import pytest
+
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+MISSING = "needs Chromium and chromedriver: apt-get install chromium chromium-driver"
+
+
+class Browser:
+    """One window; pages are looked at in any width.
+
+    Args:
+        address: of the session at the driver.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+
+    def open(self, page: Path | str, width: int, height: int = 900) -> None:
+        """Show a page in a window of this size [px] and wait until it is loaded."""
+        url = page.resolve().as_uri() if isinstance(page, Path) else page
+        self.devtools(
+            "Emulation.setDeviceMetricsOverride",
+            {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600},
+        )
+        _call("POST", f"{self._address}/url", {"url": "about:blank"})
+        _call("POST", f"{self._address}/url", {"url": url})
+        drawn = "return new Promise(then => requestAnimationFrame(() => setTimeout(then, 0)))"
+        self.run(drawn)
+
+    def run(self, script: str, *arguments: Any) -> Any:
+        """Return what the body of a JavaScript function returns, promises awaited."""
+        return _call(
+            "POST", f"{self._address}/execute/sync", {"script": script, "args": list(arguments)}
+        )
+
+    def devtools(self, command: str, parameters: dict[str, Any]) -> Any:
+        """Return the answer to a command of the DevTools protocol."""
+        return _call(
+            "POST", f"{self._address}/goog/cdp/execute", {"cmd": command, "params": parameters}
+        )
+
+    def complaints(self) -> list[str]:
+        """Return errors and warnings of the console since the last call."""
+        entries = _call("POST", f"{self._address}/se/log", {"type": "browser"})
+        return [e["message"] for e in entries if e["level"] in ("SEVERE", "WARNING")]
+
+    def picture(self, path: Path) -> None:
+        """Save the whole page as PNG."""
+        from base64 import b64decode
+
+        shot = self.devtools("Page.captureScreenshot", {"captureBeyondViewport": True})
+        path.write_bytes(b64decode(shot["data"]))
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """Yield a browser; skip the test where there is none."""
+    binary = next(filter(None, map(shutil.which, CHROMIUM)), None)
+    driver = shutil.which("chromedriver")
+    if binary is None or driver is None:
+        pytest.skip(MISSING)
+    with tempfile.TemporaryDirectory() as profile:
+        child = subprocess.Popen(
+            [driver, "--port=0"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
+        try:
+            assert child.stdout is not None
+            line = next(text for text in child.stdout if "started successfully on port" in text)
+            root = f"http://127.0.0.1:{line.rsplit(' ', 1)[1].strip().rstrip('.')}"
+            options = {
+                "binary": binary,
+                "args": [
+                    "--headless=new",
+                    "--no-sandbox",
+                    "--disable-gpu",
+                    "--disable-dev-shm-usage",
+                    "--hide-scrollbars",
+                    "--disable-background-networking",
+                    f"--user-data-dir={profile}",
+                ],
+            }
+            wanted = {"goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}
+            answer = _call("POST", f"{root}/session", {"capabilities": {"alwaysMatch": wanted}})
+            session = f"{root}/session/{answer['sessionId']}"
+            try:
+                yield Browser(session)
+            finally:
+                _call("DELETE", session, None)
+        finally:
+            child.terminate()
+            child.wait(10)
+
+
+def _call(method: str, address: str, body: Any) -> Any:
+    data = json.dumps(body).encode() if body is not None else None
+    request = Request(address, data, {"Content-Type": "application/json"}, method=method)
+    try:
+        with urlopen(request, timeout=60) as reply:
+            return json.load(reply)["value"]
+    except HTTPError as error:
+        raise AssertionError(json.load(error)["value"]["message"]) from None
+
+
+LOOK = Path(__file__).with_name("look.js").read_text()
+
+
+def looked_at(browser: Browser) -> dict[str, Any]:
+    """Return what is wrong with the text of the page: overlaps, what lies outside, broken words."""
+    found: dict[str, Any] = browser.run(LOOK)
+    return found
