@@ -169,7 +169,7 @@ def planned(plan: Plan, units: Sequence[str], limits: Sequence[float]) -> Group:
         units: of the joints, rad or m.
         limits: of the drives, one per joint [N m or N].
     """
-    time = plan.start + plan.period * np.arange(plan.ticks + 1)
+    time: Vector = np.asarray(plan.start + plan.period * np.arange(plan.ticks + 1), dtype=float)
     panels = []
     for k, (name, unit) in enumerate(zip(plan.joint_names, units, strict=True)):
         panel = Panel(f"{name}, position", unit, x_title=_TIME)

@@ -9,7 +9,7 @@ from flexslew_control.controllers.margins import (
     best_gains,
     margin_table,
 )
-from flexslew_lab.report.figures import COLOURS, INK
+from flexslew_lab.report.panels import COLOURS, INK
 from flexslew_lab.reproduce.csa_flights import (
     KD,
     KP,

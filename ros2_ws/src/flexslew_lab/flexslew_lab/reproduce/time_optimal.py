@@ -20,7 +20,7 @@ from flexslew_control.planners.time_optimal.switching_time_optimisation import (
     switch_time_optimisation,
 )
 from flexslew_control.planners.time_optimal.time_optimal import found_durations, on_ticks
-from flexslew_lab.report.figures import COLOURS
+from flexslew_lab.report.panels import COLOURS
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds import Testbed, build_model, with_stiffness
