@@ -16,7 +16,6 @@ def test_by_default_the_demand_is_the_effort():
     motor = actuator()
     np.testing.assert_array_equal(motor.apply(demand), demand)
     assert motor.saturated is False
-    assert motor.friction(np.array([1.0, 1.0])) is None
 
 
 def test_the_limit_of_each_joint_holds_and_is_told():
@@ -69,13 +68,6 @@ def test_a_coarse_quantum_does_not_stop_a_slow_ramp():
 def test_quantised_torques_stay_within_the_limit():
     motor = Actuator(ActuatorSettings(quantisation=4.0), np.array([11.0, 11.0]), PERIOD)
     np.testing.assert_array_equal(motor.apply(np.array([30.0, -30.0])), [8.0, -8.0])
-
-
-def test_friction_opposes_the_motion():
-    motor = actuator(viscous_friction=2.0, coulomb_friction=3.0)
-    friction = motor.friction(np.array([0.5, -0.5]))
-    np.testing.assert_allclose(friction, [-4.0, 4.0])
-    np.testing.assert_array_equal(motor.friction(np.zeros(2)), 0.0)
 
 
 def test_reset_forgets():

@@ -1,4 +1,4 @@
-"""The motors: torque limit, slew rate, quantisation, first-order lag and friction."""
+"""The motors: torque limit, slew rate, quantisation and first-order lag; see friction, too."""
 
 from math import expm1
 
@@ -68,12 +68,3 @@ class Actuator:
             self.effort = self._lagged + self._mean_rise * gap
             self._lagged = self._lagged + self._rise * gap
         return self.effort
-
-    def friction(self, velocity: Vector) -> Vector | None:
-        """Return the friction on each joint at these rates, or None if there is none."""
-        s = self._settings
-        if not (s.viscous_friction or s.coulomb_friction):
-            return None
-        return -s.viscous_friction * velocity - s.coulomb_friction * np.tanh(
-            velocity / s.coulomb_speed
-        )

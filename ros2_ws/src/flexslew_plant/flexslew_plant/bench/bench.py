@@ -21,6 +21,7 @@ from flexslew_plant.bench.disturbances import (
 from flexslew_plant.bench.divergence import diagnosis, is_lost
 from flexslew_plant.bench.drive import Drive
 from flexslew_plant.bench.events import Event, Level
+from flexslew_plant.bench.friction import friction_of
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.records import BenchSettings as BenchSettings
@@ -65,6 +66,7 @@ class Bench:
         self.drive = Drive(settings.active, settings.max_missed, brake[: self.model.joints])
         self.charge = Charge(self.drive, settings.fallback, self.say)
         self.actuator = Actuator(settings.actuator, self.limit, settings.period)
+        self._friction = friction_of(settings.actuator, settings.period)
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
         require_allowed(settings.schedule, settings.faults_enabled)
         self._names = Names(self.model.joint_names, self.appendages.names)
@@ -181,16 +183,12 @@ class Bench:
             self.drive.take(self._answer)
         elif self.drive.active:
             self.charge.missed()
-        n, m, period = self.model.coordinates, self.model.joints, self.settings.period
-        velocity = self._x[n : n + m]
+        n = self.model.coordinates
+        velocity = self._x[n : n + self.model.joints]
         demand = self._faults.demand(self.drive.effort(velocity))
         applied = self._faults.effort(self.actuator.apply(demand))
         extra = self._disturbance_at(self.tick)
-        total = applied + extra
-        friction = self.actuator.friction(velocity)
-        if friction is not None:
-            total = total + friction
-        after = self.model.advance(self._x, total, period)
+        after = self._moved(applied + extra)
         if is_lost(after):
             self._fail(after, extra)
             return
@@ -200,6 +198,17 @@ class Bench:
         if self.done:
             self.charge.drop_all("the run is over")
         self._ask()
+
+    def _moved(self, effort: Vector) -> Vector:
+        """Return the state at the end of the tick under this held effort on the joints."""
+        x, model, period = self._x, self.model, self.settings.period
+        if self._friction is None:
+            return model.advance(x, effort, period)
+        n = model.coordinates
+        mobility = model.jacobian(x, effort)[1][n : n + model.joints]
+        return self._friction.advance(
+            x, effort, mobility, lambda total: model.advance(x, total, period)
+        )
 
     def request_switch(self, request: SwitchRequest) -> str | None:
         """Schedule a switch at a tick (0: the next); return why it is refused, or None."""

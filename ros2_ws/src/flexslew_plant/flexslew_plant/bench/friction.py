@@ -1,0 +1,169 @@
+"""Friction in the joints, integrated with the dynamics: stable at any period, and it holds.
+
+Each joint slides under f(v) = c v + F tanh(v / v_c), which is stiff near rest. Over a tick the rest
+of the dynamics accelerates a joint by its mean g, so that v' = g - a f(v) with a its mobility, the
+joint's entry of M^-1. That scalar equation is solved to its end; the impulse that it takes is the
+mean friction, with which the testbed is integrated over the tick. g is the one that this gives.
+The method is of second order and exact in steady sliding and in steady creep.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.bench.actuator import ActuatorSettings
+
+_ROUNDS = 30  # at most, of integrations of a tick
+_SWEEPS = 200  # at most, over the joints
+_CLOSE = 1e-12  # change of the friction at which it is found, of its size
+
+
+@compiled
+def slid(v: float, g: float, viscous: float, coulomb: float, speed: float, dt: float) -> float:
+    """Return v after dt of v' = g - viscous v - coulomb tanh(v / speed).
+
+    Exponential Rosenbrock steps of order 2 in v / speed, with the error estimated by order 3.
+
+    Args:
+        v: [rad/s or m/s].
+        g: acceleration without friction.
+        viscous: c a [1/s].
+        coulomb: F a [rad/s^2 or m/s^2].
+        speed: v_c [rad/s or m/s].
+        dt: [s].
+    """
+    s, push, kappa = v / speed, g / speed, coulomb / speed
+    left, step = dt, dt
+    for _ in range(100_000):
+        step = min(step, left)
+        held = np.tanh(s)
+        slope = -viscous - kappa * (1.0 - held * held)
+        z = slope * step
+        if z < -1e-2:
+            phi_1 = np.expm1(z) / z
+            phi_3 = (phi_1 - 1.0 - 0.5 * z) / (z * z)
+        else:
+            phi_1 = 1.0 + z * (1.0 / 2.0 + z * (1.0 / 6.0 + z * (1.0 / 24.0 + z / 120.0)))
+            phi_3 = 1.0 / 6.0 + z * (1.0 / 24.0 + z * (1.0 / 120.0 + z / 720.0))
+        change = step * phi_1 * (push - viscous * s - kappa * held)
+        rest = -kappa * (np.tanh(s + change) - held - (1.0 - held * held) * change)
+        error = 2.0 * step * phi_3 * rest
+        size = abs(error) / (1e-7 + 1e-13 * abs(s))
+        if size <= 1.0 or step <= 1e-14 * dt:
+            s += change + error
+            left -= step
+            if left <= 0.0:
+                break
+        step *= min(5.0, max(0.1, 0.9 * (size + 1e-30) ** (-1.0 / 3.0)))
+    return s * speed
+
+
+@compiled
+def balanced(
+    r: Vector,
+    free: Vector,
+    mobility: Matrix,
+    v: Vector,
+    viscous: float,
+    coulomb: float,
+    speed: float,
+    dt: float,
+) -> Vector:
+    """Return the mean friction on each joint, shape (m,), in balance with that on the others.
+
+    Joint after joint (Gauss and Seidel): convex, as friction grows with the rate and the mobility
+    is positive definite.
+
+    Args:
+        r: first guess, shape (m,) [N m or N].
+        free: accelerations of the joints without friction, shape (m,).
+        mobility: block of M^-1 of the joints, shape (m, m).
+        v: their rates, shape (m,).
+        viscous: c [N m s/rad].
+        coulomb: F [N m].
+        speed: v_c [rad/s].
+        dt: [s].
+    """
+    r = r.copy()
+    for _ in range(_SWEEPS):
+        change = 0.0
+        for i in range(r.size):
+            a = mobility[i, i]
+            g = free[i] + mobility[i] @ r - a * r[i]
+            after = slid(v[i], g, a * viscous, a * coulomb, speed, dt)
+            found = ((after - v[i]) / dt - g) / a
+            change = max(change, abs(found - r[i]))
+            r[i] = found
+        if change <= 0.1 * _CLOSE * np.abs(r).max():
+            break
+    return r
+
+
+class Friction:
+    """The friction of the joints.
+
+    Args:
+        settings: the `actuator` section.
+        period: one tick [s].
+    """
+
+    def __init__(self, settings: ActuatorSettings, period: float) -> None:
+        self._law = settings.viscous_friction, settings.coulomb_friction, settings.coulomb_speed
+        self._period = period
+        one = np.ones(1)
+        balanced(one, one, np.eye(1), one, *self._law, period)  # compiled before tick 0
+
+    def advance(
+        self, x: Vector, effort: Vector, mobility: Matrix, step: Callable[[Vector], Vector]
+    ) -> Vector:
+        """Return the state a tick later, friction included.
+
+        Args:
+            x: state [q, v], joints first, shape (2 n,).
+            effort: on the joints, held, shape (m,) [N m or N].
+            mobility: block of M(q)^-1 of the joints, shape (m, m).
+            step: returns the state a tick later under a held effort.
+        """
+        m, n, dt = effort.size, x.size // 2, self._period
+        v, r = x[n : n + m], np.zeros(m)
+        for _ in range(_ROUNDS):
+            after = step(effort + r)
+            rate = after[n : n + m]
+            if not np.isfinite(rate).all():
+                break
+            free = (rate - v) / dt - mobility @ r
+            found = balanced(r, free, mobility, v, *self._law, dt)
+            found = self._dissipative(found, r, after[:m] - x[:m], mobility)
+            if np.abs(found - r).max() <= _CLOSE * np.abs(found).max():
+                break
+            r = found
+        return after
+
+    def _dissipative(self, found: Vector, r: Vector, way: Vector, mobility: Matrix) -> Vector:
+        """Return the friction so that it takes energy or none from every joint.
+
+        A joint that turns round within the tick may come out with a mean friction along its way;
+        then it gets what makes it end where it began.
+
+        Args:
+            found: mean friction, shape (m,) [N m or N].
+            r: the friction under which the joints went their way.
+            way: from the beginning to the end of the tick, shape (m,) [rad or m].
+            mobility: as in advance.
+        """
+        reach = 0.5 * self._period**2
+        way = way + reach * (mobility @ (found - r))
+        along = found * way > 0.0
+        if not along.any():
+            return found
+        still = found - way / (reach * np.diag(mobility))
+        least, most = np.minimum(found, 0.0), np.maximum(found, 0.0)
+        return np.where(along, np.clip(still, least, most), found)
+
+
+def friction_of(settings: ActuatorSettings, period: float) -> Friction | None:
+    """Return the friction of the joints, or None where there is none."""
+    if settings.viscous_friction or settings.coulomb_friction:
+        return Friction(settings, period)
+    return None
