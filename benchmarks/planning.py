@@ -8,14 +8,13 @@ import numpy as np
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.gauss_newton import Options, Update, optimise
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, TerminalMap, substeps_for
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 _RUNS = 41
 
 
 def _maps(modes: int) -> tuple[TerminalMap, TerminalMap]:
-    model = build_model(CsaTestbed(variant="printed", modes=modes))
+    model = CsaTestbed(variant="printed", modes=modes).model()
     gains = np.array([460.0, 460.0]), np.array([920.0, 920.0])
     m1 = Manoeuvre(model, *gains, np.zeros(2), np.array([1.0, 0.5]), 25.0, "cubic")
     basis = Basis("hat", 9, 25.0)

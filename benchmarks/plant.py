@@ -7,9 +7,9 @@ from time import perf_counter
 import numpy as np
 
 from flexslew_control.controllers import build_controller
+from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Vector, compiled
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.model import Model
 
@@ -34,7 +34,7 @@ def figures() -> dict[str, float]:
     plant_bare_ticks_per_s: its floor, a bare loop of u = -Kp q - Kd v and Model.advance [1/s].
     *_best: of the round that a busy machine disturbed least.
     """
-    model = build_model(CsaTestbed(modes=3))
+    model = CsaTestbed(modes=3).model()
     x = np.zeros(2 * model.coordinates)
     x[1], x[2], x[5], x[6] = 0.3, 0.2, 0.05, 0.03
     cases: dict[str, Callable[[], float]] = {
@@ -80,10 +80,8 @@ def _kernel(model: Model, x: Vector) -> float:
 
 def _ticks() -> float:
     bench = Bench(BenchSettings(duration=_TIMES * _PERIOD))
-    names, limit = bench.model.joint_names, tuple(bench.limit.tolist())
-    pd = build_controller(
-        "pd_feedforward", "pd_feedforward", {}, names, _PERIOD, limit, "benchmark"
-    )
+    described = PlantDescription(bench.settings.testbed, _PERIOD, bench.limit)
+    pd = build_controller("pd_feedforward", "pd_feedforward", {}, described, "benchmark")
     start = perf_counter()
     while not bench.done:
         answer = pd.observe(bench.question)

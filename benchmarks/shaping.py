@@ -5,16 +5,17 @@ from time import perf_counter
 
 import numpy as np
 
+from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.input_shaping.shapers import make_shaper
 from flexslew_control.planners.time_optimal.switching import BangBang, continued_durations
-from flexslew_plant.testbeds import build_model
+from flexslew_plant.testbeds import default_testbed
 from flexslew_plant.testbeds.hub_with_appendages import FOOT_POUND, HubTestbed
 
 
 def figures() -> dict[str, float]:
     """Return wall times by name [ms]: the best of several runs, compiled before."""
-    model = build_model(HubTestbed())
+    model = HubTestbed().model()
     three, five = (
         BangBang(model, 0, np.zeros(4), 1.0, 2.0 * FOOT_POUND, robust) for robust in (False, True)
     )
@@ -34,7 +35,8 @@ def figures() -> dict[str, float]:
     fastest, insensitive = (
         plan_settings({**hub, "robust": robust}, "") for robust in (False, True)
     )
-    limit = (150.0, 150.0)
+    bench = PlantDescription(default_testbed(), 0.01, np.full(2, 150.0))
+    hub_bench = PlantDescription(HubTestbed(), 0.01, np.full(1, 150.0))
     return {
         "shaping_floor_one_simulation_ms": _best(lambda: three.final(arcs)),
         "shaping_zvd_of_2500_ticks_ms": _best(
@@ -42,10 +44,10 @@ def figures() -> dict[str, float]:
         ),
         "time_optimal_three_switches_ms": _best(lambda: continued_durations(three)),
         "time_optimal_five_switches_ms": _best(lambda: continued_durations(five)),
-        "time_optimal_three_switches_plan_ms": _best(lambda: make_plan(fastest, 0.01, (150.0,))),
-        "time_optimal_five_switches_plan_ms": _best(lambda: make_plan(insensitive, 0.01, (150.0,))),
-        "robust_feedforward_five_models_ms": _best(lambda: make_plan(robust, 0.01, limit)),
-        "input_shaping_plan_ms": _best(lambda: make_plan(shaped, 0.01, limit)),
+        "time_optimal_three_switches_plan_ms": _best(lambda: make_plan(fastest, hub_bench)),
+        "time_optimal_five_switches_plan_ms": _best(lambda: make_plan(insensitive, hub_bench)),
+        "robust_feedforward_five_models_ms": _best(lambda: make_plan(robust, bench)),
+        "input_shaping_plan_ms": _best(lambda: make_plan(shaped, bench)),
     }
 
 

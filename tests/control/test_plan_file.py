@@ -3,9 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from tests.plants import plant
 
 from flexslew_control.plan_file import load_plan, plan_hash, save_plan
-from flexslew_control.planners import NoPlan, OptimizedFeedforward, ReferenceOnly, make_plan
+from flexslew_control.planners import OptimizedFeedforward, make_plan
+from flexslew_control.planners.reference import NoPlan, ReferenceOnly
 from flexslew_plant.errors import BadInput
 
 SECTIONS = [NoPlan(), ReferenceOnly(), OptimizedFeedforward()]
@@ -13,7 +15,7 @@ SECTIONS = [NoPlan(), ReferenceOnly(), OptimizedFeedforward()]
 
 @pytest.fixture(scope="module", params=SECTIONS, ids=lambda s: s.method)
 def plan(request):
-    return make_plan(request.param, 0.05, [150.0, 150.0])
+    return make_plan(request.param, plant(0.05, [150.0, 150.0]))
 
 
 def test_a_plan_survives_its_file_bit_for_bit(plan, tmp_path):
@@ -64,7 +66,7 @@ def set_first(content):
     ],
 )
 def test_an_altered_file_is_refused_by_name(tmp_path, change, words):
-    path = altered(make_plan(NoPlan(), 0.05, [1.0, 1.0]), tmp_path / "p.yaml", change)
+    path = altered(make_plan(NoPlan(), plant(0.05, [1.0, 1.0])), tmp_path / "p.yaml", change)
     with pytest.raises(BadInput, match=words) as caught:
         load_plan(path)
     assert str(caught.value).startswith(str(path))
@@ -84,4 +86,4 @@ def test_a_missing_file_is_named(tmp_path):
 
 def test_an_unwritable_place_is_named(tmp_path):
     with pytest.raises(BadInput, match="cannot be written"):
-        save_plan(make_plan(NoPlan(), 0.05, [1.0, 1.0]), tmp_path / "none" / "p.yaml")
+        save_plan(make_plan(NoPlan(), plant(0.05, [1.0, 1.0])), tmp_path / "none" / "p.yaml")

@@ -4,7 +4,7 @@ import pytest
 from flexslew_plant.bench.bench import BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import PerJoint, flat, load_yaml, plain, validated, yaml_text
-from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds import TestbedSettings as Bed
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 
@@ -20,26 +20,46 @@ def refusal(kind, values):
 @pytest.mark.parametrize(
     ("kind", "values", "words"),
     [
-        (Testbed, {"varaint": "printed"}, ["varaint: unknown key", "did you mean variant?"]),
-        (Testbed, {"parameters": {"lenght": 3.0}}, ["parameters.lenght", "did you mean length?"]),
-        (Testbed, {"initial": {"xyz": 3.0}}, ["initial.xyz", "allowed here: base_yaw, hub_pitch"]),
-        (Testbed, {"kind": "moon"}, ["moon", "csa"]),
-        (Testbed, {"variant": "half"}, ["variant", "'half'", "'printed' or 'complete'"]),
-        (Testbed, {"modes": 0}, ["modes: 0", "greater than or equal to 1"]),
-        (Testbed, {"modes": 2.5}, ["modes: 2.5"]),
         (
-            Testbed,
+            Bed,
+            {"varaint": "printed"},
+            ["varaint: unknown key", "did you mean variant?"],
+        ),
+        (
+            Bed,
+            {"parameters": {"lenght": 3.0}},
+            ["parameters.lenght", "did you mean length?"],
+        ),
+        (
+            Bed,
+            {"initial": {"xyz": 3.0}},
+            ["initial.xyz", "allowed here: base_yaw, hub_pitch"],
+        ),
+        (Bed, {"kind": "moon"}, ["moon", "csa"]),
+        (Bed, {"variant": "half"}, ["variant", "'half'", "'printed' or 'complete'"]),
+        (Bed, {"modes": 0}, ["modes: 0", "greater than or equal to 1"]),
+        (Bed, {"modes": 2.5}, ["modes: 2.5"]),
+        (
+            Bed,
             {"parameters": {"base_inertia": -2000.0}},
             ["base_inertia: -2000.0", "greater than 0"],
         ),
-        (Testbed, {"parameters": {"length": float("nan")}}, ["parameters.length: nan"]),
-        (Testbed, {"parameters": {"length": float("inf")}}, ["parameters.length: inf", "finite"]),
-        (Testbed, {"parameters": {"length": "long"}}, ["parameters.length: 'long'"]),
-        (Testbed, {"effort_limit": [150.0]}, ["effort_limit"]),
-        (Testbed, {"effort_limit": [150.0, -1.0]}, ["effort_limit.1: -1.0", "greater than 0"]),
-        (Testbed, {"effort_limit": [1.0, 2.0, 3.0]}, ["effort_limit"]),
-        (Testbed, {"damping_ratio": 1.0}, ["damping_ratio: 1.0", "less than 1"]),
-        (Testbed, {"parameters": 5}, ["parameters: 5"]),
+        (Bed, {"parameters": {"length": float("nan")}}, ["parameters.length: nan"]),
+        (
+            Bed,
+            {"parameters": {"length": float("inf")}},
+            ["parameters.length: inf", "finite"],
+        ),
+        (Bed, {"parameters": {"length": "long"}}, ["parameters.length: 'long'"]),
+        (Bed, {"effort_limit": [150.0]}, ["effort_limit"]),
+        (
+            Bed,
+            {"effort_limit": [150.0, -1.0]},
+            ["effort_limit.1: -1.0", "greater than 0"],
+        ),
+        (Bed, {"effort_limit": [1.0, 2.0, 3.0]}, ["effort_limit"]),
+        (Bed, {"damping_ratio": 1.0}, ["damping_ratio: 1.0", "less than 1"]),
+        (Bed, {"parameters": 5}, ["parameters: 5"]),
         (BenchSettings, {"period": 0.0}, ["period: 0.0", "greater than 0"]),
         (BenchSettings, {"testbed": {"modes": -1}}, ["modes: -1"]),
         (BenchSettings, {"max_missed": 0}, ["max_missed: 0"]),
@@ -55,13 +75,13 @@ def test_bad_values_are_told_in_one_line_with_key_value_and_what_is_allowed(kind
 
 
 def test_a_key_of_another_testbed_is_not_offered():
-    text = refusal(Testbed, {"kind": "floating_oscillator", "variant": "printed"})
+    text = refusal(Bed, {"kind": "floating_oscillator", "variant": "printed"})
     assert "unknown key" in text
     assert "bending_stiffness" not in text
 
 
 def test_further_errors_are_counted():
-    text = refusal(Testbed, {"modes": 0, "damping_ratio": -1.0})
+    text = refusal(Bed, {"modes": 0, "damping_ratio": -1.0})
     assert "(and 1 more)" in text
 
 
@@ -100,9 +120,13 @@ def test_settings_cannot_be_changed():
 @pytest.mark.parametrize(
     ("kind", "values", "words"),
     [
-        (Testbed, 5, "trial.yaml: (whole file): 5 is not allowed: give keys"),
-        (Testbed, {"kind": "moon"}, "moon is unknown; allowed: 'csa', "),
-        (Testbed, {"effort_limit": [5.0]}, "effort_limit: [5.0] is not allowed: too few entries"),
+        (Bed, 5, "trial.yaml: (whole file): 5 is not allowed: give keys"),
+        (Bed, {"kind": "moon"}, "moon is not a testbed; allowed: csa, "),
+        (
+            Bed,
+            {"effort_limit": [5.0]},
+            "effort_limit: [5.0] is not allowed: too few entries",
+        ),
         (BenchSettings, {"testbed": 5}, "testbed: 5 is not allowed: give keys"),
         (BenchSettings, {"fallback": "pd"}, "fallback: 'pd' is not allowed: give a list"),
         (BenchSettings, {"schedule": [{}]}, "schedule.0.at: is missing"),

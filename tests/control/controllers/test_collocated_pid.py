@@ -1,14 +1,12 @@
 import numpy as np
 import pytest
+from tests.plants import plant as on_bench
 
 from flexslew_control.controllers.collocated_pid import CollocatedPid, build, closed_loop
 from flexslew_control.law import Reference
 from flexslew_lab.reproduce import laws as reproduce_laws
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
-
-PERIOD, LIMIT = 0.01, np.array([150.0, 150.0])
 
 
 def held(_tick):
@@ -16,7 +14,7 @@ def held(_tick):
 
 
 def test_a_constant_disturbance_leaves_no_error():
-    controller = build(CollocatedPid(), PERIOD, LIMIT)
+    controller = build(CollocatedPid(), on_bench())
     run = reproduce_laws.closed_loop(
         CsaTestbed(modes=1, damping_ratio=0.01), controller, held, 300.0, disturbance=5.0
     )
@@ -25,8 +23,8 @@ def test_a_constant_disturbance_leaves_no_error():
 
 
 def test_the_default_gains_are_stable_at_every_pitch_up_to_one_radian():
-    model = build_model(CsaTestbed(modes=1))
-    gains = [np.array(getattr(CollocatedPid(), name)) for name in ("kp", "ki", "kd")]
+    model = CsaTestbed(modes=1).model()
+    gains = [np.full(2, getattr(CollocatedPid(), name)[0]) for name in ("kp", "ki", "kd")]
     for pitch in np.linspace(0.0, 1.0, 6):
         loop = closed_loop(model.linearise(np.array([0.0, pitch, 0.0])), *gains)
         assert np.linalg.eigvals(loop).real.max() < 0.0
@@ -34,12 +32,12 @@ def test_the_default_gains_are_stable_at_every_pitch_up_to_one_radian():
 
 def test_too_much_integral_is_refused_with_the_eigenvalue():
     with pytest.raises(BadInput, match=r"not stable: eigenvalue 0\.\d+"):
-        build(CollocatedPid(ki=(500.0, 15.0)), PERIOD, LIMIT)
+        build(CollocatedPid(ki=(500.0, 15.0)), on_bench())
 
 
-def test_one_gain_for_two_joints_is_refused():
-    with pytest.raises(BadInput, match="kp: give 2 numbers"):
-        build(CollocatedPid(kp=(460.0,)), PERIOD, LIMIT)
+def test_three_gains_for_two_joints_are_refused():
+    with pytest.raises(BadInput, match=r"kp: .* give 1 or 2 numbers \(base_yaw, hub_pitch\)"):
+        build(CollocatedPid(kp=(460.0, 460.0, 460.0)), on_bench())
 
 
 def test_effort_stays_within_the_limit_and_the_integral_unwinds():
@@ -49,7 +47,7 @@ def test_effort_stays_within_the_limit_and_the_integral_unwinds():
     testbed = CsaTestbed(modes=1, damping_ratio=0.01)
     overshoot = {}
     for time in (None, 10.0):
-        controller = build(CollocatedPid(tracking_time=time), PERIOD, np.array([50.0, 50.0]))
+        controller = build(CollocatedPid(tracking_time=time), on_bench(limit=(50.0, 50.0)))
         run = reproduce_laws.closed_loop(testbed, controller, far, 100.0)
         assert abs(run.effort).max() <= 50.0
         overshoot[time] = run.state[:, 0].max() - 1.0

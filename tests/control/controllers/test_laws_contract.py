@@ -2,6 +2,7 @@ import copy
 
 import numpy as np
 import pytest
+from tests.plants import plant as on_bench
 
 from flexslew_control.controllers import (
     collocated_pid,
@@ -17,17 +18,17 @@ PERIOD, LIMIT = 0.01, np.array([150.0, 150.0])
 OFC = output_feedback.OutputFeedback
 LAWS = {
     "pd_feedforward": lambda: pd_feedforward.build(
-        pd_feedforward.PdFeedforwardSettings(), PERIOD, LIMIT
+        pd_feedforward.PdFeedforwardSettings(), on_bench()
     ),
-    "tracking_a": lambda: output_feedback.build(OFC(), PERIOD, LIMIT),
-    "tracking_b": lambda: output_feedback.build(OFC(mode="tracking_b"), PERIOD, LIMIT),
-    "rigid_hold": lambda: output_feedback.build(OFC(mode="rigid_hold"), PERIOD, LIMIT),
-    "with_tip": lambda: output_feedback.build(OFC(tip_sigma=5e-3), PERIOD, LIMIT),
+    "tracking_a": lambda: output_feedback.build(OFC(), on_bench()),
+    "tracking_b": lambda: output_feedback.build(OFC(mode="tracking_b"), on_bench()),
+    "rigid_hold": lambda: output_feedback.build(OFC(mode="rigid_hold"), on_bench()),
+    "with_tip": lambda: output_feedback.build(OFC(tip_sigma=5e-3), on_bench()),
     "proportional_integral": lambda: proportional_integral.build(
-        proportional_integral.ProportionalIntegral(), PERIOD, LIMIT
+        proportional_integral.ProportionalIntegral(), on_bench()
     ),
-    "lqr": lambda: lqr.build(lqr.Lqr(), PERIOD, LIMIT),
-    "collocated_pid": lambda: collocated_pid.build(collocated_pid.CollocatedPid(), PERIOD, LIMIT),
+    "lqr": lambda: lqr.build(lqr.Lqr(), on_bench()),
+    "collocated_pid": lambda: collocated_pid.build(collocated_pid.CollocatedPid(), on_bench()),
 }
 FREE_STATE = ("proportional_integral", "collocated_pid")
 

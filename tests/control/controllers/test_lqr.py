@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from tests.plants import plant as on_bench
 
 from flexslew_control.controllers.lqr import (
     Lqr,
@@ -13,11 +14,9 @@ from flexslew_control.controllers.lqr import (
 from flexslew_control.law import Reference
 from flexslew_lab.reproduce.laws import closed_loop
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
 
-PERIOD, LIMIT = 0.01, np.array([150.0, 150.0])
-MODEL = build_model(CsaTestbed(modes=1))
+MODEL = CsaTestbed(modes=1).model()
 LINEAR = MODEL.linearise(np.array([0.0, 0.5, 0.0]))
 
 
@@ -52,18 +51,18 @@ def test_disturbance_gain_leaves_the_least_squares_remainder():
 
 def test_a_matched_disturbance_leaves_no_error_and_without_minimisation_its_static_one():
     plant = CsaTestbed(modes=1)
-    cancelled = closed_loop(plant, build(Lqr(), PERIOD, LIMIT), held, 80.0, disturbance=5.0)
+    cancelled = closed_loop(plant, build(Lqr(), on_bench()), held, 80.0, disturbance=5.0)
     assert abs(cancelled.state[-1, 0]) < 1e-5
-    plain = build(Lqr(minimise_disturbance=False), PERIOD, LIMIT)
+    plain = build(Lqr(minimise_disturbance=False), on_bench())
     left = closed_loop(plant, plain, held, 80.0, disturbance=5.0)
     np.testing.assert_allclose(left.state[-1, 0], 5.0 / plain[1].gain[0, 0], rtol=0.01)
 
 
 def test_an_uncontrollable_set_point_is_refused_with_its_eigenvalue():
     with pytest.raises(BadInput, match=r"not controllable: eigenvalue .*0\.338329j.*mode 1"):
-        build(Lqr(set_point={"hub_pitch": float(np.pi / 2)}), PERIOD, LIMIT)
+        build(Lqr(set_point={"hub_pitch": float(np.pi / 2)}), on_bench())
 
 
 def test_a_set_point_for_an_unknown_joint_is_refused():
-    with pytest.raises(BadInput, match="elbow is no joint"):
-        build(Lqr(set_point={"elbow": 0.1}), PERIOD, LIMIT)
+    with pytest.raises(BadInput, match="set_point: elbow is not a joint"):
+        build(Lqr(set_point={"elbow": 0.1}), on_bench())

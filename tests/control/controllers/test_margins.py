@@ -7,10 +7,9 @@ from flexslew_control.controllers.margins import (
     margin_table,
     stability_margin,
 )
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
 
-MODEL = build_model(CsaTestbed(variant="printed", modes=1))
+MODEL = CsaTestbed(variant="printed", modes=1).model()
 
 
 @pytest.mark.parametrize(
@@ -22,7 +21,7 @@ def test_margin_at_the_gains_of_the_paper(pitch, margin):
 
 @pytest.mark.parametrize(("modes", "margin"), [(2, 0.002759), (3, 0.000403)])
 def test_more_modes_leave_little_margin(modes, margin):
-    model = build_model(CsaTestbed(variant="printed", modes=modes))
+    model = CsaTestbed(variant="printed", modes=modes).model()
     assert stability_margin(model, 460.0, 920.0, 0.5) == pytest.approx(margin, abs=1e-6)
 
 

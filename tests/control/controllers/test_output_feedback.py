@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from tests.plants import plant as on_bench
 
 from flexslew_control.controllers.output_feedback import (
     OutputFeedback,
@@ -15,10 +16,9 @@ from flexslew_control.controllers.sliding_surface import (
 )
 from flexslew_lab.reproduce.laws import ofc_rows, slew
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
 
-PERIOD, LIMIT = 0.01, np.array([150.0, 150.0])
+PERIOD = 0.01
 testbed_system.__test__ = False
 testbed_weight.__test__ = False
 
@@ -39,10 +39,10 @@ def two_masses(**changes):
 
 
 def on_testbed(pitch=0.25):
-    settings = OutputFeedback(set_point={"hub_pitch": pitch})
-    model = build_model(settings.model)
-    system = testbed_system(model, settings, PERIOD)
-    return system, design(system, testbed_weight(model, settings), 2.0)
+    settings, model = OutputFeedback(), CsaTestbed(modes=1).model()
+    rest = model.rest({"hub_pitch": pitch})
+    system = testbed_system(model, rest, settings, PERIOD)
+    return system, design(system, testbed_weight(model, rest, settings), 2.0)
 
 
 def nearest(found, expected):
@@ -124,7 +124,7 @@ def test_a_softer_structure_is_calm_twenty_seconds_later():
 
 def test_an_uncontrollable_pair_is_refused_with_its_eigenvalue():
     with pytest.raises(BadInput, match=r"not controllable: eigenvalue .*0\.338329j"):
-        build(OutputFeedback(set_point={"hub_pitch": float(np.pi / 2)}), PERIOD, LIMIT)
+        build(OutputFeedback(set_point={"hub_pitch": float(np.pi / 2)}), on_bench())
 
 
 def test_an_unobservable_pair_is_refused():
@@ -139,6 +139,6 @@ def test_weights_without_the_driven_states_are_refused():
 
 @pytest.mark.parametrize("modes", [1, 2])
 def test_the_testbed_design_exists_for_more_modes(modes):
-    observer, law = build(OutputFeedback(model=CsaTestbed(modes=modes)), PERIOD, LIMIT)
+    observer, law = build(OutputFeedback(model={"modes": modes}), on_bench())
     assert law.found.sliding_poles.real.max() < 0.0
     assert observer.found.covariance.shape == (2 * (2 + modes),) * 2

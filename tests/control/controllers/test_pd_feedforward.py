@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from tests.plants import plant
 
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.pd_feedforward import PdFeedforwardSettings, build
@@ -21,7 +22,7 @@ def question(position, velocity):
 
 
 def effort(settings, position, velocity, reference):
-    estimator, law = build(settings, 0.01, LIMIT)
+    estimator, law = build(settings, plant())
     now = question(position, velocity)
     return law.update(now, estimator.update(now), reference), law
 
@@ -68,7 +69,7 @@ def test_bad_gains_are_refused(values, words):
 
 def test_gains_for_other_joints_are_refused():
     with pytest.raises(BadInput, match="kp"):
-        build(PdFeedforwardSettings(kp=(1.0, 2.0, 3.0)), 0.01, LIMIT)
+        build(PdFeedforwardSettings(kp=(1.0, 2.0, 3.0)), plant())
 
 
 def test_a_step_settles_on_the_bench_as_in_figure_5():
@@ -78,7 +79,7 @@ def test_a_step_settles_on_the_bench_as_in_figure_5():
         )
     )
     pd = build_controller(
-        "pd_feedforward", "pd_feedforward", {}, bed.model.joint_names, 0.01, (150.0, 150.0), "here"
+        "pd_feedforward", "pd_feedforward", {}, plant(0.01, (150.0, 150.0)), "here"
     )
     goal = np.tile([0.2, 0.2], (2, 1))
     step = Plan(

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from tests.plants import plant as on_bench
 
 from flexslew_control.controllers.lqr import ScaledWeights
 from flexslew_control.controllers.proportional_integral import (
@@ -11,14 +12,11 @@ from flexslew_control.controllers.proportional_integral import (
 )
 from flexslew_lab.reproduce.laws import pi_rows
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
-
-PERIOD, LIMIT = 0.01, np.array([150.0, 150.0])
 
 
 def linearisation(pitch, modes=1):
-    model = build_model(CsaTestbed(modes=modes))
+    model = CsaTestbed(modes=modes).model()
     return model.linearise(np.array([0.0, pitch] + [0.0] * modes))
 
 
@@ -42,19 +40,19 @@ def test_the_closed_loop_has_the_poles_of_the_augmented_regulator(pitch):
 def test_a_hand_given_gain_that_does_not_stabilise_is_refused():
     good = design(linearisation(0.5), ScaledWeights())
     rows = {name: tuple(map(tuple, getattr(good, name).tolist())) for name in ("kp", "kd", "ki")}
-    build(ProportionalIntegral(gains=GivenGains(**rows)), PERIOD, LIMIT)
+    build(ProportionalIntegral(gains=GivenGains(**rows)), on_bench())
     rows["kp"] = tuple(map(tuple, (-good.kp).tolist()))
     with pytest.raises(BadInput, match="not stable: eigenvalue"):
-        build(ProportionalIntegral(gains=GivenGains(**rows)), PERIOD, LIMIT)
+        build(ProportionalIntegral(gains=GivenGains(**rows)), on_bench())
 
 
 def test_gains_of_the_wrong_shape_are_refused():
     given = GivenGains(kp=((1.0,),), kd=((1.0,),), ki=((1.0,),))
     with pytest.raises(BadInput, match="kp: give 2 rows of 3"):
-        build(ProportionalIntegral(gains=given), PERIOD, LIMIT)
+        build(ProportionalIntegral(gains=given), on_bench())
 
 
 def test_an_uncontrollable_set_point_is_refused():
     settings = ProportionalIntegral(set_point={"hub_pitch": float(np.pi / 2)})
     with pytest.raises(BadInput, match="not controllable"):
-        build(settings, PERIOD, LIMIT)
+        build(settings, on_bench())

@@ -2,6 +2,7 @@ import itertools
 
 import numpy as np
 import pytest
+from tests.plants import plant
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_lab.trial.in_process import Observer, fly
@@ -36,7 +37,7 @@ class Seen(Observer):
 
 
 def built(name):
-    return build_controller(name, name, {}, JOINTS, 0.01, LIMIT, "test")
+    return build_controller(name, name, {}, plant(0.01, LIMIT), "test")
 
 
 def swap(outgoing, incoming):

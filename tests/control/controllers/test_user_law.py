@@ -3,10 +3,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.plants import plant
 
 from flexslew_control.controllers import build_controller, settings_text, user_law
 from flexslew_control.law import Estimate
 from flexslew_lab.trial.in_process import fly
+from flexslew_plant import own_code
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
@@ -85,7 +87,7 @@ REASONS = {
 
 
 def controller(name, law, **values):
-    return build_controller(name, law, values, JOINTS, 0.01, LIMIT, "test")
+    return build_controller(name, law, values, plant(0.01, LIMIT), "test")
 
 
 def flown(mine, duration=1.0, **more):
@@ -195,9 +197,9 @@ def test_a_sensor_that_reads_nan_is_not_held_against_a_users_law():
     ("law", "words"),
     [
         ("pid", "pid is not a law; allowed: .*pd_feedforward.*my_law.py:MyLaw"),
-        ("nowhere.py:MyLaw", "cannot be loaded: FileNotFoundError"),
+        ("nowhere.py:MyLaw", "cannot be loaded: ImportError: nowhere.py: No such file"),
         (HERE + "Nobody", "cannot be loaded: AttributeError"),
-        (HERE + "ROOT", "wanted is a class"),
+        (HERE + "ROOT", "a class is needed"),
         ("no_such_package.MyLaw", "cannot be loaded: ModuleNotFoundError"),
         (HERE + "Incomplete", "has no method update"),
     ],
@@ -218,7 +220,7 @@ def test_a_module_and_an_entry_point_serve_as_well(monkeypatch, tmp_path):
     (tmp_path / "wheels_of_mine.py").write_text(Path(EXAMPLE.removesuffix(":MyLaw")).read_text())
     monkeypatch.syspath_prepend(str(tmp_path))
     point = EntryPoint("mine", "wheels_of_mine:MyLaw", user_law.GROUP)
-    monkeypatch.setattr(user_law, "entry_points", lambda group: [point])
+    monkeypatch.setattr(own_code, "entry_points", lambda group: [point])
     by_module = user_law.find_law("wheels_of_mine.MyLaw", "test")
     assert by_module.__name__ == "MyLaw"
     assert user_law.find_law("mine", "test") is by_module

@@ -10,11 +10,10 @@ from flexslew_control.estimators.kalman import (
 )
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 PERIOD = 0.01
-MODEL = build_model(CsaTestbed(modes=1))
+MODEL = CsaTestbed(modes=1).model()
 REST = np.array([0.0, 0.5, 0.0])
 NOTHING = np.zeros(0)
 

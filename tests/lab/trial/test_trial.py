@@ -10,19 +10,45 @@ plan: {method: time_optimal, goal: {hub: 1.0}, robust: false}
 """
 
 
-def test_a_time_optimal_plan_believes_in_the_testbed_unless_it_says_otherwise():
+def test_a_plan_starts_where_the_testbed_rests():
     plan = plan_of_trial(parse_trial(HUB, "hub.yaml"))
     assert plan.duration == pytest.approx(6.01986708, abs=1e-6)  # physics/time_optimal
     turned = HUB.replace("appendages}", "appendages, initial: {hub: 0.5}}").replace("1.0}", "1.5}")
     again = plan_of_trial(parse_trial(turned, "hub.yaml"))
     assert again.position[0, 0] == 0.5
     assert again.duration == pytest.approx(plan.duration, abs=1e-9)
-    csa = "testbed: {modes: 3, parameters: {bending_stiffness: 1200.0}}\n"
-    csa += "plan: {method: time_optimal, goal: {base_yaw: 1.0}}\n"
-    model = parse_trial(csa, "csa.yaml").plan.model
-    assert (model.modes, model.parameters.bending_stiffness) == (1, 1200.0)
-    other = parse_trial(csa.replace("goal", "model: {kind: csa}, goal"), "csa.yaml").plan.model
-    assert other.parameters.bending_stiffness == 1500.0
+
+
+def test_a_plan_believes_in_the_bench_unless_it_says_otherwise():
+    text = """
+    testbed: {parameters: {bending_stiffness: 1200.0}, initial: {hub_pitch: 0.2}}
+    plan: {method: optimized_feedforward, goal: {base_yaw: 0.5}, duration: 30.0}
+    controllers: {pd_feedforward: {kp: 500.0, kd: [900.0, 950.0]}}
+    """
+    plan = plan_of_trial(parse_trial(text, "csa.yaml"))
+    asked = plan.request
+    assert asked["model"]["parameters"]["bending_stiffness"] == 1200.0
+    assert asked["initial"] == {"base_yaw": 0.0, "hub_pitch": 0.2}
+    assert asked["goal"] == {"base_yaw": 0.5, "hub_pitch": 0.2}
+    assert asked["feedback"] == {"kp": [500.0, 500.0], "kd": [900.0, 950.0]}
+    assert plan.summary["believes"] == "modes 1 instead of 3"
+
+
+@pytest.mark.parametrize(
+    ("plan", "words"),
+    [
+        ("model: {variant: printed}", "variant printed instead of complete, modes 1 instead of 3"),
+        ("model: {modes: 3}", ""),
+        ("initial: {base_yaw: 0.1}", "modes 1 instead of 3, initial.base_yaw 0.1 instead of 0.0"),
+        (
+            "feedback: {kp: 400.0, kd: 920.0}",
+            "modes 1 instead of 3, feedback.kp [400.0, 400.0] instead of [460.0, 460.0]",
+        ),
+    ],
+)
+def test_a_plan_says_what_it_believes_differently_from_the_bench(plan, words):
+    text = f"plan: {{method: optimized_feedforward, duration: 40.0, {plan}}}"
+    assert plan_of_trial(parse_trial(text, "csa.yaml")).summary["believes"] == words
 
 
 @pytest.mark.parametrize("name", ["m1", "swap_demo", "time_optimal_hub", "time_optimal_oscillator"])

@@ -6,12 +6,11 @@ from scipy.integrate import solve_ivp
 
 from flexslew_plant.bench.actuator import ActuatorSettings
 from flexslew_plant.bench.friction import Friction, balanced, slid
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 
-OSCILLATOR = build_model(FloatingOscillatorTestbed())  # masses of 1 kg, a spring of 1 N/m
-CSA = build_model(CsaTestbed(modes=2))
+OSCILLATOR = FloatingOscillatorTestbed().model()  # masses of 1 kg, a spring of 1 N/m
+CSA = CsaTestbed(modes=2).model()
 
 
 def flown(model, x, period, ticks, effort=lambda time: 0.0, **actuator):

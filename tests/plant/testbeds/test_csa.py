@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from flexslew_plant.testbeds import build_model, with_stiffness
 from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed, beam
 
 VARIANTS = ("printed", "complete")
@@ -12,7 +11,7 @@ MODES = 2  # of the symbolic derivation
 
 
 def model_of(variant, modes=3, **more):
-    return build_model(CsaTestbed(variant=variant, modes=modes, **more))
+    return CsaTestbed(variant=variant, modes=modes, **more).model()
 
 
 def random_state(seed, modes=3):
@@ -162,5 +161,5 @@ def test_both_variants_have_the_same_linear_motions():
 
 def test_a_stiffer_beam_is_the_same_as_a_scaled_model():
     stiff = CsaTestbed(damping_ratio=0.02, parameters=CsaParameters(bending_stiffness=1800.0))
-    scaled = with_stiffness(build_model(CsaTestbed(damping_ratio=0.02)), 1.2)
-    np.testing.assert_allclose(scaled.packed, build_model(stiff).packed, rtol=1e-12)
+    scaled = CsaTestbed(damping_ratio=0.02).model().with_stiffness(1.2)
+    np.testing.assert_allclose(scaled.packed, stiff.model().packed, rtol=1e-12)

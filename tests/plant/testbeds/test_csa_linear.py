@@ -2,10 +2,9 @@ import numpy as np
 import pytest
 
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed, beam
 
-MODEL = build_model(CsaTestbed(variant="printed", modes=1))
+MODEL = CsaTestbed(variant="printed", modes=1).model()
 GAIN_P, GAIN_D = np.array([460.0, 460.0]), np.array([920.0, 920.0])
 
 
@@ -37,7 +36,7 @@ def test_pitch_axis_period():
 def test_three_modes_of_the_beam_and_their_integrals():
     bed = CsaTestbed(modes=3)
     np.testing.assert_allclose(beam(bed).frequencies, [0.338329, 2.120270, 5.936817], atol=1e-6)
-    linear = build_model(bed).linearise(np.zeros(5))
+    linear = bed.model().linearise(np.zeros(5))
     np.testing.assert_allclose(linear.mass[0, 2:], [107.08658, -18.94164, 7.36150], atol=1e-5)
     np.testing.assert_allclose(np.diag(linear.mass)[:2], [4000.0 + 3972.0, 5972.0], rtol=1e-12)
     np.testing.assert_allclose(linear.mass[2:, 2:], 3.0 * np.eye(3), atol=1e-9)

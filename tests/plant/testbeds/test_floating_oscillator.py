@@ -2,20 +2,19 @@ import numpy as np
 import pytest
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import Testbed, build_model, with_stiffness
+from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 
 OSCILLATOR = FloatingOscillatorTestbed()
 
 
 def test_the_frequency_is_the_root_of_two_k_over_m():
-    model = build_model(OSCILLATOR)
+    model = OSCILLATOR.model()
     assert model.linearise(np.zeros(2)).frequencies == pytest.approx([np.sqrt(2.0)], abs=1e-14)
 
 
 def test_equations_8_and_9_hold():
-    model = build_model(OSCILLATOR)
+    model = OSCILLATOR.model()
     x = np.array([0.3, -0.2, 0.5, 0.7])
     rate = model.derivative(x, np.array([0.4]))
     x1, x2 = x[0], x[0] + x[1]
@@ -24,7 +23,7 @@ def test_equations_8_and_9_hold():
 
 
 def test_a_step_of_effort_moves_it_as_the_closed_form_does():
-    model = build_model(OSCILLATOR)
+    model = OSCILLATOR.model()
     x = model.advance(np.zeros(4), np.array([1.0]), 3.0, 60)
     w = np.sqrt(2.0)
     assert x[1] == pytest.approx(-(1.0 - np.cos(w * 3.0)) / w**2, abs=1e-13)
@@ -32,7 +31,7 @@ def test_a_step_of_effort_moves_it_as_the_closed_form_does():
 
 
 def test_without_effort_energy_and_momentum_stay():
-    model = build_model(OSCILLATOR)
+    model = OSCILLATOR.model()
     x = np.array([0.0, 0.4, 0.1, -0.3])
     after = model.advance(x, np.zeros(1), 50.0, 1000)
     assert model.energy(after) == pytest.approx(model.energy(x), rel=1e-12)
@@ -40,12 +39,10 @@ def test_without_effort_energy_and_momentum_stay():
 
 
 def test_a_stiffer_spring_is_the_same_as_a_scaled_model():
-    stiff = validated(Testbed, {"kind": OSCILLATOR.kind, "parameters": {"stiffness": 1.2}}, "here")
-    assert with_stiffness(build_model(OSCILLATOR), 1.2).packed == pytest.approx(
-        build_model(stiff).packed
-    )
+    stiff = read_testbed({"kind": OSCILLATOR.kind, "parameters": {"stiffness": 1.2}}, "here")
+    assert OSCILLATOR.model().with_stiffness(1.2).packed == pytest.approx(stiff.model().packed)
 
 
 def test_a_second_mode_is_refused():
     with pytest.raises(BadInput, match="modes: 2"):
-        validated(Testbed, {"kind": "floating_oscillator", "modes": 2}, "trial.yaml")
+        read_testbed({"kind": "floating_oscillator", "modes": 2}, "trial.yaml")

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import Testbed, build_model, with_stiffness
+from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.hub_with_appendages import (
     HubParameters,
     HubTestbed,
@@ -23,19 +22,19 @@ def test_the_integrated_mode_gives_the_published_coefficients():
 
 
 def test_the_frequency_with_the_hub_free_is_the_published_one():
-    model = build_model(HubTestbed())
+    model = HubTestbed().model()
     assert model.linearise(np.zeros(2)).frequencies == pytest.approx([6.486746], abs=1e-6)
 
 
 def test_energy_stays_without_effort_and_momentum_too():
-    model = build_model(HubTestbed())
+    model = HubTestbed().model()
     after = model.advance(STATE, np.zeros(1), 10.0, 2000)
     assert model.energy(after) == pytest.approx(model.energy(STATE), rel=1e-12)
     assert model.momentum(after)[0] == pytest.approx(model.momentum(STATE)[0], rel=1e-12)
 
 
 def test_power_is_effort_times_rate():
-    model = build_model(HubTestbed())
+    model = HubTestbed().model()
     effort, h = np.array([1.5]), 1e-4
     gain = model.energy(model.advance(STATE, effort, h)) - model.energy(
         model.advance(STATE, effort, -h)
@@ -44,7 +43,7 @@ def test_power_is_effort_times_rate():
 
 
 def test_the_jacobian_is_the_derivative_of_the_derivative():
-    model = build_model(HubTestbed(damping_ratio=0.02))
+    model = HubTestbed(damping_ratio=0.02).model()
     effort, h = np.array([1.5]), 1e-6
     dx, _ = model.jacobian(STATE, effort)
     for j, unit in enumerate(np.eye(4)):
@@ -54,14 +53,15 @@ def test_the_jacobian_is_the_derivative_of_the_derivative():
 
 
 def test_stiffness_scales_alone():
-    model = build_model(HubTestbed())
-    stiffer = with_stiffness(model, 1.21)
+    model = HubTestbed().model()
+    stiffer = model.with_stiffness(1.21)
     assert stiffer.linearise(np.zeros(2)).frequencies == pytest.approx([1.1 * 6.486746], abs=2e-6)
     assert stiffer.mass_matrix(STATE[:2]) == pytest.approx(model.mass_matrix(STATE[:2]))
 
 
 def test_a_misspelt_key_is_named():
     with pytest.raises(BadInput, match="did you mean tip_mass"):
-        validated(
-            Testbed, {"kind": "hub_with_appendages", "parameters": {"tip_mas": 1.0}}, "trial.yaml"
+        read_testbed(
+            {"kind": "hub_with_appendages", "parameters": {"tip_mas": 1.0}},
+            "trial.yaml",
         )

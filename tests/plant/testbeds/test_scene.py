@@ -4,22 +4,20 @@ import numpy as np
 import pytest
 
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import TESTBEDS, Testbed, build_model
-from flexslew_plant.testbeds.appendages import appendages_of
+from flexslew_plant.testbeds import TESTBEDS, TestbedSettings
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.scene import Scene
 
 
 def section_of(kind):
-    return validated(Testbed, {"kind": kind}, "here")
+    return validated(TestbedSettings, {"kind": kind}, "here")
 
 
 @pytest.mark.parametrize("kind", TESTBEDS)
 def test_the_description_is_a_tree_whose_moving_joints_are_the_testbeds(kind):
-    robot = ElementTree.fromstring(Scene(section_of(kind)).robot_description())
+    robot = ElementTree.fromstring(section_of(kind).scene().robot_description)
     assert robot.tag == "robot"
     moving = {j.get("name") for j in robot.findall("joint") if j.get("type") != "fixed"}
-    assert moving == set(build_model(section_of(kind)).joint_names)
+    assert moving == set(section_of(kind).model().joint_names)
     links = [link.get("name") for link in robot.findall("link")]
     parents = {
         j.find("child").get("link"): j.find("parent").get("link") for j in robot.findall("joint")
@@ -31,7 +29,7 @@ def test_the_description_is_a_tree_whose_moving_joints_are_the_testbeds(kind):
 
 @pytest.mark.parametrize("kind", TESTBEDS)
 def test_prismatic_and_revolute_joints_have_limits(kind):
-    robot = ElementTree.fromstring(Scene(section_of(kind)).robot_description())
+    robot = ElementTree.fromstring(section_of(kind).scene().robot_description)
     for joint in robot.findall("joint"):
         if joint.get("type") in ("prismatic", "revolute"):
             assert joint.find("limit") is not None
@@ -39,7 +37,7 @@ def test_prismatic_and_revolute_joints_have_limits(kind):
 
 @pytest.mark.parametrize("kind", TESTBEDS)
 def test_frames_are_those_of_the_description_and_quaternions_are_unit(kind):
-    scene, joints = Scene(section_of(kind)), build_model(section_of(kind)).joints
+    scene, joints = section_of(kind).scene(), section_of(kind).model().joints
     frames = scene.frames(np.array([2.3, -0.7])[:joints])
     assert [(f.parent, f.child) for f in frames] == [("world", "base"), ("base", "hub")]
     for frame in frames:
@@ -47,7 +45,7 @@ def test_frames_are_those_of_the_description_and_quaternions_are_unit(kind):
 
 
 def test_yaw_turns_about_z_and_pitch_about_y():
-    base, hub = Scene(CsaTestbed()).frames(np.array([0.8, -0.3]))
+    base, hub = CsaTestbed().scene().frames(np.array([0.8, -0.3]))
     np.testing.assert_allclose(base.rotation, [0.0, 0.0, np.sin(0.4), np.cos(0.4)])
     np.testing.assert_allclose(hub.rotation, [0.0, np.sin(-0.15), 0.0, np.cos(0.15)])
 
@@ -55,8 +53,8 @@ def test_yaw_turns_about_z_and_pitch_about_y():
 def test_beams_start_at_the_hub_and_end_at_the_tip_deflection():
     bed = CsaTestbed(modes=3)
     modes = np.array([0.4, -0.05, 0.02])
-    tips = appendages_of(bed).tip @ modes
-    beams = Scene(bed).beams(modes)
+    tips = bed.model().appendages.tip @ modes
+    beams = bed.scene().lines(np.concatenate((np.zeros(2), modes)))
     assert len(beams) == len(tips) == 2
     for beam, tip, side in zip(beams, tips, (1.0, -1.0), strict=True):
         np.testing.assert_allclose(beam[0], [side * 1.0, 0.0, 0.0], atol=1e-14)
@@ -65,15 +63,15 @@ def test_beams_start_at_the_hub_and_end_at_the_tip_deflection():
 
 def test_curvature_at_the_root_is_that_of_the_drawn_beam():
     bed = CsaTestbed(modes=1)
-    drawn = Scene(bed).beams(np.array([1.0]))[0]
+    drawn = bed.scene().lines(np.array([0.0, 0.0, 1.0]))[0]
     step = drawn[1, 0] - drawn[0, 0]
     # clamped: y = curvature s^2 / 2 near the root
     near = 2.0 * drawn[1, 1] / step**2
-    assert appendages_of(bed).curvature[0, 0] == pytest.approx(near, rel=0.05)
+    assert bed.model().appendages.curvature[0, 0] == pytest.approx(near, rel=0.05)
 
 
 @pytest.mark.parametrize("kind", TESTBEDS)
 def test_every_appendage_of_a_testbed_reads_something(kind):
     bed = section_of(kind)
-    found = appendages_of(bed)
+    found = bed.model().appendages
     assert found.tip.shape == found.curvature.shape == (len(found.names), bed.modes)

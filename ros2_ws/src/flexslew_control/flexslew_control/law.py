@@ -1,19 +1,92 @@
 """The contract of a control law, its estimator and the reference that it follows."""
 
-from typing import Final, NamedTuple, Protocol
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
-from flexslew_plant.errors import FlexslewError
+from flexslew_plant.errors import BadInput, FlexslewError
+from flexslew_plant.settings import load_yaml
+from flexslew_plant.testbeds import Model, Testbed, believed, read_testbed
 
 _NOTHING: Final[Vector] = np.zeros(0)
 _NOTHING.flags.writeable = False
 
 
+def per_joint(name: str, given: tuple[float, ...], joints: tuple[str, ...]) -> Vector:
+    """Return one number per joint, shape (joints,).
+
+    Args:
+        name: the key, for the error.
+        given: one per joint, or one for all.
+        joints: their names.
+
+    Raises:
+        BadInput: another number of them.
+    """
+    if len(given) not in (1, len(joints)):
+        raise BadInput(
+            f"{name}: {list(given)} is not allowed: give 1 or {len(joints)} numbers "
+            f"({', '.join(joints)})"
+        )
+    return np.array(given, dtype=np.float64) * np.ones(len(joints))
+
+
 class LawFailed(FlexslewError):
     """A law or its estimator cannot go on; its controller is not ready from then on."""
+
+
+@dataclass(frozen=True)
+class PlantDescription:
+    """What a law is designed for.
+
+    Args:
+        testbed: that stands on the bench.
+        period: one tick [s].
+        effort_limit: of the drives, shape (actuators,) [N m or N].
+    """
+
+    testbed: Testbed
+    period: float
+    effort_limit: Vector
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """In the order of the measurements."""
+        return self.testbed.model().joint_names
+
+    def believed(self, changes: dict[str, Any] | None) -> Model:
+        """Return the model that a law believes in; see testbeds.believed.
+
+        Args:
+            changes: the law's `model` section: keys of the testbed that it believes otherwise.
+
+        Raises:
+            BadInput: an unknown key or a value that is not allowed.
+        """
+        return believed(self.testbed, changes, "model").model()
+
+
+def described(settings: str, source: str) -> PlantDescription:
+    """Return the plant that a /testbed record describes.
+
+    Args:
+        settings: its settings, YAML: those of the bench, or of the plant node with the bench's.
+        source: of the record, for an error.
+
+    Raises:
+        BadInput: it holds no testbed, or one that cannot be built.
+    """
+    values = load_yaml(settings, source) or {}
+    bench = values.get("bench", values)
+    if "testbed" not in bench or "period" not in bench:
+        raise BadInput(f"{source}: does not say what stands on the bench (no testbed)")
+    testbed = read_testbed(bench["testbed"], f"{source}: testbed")
+    limit = np.array(testbed.effort_limit, dtype=np.float64)
+    return PlantDescription(testbed, float(bench["period"]), limit)
 
 
 class Reference(NamedTuple):

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.linalg import eig, matrix_balance
 
+from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.model import Model
@@ -12,23 +13,25 @@ _RIGID = 1e-6  # of its norm: an eigenvalue below is a rigid motion's, zero
 _DUST = 1e-14  # of the largest entry: rounding, such as cos(pi / 2)
 
 
-def rest_at(model: Model, positions: dict[str, float]) -> Vector:
-    """Return the rest q at the joint positions named, others at zero, shape (n,).
+def set_point_of(
+    plant: PlantDescription, model: Model, given: dict[str, float] | None, share: float = 1.0
+) -> Vector:
+    """Return the rest q about which a law is designed, shape (n,).
 
     Args:
-        model: whose joints are meant.
-        positions: joint name to position [rad or m].
+        plant: what the law is designed for.
+        model: what the law believes.
+        given: the law's `set_point`, joint name to position [rad or m]; None: the testbed's own.
+        share: of the testbed's own set point [-].
 
     Raises:
         BadInput: a name is no joint of the model.
     """
-    unknown = sorted(set(positions) - set(model.joint_names))
-    if unknown:
-        names = ", ".join(model.joint_names)
-        raise BadInput(f"set_point: {unknown[0]} is no joint of the model; its joints are {names}")
-    rest = np.zeros(model.coordinates)
-    rest[: model.joints] = [positions.get(name, 0.0) for name in model.joint_names]
-    return rest
+    own = {name: share * at for name, at in plant.testbed.set_point.items()}
+    try:
+        return model.rest(own if given is None else given)
+    except BadInput as error:
+        raise BadInput(f"set_point: {error}") from None
 
 
 def state_names(model: Model) -> tuple[str, ...]:
@@ -40,7 +43,6 @@ def state_names(model: Model) -> tuple[str, ...]:
 def output_matrix(model: Model, with_tip: bool) -> Matrix:
     """Return C of y = C x: joint positions, joint rates and, if measured, the first tip.
 
-    Mode shapes are one at the tip, so the tip deflection is the sum of the modal coordinates.
     Shape (2 joints, 2 n), or one row more.
     """
     n, m = model.coordinates, model.joints
@@ -48,7 +50,7 @@ def output_matrix(model: Model, with_tip: bool) -> Matrix:
     c[:m, :m] = np.eye(m)
     c[m : 2 * m, n : n + m] = np.eye(m)
     if with_tip:
-        c[2 * m, m:n] = 1.0
+        c[2 * m, m:n] = model.appendages.tip[0]
     return c
 
 

@@ -1,20 +1,28 @@
 """Plans made in a process of their own, so that whoever asks can cancel at any moment."""
 
 import signal
+from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from flexslew_control.law import PlantDescription, described
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.testbeds import default_testbed
 
 
 class PlanRequest(NamedTuple):
     """What a planner needs to know."""
 
     values: Any  # the `plan` section as plain data
+    bench: str  # settings of what stands on the bench, YAML; empty: the default testbed
     period: float  # one tick of the bench [s]
-    effort_limit: tuple[float, ...]  # of the drives, one per joint [N m or N]
+    effort_limit: tuple[float, ...]  # of the drives, one per actuator [N m or N]
+    kp: tuple[float, ...] = ()  # gains of the controller in charge, if it has such gains
+    kd: tuple[float, ...] = ()
 
 
 class Iteration(NamedTuple):
@@ -79,6 +87,7 @@ def _work(pipe: Connection) -> None:
     """Answer requests until nobody is left to ask."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
     from flexslew_control.planners import PlanSettings, make_plan
+    from flexslew_control.planners.slew import Feedback
     from flexslew_plant.settings import validated
 
     def progress(update: Any) -> None:
@@ -89,10 +98,19 @@ def _work(pipe: Connection) -> None:
             request: PlanRequest = pipe.recv()
             try:
                 settings = validated(PlanSettings, request.values, "plan")
-                pipe.send(make_plan(settings, request.period, request.effort_limit, progress))
+                gains = Feedback(kp=request.kp, kd=request.kd) if request.kp else None
+                pipe.send(make_plan(settings, _plant(request), gains, progress))
             except (BadInput, PlanFailed) as error:
                 pipe.send(Refusal(isinstance(error, BadInput), str(error)))
             except (ArithmeticError, ValueError, MemoryError) as error:
                 pipe.send(Refusal(False, f"{type(error).__name__}: {error}"))
     except (EOFError, OSError):
         return
+
+
+def _plant(request: PlanRequest) -> PlantDescription:
+    limit = np.array(request.effort_limit, dtype=np.float64)
+    if not request.bench:
+        return PlantDescription(default_testbed(), request.period, limit)
+    plant = described(request.bench, "/testbed")
+    return replace(plant, period=request.period, effort_limit=limit)

@@ -4,14 +4,15 @@ from itertools import product
 
 import numpy as np
 import pytest
+from tests.plants import plant
 
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.limited_gauss_newton import Problem, limited_gauss_newton
 from flexslew_control.planners.feedforward.robust_feedforward import RobustFeedforward, ensemble
+from flexslew_control.planners.slew import slew_of
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import build_model, with_stiffness
 from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed
 
 KP, KD = 460.0, 920.0
@@ -25,14 +26,14 @@ def plan(limit=150.0, method="robust_feedforward", **more):
 
 @lru_cache
 def made(section, limit):
-    return make_plan(plan_settings(json.loads(section), "trial.yaml"), 0.02, (limit, limit))
+    return make_plan(plan_settings(json.loads(section), "trial.yaml"), plant(0.02, (limit, limit)))
 
 
 def residual_tip(flown, error, payload=0.0, modes=1):
     """Return the largest tip deflection in 75 s after the slew [m], on the complete model."""
     hub = 2000.0 * (1.0 + payload)
     parameters = CsaParameters(hub_inertia_1=hub, hub_inertia_2=hub)
-    model = with_stiffness(build_model(CsaTestbed(modes=modes, parameters=parameters)), 1.0 + error)
+    model = CsaTestbed(modes=modes, parameters=parameters).model().with_stiffness(1.0 + error)
     x, path = np.zeros(model.coordinates * 2), []
     for k in range(flown.ticks + round(75.0 / flown.period)):
         r = flown.reference(k)
@@ -108,9 +109,13 @@ def test_the_reserve_is_left_to_the_feedback():
     assert np.max(found["worst_peak_effort"]) == pytest.approx(0.7 * 150.0, rel=0.01)
 
 
+def members(settings):
+    return ensemble(settings, slew_of(settings, plant()))
+
+
 def problem(settings, limit):
     basis = Basis(settings.basis, settings.functions, settings.duration)
-    return Problem(ensemble(settings), basis, settings.rho, np.full(2, limit))
+    return Problem(members(settings), basis, settings.rho, np.full(2, limit))
 
 
 @pytest.mark.parametrize("limit", [1000.0, 142.5])
@@ -152,7 +157,7 @@ def test_the_efforts_and_their_sensitivities_are_those_of_the_flight():
 
 
 def test_the_weight_is_the_mean_vibration_after_the_end():
-    member = ensemble(RobustFeedforward())[2]
+    member = members(RobustFeedforward())[2]
     slew = member.manoeuvre
     y = 1e-4 * np.array([1.0, -2.0, 30.0, 0.5, 0.2, 10.0])
     a = slew.model.linearise(np.append(slew.goal, 0.0)).with_feedback(slew.kp, slew.kd).state_matrix
@@ -165,10 +170,10 @@ def test_the_weight_is_the_mean_vibration_after_the_end():
 
 def test_every_pair_of_errors_is_a_member():
     settings = RobustFeedforward(stiffness_errors=(-0.1, 0.1), payload_errors=(0.0, 0.3))
-    members = ensemble(settings)
-    pairs = [(m.stiffness_error, m.payload_error) for m in members]
+    found = members(settings)
+    pairs = [(m.stiffness_error, m.payload_error) for m in found]
     assert pairs == [(-0.1, 0.0), (0.1, 0.0), (-0.1, 0.3), (0.1, 0.3)]
-    inertia = [m.manoeuvre.model.mass_matrix(np.zeros(3))[0, 0] for m in members]
+    inertia = [m.manoeuvre.model.mass_matrix(np.zeros(3))[0, 0] for m in found]
     assert inertia[2] - inertia[0] == pytest.approx(0.3 * 2000.0)
 
 

@@ -1,14 +1,11 @@
 import numpy as np
 import pytest
+from tests.plants import plant
 
-from flexslew_control.planners.input_shaping.input_shaping import (
-    InputShaping,
-    command_profile,
-    plan_input_shaping,
-)
+from flexslew_control.planners import make_plan
+from flexslew_control.planners.input_shaping.input_shaping import InputShaping, command_profile
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 LIMIT = np.array([150.0, 150.0])
@@ -16,7 +13,7 @@ LIMIT = np.array([150.0, 150.0])
 
 def planned(limit=LIMIT, **more):
     settings = validated(InputShaping, more, "trial.yaml")
-    return plan_input_shaping(settings, 0.01, limit, lambda update: None)
+    return make_plan(settings, plant(0.01, limit))
 
 
 @pytest.mark.parametrize("command", ["cubic", "quintic", "sin2", "bang_bang"])
@@ -44,7 +41,7 @@ def test_the_modes_end_at_rest_and_the_joints_at_the_goal_while_both_move(comman
 @pytest.mark.parametrize("command", ["quintic", "bang_bang"])
 def test_the_effort_flies_the_model_along_the_plan(command, variant):
     plan = planned(duration=20.0, command=command, model={"variant": variant, "modes": 1})
-    model = build_model(CsaTestbed(variant=variant, modes=1))
+    model = CsaTestbed(variant=variant, modes=1).model()
     x = plan.state[0]
     for k, effort in enumerate(plan.effort):
         assert x == pytest.approx(plan.state[k], abs=1e-5)
@@ -54,7 +51,7 @@ def test_the_effort_flies_the_model_along_the_plan(command, variant):
 
 def test_the_bench_keeps_within_millimetres_with_modes_nobody_shaped():
     plan = planned(duration=18.0, command="sin2", goal={"base_yaw": np.pi / 6, "hub_pitch": 0.5})
-    model, x, tip = build_model(CsaTestbed(modes=3)), np.zeros(10), 0.0
+    model, x, tip = CsaTestbed(modes=3).model(), np.zeros(10), 0.0
     for k in range(4000):
         wanted = plan.reference(k)
         error, slip = wanted.position - x[:2], wanted.velocity - x[5:7]

@@ -1,24 +1,25 @@
 import numpy as np
 import pytest
+from tests.plants import plant
 
+from flexslew_control.planners import make_plan
 from flexslew_control.planners.input_shaping.start_coast_stop import (
-    Goal,
     StartCoastStop,
     pulses,
-    start_coast_stop,
     two_impulses,
 )
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed
 
 PERIOD = 0.01
 
 
-def settings(pitch=0.0, **changes):
-    initial = CsaInitial(hub_pitch=pitch)
-    model = CsaTestbed(variant="printed", modes=1, initial=initial)
-    return StartCoastStop(model=model, goal=Goal(hub_pitch=0.5), **changes)
+GOAL = {"base_yaw": float(np.pi / 6), "hub_pitch": 0.5}
+
+
+def planned(pitch=0.0, limit=(150.0, 150.0), **changes):
+    testbed = CsaTestbed(variant="printed", initial=CsaInitial(hub_pitch=pitch))
+    return make_plan(StartCoastStop(**{"goal": GOAL, **changes}), plant(PERIOD, limit, testbed))
 
 
 def test_pulses_turn_a_rigid_body_by_the_angle():
@@ -44,7 +45,7 @@ def test_two_impulses_cancel_a_damped_mode():
 
 @pytest.mark.parametrize("pitch", [0.0, 0.5])
 def test_the_nominal_motion_reaches_the_goal_and_rests(pitch):
-    plan = start_coast_stop(settings(pitch), PERIOD)
+    plan = planned(pitch)
     np.testing.assert_allclose(plan.state[-1, :2], [np.pi / 6, 0.5], atol=1e-12)
     np.testing.assert_allclose(plan.state[-1, 2:], 0.0, atol=1e-8)
     velocity = np.diff(plan.position, axis=0) / PERIOD
@@ -53,13 +54,13 @@ def test_the_nominal_motion_reaches_the_goal_and_rests(pitch):
 
 
 def test_an_unshaped_reference_rings():
-    plan = start_coast_stop(settings(shaper="none"), PERIOD)
+    plan = planned(shaper="none")
     assert abs(plan.state[-1, [2, 5]]).max() > 0.05
 
 
 def test_the_feedforward_drives_the_model_along_the_nominal_states():
-    plan = start_coast_stop(settings(), PERIOD)
-    model = build_model(CsaTestbed(variant="printed", modes=1))
+    plan = planned()
+    model = CsaTestbed(variant="printed", modes=1).model()
     x = plan.state[0]
     for effort in plan.effort:
         x = model.advance(x, effort, PERIOD)
@@ -67,26 +68,23 @@ def test_the_feedforward_drives_the_model_along_the_nominal_states():
 
 
 def test_a_goal_that_is_reached_already_is_refused():
-    model = CsaTestbed(initial=CsaInitial(hub_pitch=0.5))
     with pytest.raises(BadInput, match="there already"):
-        start_coast_stop(
-            StartCoastStop(model=model, goal=Goal(base_yaw=0.0, hub_pitch=0.5)), PERIOD
-        )
+        planned(0.5, goal={"base_yaw": 0.0, "hub_pitch": 0.5})
 
 
 def test_a_feedforward_above_the_limit_fails():
     with pytest.raises(PlanFailed, match="above the limit"):
-        start_coast_stop(settings(), PERIOD, np.array([20.0, 150.0]))
+        planned(limit=(20.0, 150.0))
 
 
 def test_a_given_duration_is_kept_and_takes_the_least_amplitude():
-    plan = start_coast_stop(StartCoastStop(duration=30.0), 0.01)
+    plan = planned(duration=30.0)
     assert plan.duration == pytest.approx(30.0, abs=1e-12)
     assert plan.position[-1] == pytest.approx([np.pi / 6, 0.5])
-    again = start_coast_stop(StartCoastStop(amplitude=plan.summary["pulse_amplitude"]), 0.01)
+    again = planned(amplitude=plan.summary["pulse_amplitude"])
     assert again.duration == pytest.approx(30.0, abs=1e-9)
     np.testing.assert_allclose(again.effort, plan.effort, atol=1e-8)
     with pytest.raises(PlanFailed, match=r"do not fit .* longer by 4\.99\d s or a higher"):
-        start_coast_stop(StartCoastStop(duration=20.0), 0.01)
+        planned(duration=20.0)
     with pytest.raises(BadInput, match="amplitude and duration: only one"):
-        start_coast_stop(StartCoastStop(duration=30.0, amplitude=50.0), 0.01)
+        planned(duration=30.0, amplitude=50.0)

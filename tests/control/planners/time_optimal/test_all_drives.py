@@ -3,13 +3,14 @@ import sys
 
 import numpy as np
 import pytest
+from tests.plants import plant
 
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.time_optimal import all_drives
 from flexslew_control.planners.time_optimal.interruptible import Interrupt, interruptible
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 
 
 @pytest.fixture
@@ -26,7 +27,9 @@ def planned(goal, variant="complete", heard=None, **more):
         **more,
     }
     settings = plan_settings(values, "trial.yaml")
-    return make_plan(settings, 0.01, (150.0, 150.0), None if heard is None else heard.append)
+    own = more.get("model", {}).get("kind") == "floating_oscillator"
+    bench = plant(testbed=FloatingOscillatorTestbed(), limit=(150.0,)) if own else plant()
+    return make_plan(settings, bench, progress=None if heard is None else heard.append)
 
 
 def test_pitching_on_the_way_turns_faster_than_yaw_alone():
@@ -63,9 +66,10 @@ def test_efforts_that_hardly_matter_are_kept_as_the_programme_found_them(one_sta
 @pytest.mark.parametrize("modes", [1, 3])
 def test_the_symbolic_model_is_the_testbed(variant, modes):
     casadi = pytest.importorskip("casadi")
-    model = build_model(CsaTestbed(variant=variant, modes=modes, damping_ratio=0.02))
+    testbed = CsaTestbed(variant=variant, modes=modes, damping_ratio=0.02)
+    model = testbed.model()
     rng = np.random.default_rng(5)
-    rate = all_drives._rate(casadi, model)
+    rate = all_drives._rate(casadi, testbed, model.coordinates, 2)
     for _ in range(5):
         x, effort = rng.standard_normal(2 * model.coordinates), 100.0 * rng.standard_normal(2)
         ours = np.asarray(rate(x, effort)).ravel()

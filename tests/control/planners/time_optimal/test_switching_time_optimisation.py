@@ -7,7 +7,6 @@ from flexslew_control.planners.time_optimal.switching_time_optimisation import (
     switch_time_optimisation,
 )
 from flexslew_plant.errors import PlanFailed
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 from flexslew_plant.testbeds.hub_with_appendages import FOOT_POUND, HubTestbed
@@ -33,7 +32,7 @@ PUBLISHED = [
 
 
 def slew(testbed, amplitude, robust, distance=1.0):
-    model = build_model(testbed)
+    model = testbed.model()
     return BangBang(model, 0, np.zeros(2 * model.coordinates), distance, amplitude, robust)
 
 

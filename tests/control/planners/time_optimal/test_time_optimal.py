@@ -2,7 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.plants import plant
 
+from flexslew_control.planners import make_plan
 from flexslew_control.planners.time_optimal.linear_time_optimal import programmed_durations
 from flexslew_control.planners.time_optimal.optimal_switching import (
     extremal_durations,
@@ -14,10 +16,10 @@ from flexslew_control.planners.time_optimal.switching import (
     continued_durations,
     linear_durations,
 )
-from flexslew_control.planners.time_optimal.time_optimal import TimeOptimal, plan_time_optimal
+from flexslew_control.planners.time_optimal.time_optimal import TimeOptimal
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import build_model, with_stiffness
+from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 from flexslew_plant.testbeds.hub_with_appendages import FOOT_POUND, HubTestbed
@@ -59,12 +61,12 @@ def planned(model, joint, amplitude, robust, goal=1.0, **more):
         {"model": model, "goal": {joint: goal}, "amplitude": amplitude, "robust": robust, **more},
         "trial.yaml",
     )
-    joints = 2 if model["kind"] == "csa" else 1
-    return plan_time_optimal(settings, 0.01, np.full(joints, 150.0), lambda update: None)
+    testbed = read_testbed(model, "trial.yaml")
+    return make_plan(settings, plant(0.01, (150.0,) * len(testbed.effort_limit), testbed))
 
 
 def slew(testbed, amplitude, robust, distance=1.0):
-    model = build_model(testbed)
+    model = testbed.model()
     return BangBang(model, 0, np.zeros(2 * model.coordinates), distance, amplitude, robust)
 
 
@@ -112,7 +114,7 @@ def test_the_robust_hub_slew_says_that_it_is_not_the_optimum():
 
 def test_the_robust_hub_slew_is_better_over_the_published_range():
     def residual(of, durations, factor):
-        model = with_stiffness(of.model, factor)
+        model = of.model.with_stiffness(factor)
         x = of.final(durations, factor)
         return np.hypot(x[1], x[3] / model.linearise(np.zeros(2)).frequencies[0])
 
@@ -140,7 +142,7 @@ def test_pontryagins_condition_fails_on_arcs_that_are_not_extremal():
 
 def test_the_reference_is_the_trajectory_and_the_effort_its_mean():
     plan = planned(CSA, "base_yaw", 100.0, False)
-    model = build_model(CsaTestbed(modes=1))
+    model = CsaTestbed(modes=1).model()
     x = plan.state[0]
     for effort in plan.effort:
         x = model.advance(x, effort, 0.01)
@@ -155,7 +157,7 @@ PD = {"kp": [460.0, 460.0], "kd": [920.0, 920.0]}
 
 def residual_tip(plan, factor, kp, kd):
     """Return the largest tip deflection in 75 s after the end [m], under PD on base yaw."""
-    model = with_stiffness(build_model(CsaTestbed(modes=1)), factor)
+    model = CsaTestbed(modes=1).model().with_stiffness(factor)
     x, tips = plan.state[0], []
     for k in range(plan.ticks + 7500):
         r = plan.reference(k)
@@ -230,11 +232,11 @@ def test_a_slew_backwards_is_the_mirror_image():
 
 
 def test_what_cannot_be_done_is_said_in_one_line():
-    with pytest.raises(BadInput, match="elbow is not a joint; hub_with_appendages has hub"):
+    with pytest.raises(BadInput, match="elbow is not a joint of the testbed; allowed: hub"):
         planned(HUB, "elbow", 2.0, False)
     with pytest.raises(BadInput, match="above the drive's limit"):
         planned(HUB, "hub", 200.0, False)
-    with pytest.raises(BadInput, match=r"1 kp and 2 kd .*: csa has 2, base_yaw, hub_pitch"):
-        planned(CSA, "base_yaw", 100.0, True, feedback={"kp": [460.0], "kd": [920.0, 920.0]})
+    with pytest.raises(BadInput, match=r"kd: .* give 1 or 2 numbers \(base_yaw, hub"):
+        planned(CSA, "base_yaw", 100.0, True, feedback={"kp": [460.0], "kd": [920.0, 920.0, 1.0]})
     with pytest.raises(PlanFailed, match=r"takes 19\.1906 s .* N m are needed"):
         planned(CSA, "base_yaw", 100.0, False, longest=15.0)

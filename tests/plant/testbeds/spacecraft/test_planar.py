@@ -5,7 +5,6 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 from tests.plant.testbeds.spacecraft.crafts import fly
 
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed, beam
 from flexslew_plant.testbeds.spacecraft import layout as at
 from flexslew_plant.testbeds.spacecraft.integrals import Points, integrals_of, second_of
@@ -69,7 +68,7 @@ def test_a_held_platform_with_a_hub_that_turns_is_the_csa_testbed_in_the_plane()
 @pytest.mark.filterwarnings("error")
 def compare(p: np.ndarray, joints: list[int], start: np.ndarray) -> None:
     """Fly both for 100 s under the same random torques and compare all coordinates."""
-    model = build_model(TESTBED)
+    model = TESTBED.model()
     n = 2 + MODES
     x = np.concatenate((start, np.zeros(n + MODES)))
     kept = [*joints, *range(2, n)]

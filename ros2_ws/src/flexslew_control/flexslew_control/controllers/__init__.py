@@ -15,8 +15,7 @@ from flexslew_control.controllers import (
 )
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.user_law import build_user_law, find_law
-from flexslew_control.law import Estimator, Law
-from flexslew_plant.arrays import Vector
+from flexslew_control.law import Estimator, Law, PlantDescription
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, plain, validated, yaml_text
 from flexslew_plant.testbeds.model import Model
@@ -24,7 +23,7 @@ from flexslew_plant.testbeds.model import Model
 
 class _Kind(NamedTuple):
     settings: type[Any]  # its section
-    build: Callable[[Any, float, Vector], tuple[Estimator, Law]]
+    build: Callable[[Any, PlantDescription], tuple[Estimator, Law]]
 
 
 CONTROLLERS: dict[str, _Kind] = {
@@ -42,9 +41,7 @@ def build_controller(
     name: str,
     law: str,
     values: dict[str, Any],
-    joint_names: tuple[str, ...],
-    period: float,
-    effort_limit: tuple[float, ...],
+    plant: PlantDescription,
     source: str,
     requires_plan: bool = False,
 ) -> Controller:
@@ -54,9 +51,7 @@ def build_controller(
         name: unique on the bench.
         law: a key of CONTROLLERS, or one of the user's own, see user_law.find_law.
         values: its section of a trial file as plain data; `handover_time` [s] may stand there too.
-        joint_names: of the bench, in the order of the effort.
-        period: one tick [s].
-        effort_limit: of the drives, one a joint [N m or N].
+        plant: what it is for.
         source: file or node to name in an error.
         requires_plan: it is not ready without a plan.
 
@@ -64,20 +59,27 @@ def build_controller(
         BadInput: unknown law, wrong settings, or a design that does not exist.
     """
     handover_time, own = _parted(values, source)
-    limit = np.array(effort_limit, dtype=float)
     estimator: Estimator
     built: Law
     if law in CONTROLLERS:
         kind = CONTROLLERS[law]
         settings = validated(kind.settings, own, source)
         try:
-            estimator, built = kind.build(settings, period, limit)
+            estimator, built = kind.build(settings, plant)
         except BadInput as error:
             raise BadInput(f"{source}: {error}") from None
     else:
         found = find_law(law, source, tuple(CONTROLLERS))
-        estimator, built = build_user_law(found, law, own, period, limit, source)
-    return Controller(name, estimator, built, joint_names, period, handover_time, requires_plan)
+        estimator, built = build_user_law(found, law, own, plant, source)
+    return Controller(
+        name,
+        estimator,
+        built,
+        plant.joint_names,
+        plant.period,
+        handover_time,
+        requires_plan,
+    )
 
 
 def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> str:

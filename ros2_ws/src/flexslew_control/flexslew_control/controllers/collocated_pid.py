@@ -1,30 +1,34 @@
 """Collocated PID: one loop a joint on its own encoder, with feedforward and anti-windup."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
-from flexslew_control.law import Estimate, MeasuredJoints, Reference
-from flexslew_control.linear_design import require_stable, rest_at, state_names
+from flexslew_control.law import (
+    Estimate,
+    MeasuredJoints,
+    PlantDescription,
+    Reference,
+    per_joint,
+)
+from flexslew_control.linear_design import require_stable, set_point_of, state_names
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds import Testbed, build_model
-from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.settings import PerJoint, Positive, section
 from flexslew_plant.testbeds.model import Linearisation
 
 
 @section
 class CollocatedPid:
-    """The settings of controller `collocated_pid`; one number a joint."""
+    """The settings of controller `collocated_pid`; one number per joint, or one for all."""
 
-    kp: tuple[NonNegative, ...] = (460.0, 460.0)  # [N m/rad]
-    ki: tuple[NonNegative, ...] = (15.0, 15.0)  # [N m/(rad s)]
-    kd: tuple[NonNegative, ...] = (920.0, 920.0)  # [N m s/rad]
+    kp: PerJoint = (460.0,)  # [N m/rad]
+    ki: PerJoint = (15.0,)  # [N m/(rad s)]
+    kd: PerJoint = (920.0,)  # [N m s/rad]
     tracking_time: Positive | None = 10.0  # T_t of the anti-windup [s]; null: none
-    model: Testbed = CsaTestbed(modes=1)  # on which the gains are checked for stability
-    set_point: dict[str, float] = field(default_factory=lambda: {"hub_pitch": 0.5})  # [rad]
+    model: dict[str, Any] | None = None  # that checks the gains; null: one mode
+    set_point: dict[str, float] | None = None  # [rad or m]; null: the testbed's own
 
 
 @dataclass(frozen=True)
@@ -60,27 +64,21 @@ def closed_loop(linear: Linearisation, kp: Vector, ki: Vector, kd: Vector) -> Ma
     return np.vstack((top, np.hstack((integral, np.zeros((count, n + count))))))
 
 
-def build(
-    settings: CollocatedPid, period: float, effort_limit: Vector
-) -> tuple[MeasuredJoints, IntegralLaw]:
+def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[MeasuredJoints, IntegralLaw]:
     """Return the measured joints and the law.
 
     Raises:
-        BadInput: not one gain a joint, or gains that do not stabilise the set point.
+        BadInput: neither one gain nor one per joint, or gains that do not stabilise the set point.
     """
-    model = build_model(settings.model)
-    gains = []
-    for name, given in (("kp", settings.kp), ("ki", settings.ki), ("kd", settings.kd)):
-        if len(given) != model.joints:
-            raise BadInput(f"{name}: give {model.joints} numbers, one a joint")
-        gains.append(np.array(given, dtype=np.float64))
-    kp, ki, kd = gains
-    linear = model.linearise(rest_at(model, settings.set_point))
+    model = plant.believed(settings.model)
+    given = (("kp", settings.kp), ("ki", settings.ki), ("kd", settings.kd))
+    kp, ki, kd = (per_joint(name, gains, model.joint_names) for name, gains in given)
+    linear = model.linearise(set_point_of(plant, model, settings.set_point))
     integrals = [
         f"integral of {name}" for name, k in zip(model.joint_names, ki, strict=True) if k > 0.0
     ]
     names = (*state_names(model), *integrals)
     require_stable(closed_loop(linear, kp, ki, kd), names, "collocated_pid with these gains")
-    limit = np.array(effort_limit, dtype=np.float64)
-    law = IntegralLaw(JointDeviation(kp, ki, kd), limit, settings.tracking_time, period)
+    limit = plant.effort_limit
+    law = IntegralLaw(JointDeviation(kp, ki, kd), limit, settings.tracking_time, plant.period)
     return MeasuredJoints(), law

@@ -1,19 +1,18 @@
 """Linear quadratic regulator with disturbance minimisation (papers/004, (3-1) to (3-10))."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError, solve_continuous_are
 
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
-from flexslew_control.law import Estimate, Reference, nominal_state
-from flexslew_control.linear_design import require_controllable, rest_at, state_names
+from flexslew_control.law import Estimate, PlantDescription, Reference, nominal_state
+from flexslew_control.linear_design import require_controllable, set_point_of, state_names
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds import Testbed, build_model
-from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.model import Linearisation, Model
 
 
@@ -107,8 +106,8 @@ def disturbance_gain(input_matrix: Matrix) -> Matrix:
 class Lqr:
     """The settings of controller `lqr`."""
 
-    model: Testbed = CsaTestbed(modes=1)  # what the controller believes
-    set_point: dict[str, float] = field(default_factory=lambda: {"hub_pitch": 0.5})  # [rad]
+    model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
+    set_point: dict[str, float] | None = None  # [rad or m]; null: the testbed's own
     weights: ScaledWeights = ScaledWeights()
     filter: FilterSettings = FilterSettings()
     minimise_disturbance: bool = True  # whether the estimated disturbance is cancelled (3-4)
@@ -148,14 +147,14 @@ class LqrLaw:
         return reference.effort + regulating + cancelling
 
 
-def build(settings: Lqr, period: float, effort_limit: Vector) -> tuple[KalmanFilter, LqrLaw]:
+def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter, LqrLaw]:
     """Return the filter and the law; the drive limits the effort.
 
     Raises:
         BadInput: a mode is not controllable or not observable, or the weights give no regulator.
     """
-    model = build_model(settings.model)
-    rest = rest_at(model, settings.set_point)
+    model = plant.believed(settings.model)
+    rest = set_point_of(plant, model, settings.set_point)
     linear = model.linearise(rest)
     problem = scaled_problem(linear, settings.weights)
     require_controllable(problem.a, problem.b, state_names(model))
@@ -164,4 +163,4 @@ def build(settings: Lqr, period: float, effort_limit: Vector) -> tuple[KalmanFil
     cancel = (
         disturbance_gain(b) @ b if settings.minimise_disturbance else np.zeros((b.shape[1],) * 2)
     )
-    return KalmanFilter(model, rest, settings.filter, period), LqrLaw(model, gain, cancel)
+    return KalmanFilter(model, rest, settings.filter, plant.period), LqrLaw(model, gain, cancel)

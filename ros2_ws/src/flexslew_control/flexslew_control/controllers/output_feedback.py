@@ -7,20 +7,18 @@ Modes:
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.linalg import expm
 
 from flexslew_control.controllers.sliding_surface import LinearSystem, SlidingDesign, design
 from flexslew_control.estimators.kalman import outputs
-from flexslew_control.law import Estimate, Reference, nominal_state
-from flexslew_control.linear_design import output_matrix, require_stable, rest_at, state_names
+from flexslew_control.law import Estimate, PlantDescription, Reference, nominal_state
+from flexslew_control.linear_design import output_matrix, require_stable, set_point_of, state_names
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds import Testbed, build_model
-from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.model import Model
 
 
@@ -29,10 +27,8 @@ class OutputFeedback:
     """The settings of controller `output_feedback`."""
 
     mode: Literal["tracking_a", "tracking_b", "rigid_hold"] = "tracking_a"
-    model: Testbed = CsaTestbed(modes=1)  # what the controller believes
-    set_point: dict[str, float] = field(
-        default_factory=lambda: {"hub_pitch": 0.25}
-    )  # mid-slew [rad]
+    model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
+    set_point: dict[str, float] | None = None  # mid-slew [rad]; null: half of the testbed's own
     reaching_rate: Positive = 2.0  # nu [1/s]
     weight_frequency: Positive = 0.3  # omega_r, of the joints in Q_s [rad/s]
     attitude_gain: NonNegative = 0.0  # kappa of (51) [1/s]
@@ -202,12 +198,14 @@ class SlidingLaw:
         return now * self._joint_rows, slope * self._joint_rows
 
 
-def testbed_system(model: Model, settings: OutputFeedback, period: float) -> LinearSystem:
-    """Return the linearisation at the set point with the noises of the settings.
+def testbed_system(
+    model: Model, rest: Vector, settings: OutputFeedback, period: float
+) -> LinearSystem:
+    """Return the linearisation at the rest q with the noises of the settings.
 
     Its efforts disturb as the torques do; each mode is disturbed by a force on M_qq q'' alone.
     """
-    linear = model.linearise(rest_at(model, settings.set_point))
+    linear = model.linearise(rest)
     n, m = model.coordinates, model.joints
     modal = np.zeros((2 * n, n - m))
     modal[n + m :] = np.linalg.inv(linear.mass[m:, m:])
@@ -224,31 +222,31 @@ def testbed_system(model: Model, settings: OutputFeedback, period: float) -> Lin
     )
 
 
-def testbed_weight(model: Model, settings: OutputFeedback) -> Matrix:
+def testbed_weight(model: Model, rest: Vector, settings: OutputFeedback) -> Matrix:
     """Return Q_s = diag(M_jj omega_r^2, K_qq, M_jj, M_qq), an energy, shape (2 n, 2 n)."""
-    linear = model.linearise(rest_at(model, settings.set_point))
+    linear = model.linearise(rest)
     mass, stiffness = np.diag(linear.mass), np.diag(linear.stiffness).copy()
     m = model.joints
     stiffness[:m] = mass[:m] * settings.weight_frequency**2
     return np.diag(np.concatenate((stiffness, mass)))
 
 
-def build(
-    settings: OutputFeedback, period: float, effort_limit: Vector
-) -> tuple[SampledObserver, SlidingLaw]:
+def build(settings: OutputFeedback, plant: PlantDescription) -> tuple[SampledObserver, SlidingLaw]:
     """Return the observer and the law; the drive limits the effort.
 
     Raises:
         BadInput: the model is not controllable or observable at the set point, or the weights
             or noises give no stable design.
     """
-    model = build_model(settings.model)
-    system = testbed_system(model, settings, period)
-    found = design(system, testbed_weight(model, settings), settings.reaching_rate)
+    model = plant.believed(settings.model)
+    rest = set_point_of(plant, model, settings.set_point, 0.5)
+    system = testbed_system(model, rest, settings, plant.period)
+    found = design(system, testbed_weight(model, rest, settings), settings.reaching_rate)
     require_stable(system.a - found.observer_gain @ system.c, system.names, "the observer")
-    origin = np.concatenate((rest_at(model, settings.set_point), np.zeros(model.coordinates)))
+    origin = np.concatenate((rest, np.zeros(model.coordinates)))
     linear = settings.mode == "tracking_b"
-    observer = SampledObserver(model, system, origin, found, linear, period)
+    observer = SampledObserver(model, system, origin, found, linear, plant.period)
     elastic = settings.mode != "rigid_hold"
-    law = SlidingLaw(model, system, origin, found, linear, period, elastic, settings.attitude_gain)
+    kappa = settings.attitude_gain
+    law = SlidingLaw(model, system, origin, found, linear, plant.period, elastic, kappa)
     return observer, law

@@ -1,11 +1,16 @@
 """PD + feedforward: collocated feedback of the joints about the plan (papers/000, eqs 12-13)."""
 
-import numpy as np
-
-from flexslew_control.law import Estimate, Estimator, Law, MeasuredJoints, Reference
+from flexslew_control.law import (
+    Estimate,
+    Estimator,
+    Law,
+    MeasuredJoints,
+    PlantDescription,
+    Reference,
+    per_joint,
+)
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
-from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import PerJoint, section
 
 
@@ -42,25 +47,17 @@ class PdFeedforward:
         return reference.effort + proportional + derivative
 
 
-def build(
-    settings: PdFeedforwardSettings, period: float, effort_limit: Vector
-) -> tuple[Estimator, Law]:
+def build(settings: PdFeedforwardSettings, plant: PlantDescription) -> tuple[Estimator, Law]:
     """Return the estimator and the law.
 
     Args:
         settings: the gains.
-        period: one tick [s].
-        effort_limit: of the drives, shape (joints,) [N m or N].
+        plant: what the law is for.
 
     Raises:
         BadInput: neither one gain nor one a joint.
     """
-    for name, gains in (("kp", settings.kp), ("kd", settings.kd)):
-        if len(gains) not in (1, effort_limit.size):
-            raise BadInput(
-                f"{name}: {list(gains)} is not allowed: give 1 or {effort_limit.size} gains"
-            )
-    joints = np.ones(effort_limit.size)
+    joints = plant.joint_names
     return MeasuredJoints(), PdFeedforward(
-        np.array(settings.kp) * joints, np.array(settings.kd) * joints
+        per_joint("kp", settings.kp, joints), per_joint("kd", settings.kd, joints)
     )

@@ -1,7 +1,7 @@
 """Proportional-plus-integral, disturbance-accommodating control (papers/004, (3-12) to (3-24))."""
 
-from dataclasses import dataclass, field
-from typing import TypeAlias
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,18 +10,16 @@ from scipy.linalg import LinAlgError, solve_continuous_are
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
-from flexslew_control.law import Estimate, Reference, nominal_state
+from flexslew_control.law import Estimate, PlantDescription, Reference, nominal_state
 from flexslew_control.linear_design import (
     require_controllable,
     require_stable,
-    rest_at,
+    set_point_of,
     state_names,
 )
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
-from flexslew_plant.testbeds import Testbed, build_model
-from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.model import Linearisation, Model
 
 Rows: TypeAlias = tuple[tuple[float, ...], ...]
@@ -40,8 +38,8 @@ class GivenGains:
 class ProportionalIntegral:
     """The settings of controller `proportional_integral`."""
 
-    model: Testbed = CsaTestbed(modes=1)  # what the controller believes
-    set_point: dict[str, float] = field(default_factory=lambda: {"hub_pitch": 0.5})  # [rad]
+    model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
+    set_point: dict[str, float] | None = None  # [rad or m]; null: the testbed's own
     weights: ScaledWeights = ScaledWeights()
     gains: GivenGains | None = None  # null: designed from the weights
     tracking_time: Positive | None = 2.0  # T_t of the anti-windup [s]; null: none
@@ -132,7 +130,7 @@ class NominalDeviation:
 
 
 def build(
-    settings: ProportionalIntegral, period: float, effort_limit: Vector
+    settings: ProportionalIntegral, plant: PlantDescription
 ) -> tuple[KalmanFilter, IntegralLaw]:
     """Return the disturbance-augmented filter and the law.
 
@@ -140,8 +138,8 @@ def build(
         BadInput: a mode is not controllable or not observable, the weights give no regulator, or
             gains given by hand have the wrong shape or do not stabilise the set point.
     """
-    model = build_model(settings.model)
-    rest = rest_at(model, settings.set_point)
+    model = plant.believed(settings.model)
+    rest = set_point_of(plant, model, settings.set_point)
     linear = model.linearise(rest)
     require_controllable(linear.state_matrix, linear.state_input_matrix, state_names(model))
     if settings.gains is None:
@@ -150,9 +148,9 @@ def build(
         gains = _given(model, settings.gains)
     names = (*state_names(model), *(f"integral of {name}" for name in model.joint_names))
     require_stable(closed_loop(linear, gains), names, "proportional_integral with these gains")
-    limit = np.array(effort_limit, dtype=np.float64)
-    law = IntegralLaw(NominalDeviation(model, gains), limit, settings.tracking_time, period)
-    return KalmanFilter(model, rest, settings.filter, period), law
+    limit = plant.effort_limit
+    law = IntegralLaw(NominalDeviation(model, gains), limit, settings.tracking_time, plant.period)
+    return KalmanFilter(model, rest, settings.filter, plant.period), law
 
 
 def _given(model: Model, gains: GivenGains) -> PiGains:

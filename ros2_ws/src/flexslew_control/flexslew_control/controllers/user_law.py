@@ -5,59 +5,42 @@ The class needs `__init__(settings, period, effort_limit)` and
 reference, effort)`, an `estimator` (see law.Estimator) and `terms`.
 """
 
-import importlib
-import importlib.util
-import traceback
-from importlib.metadata import entry_points
-from pathlib import Path
 from time import perf_counter
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from flexslew_control.law import Estimate, Estimator, LawFailed, MeasuredJoints, Reference
+from flexslew_control.law import (
+    Estimate,
+    Estimator,
+    LawFailed,
+    MeasuredJoints,
+    PlantDescription,
+    Reference,
+)
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import find_class, one_line
 from flexslew_plant.settings import Positive, validated
 
 GROUP = "flexslew.laws"  # of the entry points of installed packages
 
 
 def find_law(law: str, source: str, known: tuple[str, ...] = ()) -> type[Any]:
-    """Return the class that a name stands for.
-
-    Args:
-        law: `my_law.py:MyLaw` (a path from the working directory), `package.module.MyLaw`, or
-            the name of an entry point of the group flexslew.laws.
-        source: file or node to name in an error.
-        known: the laws that are built in, for the error.
+    """Return the class that a name stands for; see own_code.find_class.
 
     Raises:
         BadInput: there is no such law, or its module cannot be imported.
     """
-    for point in entry_points(group=GROUP):
-        if point.name == law:
-            return _class_of(point.load, law, source)
-    if ".py:" in law:
-        path, _, name = law.rpartition(":")
-        return _class_of(lambda: getattr(_module_at(Path(path)), name), law, source)
-    if "." in law:
-        place, _, name = law.rpartition(".")
-        return _class_of(lambda: getattr(importlib.import_module(place), name), law, source)
-    allowed = ", ".join(sorted({*known, *(point.name for point in entry_points(group=GROUP))}))
-    raise BadInput(
-        f"{source}: {law} is not a law; allowed: {allowed}, my_law.py:MyLaw, package.module.MyLaw"
-    )
+    return find_class(law, GROUP, "law", source, known)
 
 
 def build_user_law(
     found: type[Any],
     law: str,
     values: dict[str, Any],
-    period: float,
-    effort_limit: Vector,
+    plant: PlantDescription,
     source: str,
 ) -> tuple["UserEstimator", "UserLaw"]:
     """Return the estimator and the law of a user's class.
@@ -66,8 +49,7 @@ def build_user_law(
         found: the class.
         law: what it was found by.
         values: its settings as they stand in the trial; `time_limit` [wall s] is taken out.
-        period: one tick [s].
-        effort_limit: of the drives, shape (joints,) [N m or N].
+        plant: what it is for.
         source: file or node to name in an error.
 
     Raises:
@@ -76,15 +58,15 @@ def build_user_law(
     own = dict(values)
     limit = validated(Positive | None, own.pop("time_limit", None), f"{source}: time_limit")
     try:
-        built = found(own, period, effort_limit.copy())
+        built = found(own, plant.period, plant.effort_limit.copy())
     except Exception as error:
-        raise BadInput(f"{source}: {law} cannot be built: {_words(error)}") from error
+        raise BadInput(f"{source}: {law} cannot be built: {one_line(error)}") from error
     if not callable(getattr(built, "update", None)):
         raise BadInput(f"{source}: {law} has no method update(measurement, estimate, reference)")
     estimator = getattr(built, "estimator", None)
     return (
         UserEstimator(estimator if estimator is not None else MeasuredJoints(), law),
-        UserLaw(built, law, effort_limit.size, limit),
+        UserLaw(built, law, plant.effort_limit.size, limit),
     )
 
 
@@ -103,7 +85,7 @@ class UserEstimator:
         try:
             self._estimator.reset(measurement)
         except Exception as error:
-            raise LawFailed(f"the estimator of {self._law} raised {_words(error)}") from error
+            raise LawFailed(f"the estimator of {self._law} raised {one_line(error)}") from error
 
     def update(self, measurement: Measurement) -> Estimate:
         """Return the user's estimate.
@@ -114,7 +96,7 @@ class UserEstimator:
         try:
             estimate = self._estimator.update(measurement)
         except Exception as error:
-            raise LawFailed(f"the estimator of {self._law} raised {_words(error)}") from error
+            raise LawFailed(f"the estimator of {self._law} raised {one_line(error)}") from error
         if not isinstance(estimate, Estimate):
             raise LawFailed(f"the estimator of {self._law} gave a {type(estimate).__name__}")
         try:
@@ -154,7 +136,7 @@ class UserLaw:
         try:
             reset(measurement, estimate, reference, effort.copy())
         except Exception as error:
-            raise LawFailed(f"{self._law} raised {_words(error)} in reset") from error
+            raise LawFailed(f"{self._law} raised {one_line(error)} in reset") from error
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the user's efforts, checked, shape (joints,) [N m or N].
@@ -167,7 +149,7 @@ class UserLaw:
             answer = self._built.update(measurement, estimate, reference)
             effort = np.array(answer, dtype=np.float64)
         except Exception as error:
-            raise LawFailed(f"{self._law} raised {_words(error)}") from error
+            raise LawFailed(f"{self._law} raised {one_line(error)}") from error
         took = perf_counter() - begun
         if self._limit is not None and took > self._limit:
             raise LawFailed(
@@ -198,26 +180,6 @@ class UserLaw:
         return terms
 
 
-def _module_at(path: Path) -> ModuleType:
-    """Return the module of a file, under a name that hides no other."""
-    spec = importlib.util.spec_from_file_location(f"flexslew_user_{path.stem}", path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"{path} is not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def _class_of(load: Any, law: str, source: str) -> type[Any]:
-    try:
-        found = load()
-    except Exception as error:  # a user's module may do anything
-        raise BadInput(f"{source}: {law} cannot be loaded: {_words(error)}") from error
-    if not isinstance(found, type):
-        raise BadInput(f"{source}: {law} is a {type(found).__name__}, wanted is a class")
-    return found
-
-
 def _whole(measurement: Measurement) -> bool:
     """Return whether every sensor reads a number; what comes of one that does not is no fault."""
     readings = (
@@ -227,23 +189,3 @@ def _whole(measurement: Measurement) -> bool:
         measurement.root_curvature,
     )
     return all(bool(np.isfinite(reading).all()) for reading in readings)
-
-
-def _words(error: Exception) -> str:
-    """Return an exception in one line, with the place in the user's file where it was raised."""
-    text = " ".join(str(error).split())
-    words = f"{type(error).__name__}: {text}" if text else type(error).__name__
-    if isinstance(error, SyntaxError):  # its own words name the place
-        return words
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if not _ours(f.filename)]
-    if not frames:
-        return words
-    place = next(f for f in reversed(frames) if f.filename == frames[0].filename)
-    path = Path(place.filename)
-    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
-    return f"{words} ({shown}, line {place.lineno})"
-
-
-def _ours(filename: str) -> bool:
-    """Return whether a frame is of this file or of the machinery that imports modules."""
-    return filename == __file__ or filename.startswith("<frozen") or "importlib" in filename

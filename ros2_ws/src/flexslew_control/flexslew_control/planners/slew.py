@@ -1,100 +1,133 @@
-"""What every plan of a CSA slew is asked with: model, goal, feedback and ticks."""
+"""A slew as every planner is asked for it: what it believes, from where to where, on which ticks.
+
+What a `plan` section leaves out is that of the bench: the testbed (simplified, as a planner
+believes it), where its joints rest at the start, and the gains of the controller in charge.
+"""
 
 import importlib.metadata
 import platform
-from functools import lru_cache
-from typing import Annotated, Literal, Protocol
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 
-from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre
-from flexslew_control.planners.trajectories import Profile
+from flexslew_control.law import PlantDescription, per_joint
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.settings import NonNegative, section
-from flexslew_plant.testbeds import build_model
-from flexslew_plant.testbeds.csa import CsaInitial, CsaParameters, CsaTestbed
+from flexslew_plant.settings import PerJoint, flat, plain, section
+from flexslew_plant.testbeds import Model, Testbed, believed, initial_positions
 
-_Gain = tuple[NonNegative, NonNegative]
-
-
-@section
-class CsaModel:
-    """The `model` of a plan: what the planner believes; it may differ from the testbed."""
-
-    variant: Literal["printed", "complete"] = "complete"
-    modes: Annotated[int, Field(ge=1, le=12)] = 1
-    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0  # of every beam mode [-]
-    parameters: CsaParameters = CsaParameters()
-
-
-@section
-class CsaGoal:
-    """Where the joints shall rest in the end; M1 of papers/000 unless said otherwise."""
-
-    base_yaw: float = 1.0  # theta(T) [rad]
-    hub_pitch: float = 0.5  # psi(T) [rad]
+_LISTED = 6  # differences between model and bench that are told one by one
 
 
 @section
 class Feedback:
     """The gains (17) of the feedback that flies the plan, which the planner takes into account."""
 
-    kp: _Gain = (460.0, 460.0)  # [N m/rad]
-    kd: _Gain = (920.0, 920.0)  # [N m s/rad]
+    kp: PerJoint = (460.0,)  # one per joint [N m/rad or N/m]
+    kd: PerJoint = (920.0,)  # one per joint [N m s/rad or N s/m]
 
 
 class TooMuchTorque(PlanFailed):
     """The slew needs more than the drives have; a longer one may not."""
 
 
-class CsaSlew(Protocol):
-    """What the `plan` sections of all methods that plan under the feedback have."""
+@dataclass(frozen=True)
+class Slew:
+    """What a planner is asked for.
+
+    Args:
+        testbed: what the planner believes.
+        start, goal: where the joints rest, shape (joints,) [rad or m].
+        kp, kd: gains of the feedback that flies the plan, shape (joints,).
+        period: one tick [s].
+        effort_limit: of the drives, shape (joints,) [N m or N].
+        beliefs: in one line, what is believed differently from the bench; empty: nothing.
+    """
+
+    testbed: Testbed
+    start: Vector
+    goal: Vector
+    kp: Vector
+    kd: Vector
+    period: float
+    effort_limit: Vector
+    beliefs: str = ""
+
+    @cached_property
+    def model(self) -> Model:
+        """The equations of motion that the planner believes in."""
+        return self.testbed.model()
 
     @property
-    def model(self) -> CsaModel:
-        """What the planner believes."""
+    def still(self) -> bool:
+        """Whether every joint is at its goal already."""
+        return bool((self.start == self.goal).all())
 
-    @property
-    def initial(self) -> CsaInitial:
-        """Where the joints rest at the start."""
-
-    @property
-    def goal(self) -> CsaGoal:
-        """Where they shall rest at the end."""
-
-    @property
-    def duration(self) -> float:
-        """Of the manoeuvre [s]."""
-
-    @property
-    def reference(self) -> Profile:
-        """Profile of the reference."""
-
-    @property
-    def feedback(self) -> Feedback:
-        """The gains that the planner counts with."""
+    def named(self, values: Vector) -> dict[str, float]:
+        """Return one number per joint by the joint's name."""
+        return dict(zip(self.model.joint_names, values.tolist(), strict=True))
 
 
-def csa_manoeuvre(section: CsaSlew) -> Manoeuvre:
-    """Return the slew that a `plan` section describes."""
-    model, initial, goal = section.model, section.initial, section.goal
-    testbed = CsaTestbed(
-        variant=model.variant,
-        modes=model.modes,
-        damping_ratio=model.damping_ratio,
-        parameters=model.parameters,
+def slew_of(settings: Any, plant: PlantDescription, feedback: Feedback | None = None) -> Slew:
+    """Return the slew that a `plan` section asks for.
+
+    Args:
+        settings: any `plan` section; of model, initial, goal and feedback it need not have all.
+        plant: what stands on the bench.
+        feedback: gains of the controller in charge; None: it has no such gains.
+
+    Raises:
+        BadInput: a joint or a key that the testbed does not have.
+    """
+    testbed = believed(plant.testbed, getattr(settings, "model", None), "plan: model")
+    names = testbed.model().joint_names
+    first = initial_positions(testbed) | _checked(
+        getattr(settings, "initial", None), names, "initial"
     )
-    return Manoeuvre(
-        model=build_model(testbed),
-        kp=np.array(section.feedback.kp),
-        kd=np.array(section.feedback.kd),
-        start=np.array([initial.base_yaw, initial.hub_pitch]),
-        goal=np.array([goal.base_yaw, goal.hub_pitch]),
-        duration=section.duration,
-        reference=section.reference,
+    goal = settings.goal
+    last = first | _checked(testbed.typical_goal if goal is None else goal, names, "goal")
+    gains = getattr(settings, "feedback", None) or feedback or Feedback()
+    slew = Slew(
+        testbed,
+        np.array([first[name] for name in names]),
+        np.array([last[name] for name in names]),
+        per_joint("plan: feedback: kp", gains.kp, names),
+        per_joint("plan: feedback: kd", gains.kd, names),
+        plant.period,
+        plant.effort_limit,
     )
+    return Slew(**{**vars(slew), "beliefs": _beliefs(slew, plant, feedback)})
+
+
+def _checked(given: dict[str, float] | None, names: tuple[str, ...], key: str) -> dict[str, float]:
+    for name in given or {}:
+        if name not in names:
+            raise BadInput(
+                f"plan: {key}: {name} is not a joint of the testbed; allowed: {', '.join(names)}"
+            )
+    return given or {}
+
+
+def _beliefs(slew: Slew, plant: PlantDescription, feedback: Feedback | None) -> str:
+    """Return in one line what the planner believes differently from the bench."""
+    here, there = flat(plain(slew.testbed)), flat(plain(plant.testbed))
+    here = {key: value for key, value in here.items() if not key.startswith("initial")}
+    pairs = [(key, here[key], there.get(key)) for key in here if here[key] != there.get(key)]
+    resting = initial_positions(plant.testbed)
+    for name, at in slew.named(slew.start).items():
+        if at != resting.get(name):
+            pairs.append((f"initial.{name}", at, resting.get(name)))
+    if feedback is not None:
+        names = slew.model.joint_names
+        for key, ours, given in (("kp", slew.kp, feedback.kp), ("kd", slew.kd, feedback.kd)):
+            theirs = per_joint(key, given, names)
+            if (ours != theirs).any():
+                pairs.append((f"feedback.{key}", ours.tolist(), theirs.tolist()))
+    said = [f"{key} {ours} instead of {theirs}" for key, ours, theirs in pairs[:_LISTED]]
+    more = len(pairs) - len(said)
+    return ", ".join(said + [f"{more} more"] * (more > 0))
 
 
 def tick_times(start: float, duration: float, period: float) -> Vector:

@@ -11,6 +11,7 @@ from flexslew_msgs import msg
 from flexslew_control.controllers import CONTROLLERS, build_controller, settings_text
 from flexslew_control.controllers.controller import Answer
 from flexslew_control.controllers.host import ControllerHost
+from flexslew_control.law import described
 from flexslew_control.message_fields import answer_fields, plan_of
 from flexslew_control.ros.tuning import Tuning
 from flexslew_plant import topics
@@ -120,14 +121,13 @@ class ControllerNode:
 
     def _on_testbed(self, message: msg.Testbed) -> None:
         self._period, self._heard = message.period, False
+        plant = described(message.settings, "/testbed")
         self._host.announce(
             lambda values: build_controller(
                 self._host.name,
                 self._settings.law,
                 values,
-                tuple(message.joint_names),
-                message.period,
-                tuple(message.effort_limit),
+                plant,
                 f"node {self._host.name}",
                 self._settings.requires_plan,
             ),

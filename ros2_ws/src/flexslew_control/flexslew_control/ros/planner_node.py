@@ -23,7 +23,7 @@ from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.messages import message_of, seconds_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import new_node, settings_of
-from flexslew_plant.settings import load_yaml, section
+from flexslew_plant.settings import NonNegative, load_yaml, section
 
 _LOOK = 0.2  # between two looks at the graph [wall s]
 _PLANNING = 0.02  # between two looks at the planning process [wall s]
@@ -34,6 +34,8 @@ _CANCELED = Refusal(False, "canceled by the client")
 class PlannerSettings:
     """The parameters of the node."""
 
+    kp: tuple[NonNegative, ...] = ()  # gains of the controller in charge, if it has such gains
+    kd: tuple[NonNegative, ...] = ()
     plan: str = ""  # `plan` section as YAML: planned as soon as the testbed is known; empty: none
     file: str = ""  # a saved plan to publish instead; empty: none
     exit_with_plant: bool = False  # end the process when the plant is gone
@@ -50,6 +52,7 @@ class Planner:
         self._planning = Planning()
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
         self._done: Future | None = None  # of the plan under way
+        self._testbed = ""  # settings of what stands on the bench, YAML
         self._bench = msg.BenchState()
         self._heard = 0.0  # when that came [wall s]
         self._next_look = 0.0
@@ -112,12 +115,18 @@ class Planner:
     def _on_bench(self, message: msg.BenchState) -> None:
         self._bench, self._heard = message, monotonic()
 
+    def _request(self, values: Any, period: float, limit: tuple[float, ...]) -> PlanRequest:
+        gains = self._settings.kp, self._settings.kd
+        return PlanRequest(values, self._testbed, period, limit, *gains)
+
     def _on_testbed(self, testbed: msg.Testbed) -> None:
+        self._testbed = testbed.settings
         if self._settings.file:
             self._publish(load_plan(Path(self._settings.file)), "")
         elif self._settings.plan and self._done is None:
             values = load_yaml(self._settings.plan, "parameter plan")
-            self._ask(PlanRequest(values, testbed.period, tuple(testbed.effort_limit)), None)
+            limit = tuple(testbed.effort_limit)
+            self._ask(self._request(values, testbed.period, limit), None)
 
     def _publish(self, plan: Plan, who: str) -> msg.Plan:
         now = self._now()
@@ -151,7 +160,7 @@ class Planner:
                 outcome = Refusal(True, str(error))
             else:
                 limit = tuple(request.effort_limit)
-                outcome = await self._ask(PlanRequest(values, request.period, limit), goal)
+                outcome = await self._ask(self._request(values, request.period, limit), goal)
         if isinstance(outcome, Plan):
             result.plan = self._publish(outcome, request.who)
             goal.succeed()

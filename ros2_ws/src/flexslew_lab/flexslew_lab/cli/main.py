@@ -88,7 +88,7 @@ def plan(
     """
     from flexslew_control.plan_file import plan_hash, save_plan
     from flexslew_control.planners import make_plan, other_method, plan_settings
-    from flexslew_lab.trial.trial import DEFAULT, load_trial
+    from flexslew_lab.trial.trial import DEFAULT, feedback_of, load_trial, plant_of
 
     for path, option in ((out, "--out"), (figure, "--figure")):
         if path is not None:
@@ -109,8 +109,8 @@ def plan(
         known = not math.isnan(update.norm_input)  # a start of a multistart has none
         screen.print(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
 
-    limit = tuple(wanted.testbed.effort_limit)
-    made = make_plan(settings, wanted.period, limit, None if as_json else iteration)
+    told = None if as_json else iteration
+    made = make_plan(settings, plant_of(wanted), feedback_of(wanted), told)
     summary = {**made.summary, "duration": made.duration, "hash": plan_hash(made)}
     rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
     if out is not None:
@@ -119,10 +119,9 @@ def plan(
         say(f"saved {out}")
     if figure is not None:
         from flexslew_lab.report.report import write_plan
-        from flexslew_plant.testbeds import build_model
 
-        units = build_model(wanted.testbed).joint_units
-        write_plan(made, units, limit, rows, figure)
+        units = wanted.testbed.model().joint_units
+        write_plan(made, units, tuple(wanted.testbed.effort_limit), rows, figure)
         say(f"drawn {link(figure)}")
     if as_json:
         print(json.dumps(summary, indent=2))

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
+from flexslew_control.law import described
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_lab.log.bag_reader import BagReader
@@ -97,6 +98,7 @@ class Crew:
         if testbed is None:
             raise BadInput(f"{bag.path}: does not say what stood on the bench (no /testbed)")
         laws = logged_laws(bag) | dict(replaced or {})
+        plant = described(testbed.settings, f"{bag.path}: /testbed")
         self.controllers: dict[str, Controller] = {}
         for name, (law, values) in laws.items():
             if only is not None and name != only:
@@ -107,9 +109,7 @@ class Crew:
                 name,
                 law,
                 own,
-                tuple(testbed.joint_names),
-                float(testbed.period),
-                tuple(map(float, testbed.effort_limit)),
+                plant,
                 f"{bag.path}: controllers.{name}",
             )
         self._due = [a for a in adoptions(bag) if a.controller in self.controllers]
@@ -125,7 +125,7 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
     """Return law and settings of every controller by name: of the trial, and of guests."""
     laws = {n: law_of(n, values or {}) for n, values in trial_of(bag).controllers.items()}
     for name, status in bag.overview.statuses.items():
-        if name not in laws:
+        if name not in laws or laws[name][0] in CONTROLLERS:  # with its defaults of that day
             values = load_yaml(status.settings, f"{bag.path}: controllers.{name}") or {}
             values.pop("computed", None)  # is said there, too, and follows from the others
             laws[name] = status.law, values

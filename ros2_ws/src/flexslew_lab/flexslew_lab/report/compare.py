@@ -12,25 +12,19 @@ from flexslew_control.planners import PLANNERS, make_plan, other_method
 from flexslew_control.planners.time_optimal.time_optimal import RESERVE
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_lab.trial.in_process import Observer, fly
-from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers
+from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, feedback_of, plant_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.settings import plain, validated
-from flexslew_plant.testbeds import Testbed, build_model
+from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import initial_positions
 
 ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of the stiffness, relative [-]
-PAYLOADS = (-0.2, 0.2)  # of the inertias of the CSA testbed's hub, relative [-]
+PAYLOADS = (-0.2, 0.2)  # of what the testbed carries, relative [-]
 BAND = 0.02  # a joint has settled within this part of its way [-]
 _WATCHED = 40.0  # at least, after the longest slew [s]
 _SHOWN = 600  # samples of a curve
-_STIFFNESS = {  # the parameter that an error of the stiffness changes, by testbed
-    "csa": "bending_stiffness",
-    "hub_with_appendages": "elastic_modulus",
-    "floating_oscillator": "stiffness",
-}
 _SAME_TIME = {"optimized_feedforward", "robust_feedforward", "reference_only"}
-_PAYLOAD = ("hub_inertia_1", "hub_inertia_2")
 _VARIANTS: dict[str, dict[str, Any]] = {  # ways to use a method that are compared too
     "input_shaping, zvd": {"shaper": "zvd"},
     "time_optimal, robust": {"robust": True},
@@ -48,7 +42,7 @@ class Flight:
     """What one method did on one bench."""
 
     error: float  # of the stiffness [-]
-    payload: float  # error of the hub's inertias [-]
+    payload: float  # error of what the testbed carries [-]
     residual_tip: float  # largest |tip deflection| after the end [m]
     residual_joint: float  # largest |joint - goal| after the end [rad or m]
     settling_time: float  # of the slowest joint, from the start of the plan [s]
@@ -204,7 +198,7 @@ def compared(
     longest = max((plan.end for plan in plans), default=0.0)
     long_enough = replace(trial, duration=max(trial.duration, longest + _WATCHED))
     middle = min(errors, key=abs)
-    payloads = PAYLOADS if trial.testbed.kind == "csa" else ()
+    payloads = PAYLOADS if _carries_payload(trial) else ()
     benches = [(error, 0.0) for error in errors] + [(middle, payload) for payload in payloads]
     last = len(plans) * len(benches)
     done = 0
@@ -220,13 +214,23 @@ def compared(
                 break
             flights.append(flight)
         entries[k] = replace(entry, flights=tuple(flights))
-    model = build_model(trial.testbed)
-    first = np.array([getattr(trial.testbed.initial, name) for name in model.joint_names])
+    model = trial.testbed.model()
+    resting = initial_positions(trial.testbed)
+    first = np.array([resting[name] for name in model.joint_names])
     limit = np.array(trial.testbed.effort_limit)
     bound = max(
         (rigid_duration(model, first, plan.position[-1], limit) for plan in plans), default=0.0
     )
     return Comparison(trial, model.joint_names, model.joint_units, bound, tuple(entries))
+
+
+def _carries_payload(trial: Trial) -> bool:
+    """Return whether the testbed can be loaded otherwise."""
+    try:
+        trial.testbed.scaled(payload=1.0 + PAYLOADS[0])
+    except BadInput:
+        return False
+    return True
 
 
 def _candidates(trial: Trial) -> list[str]:
@@ -250,14 +254,10 @@ def _planned(trial: Trial, source: str, name: str) -> Entry:
         own["duration"] = duration * _LONGER.get(name, 1.0)
     if method == "time_optimal" and trial.plan.method != method:
         own["reserve"] = RESERVE
-    limit = tuple(trial.testbed.effort_limit)
+    plant, feedback = plant_of(trial), feedback_of(trial)
     try:
-        if method == "reference_only" and trial.testbed.kind != "csa":
-            plan = make_plan(trial.plan, trial.period, limit)
-            plan = replace(plan, method=method, effort=np.zeros_like(plan.effort))
-        else:
-            settings = other_method(trial.plan, method, f"{source}: plan", **own)
-            plan = make_plan(settings, trial.period, limit)
+        settings = other_method(trial.plan, method, f"{source}: plan", **own)
+        plan = make_plan(settings, plant, feedback)
     except (BadInput, PlanFailed) as refused:
         return Entry(name, None, str(refused).removeprefix(f"{source}: "))
     return Entry(name, plan, "")
@@ -267,11 +267,8 @@ def _flown(
     trial: Trial, source: str, plan: Plan, error: float, payload: float, longest: float
 ) -> tuple[str, Flight | None]:
     """Return the flight of a plan on the bench with these errors, or why the law refuses it."""
-    testbed = plain(trial.testbed)
-    testbed["parameters"][_STIFFNESS[trial.testbed.kind]] *= 1.0 + error
-    for inertia in _PAYLOAD if payload else ():
-        testbed["parameters"][inertia] *= 1.0 + payload
-    other = replace(trial, testbed=validated(Testbed, testbed, f"{source}: testbed"))
+    flown = trial.testbed.scaled(stiffness=1.0 + error, payload=1.0 + payload)
+    other = replace(trial, testbed=flown)
     bench = Bench(bench_settings(other))
     controllers = build_controllers(other, bench, source)
     for controller in controllers.values():

@@ -7,8 +7,7 @@ import numpy as np
 from flexslew_lab.report.run_data import RunData
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.scene import Scene
 
 
@@ -24,13 +23,14 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
     if section is None or position.ndim != 2 or position.shape[1] <= joints:
         return None
     try:
-        scene = Scene(validated(Testbed, section, str(run.path)))
+        scene = read_testbed(section, str(run.path)).scene()
     except BadInput:
         return None
     modes = position.shape[1] - joints
     try:
-        straight = scene.beams(np.zeros(modes))
-        bent = [scene.beams(row) for row in np.eye(modes)]
+        still = np.zeros(joints)
+        straight = scene.lines(np.zeros(joints + modes))
+        bent = [scene.lines(np.concatenate((still, row))) for row in np.eye(modes)]
     except ValueError:  # the trial's testbed has another number of modes than its truth
         return None
     poses = [_pose(scene, row[:joints]) for row in position]

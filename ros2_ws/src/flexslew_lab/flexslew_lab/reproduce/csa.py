@@ -27,7 +27,6 @@ from flexslew_lab.reproduce.csa_flights import (
     residual_tip,
     step_response,
 )
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaTestbed, beam
 
 
@@ -69,8 +68,8 @@ def _at_most(item: str, limit: float, ours: float, paper: str = "") -> dict[str,
 @lru_cache
 def _model_rows() -> list[dict[str, Any]]:
     bed = CsaTestbed(variant="printed", modes=3)
-    linear = build_model(bed).linearise(np.zeros(5))
-    yaw = [build_model(bed).mass_matrix(np.array([0, p, 0, 0, 0]))[0, 0] for p in (0.0, np.pi / 2)]
+    linear = bed.model().linearise(np.zeros(5))
+    yaw = [bed.model().mass_matrix(np.array([0, p, 0, 0, 0]))[0, 0] for p in (0.0, np.pi / 2)]
     rows = [
         _row("J_a [kg m^2]", 3972.0, yaw[0] - yaw[1], 1e-9),
         _row("J_1 [kg m^2]", 4000.0, yaw[1], 1e-9),

@@ -6,17 +6,16 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
-from flexslew_control.planners.feedforward.gauss_newton import Optimum, Update
+from flexslew_control.planners.feedforward.gauss_newton import Optimum
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, stage_times
 from flexslew_control.planners.feedforward.optimized_feedforward import (
     OptimizedFeedforward,
     find_feedforward,
 )
 from flexslew_control.planners.feedforward.shooting import roll_out
-from flexslew_control.planners.slew import CsaGoal, CsaModel
+from flexslew_control.planners.progress import Update
 from flexslew_control.planners.trajectories import rest_to_rest
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed
 from flexslew_plant.testbeds.dynamics import STAGES
 from flexslew_plant.testbeds.model import Model
@@ -37,7 +36,7 @@ EVEN_SMALLER_RHO = 4e-14  # its optimum is the smallest norm with Y = 0, (23)
 def csa_model(modes: int = 1, stiffness: float = 1.0, variant: Any = "printed") -> Model:
     """Return the testbed of the paper."""
     parameters = CsaParameters(bending_stiffness=1500.0 * stiffness)
-    return build_model(CsaTestbed(variant=variant, modes=modes, parameters=parameters))
+    return CsaTestbed(variant=variant, modes=modes, parameters=parameters).model()
 
 
 def csa_slew(
@@ -63,7 +62,7 @@ def step_response() -> tuple[Vector, Matrix]:
     stages = STAGES * (len(edges) - 1)
     goal = np.tile(GAINS[0] * STEP_ANGLE, (stages, 1))
     path = roll_out(
-        model.kind,
+        model.kernels,
         model.packed,
         np.zeros(2 * n),
         edges,
@@ -80,8 +79,8 @@ def step_response() -> tuple[Vector, Matrix]:
 def csa_feedforward(goal: tuple[float, float], **changes: Any) -> tuple[Basis, Optimum]:
     """Return the feedforward of a slew, with its basis."""
     settings = OptimizedFeedforward(
-        model=CsaModel(variant="printed"),
-        goal=CsaGoal(base_yaw=goal[0], hub_pitch=goal[1]),
+        model={"variant": "printed"},
+        goal={"base_yaw": goal[0], "hub_pitch": goal[1]},
         **changes,
     )
     return find_feedforward(settings, csa_slew(goal), _unheard)

@@ -10,23 +10,22 @@ from flexslew_control.controllers import output_feedback, pd_feedforward, propor
 from flexslew_control.controllers.output_feedback import OutputFeedback
 from flexslew_control.controllers.pd_feedforward import PdFeedforwardSettings
 from flexslew_control.controllers.proportional_integral import PiGains, ProportionalIntegral
-from flexslew_control.law import Estimator, Law, Reference
-from flexslew_control.linear_design import rest_at
-from flexslew_control.planners.input_shaping.start_coast_stop import (
-    Goal,
-    StartCoastStop,
-    start_coast_stop,
-)
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_control.law import Estimator, Law, PlantDescription, Reference
+from flexslew_control.planners import make_plan
+from flexslew_control.planners.input_shaping.start_coast_stop import StartCoastStop
+from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.measurement import Measurement
-from flexslew_plant.testbeds import build_model
 from flexslew_plant.testbeds.csa import CsaInitial, CsaParameters, CsaTestbed
 
 PERIOD = 0.01  # [s]
 _GOAL = float(np.pi / 6.0)  # base yaw [rad]
 _PITCH = 0.5  # hub pitch at the end [rad]
-_NO_LIMIT: Vector = np.array([1e9, 1e9])  # [N m]
 _FILE = "papers/002"
+
+
+def _plant(testbed: CsaTestbed, limit: float = 1e9) -> PlantDescription:
+    """Return the testbed on the bench of the tables."""
+    return PlantDescription(testbed, PERIOD, np.full(2, limit))
 
 
 class Run(NamedTuple):
@@ -54,7 +53,7 @@ def closed_loop(
         disturbance: constant, on the base yaw [N m].
         from_rest: whether the law takes over with no effort, which fills its integral.
     """
-    model = build_model(testbed)
+    model = testbed.model()
     n, m = model.coordinates, model.joints
     x = np.zeros(2 * n)
     x[:m] = testbed.initial.base_yaw, testbed.initial.hub_pitch
@@ -98,23 +97,21 @@ def slew(case: Case, start_pitch: float, stiffness: float = 1.0) -> tuple[Run, f
         initial=initial,
         parameters=CsaParameters(bending_stiffness=1500.0 * stiffness),
     )
-    plan = start_coast_stop(
+    plant = _plant(believed)
+    plan = make_plan(
         StartCoastStop(
-            model=believed,
-            goal=Goal(base_yaw=_GOAL, hub_pitch=_PITCH),
+            goal={"base_yaw": _GOAL, "hub_pitch": _PITCH},
             shaper="system" if case == "open_system" else "clamped",
             feedforward="rigid",
         ),
-        PERIOD,
+        plant,
     )
     controller: tuple[Estimator, Law] | None = None
     if case == "pd":
-        controller = pd_feedforward.build(PdFeedforwardSettings(), PERIOD, _NO_LIMIT)
+        controller = pd_feedforward.build(PdFeedforwardSettings(), plant)
     elif case in ("tracking_a", "tracking_b", "rigid_hold"):
-        settings = OutputFeedback(
-            mode=case, model=believed, set_point={"hub_pitch": 0.5 * (start_pitch + _PITCH)}
-        )
-        controller = output_feedback.build(settings, PERIOD, _NO_LIMIT)
+        settings = OutputFeedback(mode=case, set_point={"hub_pitch": 0.5 * (start_pitch + _PITCH)})
+        controller = output_feedback.build(settings, plant)
     return closed_loop(real, controller, plan.reference, 60.0), plan.end
 
 
@@ -214,17 +211,17 @@ def pi_rows() -> list[dict[str, Any]]:
     .0018 rad and 24.8 s. So the peak is taken as a bound, and the time to 10 %.
     """
     believed = CsaTestbed(variant="printed", modes=1)
-    settings = ProportionalIntegral(model=believed)
+    settings, plant = ProportionalIntegral(), _plant(believed)
     real = CsaTestbed(variant="printed", modes=3)
-    controller = proportional_integral.build(settings, PERIOD, _NO_LIMIT)
-    model = build_model(believed)
-    set_point = model.linearise(rest_at(model, settings.set_point))
+    controller = proportional_integral.build(settings, plant)
+    model = believed.model()
+    set_point = model.linearise(model.rest(believed.set_point))
     rows = _gain_rows(proportional_integral.design(set_point, settings.weights))
     still = partial(_held, 0.0, 0.0)
     pushed = closed_loop(real, controller, still, 150.0, disturbance=5.0, from_rest=True)
     error = abs(pushed.state[:, 0])
     large = float(np.nonzero(error > 1e-3)[0].max() * PERIOD)
-    pd = pd_feedforward.build(PdFeedforwardSettings(), PERIOD, _NO_LIMIT)
+    pd = pd_feedforward.build(PdFeedforwardSettings(), plant)
     damped = CsaTestbed(variant="printed", modes=1)
     left = closed_loop(damped, pd, still, 900.0, disturbance=5.0).state[-1, 0]
     rows += [
@@ -234,8 +231,8 @@ def pi_rows() -> list[dict[str, Any]]:
         row("PI: below 1 mrad after [s]", _PI_FILE, 23.0, large, 0.10),
     ]
     for time, name, reference in ((None, "none", 0.226), (2.0, "2 s", 0.066)):
-        wound = ProportionalIntegral(model=believed, tracking_time=time)
-        built = proportional_integral.build(wound, PERIOD, np.array([100.0, 100.0]))
+        wound = ProportionalIntegral(tracking_time=time)
+        built = proportional_integral.build(wound, _plant(believed, 100.0))
         run = closed_loop(real, built, partial(_held, 0.5, 0.0), 60.0)
         over = float(run.state[:, 0].max() - 0.5)
         item = f"overshoot of a 0.5 rad step, anti-windup {name} [rad]"

@@ -23,7 +23,7 @@ from flexslew_control.planners.time_optimal.time_optimal import found_durations,
 from flexslew_lab.report.panels import COLOURS
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
-from flexslew_plant.testbeds import Testbed, build_model, with_stiffness
+from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 from flexslew_plant.testbeds.hub_with_appendages import (
@@ -145,7 +145,7 @@ def flown(name: str, factor: float, ticks: Vector) -> Matrix:
         ticks: rising from 0, beyond the end too, shape (k,) [s].
     """
     slew, durations = _solved(name)
-    other = replace(slew, model=with_stiffness(slew.model, factor))
+    other = replace(slew, model=slew.model.with_stiffness(factor))
     return on_ticks(other, durations, ticks)[0]
 
 
@@ -244,14 +244,14 @@ def _stacked(title: str, time: Vector, curves: dict[str, Vector], end: float) ->
 
 def residual(slew: BangBang, durations: Vector, factor: float) -> float:
     """Return the amplitude of the mode after the end with the stiffness times factor [m]."""
-    model = with_stiffness(slew.model, factor)
+    model = slew.model.with_stiffness(factor)
     x, n = slew.final(durations, factor), model.coordinates
     frequency = model.linearise(slew.start[:n]).frequencies[0]
     return float(np.hypot(x[n - 1], x[-1] / frequency))
 
 
 def _slew(testbed: Testbed, distance: float, amplitude: float, robust: bool) -> BangBang:
-    model = build_model(testbed)
+    model = testbed.model()
     return BangBang(model, 0, np.zeros(2 * model.coordinates), distance, amplitude, robust)
 
 

@@ -7,16 +7,16 @@ import numpy as np
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
-from flexslew_control.planners.slew import CsaGoal, CsaModel
 from flexslew_lab.trial.in_process import fly
-from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers
+from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, plant_of
 from flexslew_plant.bench.bench import Bench
+from flexslew_plant.testbeds import default_testbed
 
 if __name__ == "__main__":
-    goal = CsaGoal(base_yaw=0.1, hub_pitch=0.1)
     for modes in (1, 3):
-        model = CsaModel(modes=modes)
-        plan = make_plan(OptimizedFeedforward(model=model, goal=goal), 0.01, (1e3, 1e3))
+        goal = dict.fromkeys(default_testbed().typical_goal, 0.1)
+        wanted = OptimizedFeedforward(model={"modes": modes}, goal=goal)
+        plan = make_plan(wanted, plant_of(Trial()))
     trial = Trial(duration=0.1, controllers={name: {} for name in CONTROLLERS})
     for name in CONTROLLERS:
         flown = replace(trial, active=name)

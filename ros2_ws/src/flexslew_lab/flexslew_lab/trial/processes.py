@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexslew_lab.trial.trial import Trial, bench_settings, law_of, trial_text
+from flexslew_lab.trial.trial import Trial, bench_settings, feedback_of, law_of, trial_text
 from flexslew_plant.settings import flat, plain, yaml_text
 
 
@@ -41,6 +41,9 @@ def node_processes(
     if planned:
         text = yaml_text(plain(trial.plan))
         parameters = {"plan": text, "exit_with_plant": True}
+        gains = feedback_of(trial)
+        if gains is not None:
+            parameters |= {"kp": list(gains.kp), "kd": list(gains.kd)}
         processes.append(NodeProcess("planner", "flexslew_control", "planner", parameters))
     for name, values in trial.controllers.items():
         law, own = law_of(name, values or {})

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.plan import Plan
-from flexslew_control.planners import ReferenceOnly
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
+from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_observer import BagObserver
 from flexslew_lab.log.bag_reader import BagReader, LoggedEvent

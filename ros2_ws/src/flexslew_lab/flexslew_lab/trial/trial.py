@@ -4,12 +4,15 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
-from flexslew_control.controllers import build_controller
+from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
+from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import PlanSettings, make_plan
+from flexslew_control.planners.slew import Feedback
 from flexslew_plant.bench.actuator import ActuatorSettings
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.bench.schedule import Schedule, require_allowed
@@ -24,12 +27,9 @@ from flexslew_plant.settings import (
     validated,
     yaml_text,
 )
-from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds import TestbedSettings, default_testbed
 
 DEFAULT = Path(str(resources.files("flexslew_lab"))) / "trials" / "m1.yaml"
-
-_BELIEVED = ("kind", "variant", "damping_ratio", "parameters", "initial")  # of the testbed
 
 
 def _pd_alone() -> dict[str, dict[str, Any]]:
@@ -45,7 +45,7 @@ class Trial:
     duration: Positive = 100.0  # [s] simulated
     period: Positive = 0.01  # [s] one tick
     rate_factor: NonNegative = 0.0  # 0: as fast as it goes, 1: real time
-    testbed: Testbed = CsaTestbed()
+    testbed: TestbedSettings = Field(default_factory=default_testbed)
     actuator: ActuatorSettings = ActuatorSettings()
     sensors: SensorSettings = SensorSettings()
     plan: PlanSettings | None = None  # none: hold the first measured position
@@ -86,7 +86,7 @@ def parse_trial(text: str, source: str) -> Trial:
     values = load_yaml(text, source)
     if not isinstance(values, dict):
         raise BadInput(f"{source}: holds no keys; see the example {DEFAULT}")
-    trial: Trial = validated(Trial, _with_believed_model(values), source)
+    trial: Trial = validated(Trial, values, source)
     wanted = {"active": trial.active} | {f"fallback.{i}": c for i, c in enumerate(trial.fallback)}
     wanted |= {f"schedule.{i}.switch": e.switch for i, e in enumerate(trial.schedule) if e.switch}
     for key, controller in wanted.items():
@@ -95,20 +95,6 @@ def parse_trial(text: str, source: str) -> Trial:
             raise BadInput(f"{source}: {key}: {controller} is not in controllers; allowed: {known}")
     require_allowed(trial.schedule, trial.allow_faults, source)
     return trial
-
-
-def _with_believed_model(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys with the testbed, on one mode, as the model of a plan that names none.
-
-    Only for the method that plans on any kind of testbed; the other ones have their own defaults.
-    """
-    plan, testbed = values.get("plan"), values.get("testbed") or {}
-    if not (isinstance(plan, dict) and isinstance(testbed, dict)):
-        return values
-    if plan.get("method") != "time_optimal" or "model" in plan:
-        return values
-    model = {key: testbed[key] for key in _BELIEVED if key in testbed} | {"modes": 1}
-    return values | {"plan": plan | {"model": model}}
 
 
 def trial_text(trial: Trial) -> str:
@@ -147,15 +133,14 @@ def build_controllers(trial: Trial, bench: Bench, source: str) -> dict[str, Cont
         BadInput: a law or one of its values is not allowed.
     """
     built = {}
+    plant = plant_of(trial)
     for name, values in trial.controllers.items():
         law, own = law_of(name, values or {})
         built[name] = build_controller(
             name,
             law,
             own,
-            bench.model.joint_names,
-            trial.period,
-            tuple(trial.testbed.effort_limit),
+            plant,
             f"{source}: controllers.{name}",
         )
     return built
@@ -169,4 +154,21 @@ def plan_of_trial(trial: Trial) -> Plan | None:
     """
     if trial.plan is None:
         return None
-    return make_plan(trial.plan, trial.period, tuple(trial.testbed.effort_limit))
+    return make_plan(trial.plan, plant_of(trial), feedback_of(trial))
+
+
+def plant_of(trial: Trial) -> PlantDescription:
+    """Return what stands on the trial's bench."""
+    limit = np.array(trial.testbed.effort_limit, dtype=np.float64)
+    return PlantDescription(trial.testbed, trial.period, limit)
+
+
+def feedback_of(trial: Trial) -> Feedback | None:
+    """Return the joint gains of the controller in charge at the start, where it has such gains."""
+    law, own = law_of(trial.active, trial.controllers[trial.active] or {})
+    own.pop("handover_time", None)
+    if law not in CONTROLLERS:
+        return None
+    settings = validated(CONTROLLERS[law].settings, own, f"controllers.{trial.active}")
+    kp, kd = getattr(settings, "kp", None), getattr(settings, "kd", None)
+    return None if kp is None or kd is None else Feedback(kp=kp, kd=kd)

@@ -35,8 +35,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.injection import Fate, Faults
 from flexslew_plant.faults.kinds import Names, Timed, check_fault
 from flexslew_plant.settings import plain, yaml_text
-from flexslew_plant.testbeds import build_model, dynamics
-from flexslew_plant.testbeds.appendages import appendages_of
+from flexslew_plant.testbeds import initial_state
 
 
 class Bench:
@@ -54,14 +53,12 @@ class Bench:
 
     def __init__(self, settings: BenchSettings) -> None:
         self.settings = settings
-        self.model = build_model(settings.testbed)
-        self.appendages = appendages_of(settings.testbed)
+        self.model = settings.testbed.model()
+        self.appendages = self.model.appendages
         self.limit: Vector = np.array(settings.testbed.effort_limit, dtype=float)
-        joints = [getattr(settings.testbed.initial, name) for name in self.model.joint_names]
-        rest = np.concatenate((joints, np.zeros(self.model.modes)))  # straight appendages
-        self._start = np.concatenate((rest, np.zeros(rest.size)))
-        self.model.advance(self._start, np.zeros(self.model.joints), 0.0)  # compiled before tick 0
-        free = self.model.linearise(rest)
+        self._start = initial_state(settings.testbed)
+        self.model.advance(self._start, 0.0 * self.limit, 0.0)  # compiled before tick 0
+        free = self.model.linearise(self.model.split(self._start)[0])
         brake = settings.brake_damping_ratio * free.frequencies[0] * np.diag(free.mass)
         self.drive = Drive(settings.active, settings.max_missed, brake[: self.model.joints])
         self.charge = Charge(self.drive, settings.fallback, self.say)
@@ -138,18 +135,17 @@ class Bench:
 
     def truth(self) -> Truth:
         """Return the state at this tick."""
-        n = self.model.coordinates
-        q = self._x[:n]
+        q, v = self.model.split(self._x)
         return Truth(
             self.tick,
             self.time,
             self.epoch,
             q,
-            self._x[n:],
+            v,
             self._applied,
             self._extra,
             self.appendages.tip.dot(q[self.model.joints :]),
-            dynamics.energy(self.model.kind, self.model.packed, self._x, self.model.joints),
+            self.model.energy(self._x, self.time),
         )
 
     def offer(self, command: EffortCommand) -> bool:
@@ -201,13 +197,13 @@ class Bench:
 
     def _moved(self, effort: Vector) -> Vector:
         """Return the state at the end of the tick under this held effort on the joints."""
-        x, model, period = self._x, self.model, self.settings.period
+        x, model, period, now = self._x, self.model, self.settings.period, self.time
         if self._friction is None:
-            return model.advance(x, effort, period)
+            return model.advance(x, effort, period, t=now)
         n = model.coordinates
         mobility = model.jacobian(x, effort)[1][n : n + model.joints]
         return self._friction.advance(
-            x, effort, mobility, lambda total: model.advance(x, total, period)
+            x, effort, mobility, lambda total: model.advance(x, total, period, t=now)
         )
 
     def request_switch(self, request: SwitchRequest) -> str | None:

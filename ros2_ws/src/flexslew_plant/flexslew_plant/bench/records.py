@@ -10,15 +10,14 @@ from flexslew_plant.bench.actuator import ActuatorSettings
 from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.bench.sensors import SensorSettings
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds import TestbedSettings, default_testbed
 
 
 @section
 class BenchSettings:
     """Everything that determines the trajectory, but for the answers."""
 
-    testbed: Testbed = CsaTestbed()
+    testbed: TestbedSettings = Field(default_factory=default_testbed)
     period: Positive = 0.01  # one tick [s]
     duration: NonNegative = 0.0  # [s]; 0: until somebody stops it
     seed: Annotated[int, Field(ge=0)] = 1  # of the sensors' noise

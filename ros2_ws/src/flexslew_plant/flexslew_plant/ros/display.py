@@ -13,7 +13,6 @@ from flexslew_plant import topics
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.ros.messages import doubles, stamp
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.testbeds.scene import Scene
 
 
 class Display:
@@ -30,14 +29,14 @@ class Display:
         if not self._every:
             return
         self._bench = bench
-        self._scene = Scene(bench.settings.testbed)
+        self._scene = bench.settings.testbed.scene()
         self._clock = publisher(node, topics.CLOCK)
         self._joints = publisher(node, topics.JOINT_STATES)
         self._appendages = publisher(node, topics.APPENDAGE_STATES)
         self._tf = publisher(node, topics.TF)
         self._markers = publisher(node, topics.MARKERS)
         self._description = publisher(node, topics.ROBOT_DESCRIPTION)
-        self._description.publish(String(data=self._scene.robot_description()))
+        self._description.publish(String(data=self._scene.robot_description))
 
     def show(self, truth: Truth) -> None:
         """Publish this truth if it is due."""
@@ -63,10 +62,10 @@ class Display:
             modal_position=doubles(modes),
             modal_velocity=doubles(rates),
         )
-        state.header.stamp, state.header.frame_id = at, "hub"
+        state.header.stamp, state.header.frame_id = at, self._scene.line_frames[0]
         self._appendages.publish(state)
         transforms = []
-        for frame in self._scene.frames(truth.position[:m]):
+        for frame in self._scene.frames(truth.position):
             transform = TransformStamped(child_frame_id=frame.child)
             transform.header.stamp, transform.header.frame_id = at, frame.parent
             place, turn = transform.transform.translation, transform.transform.rotation
@@ -75,9 +74,10 @@ class Display:
             transforms.append(transform)
         self._tf.publish(TFMessage(transforms=transforms))
         markers = []
-        for number, line in enumerate(self._scene.beams(modes)):
+        lines = zip(self._scene.lines(truth.position), self._scene.line_frames, strict=True)
+        for number, (line, parent) in enumerate(lines):
             marker = Marker(ns="beams", id=number, type=Marker.LINE_STRIP, action=Marker.ADD)
-            marker.header.stamp, marker.header.frame_id = at, "hub"
+            marker.header.stamp, marker.header.frame_id = at, parent
             marker.pose.orientation.w = 1.0
             marker.scale.x = 0.15
             marker.color = ColorRGBA(r=0.2, g=0.6, b=0.9, a=1.0)

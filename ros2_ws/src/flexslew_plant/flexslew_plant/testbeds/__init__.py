@@ -1,71 +1,137 @@
-"""Which testbeds there are. A new one is a file with kernels, a line here and in dynamics.py."""
+"""The testbeds. A new one is a file with a section that keeps the contract, and a line here.
 
-from collections.abc import Callable
-from typing import Annotated, Any, NamedTuple, TypeAlias
+One of the user's own needs neither: `kind: my_testbed.py:MyTestbed`, or an entry point of the
+group flexslew.testbeds.
+"""
 
-from pydantic import Discriminator, Tag
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+from pydantic import Discriminator, PlainValidator, Tag
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.testbeds import csa, floating_oscillator, hub_with_appendages
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import find_class
+from flexslew_plant.settings import plain, validated
+from flexslew_plant.testbeds.contract import Testbed as Testbed
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
-from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.model import Appendages as Appendages
+from flexslew_plant.testbeds.model import Model as Model
 
+GROUP = "flexslew.testbeds"  # of the entry points of installed packages
+DEFAULT = "csa"  # where `kind` is left out
 
-def _kind(section: Any) -> str:
-    """Return the tag of a `testbed` section; the CSA testbed where `kind` is left out."""
-    if isinstance(section, dict):
-        return str(section.get("kind", "csa"))
-    return str(getattr(section, "kind", "csa"))
-
-
-# the union of the `testbed` sections, told apart by `kind`
-Testbed: TypeAlias = Annotated[
-    Annotated[CsaTestbed, Tag("csa")]
-    | Annotated[FloatingOscillatorTestbed, Tag("floating_oscillator")]
-    | Annotated[HubTestbed, Tag("hub_with_appendages")],
-    Discriminator(_kind),
-]
-
-
-class _Kind(NamedTuple):
-    number: int
-    joint_names: tuple[str, ...]
-    joint_units: tuple[str, ...]
-    packed: Callable[[Any], Vector]
-    stiffness_scaled: Callable[[Vector, float], Vector]
-
-
-TESTBEDS: dict[str, _Kind] = {
-    "csa": _Kind(csa.KIND, csa.JOINTS, csa.JOINT_UNITS, csa.packed, csa.packed_frequency_scale),
-    "floating_oscillator": _Kind(
-        floating_oscillator.KIND,
-        floating_oscillator.JOINTS,
-        floating_oscillator.JOINT_UNITS,
-        floating_oscillator.packed,
-        floating_oscillator.packed_frequency_scale,
-    ),
-    "hub_with_appendages": _Kind(
-        hub_with_appendages.KIND,
-        hub_with_appendages.JOINTS,
-        hub_with_appendages.JOINT_UNITS,
-        hub_with_appendages.packed,
-        hub_with_appendages.packed_frequency_scale,
-    ),
+TESTBEDS: dict[str, type[Any]] = {
+    "csa": CsaTestbed,
+    "floating_oscillator": FloatingOscillatorTestbed,
+    "hub_with_appendages": HubTestbed,
 }
 
 
-def build_model(testbed: Testbed) -> Model:
-    """Return the equations of motion that a `testbed` section describes."""
-    kind = TESTBEDS[testbed.kind]
-    return Model(
-        kind.number, kind.packed(testbed), kind.joint_names, kind.joint_units, testbed.modes
-    )
+def _kind(values: Any) -> str:
+    """Return the tag of a `testbed` section."""
+    given = values.get("kind") if isinstance(values, dict) else getattr(values, "kind", None)
+    name = DEFAULT if given is None else str(given)
+    return name if name in TESTBEDS else "own"
 
 
-def with_stiffness(model: Model, factor: float) -> Model:
-    """Return model with every appendage's stiffness times factor [-], damping ratio kept."""
-    scaled = next(kind for kind in TESTBEDS.values() if kind.number == model.kind)
-    packed = scaled.stiffness_scaled(model.packed, factor)
-    return Model(model.kind, packed, model.joint_names, model.joint_units, model.modes)
+def _own(values: Any) -> Any:
+    """Return a section of the user's own class."""
+    if not isinstance(values, dict):
+        return values
+    try:
+        found = find_class(str(values["kind"]), GROUP, "testbed", "kind", tuple(TESTBEDS))
+        return validated(found, values, str(values["kind"]))
+    except BadInput as error:
+        raise ValueError(str(error)) from None
+
+
+if TYPE_CHECKING:
+    TestbedSettings: TypeAlias = Testbed
+else:
+    # a `testbed` section of any kind, told apart by `kind`
+    TestbedSettings = Annotated[
+        Annotated[CsaTestbed, Tag("csa")]
+        | Annotated[FloatingOscillatorTestbed, Tag("floating_oscillator")]
+        | Annotated[HubTestbed, Tag("hub_with_appendages")]
+        | Annotated[Any, PlainValidator(_own), Tag("own")],
+        Discriminator(_kind),
+    ]
+
+
+def default_testbed() -> Testbed:
+    """Return the testbed of a trial that names none."""
+    testbed: Testbed = TESTBEDS[DEFAULT]()
+    return testbed
+
+
+def read_testbed(values: Any, source: str) -> Testbed:
+    """Return a `testbed` section as its kind reads it.
+
+    Args:
+        values: what YAML holds.
+        source: the file to name in an error.
+
+    Raises:
+        BadInput: the first wrong key, with its value and what is allowed.
+    """
+    testbed: Testbed = validated(TestbedSettings, values, source)
+    return testbed
+
+
+def varied(testbed: Testbed, changes: Mapping[str, Any], source: str) -> Testbed:
+    """Return the testbed with some of its keys changed, nested sections key by key.
+
+    A change of `kind` starts from that kind's defaults.
+
+    Raises:
+        BadInput: see read_testbed.
+    """
+    if changes.get("kind", testbed.kind) != testbed.kind:
+        return read_testbed(dict(changes), source)
+    return read_testbed(_merged(plain(testbed), changes), source)
+
+
+def believed(testbed: Testbed, changes: Mapping[str, Any] | None, source: str) -> Testbed:
+    """Return what a planner or a law believes of the testbed: simplified, with these changes.
+
+    Args:
+        testbed: that stands on the bench.
+        changes: the `model` section of a plan or a law; None: none.
+        source: for an error.
+
+    Raises:
+        BadInput: see read_testbed.
+    """
+    given = changes or {}
+    if given.get("kind", testbed.kind) != testbed.kind:
+        own = TESTBEDS[given["kind"]].simplified if given["kind"] in TESTBEDS else {}
+        return read_testbed(_merged(dict(own), given), source)
+    return varied(testbed, _merged(dict(testbed.simplified), given), source)
+
+
+def initial_positions(testbed: Testbed) -> dict[str, float]:
+    """Return where each joint rests at the start, by name [rad or m]."""
+    given = testbed.initial
+    values = given if isinstance(given, dict) else plain(given)
+    return {name: float(values.get(name, 0.0)) for name in testbed.model().joint_names}
+
+
+def initial_state(testbed: Testbed) -> Vector:
+    """Return [q, v] at rest at the start, appendages straight."""
+    import numpy as np
+
+    model = testbed.model()
+    rest = model.rest(initial_positions(testbed))
+    return np.concatenate((rest, np.zeros(model.coordinates)))
+
+
+def _merged(values: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    out = dict(values)
+    for key, change in changes.items():
+        before = out.get(key)
+        nested = isinstance(before, dict) and isinstance(change, Mapping)
+        out[key] = _merged(before, change) if nested and before is not None else change
+    return out

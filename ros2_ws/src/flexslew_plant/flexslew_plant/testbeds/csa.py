@@ -6,18 +6,25 @@ Variants:
     complete  with the kinetic energy term sin(psi) theta' psi' m^T q that (1) leaves out.
 """
 
-from typing import Annotated, Literal, NamedTuple
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
+from scipy.integrate import cumulative_simpson
 
-from flexslew_plant.arrays import Matrix, Vector, inlined
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.beam import ClampedFreeBeam
+from flexslew_plant.testbeds.contract import ShapedMotion
+from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.model import Appendages, Model
+from flexslew_plant.testbeds.scene import POINTS, Scene, turntable
 
-KIND = 0  # its number in dynamics.py
 JOINTS = ("base_yaw", "hub_pitch")
 JOINT_UNITS = ("rad", "rad")
+_STEEPEST = 1.5  # largest pitch of a shaped slew [rad]
 # where the packed parameters lie
 _COMPLETE, _J_A, _J_1, _J_2, _MODES = 0, 1, 2, 3, 4
 
@@ -54,6 +61,98 @@ class CsaTestbed:
     parameters: CsaParameters = CsaParameters()
     initial: CsaInitial = CsaInitial()
     effort_limit: tuple[Positive, Positive] = (150.0, 150.0)  # [N m]
+
+    set_point: ClassVar[dict[str, float]] = {"hub_pitch": 0.5}
+    typical_goal: ClassVar[dict[str, float]] = {"base_yaw": 1.0, "hub_pitch": 0.5}
+    simplified: ClassVar[dict[str, Any]] = {"modes": 1}
+
+    def model(self) -> Model:
+        """Return the equations of motion."""
+        return Model(
+            KERNELS,
+            packed(self),
+            JOINTS,
+            JOINT_UNITS,
+            self.modes,
+            self._appendages(),
+            scale_stiffness=stiffened,
+        )
+
+    def _appendages(self) -> Appendages:
+        """Return two beams that bend antisymmetrically (3): their tips are opposite in y."""
+        root = beam(self).shape(np.zeros(1), derivative=2)[:, 0]
+        sides = np.array([[1.0], [-1.0]])
+        tips = sides * np.ones(self.modes)
+        return Appendages(("beam_positive", "beam_negative"), tips, sides * root)
+
+    def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "CsaTestbed":
+        """Return it with other beams (EI) and another hub (I_1 and I_2), as factors [-]."""
+        p = self.parameters
+        parameters = replace(
+            p,
+            bending_stiffness=p.bending_stiffness * stiffness,
+            hub_inertia_1=p.hub_inertia_1 * payload,
+            hub_inertia_2=p.hub_inertia_2 * payload,
+        )
+        return replace(self, parameters=parameters)
+
+    def shaped_motion(
+        self, path: Vector, rate: Vector, first: Vector, last: Vector, h: float
+    ) -> ShapedMotion:
+        """Return the motion whose drive of the modes is a shaped command; see contract.Shaped.
+
+        The pitch follows the command. The modes are driven by w = d/dt(theta' cos psi), on the
+        complete model less theta' psi' sin psi. So with k = 1 there and 0 on the printed one
+            theta' cos(psi)^(1 + k) = integral of w cos(psi)^k,
+        which is zero at the end, as theta' must be, for one mixture w = alpha (p'' + beta p');
+        alpha brings theta to its goal.
+
+        Raises:
+            BadInput: the beams come too near to the yaw axis, about which nothing moves them.
+        """
+        for at in (first[1], last[1]):
+            if not abs(at) <= _STEEPEST:
+                raise BadInput(
+                    f"hub_pitch: {at:g} is not allowed: a shaped slew keeps within -{_STEEPEST:g} "
+                    f"and {_STEEPEST:g} rad, where yaw moves the appendages"
+                )
+        span = last - first
+        pitch, pitching = first[1] + span[1] * path, span[1] * rate
+        cosine, sine = np.cos(pitch), np.sin(pitch)
+        complete = self.variant == "complete"
+        lever = cosine if complete else np.ones(path.size)
+        # the integral of lever p'' by parts: p'' jumps, p' does not
+        slowing = sine * pitching if complete else np.zeros(path.size)
+        first_part = lever * rate + cumulative_simpson(slowing * rate, dx=h, initial=0.0)
+        second_part = cumulative_simpson(lever * rate, dx=h, initial=0.0)
+        beta = -first_part[-1] / second_part[-1]
+        turning = (first_part + beta * second_part) / (lever * cosine)
+        turned = cumulative_simpson(turning, dx=h, initial=0.0)
+        alpha = span[0] / turned[-1]
+        # the mean of w over each interval is exact, wherever p'' jumps
+        drive = alpha / h * (np.diff(rate) + beta * np.diff(path))
+        return ShapedMotion(
+            np.column_stack((first[0] + alpha * turned, pitch)),
+            np.column_stack((alpha * turning, pitching)),
+            np.column_stack((drive, np.zeros(drive.size))),
+        )
+
+    def energies(self, symbols: Any, q: Any, v: Any) -> tuple[Any, Any, Any]:
+        """Return kinetic and potential energy and dissipation in symbols; contract.Symbolic."""
+        p, mode, rate = unpacked(packed(self)), q[2:], v[2:]
+        c, s = symbols.cos(q[1]), symbols.sin(q[1])
+        kinetic = 0.5 * (p.j_1 + p.j_a * c**2) * v[0] ** 2 + 0.5 * p.j_2 * v[1] ** 2
+        kinetic += c * v[0] * symbols.dot(p.coupling, rate) + 0.5 * symbols.dot(p.mass, rate**2)
+        if p.complete:
+            kinetic += s * v[0] * v[1] * symbols.dot(p.coupling, mode)
+        potential = 0.5 * symbols.dot(p.stiffness, mode**2)
+        return kinetic, potential, 0.5 * symbols.dot(p.damping, rate**2)
+
+    def scene(self) -> Scene:
+        """Return how it is drawn."""
+        b = beam(self)
+        shapes = b.shape(np.linspace(0.0, b.length, POINTS))
+        return turntable(self.kind, JOINTS, self.parameters.hub_radius, b.length, shapes)
 
 
 def beam(testbed: CsaTestbed) -> ClampedFreeBeam:
@@ -104,7 +203,7 @@ def unpacked(p: Vector) -> Unpacked:
     return Unpacked(complete > 0.5, j_a, j_1, j_2, *p[_MODES:].reshape(4, -1))
 
 
-def packed_frequency_scale(p: Vector, factor: float) -> Vector:
+def stiffened(p: Vector, factor: float) -> Vector:
     """Return the packed parameters with the bending stiffness multiplied by factor [-]."""
     n = (p.size - _MODES) // 4
     scaled = p.copy()
@@ -113,9 +212,8 @@ def packed_frequency_scale(p: Vector, factor: float) -> Vector:
     return scaled
 
 
-@inlined
 def terms(
-    p: Vector, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
+    p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
 ) -> None:
     """Write M(q) and h(q, v) of M a + h = B u: (9)-(11), or their complete form.
 
@@ -157,8 +255,7 @@ def terms(
         bias[2 + j] = coriolis * p[_MODES + j] + stiffness * x[2 + j] + damping * x[4 + n + j]
 
 
-@inlined
-def residual_jacobian(p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
+def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
     """Write the partial derivatives of r = M(q) a + h(q, v) at fixed a.
 
     Args:
@@ -212,11 +309,13 @@ def residual_jacobian(p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -
         dv[1, 0] += s * sway_rate
 
 
-@inlined
-def potential(p: Vector, q: Vector) -> float:
+def potential(p: Vector, t: float, q: Vector) -> float:
     """Return the strain energy of both beams (7) [J]."""
     n = q.size - 2
     energy = 0.0
     for j in range(n):
         energy += 0.5 * p[_MODES + 2 * n + j] * q[2 + j] ** 2
     return energy
+
+
+KERNELS = Kernels(terms, residual_jacobian, potential)

@@ -1,18 +1,19 @@
 """Forward dynamics of every testbed and the fixed-step integration, as compiled kernels.
 
-A testbed is M(q) a + h(q, v) = B u with the joints first and the modes after them; efforts act
-on the joints alone. `kind` selects whose terms are used (see TESTBEDS in testbeds).
+A testbed is M(q, t) a + h(q, v, t) = B u, x = [q, v], with the joints first and the modes after
+them. `kernels` says whose equations they are.
 """
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import DOP853
 
 from flexslew_plant.arrays import Matrix, Vector, compiled, inlined
-from flexslew_plant.testbeds import csa, floating_oscillator, hub_with_appendages
+from flexslew_plant.testbeds import interface, mass
+from flexslew_plant.testbeds.kernels import Kernels
 
 # Dormand and Prince's method of order 8, without its error estimate: 12 stages
 STAGES = 12
@@ -20,84 +21,12 @@ STAGE_TIMES: Vector = np.array(DOP853.C[:STAGES], dtype=np.float64)
 STAGE_WEIGHTS: Matrix = np.array(DOP853.A[:STAGES, :STAGES], dtype=np.float64)
 STEP_WEIGHTS: Vector = np.array(DOP853.B[:STAGES], dtype=np.float64)
 
-# (p, effort, dt, steps, x): see stepper
-Stepper: TypeAlias = Callable[[Vector, Vector, float, int, Vector], None]
-
-
-@inlined
-def terms(
-    kind: int,
-    p: Vector,
-    x: Vector,
-    joints: Matrix,
-    coupling: Matrix,
-    modal: Vector,
-    bias: Vector,
-) -> None:
-    """Write the blocks of M(q) and the bias h(q, v) of the testbed; see csa.terms."""
-    if kind == csa.KIND:
-        csa.terms(p, x, joints, coupling, modal, bias)
-    elif kind == hub_with_appendages.KIND:
-        hub_with_appendages.terms(p, x, joints, coupling, modal, bias)
-    else:
-        floating_oscillator.terms(p, x, joints, coupling, modal, bias)
-
-
-@inlined
-def residual_jacobian(kind: int, p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
-    """Write d(M a + h)/dq and d(M a + h)/dv at fixed a; see csa.residual_jacobian."""
-    if kind == csa.KIND:
-        csa.residual_jacobian(p, x, a, dq, dv)
-    elif kind == hub_with_appendages.KIND:
-        hub_with_appendages.residual_jacobian(p, x, a, dq, dv)
-    else:
-        floating_oscillator.residual_jacobian(p, x, a, dq, dv)
-
-
-@inlined
-def potential(kind: int, p: Vector, q: Vector) -> float:
-    """Return the potential energy [J]."""
-    if kind == csa.KIND:
-        return csa.potential(p, q)
-    if kind == hub_with_appendages.KIND:
-        return hub_with_appendages.potential(p, q)
-    return floating_oscillator.potential(p, q)
-
-
-@inlined
-def solve(joints: Matrix, coupling: Matrix, modal: Vector, r: Vector) -> None:
-    """Replace r by M^-1 r, eliminating the diagonal modal block first (one or two joints)."""
-    m, n = coupling.shape
-    a, b, d = joints[0, 0], 0.0, 1.0
-    if m == 2:
-        b, d = joints[0, 1], joints[1, 1]
-    for j in range(n):
-        f = coupling[0, j] / modal[j]
-        a -= f * coupling[0, j]
-        r[0] -= f * r[m + j]
-        if m == 2:
-            g = coupling[1, j] / modal[j]
-            b -= f * coupling[1, j]
-            d -= g * coupling[1, j]
-            r[1] -= g * r[m + j]
-    if m == 2:
-        determinant = a * d - b * b
-        r0 = (d * r[0] - b * r[1]) / determinant
-        r[1] = (a * r[1] - b * r[0]) / determinant
-        r[0] = r0
-    else:
-        r[0] /= a
-    for j in range(n):
-        r[m + j] -= coupling[0, j] * r[0]
-        if m == 2:
-            r[m + j] -= coupling[1, j] * r[1]
-        r[m + j] /= modal[j]
-
 
 @inlined
 def acceleration(
-    kind: int,
+    kernels: Kernels,
     p: Vector,
+    t: float,
     x: Vector,
     effort: Vector,
     joints: Matrix,
@@ -105,30 +34,38 @@ def acceleration(
     modal: Vector,
     out: Vector,
 ) -> None:
-    """Write a = M(q)^-1 (B u - h(q, v)); joints, coupling and modal are left holding M(q)."""
-    n = x.size // 2
-    terms(kind, p, x, joints, coupling, modal, out)
-    for i in range(n):
+    """Write a = M^-1 (B u - h); joints, coupling and modal are left holding M after `factor`."""
+    interface.terms(kernels, p, t, x, joints, coupling, modal, out)
+    for i in range(out.size):
         out[i] = -out[i]
-    for i in range(effort.size):
-        out[i] += effort[i]
-    solve(joints, coupling, modal, out)
+    interface.actuation(kernels, p, t, x, effort, out)
+    mass.factor(joints, coupling, modal)
+    mass.solve(joints, coupling, modal, out)
 
 
 @compiled
-def derivative(kind: int, p: Vector, x: Vector, effort: Vector) -> Vector:
-    """Return f(x, u) = [v, M(q)^-1 (B u - h(q, v))], shape (2 n,).
+def derivative(
+    kernels: Kernels, p: Vector, t: float, x: Vector, effort: Vector, joints: int
+) -> Vector:
+    """Return f(t, x, u) = [q', M^-1 (B u - h)], shape of x.
 
     Args:
-        kind: the testbed's number.
+        kernels: the testbed's equations.
         p: its packed parameters.
-        x: state [q, v], joints before modes, shape (2 n,).
-        effort: joint efforts, shape (joints,) [N m or N].
+        t: time [s].
+        x: state [q, v], joints before modes.
+        effort: of the actuators, shape (actuators,) [N m or N].
+        joints: how many coordinates stand before the modes.
     """
-    n, m = x.size // 2, effort.size
-    a = np.empty(n)
-    acceleration(kind, p, x, effort, np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m), a)
-    return np.concatenate((x[n:], a))
+    n = (x.size - interface.extra(kernels)) // 2
+    s = interface.square(kernels, n, joints)
+    a, rate = np.empty(n), np.empty(x.size)
+    acceleration(
+        kernels, p, t, x, effort, np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s), a
+    )
+    interface.position_rates(kernels, p, t, x, rate)
+    rate[x.size - n :] = a
+    return rate
 
 
 @inlined
@@ -156,110 +93,167 @@ def complete_step(x: Vector, slopes: Matrix, h: float) -> None:
 
 @inlined
 def take_steps(
-    kind: int, p: Vector, effort: Vector, h: float, steps: int, n: int, m: int, x: Vector
+    kernels: Kernels,
+    p: Vector,
+    t: float,
+    effort: Vector,
+    h: float,
+    steps: int,
+    n: int,
+    m: int,
+    x: Vector,
 ) -> None:
     """Replace x by the state after `steps` steps of length h with the effort held.
 
     Args:
-        kind, p, effort: as in derivative.
+        kernels, p, t, effort: as in derivative.
         h: length of a step [s].
         steps: how many.
         n, m: coordinates and joints.
-        x: in and out, state [q, v], shape (2 n,).
+        x: in and out, state [q, v].
     """
-    work = np.empty((STAGES + 2 + 2 * m, 2 * n))  # one allocation instead of six
+    first = n + interface.extra(kernels)  # of v in x
+    s, size = interface.square(kernels, n, m), n + n + interface.extra(kernels)
+    work = np.empty((STAGES + 2 + 2 * s, size))  # one allocation instead of six
     slopes, at, a = work[:STAGES], work[STAGES], work[STAGES + 1, :n]
-    modal = work[STAGES + 1, n : 2 * n - m]
-    joints = work[STAGES + 2 : STAGES + 2 + m, :m]
-    coupling = work[STAGES + 2 + m :, : n - m]
-    for _ in range(steps):
+    modal = work[STAGES + 1, n : 2 * n - s]
+    joints = work[STAGES + 2 : STAGES + 2 + s, :s]
+    coupling = work[STAGES + 2 + s :, : n - s]
+    for step in range(steps):
         for i in range(STAGES):
             stage_state(x, slopes, i, h, at)
-            acceleration(kind, p, at, effort, joints, coupling, modal, a)
+            now = t + (step + STAGE_TIMES[i]) * h
+            acceleration(kernels, p, now, at, effort, joints, coupling, modal, a)
+            interface.position_rates(kernels, p, now, at, slopes[i])
             for k in range(n):
-                slopes[i, k] = at[n + k]
-                slopes[i, n + k] = a[k]
+                slopes[i, first + k] = a[k]
         complete_step(x, slopes, h)
 
 
-@compiled
-def advance(kind: int, p: Vector, x: Vector, effort: Vector, dt: float, steps: int) -> Vector:
-    """Return the state after dt with the effort held: `steps` equal steps of order 8.
+class Bound(NamedTuple):
+    """The kernels of one testbed with their sizes built in.
 
-    Args:
-        kind, p, x, effort: as in derivative.
-        dt: interval [s].
-        steps: how many steps share it.
+    The compiler unrolls the short loops of sizes that it knows, and the call from Python costs
+    less: half the time of a general function, to the same bits.
     """
-    now = x.copy()
-    take_steps(kind, p, effort, dt / steps, steps, x.size // 2, effort.size, now)
-    return now
+
+    terms: Callable[[Vector, float, Vector, Matrix, Matrix, Vector, Vector], None]
+    derivative: Callable[[Vector, float, Vector, Vector], Vector]
+    advance: Callable[[Vector, float, Vector, float, int, Vector], None]
+    jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
+    residual_jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
+    energy: Callable[[Vector, float, Vector], float]
+    actuation: Callable[[Vector, float, Vector, Vector, Vector], None]
 
 
 @lru_cache
-def stepper(kind: int, n: int, m: int) -> Stepper:
-    """Return `advance` for one size of state, which replaces the state given as last argument.
-
-    The compiler unrolls the short loops of sizes that it knows, and no array need be made for
-    Python: half the time of a call of `advance`, to the same bits.
+def bound(kernels: Kernels, n: int, m: int) -> Bound:
+    """Return the kernels of a testbed for one size of state.
 
     Args:
-        kind: the testbed's number.
+        kernels: its equations.
         n: coordinates.
         m: joints.
     """
 
     @compiled
-    def advance_in_place(p: Vector, effort: Vector, dt: float, steps: int, x: Vector) -> None:
-        take_steps(kind, p, effort, dt / steps, steps, n, m, x)
+    def terms(
+        p: Vector,
+        t: float,
+        x: Vector,
+        joints: Matrix,
+        coupling: Matrix,
+        modal: Vector,
+        bias: Vector,
+    ) -> None:
+        interface.terms(kernels, p, t, x, joints, coupling, modal, bias)
 
-    return advance_in_place
+    @compiled
+    def derivative_(p: Vector, t: float, x: Vector, effort: Vector) -> Vector:
+        return derivative(kernels, p, t, x, effort, m)
+
+    @compiled
+    def advance(p: Vector, t: float, effort: Vector, dt: float, steps: int, x: Vector) -> None:
+        take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
+
+    @compiled
+    def jacobian_(p: Vector, t: float, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
+        jacobian(kernels, p, t, x, effort, m, dx, du)
+
+    @compiled
+    def residual_jacobian(
+        p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix
+    ) -> None:
+        interface.residual_jacobian(kernels, p, t, x, a, dq, dv)
+
+    @compiled
+    def energy_(p: Vector, t: float, x: Vector) -> float:
+        return energy(kernels, p, t, x, m)
+
+    @compiled
+    def actuation(p: Vector, t: float, x: Vector, effort: Vector, force: Vector) -> None:
+        interface.actuation(kernels, p, t, x, effort, force)
+
+    return Bound(terms, derivative_, advance, jacobian_, residual_jacobian, energy_, actuation)
 
 
 @compiled
-def jacobian(kind: int, p: Vector, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
-    """Write df/dx, shape (2 n, 2 n), and df/du, shape (2 n, joints), of derivative.
+def jacobian(
+    kernels: Kernels,
+    p: Vector,
+    t: float,
+    x: Vector,
+    effort: Vector,
+    joints: int,
+    dx: Matrix,
+    du: Matrix,
+) -> None:
+    """Write df/dx, shape (2 n, 2 n), and df/du, shape (2 n, actuators), of derivative.
 
-    From M da = -dr at fixed a, where r = M(q) a + h(q, v).
+    From M da = -dr at fixed a, where r = M(q) a + h(q, v) - B u; for testbeds with q' = v.
     """
-    n, m = x.size // 2, effort.size
-    joints, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
-    a, column = np.empty(n), np.empty(n)
+    n = x.size // 2
+    s = interface.square(kernels, n, joints)
+    block, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
+    a, column, one = np.empty(n), np.empty(n), np.zeros(effort.size)
     dq, dv = np.empty((n, n)), np.empty((n, n))
-    acceleration(kind, p, x, effort, joints, coupling, modal, a)
-    residual_jacobian(kind, p, x, a, dq, dv)
+    acceleration(kernels, p, t, x, effort, block, coupling, modal, a)
+    interface.residual_jacobian(kernels, p, t, x, a, dq, dv)
     dx[:] = 0.0
     du[:] = 0.0
     for j in range(n):
         dx[j, n + j] = 1.0
         for i in range(n):
             column[i] = -dq[i, j]
-        solve(joints, coupling, modal, column)
+        mass.solve(block, coupling, modal, column)
         dx[n:, j] = column
         for i in range(n):
             column[i] = -dv[i, j]
-        solve(joints, coupling, modal, column)
+        mass.solve(block, coupling, modal, column)
         dx[n:, n + j] = column
-    for j in range(m):
+    for j in range(effort.size):
         column[:] = 0.0
-        column[j] = 1.0
-        solve(joints, coupling, modal, column)
+        one[:] = 0.0
+        one[j] = 1.0
+        interface.actuation(kernels, p, t, x, one, column)
+        mass.solve(block, coupling, modal, column)
         du[n:, j] = column
 
 
 @compiled
-def energy(kind: int, p: Vector, x: Vector, joints: int) -> float:
+def energy(kernels: Kernels, p: Vector, t: float, x: Vector, joints: int) -> float:
     """Return v^T M(q) v / 2 + U(q) [J] of the state x = [q, v]."""
-    n, m = x.size // 2, joints
-    block, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
+    n = (x.size - interface.extra(kernels)) // 2
+    s, first = interface.square(kernels, n, joints), x.size - n
+    block, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
     bias = np.empty(n)
-    terms(kind, p, x, block, coupling, modal, bias)
+    interface.terms(kernels, p, t, x, block, coupling, modal, bias)
     total = 0.0
-    for i in range(m):
-        for j in range(m):
-            total += 0.5 * x[n + i] * block[i, j] * x[n + j]
-        for j in range(n - m):
-            total += x[n + i] * coupling[i, j] * x[n + m + j]
-    for j in range(n - m):
-        total += 0.5 * modal[j] * x[n + m + j] ** 2
-    return total + potential(kind, p, x[:n])
+    for i in range(s):
+        for j in range(s):
+            total += 0.5 * x[first + i] * block[i, j] * x[first + j]
+        for j in range(n - s):
+            total += x[first + i] * coupling[i, j] * x[first + s + j]
+    for j in range(n - s):
+        total += 0.5 * modal[j] * x[first + s + j] ** 2
+    return total + interface.potential(kernels, p, t, x[:first])

@@ -5,15 +5,19 @@ where other testbeds have the deflection of a tip. In these (8), (9) read
     (m_1 + m_2) x_1'' + m_2 q'' = u,    m_2 x_1'' + m_2 q'' + d q' + k q = 0.
 """
 
-from typing import Annotated, Literal
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
+from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.model import Appendages, Model
+from flexslew_plant.testbeds.scene import Scene, slider
 
-KIND = 1  # its number in dynamics.py
 JOINTS = ("mass",)
 JOINT_UNITS = ("m",)
 # where the packed parameters lie
@@ -47,6 +51,41 @@ class FloatingOscillatorTestbed:
     initial: FloatingOscillatorInitial = FloatingOscillatorInitial()
     effort_limit: tuple[Positive] = (1.0,)  # [N]
 
+    set_point: ClassVar[dict[str, float]] = {}
+    typical_goal: ClassVar[dict[str, float]] = {"mass": 1.0}
+    simplified: ClassVar[dict[str, Any]] = {}
+
+    def model(self) -> Model:
+        """Return the equations of motion."""
+        return Model(
+            KERNELS,
+            packed(self),
+            JOINTS,
+            JOINT_UNITS,
+            self.modes,
+            self._appendages(),
+            scale_stiffness=stiffened,
+        )
+
+    def _appendages(self) -> Appendages:
+        """Return the spring: its stretch stands where others have the deflection of a tip."""
+        return Appendages(("spring",), np.ones((1, 1)), np.zeros((1, 1)))
+
+    def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "FloatingOscillatorTestbed":
+        """Return it with another stiffness, as a factor [-].
+
+        Raises:
+            BadInput: another payload is asked for.
+        """
+        if payload != 1.0:
+            raise BadInput(f"payload: {payload:g} is not allowed: {self.kind} carries none")
+        p = self.parameters
+        return replace(self, parameters=replace(p, stiffness=p.stiffness * stiffness))
+
+    def scene(self) -> Scene:
+        """Return how it is drawn."""
+        return slider(self.kind, JOINTS[0], 0.3, 2.0)
+
 
 def packed(testbed: FloatingOscillatorTestbed) -> Vector:
     """Return [m_1 + m_2, m_2, k, d] as the kernels read them, shape (4,)."""
@@ -55,7 +94,7 @@ def packed(testbed: FloatingOscillatorTestbed) -> Vector:
     return np.array([p.driven_mass + p.free_mass, p.free_mass, p.stiffness, damping])
 
 
-def packed_frequency_scale(p: Vector, factor: float) -> Vector:
+def stiffened(p: Vector, factor: float) -> Vector:
     """Return the packed parameters with the stiffness k multiplied by factor [-]."""
     scaled = p.copy()
     scaled[_STIFFNESS] *= factor
@@ -63,9 +102,8 @@ def packed_frequency_scale(p: Vector, factor: float) -> Vector:
     return scaled
 
 
-@compiled
 def terms(
-    p: Vector, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
+    p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
 ) -> None:
     """Write M and h(q, v) of M a + h = B u; see csa.terms for the arguments."""
     joints[0, 0] = p[_TOTAL]
@@ -75,8 +113,7 @@ def terms(
     bias[1] = p[_STIFFNESS] * x[1] + p[_DAMPING] * x[3]
 
 
-@compiled
-def residual_jacobian(p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
+def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
     """Write dr/dq and dr/dv of r = M a + h; see csa.residual_jacobian for the arguments."""
     dq[:] = 0.0
     dv[:] = 0.0
@@ -84,7 +121,9 @@ def residual_jacobian(p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -
     dv[1, 1] = p[_DAMPING]
 
 
-@compiled
-def potential(p: Vector, q: Vector) -> float:
+def potential(p: Vector, t: float, q: Vector) -> float:
     """Return the strain energy of the spring [J]."""
     return float(0.5 * p[_STIFFNESS] * q[1] ** 2)
+
+
+KERNELS = Kernels(terms, residual_jacobian, potential)

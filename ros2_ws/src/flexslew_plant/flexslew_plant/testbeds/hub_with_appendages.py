@@ -10,15 +10,19 @@ In (25) both phi'(L)^2 are read as beta(L), the integral of phi'^2 over the appe
 does a tip at the end of the beam move as the beam's last point does.
 """
 
-from typing import Annotated, Literal, NamedTuple
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.model import Appendages, Model
+from flexslew_plant.testbeds.scene import POINTS, Scene, turntable
 
-KIND = 2  # its number in dynamics.py
 JOINTS = ("hub",)
 JOINT_UNITS = ("rad",)
 FOOT = 0.3048  # [m]
@@ -65,6 +69,42 @@ class HubTestbed:
     parameters: HubParameters = HubParameters()
     initial: HubInitial = HubInitial()
     effort_limit: tuple[Positive] = (2.0 * FOOT_POUND,)  # 2 ft lb [N m]
+
+    set_point: ClassVar[dict[str, float]] = {}
+    typical_goal: ClassVar[dict[str, float]] = {"hub": 1.0}
+    simplified: ClassVar[dict[str, Any]] = {}
+
+    def model(self) -> Model:
+        """Return the equations of motion."""
+        return Model(
+            KERNELS,
+            packed(self),
+            JOINTS,
+            JOINT_UNITS,
+            self.modes,
+            self._appendages(),
+            scale_stiffness=stiffened,
+        )
+
+    def _appendages(self) -> Appendages:
+        """Return one appendage, as both bend alike; its root curvature is not modelled."""
+        return Appendages(("appendage",), np.ones((1, 1)), np.zeros((1, 1)))
+
+    def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "HubTestbed":
+        """Return it with another stiffness, as a factor [-].
+
+        Raises:
+            BadInput: another payload is asked for.
+        """
+        if payload != 1.0:
+            raise BadInput(f"payload: {payload:g} is not allowed: {self.kind} carries none")
+        p = self.parameters
+        return replace(self, parameters=replace(p, elastic_modulus=p.elastic_modulus * stiffness))
+
+    def scene(self) -> Scene:
+        """Return how it is drawn."""
+        shapes = np.linspace(0.0, 1.0, POINTS)[None, :] ** 2
+        return turntable(self.kind, JOINTS, 0.3, 2.0, shapes)
 
 
 class EnergyCoefficients(NamedTuple):
@@ -122,7 +162,7 @@ def packed(testbed: HubTestbed) -> Vector:
     return np.append(numbers, damping)
 
 
-def packed_frequency_scale(p: Vector, factor: float) -> Vector:
+def stiffened(p: Vector, factor: float) -> Vector:
     """Return the packed parameters with the stiffness k_qq multiplied by factor [-]."""
     scaled = p.copy()
     scaled[_STIFFNESS] *= factor
@@ -130,9 +170,8 @@ def packed_frequency_scale(p: Vector, factor: float) -> Vector:
     return scaled
 
 
-@compiled
 def terms(
-    p: Vector, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
+    p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
 ) -> None:
     """Write M(q) and h(q, v) of M a + h = B u; see csa.terms for the arguments."""
     q, rate, flex = x[1], x[2], x[3]
@@ -148,8 +187,7 @@ def terms(
     bias[1] = 0.5 * (dc * flex * flex - da * rate * rate) + elastic
 
 
-@compiled
-def residual_jacobian(p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
+def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
     """Write dr/dq and dr/dv of r = M(q) a + h(q, v); see csa.residual_jacobian."""
     q, rate, flex = x[1], x[2], x[3]
     da = (2.0 * p[_A2] + 4.0 * p[_A4] * q * q) * q
@@ -166,7 +204,9 @@ def residual_jacobian(p: Vector, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -
     dv[1, 1] = dc * flex + p[_DAMPING]
 
 
-@compiled
-def potential(p: Vector, q: Vector) -> float:
+def potential(p: Vector, t: float, q: Vector) -> float:
     """Return the strain energy of both appendages (26) [J]."""
     return float(0.5 * p[_STIFFNESS] * q[1] ** 2)
+
+
+KERNELS = Kernels(terms, residual_jacobian, potential)

@@ -1,14 +1,18 @@
 """A testbed's equations of motion as one object: the mathematics that planners and laws share."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigvals
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import dynamics
+from flexslew_plant.testbeds.kernels import Kernels
 
 
 @dataclass(frozen=True)
@@ -56,100 +60,163 @@ class Linearisation:
         return np.asarray(np.sqrt(squares[squares > 1e-9 * abs(squares).max()]))
 
 
+class Appendages(NamedTuple):
+    """Linear maps from the modal coordinates to what a sensor at each appendage reads."""
+
+    names: tuple[str, ...]
+    tip: Matrix  # (appendages, modes) [-]
+    curvature: Matrix  # at the root, (appendages, modes) [1/m^2]
+
+
 @dataclass(frozen=True)
 class Model:
-    """M(q) a + h(q, v) = B u, with q the joints and then the modal coordinates.
+    """M(q, t) a + h(q, v, t) = B u, with q the joints and then the modal coordinates.
 
     Args:
-        kind: which kernels to use.
+        kernels: the equations.
         packed: the numbers that they read.
-        joint_names: one a joint, in the order of the effort.
-        joint_units: rad or m, one a joint.
+        joint_names: in the order of the coordinates.
+        joint_units: rad or m, per joint.
         modes: how many modal coordinates.
+        appendages: what their sensors read.
+        actuators: how many efforts; None: one per joint.
+        scale_stiffness: from packed and a factor to packed with all stiffness times the factor,
+            damping ratios kept; None: it cannot be scaled.
     """
 
-    kind: int
+    kernels: Kernels
     packed: Vector
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]
     modes: int
+    appendages: Appendages
+    actuators: int | None = None
+    scale_stiffness: Callable[[Vector, float], Vector] | None = None
 
     @cached_property
     def joints(self) -> int:
-        """How many joints, each with one effort."""
+        """How many joints."""
         return len(self.joint_names)
 
     @cached_property
-    def coordinates(self) -> int:
-        """n, joints and modes together."""
-        return self.joints + self.modes
-
-    @property
-    def input_matrix(self) -> Matrix:
-        """B, shape (n, joints)."""
-        return np.eye(self.coordinates, self.joints)
-
-    def _terms(self, q: Vector, v: Vector) -> tuple[Matrix, Vector]:
-        m, n = self.joints, self.coordinates
-        joints, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
-        bias = np.empty(n)
-        x = np.concatenate((q, v))
-        dynamics.terms(self.kind, self.packed, x, joints, coupling, modal, bias)
-        return np.block([[joints, coupling], [coupling.T, np.diag(modal)]]), bias
-
-    def mass_matrix(self, q: Vector) -> Matrix:
-        """Return M(q), shape (n, n), symmetric positive definite."""
-        return self._terms(q, np.zeros_like(q))[0]
-
-    def bias(self, q: Vector, v: Vector) -> Vector:
-        """Return h(q, v): centrifugal, Coriolis, elastic and damping terms, shape (n,)."""
-        return self._terms(q, v)[1]
-
-    def derivative(self, x: Vector, effort: Vector) -> Vector:
-        """Return f(x, u), shape (2 n,), for the state x = [q, v]."""
-        return dynamics.derivative(self.kind, self.packed, x, effort)
-
-    def advance(self, x: Vector, effort: Vector, dt: float, steps: int = 1) -> Vector:
-        """Return the state dt later with the effort held (order 8, `steps` equal steps)."""
-        after = x.copy()
-        self._stepper(self.packed, effort, dt, steps, after)
-        return after
+    def efforts(self) -> int:
+        """How many actuators."""
+        return self.joints if self.actuators is None else self.actuators
 
     @cached_property
-    def _stepper(self) -> dynamics.Stepper:
-        return dynamics.stepper(self.kind, self.coordinates, self.joints)
+    def coordinates(self) -> int:
+        """n, joints and modes together: the entries of v."""
+        return self.joints + self.modes
 
-    def jacobian(self, x: Vector, effort: Vector) -> tuple[Matrix, Matrix]:
-        """Return df/dx, shape (2 n, 2 n), and df/du, shape (2 n, joints), exact."""
-        dx, du = np.empty((x.size, x.size)), np.empty((x.size, self.joints))
-        dynamics.jacobian(self.kind, self.packed, x, effort, dx, du)
+    @cached_property
+    def positions(self) -> int:
+        """How many entries q has: n, or one more for each unit quaternion."""
+        return self.coordinates + self.kernels.extra_positions
+
+    @cached_property
+    def _bound(self) -> dynamics.Bound:
+        return dynamics.bound(self.kernels, self.coordinates, self.joints)
+
+    def rest(self, positions: Mapping[str, float]) -> Vector:
+        """Return q at rest with the joints named at these positions, all else zero, shape (n,).
+
+        Args:
+            positions: joint name to position [rad or m].
+
+        Raises:
+            BadInput: a name is no joint of the model.
+        """
+        unknown = sorted(set(positions) - set(self.joint_names))
+        if unknown:
+            names = ", ".join(self.joint_names)
+            raise BadInput(f"{unknown[0]} is not a joint of the testbed; allowed: {names}")
+        rest = np.zeros(self.positions)
+        rest[: self.joints] = [positions.get(name, 0.0) for name in self.joint_names]
+        return rest
+
+    def input_matrix(self, q: Vector, t: float = 0.0) -> Matrix:
+        """Return B(q, t), shape (n, actuators)."""
+        if self.kernels.actuation is None:
+            return np.eye(self.coordinates, self.efforts)
+        x, columns = np.concatenate((q, np.zeros(self.coordinates))), []
+        for one in np.eye(self.efforts):
+            column = np.zeros(self.coordinates)
+            self._bound.actuation(self.packed, t, x, one, column)
+            columns.append(column)
+        return np.array(columns).T
+
+    def _terms(self, q: Vector, v: Vector, t: float) -> tuple[Matrix, Vector]:
+        n = self.coordinates
+        s = n if self.kernels.full_mass else self.joints
+        joints, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
+        bias = np.empty(n)
+        x = np.concatenate((q, v))
+        self._bound.terms(self.packed, t, x, joints, coupling, modal, bias)
+        return np.block([[joints, coupling], [coupling.T, np.diag(modal)]]), bias
+
+    def mass_matrix(self, q: Vector, t: float = 0.0) -> Matrix:
+        """Return M(q, t), shape (n, n), symmetric positive definite."""
+        return self._terms(q, np.zeros(self.coordinates), t)[0]
+
+    def bias(self, q: Vector, v: Vector, t: float = 0.0) -> Vector:
+        """Return h(q, v, t): centrifugal, Coriolis, elastic and damping terms, shape (n,)."""
+        return self._terms(q, v, t)[1]
+
+    def derivative(self, x: Vector, effort: Vector, t: float = 0.0) -> Vector:
+        """Return f(t, x, u), shape of x, for the state x = [q, v]."""
+        return self._bound.derivative(self.packed, t, x, effort)
+
+    def advance(
+        self, x: Vector, effort: Vector, dt: float, steps: int = 1, t: float = 0.0
+    ) -> Vector:
+        """Return the state dt after t with the effort held (order 8, `steps` equal steps)."""
+        after = x.copy()
+        self._bound.advance(self.packed, t, effort, dt, steps, after)
+        return after
+
+    def jacobian(self, x: Vector, effort: Vector, t: float = 0.0) -> tuple[Matrix, Matrix]:
+        """Return df/dx, shape (2 n, 2 n), and df/du, shape (2 n, actuators), exact."""
+        dx, du = np.empty((x.size, x.size)), np.empty((x.size, self.efforts))
+        self._bound.jacobian(self.packed, t, x, effort, dx, du)
         return dx, du
 
-    def kinetic_energy(self, x: Vector) -> float:
+    def with_stiffness(self, factor: float) -> "Model":
+        """Return the model with every stiffness times factor [-], damping ratios kept.
+
+        Raises:
+            BadInput: its testbed does not say how.
+        """
+        if self.scale_stiffness is None:
+            raise BadInput("the stiffness of this testbed cannot be scaled")
+        return replace(self, packed=self.scale_stiffness(self.packed, factor))
+
+    def split(self, x: Vector) -> tuple[Vector, Vector]:
+        """Return q and v of a state."""
+        return x[: self.positions], x[self.positions :]
+
+    def energy(self, x: Vector, t: float = 0.0) -> float:
+        """Return T + U [J], constant without effort, damping and dependence on time."""
+        return self._bound.energy(self.packed, t, x)
+
+    def kinetic_energy(self, x: Vector, t: float = 0.0) -> float:
         """Return T = v^T M(q) v / 2 [J]."""
-        q, v = np.split(x, 2)
-        return float(0.5 * v @ self.mass_matrix(q) @ v)
+        q, v = self.split(x)
+        return float(0.5 * v @ self.mass_matrix(q, t) @ v)
 
-    def energy(self, x: Vector) -> float:
-        """Return T + U [J], constant without effort and damping."""
-        return self.kinetic_energy(x) + dynamics.potential(
-            self.kind, self.packed, x[: self.coordinates]
-        )
-
-    def momentum(self, x: Vector) -> Vector:
+    def momentum(self, x: Vector, t: float = 0.0) -> Vector:
         """Return dT/dv = M(q) v, shape (n,); its first entry is conserved without yaw torque."""
-        q, v = np.split(x, 2)
-        return self.mass_matrix(q) @ v
+        q, v = self.split(x)
+        return self.mass_matrix(q, t) @ v
 
-    def linearise(self, q: Vector) -> Linearisation:
+    def linearise(self, q: Vector, t: float = 0.0) -> Linearisation:
         """Return the small motions about the rest at q (14), (15).
 
         Args:
             q: set point with straight beams, shape (n,).
+            t: time at which the model is frozen [s].
         """
         n = self.coordinates
-        zero = np.zeros(n)
         stiffness, damping = np.empty((n, n)), np.empty((n, n))
-        rest = np.concatenate((q, zero))
-        dynamics.residual_jacobian(self.kind, self.packed, rest, zero, stiffness, damping)
-        return Linearisation(self.mass_matrix(q), damping, stiffness, self.input_matrix)
+        rest, still = np.concatenate((q, np.zeros(n))), np.zeros(n)
+        self._bound.residual_jacobian(self.packed, t, rest, still, stiffness, damping)
+        return Linearisation(self.mass_matrix(q, t), damping, stiffness, self.input_matrix(q, t))

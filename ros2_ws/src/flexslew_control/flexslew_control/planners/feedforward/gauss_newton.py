@@ -1,13 +1,13 @@
 """The iteration (25) of papers/000 that finds the feedforward, in both readings of rho."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from scipy.linalg.lapack import dposv
 
 from flexslew_control.planners.feedforward.manoeuvre import TerminalMap
+from flexslew_control.planners.progress import Progress, Update
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
@@ -20,20 +20,6 @@ _FRESH: dict[Reading, float] = {"levenberg": 0.1, "regularised": 1e-3}
 _DAMPING_DROP, _DAMPING_FLOOR = 1e-2, 1e-6  # of rho per update, and in all
 # relative change at which the coarse grid has done its part
 _COARSE_ENOUGH: dict[Reading, float] = {"levenberg": 0.1, "regularised": 1e-3}
-
-
-class Update(NamedTuple):
-    """What one update of the iteration came to."""
-
-    number: int  # from 1 on
-    objective: float  # J = ||Y||^2 + rho ||U||^2 (22)
-    norm_terminal_error: float  # ||Y||
-    norm_input: float  # ||U|| [N m]
-    change: float  # ||U_k+1 - U_k|| / ||U_k+1||
-    fresh: bool  # whether G was taken at U_k
-
-
-Progress: TypeAlias = Callable[[Update], None]
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.ensemble import Member
-from flexslew_control.planners.feedforward.gauss_newton import Progress, Update
 from flexslew_control.planners.feedforward.manoeuvre import TerminalMap, substeps_for
+from flexslew_control.planners.progress import Progress, Update
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 

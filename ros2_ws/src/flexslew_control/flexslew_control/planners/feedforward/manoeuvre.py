@@ -7,6 +7,7 @@ import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.shooting import final_sensitivity, roll_out
+from flexslew_control.planners.slew import Slew
 from flexslew_control.planners.trajectories import Profile, rest_to_rest
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.dynamics import STAGE_TIMES, STAGES
@@ -68,7 +69,7 @@ class Manoeuvre:
         n = self.model.coordinates
         states = np.empty((len(drive), 2 * n)) if rows is None else rows
         return roll_out(
-            self.model.kind,
+            self.model.kernels,
             self.model.packed,
             self.initial_state,
             edges,
@@ -93,6 +94,17 @@ class Manoeuvre:
         feedback = self.kp * (wanted.position - path[:, :joints])
         feedback += self.kd * (wanted.velocity - path[:, n : n + joints])
         return np.asarray(feedforward + feedback)
+
+
+def manoeuvre_of(slew: Slew, duration: float, reference: Profile) -> Manoeuvre:
+    """Return a slew as the motion of the loop closed by its feedback.
+
+    Args:
+        slew: what is asked for.
+        duration: T_c [s].
+        reference: the profile of the reference.
+    """
+    return Manoeuvre(slew.model, slew.kp, slew.kd, slew.start, slew.goal, duration, reference)
 
 
 def _fastest_rate(model: Model, kp: Vector, kd: Vector, joints: Vector) -> float:
@@ -184,7 +196,7 @@ class TerminalMap:
         drive = table @ weights.reshape(m.model.joints, -1).T
         drive += self._work["drive"]
         path = self._work["path"] = roll_out(
-            m.model.kind,
+            m.model.kernels,
             m.model.packed,
             m.initial_state,
             edges,
@@ -255,7 +267,7 @@ class TerminalMap:
         """Write the adjoint of the last roll-out into the work space."""
         m = self.manoeuvre
         final_sensitivity(
-            m.model.kind,
+            m.model.kernels,
             m.model.packed,
             _tables(self.basis, m.reference, self.substeps)[0],
             m.kp,

@@ -11,7 +11,6 @@ from flexslew_control.planners.feedforward.basis import Basis, BasisName
 from flexslew_control.planners.feedforward.gauss_newton import (
     Optimum,
     Options,
-    Progress,
     Reading,
     Sensitivities,
     optimise,
@@ -19,22 +18,20 @@ from flexslew_control.planners.feedforward.gauss_newton import (
 from flexslew_control.planners.feedforward.manoeuvre import (
     Manoeuvre,
     TerminalMap,
+    manoeuvre_of,
     stage_times,
     substeps_for,
 )
+from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import (
-    CsaGoal,
-    CsaModel,
     Feedback,
+    Slew,
     TooMuchTorque,
-    csa_manoeuvre,
-    software_versions,
     tick_times,
 )
 from flexslew_control.planners.trajectories import Profile, rest_to_rest
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.settings import NonNegative, Positive, plain, section
-from flexslew_plant.testbeds.csa import CsaInitial
+from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.model import Model
 
 
@@ -43,13 +40,13 @@ class OptimizedFeedforward:
     """The `plan` section for method optimized_feedforward."""
 
     method: Literal["optimized_feedforward"] = "optimized_feedforward"
-    model: CsaModel = CsaModel()
-    initial: CsaInitial = CsaInitial()
-    goal: CsaGoal = CsaGoal()
+    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
+    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
+    goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]
     start: NonNegative = 0.0  # [s]
     duration: Positive = 25.0  # T_c [s]
     reference: Profile = "cubic"
-    feedback: Feedback = Feedback()
+    feedback: Feedback | None = None  # that flies it; null: of the controller in charge
     basis: BasisName = "hat"
     functions: Annotated[int, Field(ge=1, le=200)] = 9  # n_u, per joint
     reading: Reading = "levenberg"
@@ -83,13 +80,13 @@ def find_feedforward(
 
 
 def plan_optimized_feedforward(
-    settings: OptimizedFeedforward, period: float, effort_limit: Vector, progress: Progress
+    settings: OptimizedFeedforward, slew: Slew, progress: Progress
 ) -> Plan:
     """Return the plan with the optimal feedforward; see make_plan."""
-    manoeuvre = csa_manoeuvre(settings)
+    manoeuvre = manoeuvre_of(slew, settings.duration, settings.reference)
     basis, optimum = find_feedforward(settings, manoeuvre, progress)
     weights = optimum.weights.reshape(manoeuvre.model.joints, -1).T
-    plan = on_ticks(settings, manoeuvre, basis, weights, period, effort_limit)
+    plan = on_ticks(settings, slew, manoeuvre, basis, weights)
     last = optimum.history[-1]
     found: dict[str, Any] = {
         "objective": last.objective,
@@ -106,11 +103,10 @@ def plan_optimized_feedforward(
 
 def on_ticks(
     settings: Any,
+    slew: Slew,
     manoeuvre: Manoeuvre,
     basis: Basis,
     weights: Matrix,
-    period: float,
-    effort_limit: Vector,
 ) -> Plan:
     """Return the slew with the feedforward basis @ weights as a Plan on the ticks.
 
@@ -119,16 +115,15 @@ def on_ticks(
 
     Args:
         settings: the `plan` section; its method and start are read.
-        manoeuvre: the slew.
+        slew: what is asked for.
+        manoeuvre: the slew under its feedback.
         basis: of the feedforward.
         weights: shape (n_u, joints) [N m].
-        period: one tick [s].
-        effort_limit: shape (joints,) [N m].
 
     Raises:
         TooMuchTorque: feedforward and feedback together need more than the limit.
     """
-    ticks = tick_times(settings.start, manoeuvre.duration, period)
+    ticks = tick_times(settings.start, manoeuvre.duration, slew.period)
     edges = np.union1d(ticks, basis.nodes)
     kept = np.append(True, np.diff(edges) > 1e-9 * manoeuvre.duration)
     edges = edges[kept]  # a node beside a tick by rounding is the tick
@@ -138,21 +133,19 @@ def on_ticks(
     )
     effort = manoeuvre.efforts(edges, basis.values(edges) @ weights, path)
     peak = np.abs(effort).max(axis=0)
-    _refuse_saturation(manoeuvre.model, peak, effort_limit)
+    _refuse_saturation(manoeuvre.model, peak, slew.effort_limit)
     at = np.searchsorted(edges, ticks - 1e-9 * manoeuvre.duration)
     return Plan(
         method=settings.method,
         joint_names=manoeuvre.model.joint_names,
         start=settings.start,
-        period=period,
+        period=slew.period,
         position=reference.position,
         velocity=reference.velocity,
         effort=basis.means(ticks) @ weights,
         state=path[at],
         duration=manoeuvre.duration,
-        request=plain(settings),
         summary={"duration": manoeuvre.duration, "peak_effort": peak.tolist()},
-        versions=software_versions(),
     )
 
 

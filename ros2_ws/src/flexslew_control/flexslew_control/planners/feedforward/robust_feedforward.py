@@ -23,22 +23,13 @@ from pydantic import Field
 from flexslew_control.plan import Plan
 from flexslew_control.planners.feedforward.basis import Basis, BasisName
 from flexslew_control.planners.feedforward.ensemble import Member
-from flexslew_control.planners.feedforward.gauss_newton import Progress
 from flexslew_control.planners.feedforward.limited_gauss_newton import Problem, limited_gauss_newton
-from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre
+from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, manoeuvre_of
 from flexslew_control.planners.feedforward.optimized_feedforward import on_ticks
-from flexslew_control.planners.slew import (
-    CsaGoal,
-    CsaModel,
-    Feedback,
-    TooMuchTorque,
-    csa_manoeuvre,
-)
+from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque
 from flexslew_control.planners.trajectories import Profile
-from flexslew_plant.arrays import Vector
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds import with_stiffness
-from flexslew_plant.testbeds.csa import CsaInitial
 
 _Error = Annotated[float, Field(gt=-0.9, le=5.0)]
 _Errors = Annotated[tuple[_Error, ...], Field(min_length=1, max_length=25)]
@@ -49,13 +40,13 @@ class RobustFeedforward:
     """The `plan` section for method robust_feedforward."""
 
     method: Literal["robust_feedforward"] = "robust_feedforward"
-    model: CsaModel = CsaModel()
-    initial: CsaInitial = CsaInitial()
-    goal: CsaGoal = CsaGoal()
+    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
+    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
+    goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]
     start: NonNegative = 0.0  # [s]
     duration: Positive = 25.0  # T_c [s]
     reference: Profile = "cubic"
-    feedback: Feedback = Feedback()
+    feedback: Feedback | None = None  # that flies it; null: of the controller in charge
     stiffness_errors: _Errors = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of EI, relative; one a member [-]
     payload_errors: _Errors = (0.0,)  # of hub_inertia_1 and _2; every pair is a member [-]
     basis: BasisName = "hat"
@@ -67,34 +58,28 @@ class RobustFeedforward:
     tolerance: Positive = 1e-3  # relative gain of the objective
 
 
-def ensemble(settings: RobustFeedforward) -> tuple[Member, ...]:
+def ensemble(settings: RobustFeedforward, slew: Slew) -> tuple[Member, ...]:
     """Return a member for every pair of a stiffness error and a payload error."""
     members = []
     for payload in settings.payload_errors:
-        p = settings.model.parameters
-        loaded = replace(
-            p,
-            hub_inertia_1=p.hub_inertia_1 * (1.0 + payload),
-            hub_inertia_2=p.hub_inertia_2 * (1.0 + payload),
-        )
-        slew = csa_manoeuvre(replace(settings, model=replace(settings.model, parameters=loaded)))
+        loaded = replace(slew, testbed=slew.testbed.scaled(payload=1.0 + payload))
+        flown = manoeuvre_of(loaded, settings.duration, settings.reference)
         for error in settings.stiffness_errors:
-            model = with_stiffness(slew.model, 1.0 + error)
-            members.append(Member(error, payload, replace(slew, model=model), settings.lever))
+            model = flown.model.with_stiffness(1.0 + error)
+            members.append(Member(error, payload, replace(flown, model=model), settings.lever))
     return tuple(members)
 
 
-def plan_robust_feedforward(
-    settings: RobustFeedforward, period: float, effort_limit: Vector, progress: Progress
-) -> Plan:
+def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: Progress) -> Plan:
     """Return the plan whose feedforward suits the whole ensemble; see make_plan.
 
     Raises:
         PlanFailed: the iteration does not settle.
         TooMuchTorque: a member needs more than the drives have.
     """
-    members = ensemble(settings)
-    nominal = csa_manoeuvre(settings)
+    members = ensemble(settings, slew)
+    nominal = manoeuvre_of(slew, settings.duration, settings.reference)
+    effort_limit = slew.effort_limit
     basis = Basis(settings.basis, settings.functions, settings.duration)
     problem = Problem(members, basis, settings.rho, (1.0 - settings.reserve) * effort_limit)
     history = limited_gauss_newton(problem, settings.max_iterations, settings.tolerance, progress)
@@ -109,7 +94,7 @@ def plan_robust_feedforward(
                 f"{100.0 * members[worst].stiffness_error:+g} %), the limit is "
                 f"{effort_limit[j]:g} N m"
             )
-    plan = on_ticks(settings, nominal, basis, weights, period, effort_limit)
+    plan = on_ticks(settings, slew, nominal, basis, weights)
     plan = _about_its_own_trajectory(plan, nominal)
     last = history[-1][1]
     found: dict[str, Any] = {

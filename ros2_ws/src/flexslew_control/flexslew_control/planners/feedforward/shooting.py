@@ -8,13 +8,14 @@ So the kernels know neither the reference nor the basis of the feedforward.
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds import dynamics
-from flexslew_plant.testbeds.dynamics import STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
+from flexslew_plant.testbeds import dynamics, interface, mass
+from flexslew_plant.testbeds.dynamics import STAGE_TIMES, STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
+from flexslew_plant.testbeds.kernels import Kernels
 
 
 @compiled
 def roll_out(
-    kind: int,
+    kernels: Kernels,
     p: Vector,
     start: Vector,
     edges: Vector,
@@ -28,7 +29,7 @@ def roll_out(
     """Return the states at the edges, shape (steps + 1, 2 n), one step of order 8 between each two.
 
     Args:
-        kind, p: the testbed's number and its packed parameters.
+        kernels, p: the testbed's equations and its packed parameters.
         start: state [q, v] at edges[0], shape (2 n,).
         edges: rising times, shape (steps + 1,) [s].
         drive: d at the stages, shape (STAGES steps, joints) [N m or N].
@@ -39,7 +40,8 @@ def roll_out(
         accelerations: out, at every stage, shape (STAGES steps, n).
     """
     n, m, steps = len(sizes[0]), len(sizes[1]), edges.size - 1
-    joints, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
+    s = interface.square(kernels, n, m)
+    block, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
     slopes, at, a, effort = np.empty((STAGES, 2 * n)), np.empty(2 * n), np.empty(n), np.empty(m)
     now, path = start.copy(), np.empty((steps + 1, 2 * n))
     for k in range(2 * n):
@@ -57,7 +59,8 @@ def roll_out(
                         at[k] += weight * slopes[j, k]
             for j in range(m):
                 effort[j] = drive[row, j] - kp[j] * at[j] - kd[j] * at[n + j]
-            dynamics.acceleration(kind, p, at, effort, joints, coupling, modal, a)
+            now_at = edges[step] + STAGE_TIMES[i] * h
+            dynamics.acceleration(kernels, p, now_at, at, effort, block, coupling, modal, a)
             for k in range(n):
                 slopes[i, k] = at[n + k]
                 slopes[i, n + k] = a[k]
@@ -75,7 +78,7 @@ def roll_out(
 
 @compiled
 def final_sensitivity(
-    kind: int,
+    kernels: Kernels,
     p: Vector,
     edges: Vector,
     kp: Vector,
@@ -96,7 +99,7 @@ def final_sensitivity(
     derivatives of the state at the step's own end.
 
     Args:
-        kind, p, edges, kp, kd, sizes: as in roll_out.
+        kernels, p, edges, kp, kd, sizes: as in roll_out.
         states, accelerations: what roll_out wrote.
         out: shape (STAGES steps, joints 2 n): per stage and joint the 2 n derivatives.
         transitions: out, shape (steps, (2 n)^2): entry k 2 n + r of a row is the derivative of
@@ -105,9 +108,10 @@ def final_sensitivity(
     n, m, steps = len(sizes[0]), len(sizes[1]), edges.size - 1
     rows = 2 * n
     half = n * rows  # where the velocity components start
-    joints, coupling, modal = np.empty((m, m)), np.empty((m, n - m)), np.empty(n - m)
+    s = interface.square(kernels, n, m)
+    block, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
     x, a, column = np.empty(rows), np.empty(n), np.empty(n)
-    dq, dv, scale = np.empty((n, n)), np.empty((n, n)), np.empty(n - m)
+    dq, dv, scale = np.empty((n, n)), np.empty((n, n)), np.empty(n - s)
     # flat: entry k rows + r is component k of the adjoint of x_r(T)
     g, cotangent, mu = np.empty((STAGES, 2 * half)), np.empty(2 * half), np.empty(half)
     end = np.eye(rows).ravel()
@@ -125,43 +129,19 @@ def final_sensitivity(
                         cotangent[k] += weight * g[later, k]
             for k in range(n):
                 x[k], x[n + k], a[k] = states[row, k], states[row, n + k], accelerations[row, k]
-            dynamics.terms(kind, p, x, joints, coupling, modal, column)
-            dynamics.residual_jacobian(kind, p, x, a, dq, dv)
+            now = edges[step] + STAGE_TIMES[i] * h
+            interface.terms(kernels, p, now, x, block, coupling, modal, column)
+            interface.residual_jacobian(kernels, p, now, x, a, dq, dv)
             for j in range(m):
                 dq[j, j] += kp[j]
                 dv[j, j] += kd[j]
             for k in range(half):
                 g[i, k] = 0.0
                 g[i, half + k] = cotangent[k]
-            # mu = M^-1 k_v: the modes eliminated, then the joints, then the modes again
+            # mu = M^-1 k_v
             for k in range(half):
                 mu[k] = cotangent[half + k]
-            for k in range(n - m):
-                scale[k] = 1.0 / modal[k]
-                for j in range(m):
-                    entry = coupling[j, k] * scale[k]
-                    if entry != 0.0:
-                        for other in range(m):
-                            joints[j, other] -= entry * coupling[other, k]
-                        for r in range(rows):
-                            mu[j * rows + r] -= entry * mu[(m + k) * rows + r]
-            if m == 2:
-                inverse = 1.0 / (joints[0, 0] * joints[1, 1] - joints[0, 1] * joints[1, 0])
-                for r in range(rows):
-                    first, second = mu[r], mu[rows + r]
-                    mu[r] = inverse * (joints[1, 1] * first - joints[0, 1] * second)
-                    mu[rows + r] = inverse * (joints[0, 0] * second - joints[1, 0] * first)
-            else:
-                inverse = 1.0 / joints[0, 0]
-                for r in range(rows):
-                    mu[r] *= inverse
-            for k in range(n - m):
-                for j in range(m):
-                    if coupling[j, k] != 0.0:
-                        for r in range(rows):
-                            mu[(m + k) * rows + r] -= coupling[j, k] * mu[j * rows + r]
-                for r in range(rows):
-                    mu[(m + k) * rows + r] *= scale[k]
+            mass.solve_rows(block, coupling, modal, scale, mu, rows)
             for k in range(m * rows):
                 out[row, k] = mu[k]
             for j in range(n):

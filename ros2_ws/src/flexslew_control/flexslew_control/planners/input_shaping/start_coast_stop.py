@@ -2,32 +2,27 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
 from scipy.integrate import cumulative_simpson
-from scipy.linalg import expm
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.feedforward.gauss_newton import Progress
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_control.planners.input_shaping.shaped_motion import (
+    FINE,
+    clamped_frequencies,
+    mean_efforts,
+    nominal_motion,
+)
+from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.slew import Slew, tick_times
+from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.settings import NonNegative, Positive, plain, section
-from flexslew_plant.testbeds import build_model
-from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed
-from flexslew_plant.testbeds.model import Model
+from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds import Model
 
-_FINE = 4  # grid intervals a tick
 _Function: TypeAlias = Callable[[Vector], Vector]
-
-
-@section
-class Goal:
-    """Where the joints rest at the end."""
-
-    base_yaw: float = float(np.pi / 6)  # [rad]
-    hub_pitch: float = Field(default=0.5, gt=-1.5, lt=1.5)  # [rad]
 
 
 @section
@@ -35,9 +30,9 @@ class StartCoastStop:
     """The `plan` section for method start_coast_stop."""
 
     method: Literal["start_coast_stop"] = "start_coast_stop"
-    model: CsaTestbed = CsaTestbed(modes=1)  # what the planner believes
-    initial: CsaInitial | None = None  # where the joints rest; null: as the model's `initial`
-    goal: Goal = Goal()
+    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
+    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
+    goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]
     start: NonNegative = 0.0  # [s]
     amplitude: Positive | None = None  # T_amp of (47), before shaping; null: 100 [N m]
     duration: Positive | None = None  # instead: of it all, pulses, coast and shaper [s]
@@ -148,40 +143,24 @@ def two_impulses(frequency: float, damping: float) -> tuple[float, float, float]
     return 1.0 / (1.0 + k), k / (1.0 + k), float(np.pi / (frequency * root))
 
 
-def start_coast_stop(
-    settings: StartCoastStop,
-    period: float,
-    effort_limit: Vector | None = None,
-    progress: Progress | None = None,
-) -> Plan:
-    """Return the shaped start-coast-stop manoeuvre with its elastic states.
+def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progress) -> Plan:
+    """Return the shaped start-coast-stop manoeuvre with its elastic states; see make_plan.
 
-    The pulses, shaped, are v = theta' cos(psi), rescaled such that theta reaches its goal; psi
-    follows the same profile. That makes the drive of every mode, -m d/dt(cos(psi) theta'), a
-    shaped function too, so M q_d'' + C q_d' + K q_d = -m v' (43) comes to rest with it.
-
-    Args:
-        settings: the `plan` section.
-        period: one tick [s].
-        effort_limit: of the drives, shape (joints,) [N m]; None: not checked.
-        progress: never called, as nothing is iterated.
+    The shaped pulses are the command that the joints follow such that the drive of every mode is
+    shaped too (contract.Shaped), so the elastic tracking model (43) comes to rest with it. Their
+    strength is that which turns the rigid inertia about the first joint that moves.
 
     Raises:
         BadInput: there is nothing to turn.
         PlanFailed: the feedforward is above the limit.
     """
-    model = build_model(settings.model)
-    joints = model.joints
-    initial = settings.initial or settings.model.initial
-    first = np.array([initial.base_yaw, initial.hub_pitch])
-    last = np.array([settings.goal.base_yaw, settings.goal.hub_pitch])
-    span = last - first
-    if not span.any():
+    if slew.still:
         raise BadInput("plan: goal: the joints are there already; give another goal")
-    leader = 0 if span[0] != 0.0 else 1  # whose torque the pulses are
-    rest = np.concatenate((first, np.zeros(model.modes)))
+    model, joints = slew.model, slew.model.joints
+    leader = int(np.flatnonzero(slew.goal - slew.start)[0])  # whose torque the pulses are
+    rest = model.rest(slew.named(slew.start))
     shape, delay = _shaped(model, rest, settings)
-    way, frequency = float(span[leader]), settings.pulse_frequency
+    way, frequency = float((slew.goal - slew.start)[leader]), settings.pulse_frequency
     inertia = float(model.mass_matrix(rest)[leader, leader])
     if settings.duration is None:
         motion = pulses(way, settings.amplitude or _AMPLITUDE, frequency, inertia)
@@ -190,32 +169,36 @@ def start_coast_stop(
     else:
         raise BadInput("plan: amplitude and duration: only one of them may be given; leave one out")
     duration = motion.duration + delay
-    ticks = int(np.ceil(duration / period - 1e-9))
-    t: Vector = np.arange(_FINE * ticks + 1, dtype=np.float64) * (period / _FINE)
-    rate, acceleration = shape(motion.rate)(t), shape(motion.acceleration)(t)
-    q, v, a = _joint_motion(rate, acceleration, first, span, leader, period / _FINE)
-    drive = a[:, 0] * np.cos(q[:, 1]) - v[:, 0] * v[:, 1] * np.sin(q[:, 1])
-    flexible = _tracking_model(model, drive, period / _FINE)
-    q, v, a = (np.hstack(pair) for pair in zip((q, v, a), flexible, strict=True))
-    q[-1, :joints], v[-1, :joints] = last, 0.0
-    effort = _mean_effort(model, q, v, a, settings.feedforward == "elastic")
+    ticks = tick_times(settings.start, duration, slew.period)
+    h = slew.period / FINE
+    t: Vector = np.arange(FINE * (len(ticks) - 1) + 1, dtype=np.float64) * h
+    rate = shape(motion.rate)(t)
+    path = cumulative_simpson(rate, dx=h, initial=0.0)
+    path, rate = path / path[-1], rate / path[-1]
+    try:
+        q, v = nominal_motion(slew, path, rate, h)
+    except BadInput as error:
+        raise BadInput(f"plan: goal: {error}") from None
+    q[-1, :joints], v[-1, :joints] = slew.goal, 0.0
+    stiff = np.arange(model.coordinates) < joints
+    moved = (q, v) if settings.feedforward == "elastic" else (q * stiff, v * stiff)
+    effort = mean_efforts(model, *moved, h)
     peak = abs(effort).max(axis=0)
-    if effort_limit is not None and (peak > effort_limit).any():
+    if (peak > slew.effort_limit).any():
         raise PlanFailed(
             f"the feedforward reaches {peak.round(1).tolist()} N m, above the limit "
-            f"{effort_limit.tolist()}; give a smaller amplitude or pulse_frequency"
+            f"{slew.effort_limit.tolist()}; give a smaller amplitude or pulse_frequency"
         )
     return Plan(
         method=settings.method,
         joint_names=model.joint_names,
         start=settings.start,
-        period=period,
-        position=q[::_FINE, :joints].copy(),
-        velocity=v[::_FINE, :joints].copy(),
+        period=slew.period,
+        position=q[::FINE, :joints].copy(),
+        velocity=v[::FINE, :joints].copy(),
         effort=effort,
-        state=np.hstack((q[::_FINE], v[::_FINE])),
+        state=np.hstack((q[::FINE], v[::FINE])),
         duration=duration,
-        request=plain(settings),
         summary={
             "duration": duration,
             "pulse_amplitude": abs(motion.amplitude) * inertia,
@@ -235,89 +218,8 @@ def _shaped(
         return (lambda function: function), 0.0
     linear = model.linearise(rest)
     if settings.shaper == "clamped":
-        m = model.joints
-        frequency = float(np.sqrt(np.min(np.diag(linear.stiffness)[m:] / np.diag(linear.mass)[m:])))
+        frequency = min(clamped_frequencies(model))
     else:
         frequency = float(linear.frequencies[0])
     a1, a2, delay = two_impulses(frequency, settings.shaper_damping)
     return (lambda function: lambda t: a1 * function(t) + a2 * function(t - delay)), delay
-
-
-def _joint_motion(
-    rate: Vector, acceleration: Vector, first: Vector, span: Vector, leader: int, h: float
-) -> tuple[Matrix, Matrix, Matrix]:
-    """Return q, v and a of the joints on the fine grid, each (times, 2).
-
-    psi' = (psi span / leader's span) rate, theta' = s v / cos(psi) with the scale s that
-    reaches the goal.
-    """
-    q, v, a = (np.zeros((rate.size, 2)) for _ in range(3))
-    share = span[1] / span[leader]
-    v[:, 1], a[:, 1] = share * rate, share * acceleration
-    q[:, 1] = first[1] + cumulative_simpson(v[:, 1], dx=h, initial=0.0)
-    q[:, 0] = first[0]
-    if span[0] != 0.0:
-        cosine, sine = np.cos(q[:, 1]), np.sin(q[:, 1])
-        turned = cumulative_simpson(rate / cosine, dx=h, initial=0.0)
-        scale = span[0] / turned[-1]
-        v[:, 0] = scale * rate / cosine
-        a[:, 0] = (scale * acceleration + v[:, 0] * sine * v[:, 1]) / cosine
-        q[:, 0] += scale * turned
-    return q, v, a
-
-
-def _tracking_model(model: Model, drive: Vector, h: float) -> tuple[Matrix, Matrix, Matrix]:
-    """Return q_d, q_d', q_d'' of M q'' + C q' + K q = -m drive (43), each (times, modes).
-
-    Args:
-        model: whose modes at psi = 0 give M, C, K and m.
-        drive: d/dt(cos(psi) theta'), on the grid [rad/s^2].
-        h: grid interval [s].
-    """
-    m, n = model.joints, model.coordinates
-    linear = model.linearise(np.zeros(n))
-    q, v, a = (np.zeros((drive.size, n - m)) for _ in range(3))
-    for j in range(m, n):
-        mass = linear.mass[j, j]
-        spring, damper = linear.stiffness[j, j] / mass, linear.damping[j, j] / mass
-        force = -linear.mass[0, j] / mass * drive
-        # [q, q', force, force'] with the force linear over an interval: exact by expm
-        matrix = np.zeros((4, 4))
-        matrix[0, 1] = matrix[1, 2] = matrix[2, 3] = 1.0
-        matrix[1, 0], matrix[1, 1] = -spring, -damper
-        step = np.ascontiguousarray(expm(matrix * h)[:2])
-        swing = _driven(step, force, h)
-        q[:, j - m], v[:, j - m] = swing[:, 0], swing[:, 1]
-        a[:, j - m] = force - spring * swing[:, 0] - damper * swing[:, 1]
-    return q, v, a
-
-
-@compiled
-def _driven(step: Matrix, force: Vector, h: float) -> Matrix:
-    """Return [q, q'] from rest at every grid point, shape (times, 2)."""
-    out = np.zeros((force.size, 2))
-    for k in range(force.size - 1):
-        slope = (force[k + 1] - force[k]) / h
-        for i in range(2):
-            out[k + 1, i] = (
-                step[i, 0] * out[k, 0]
-                + step[i, 1] * out[k, 1]
-                + step[i, 2] * force[k]
-                + step[i, 3] * slope
-            )
-    return out
-
-
-def _mean_effort(model: Model, q: Matrix, v: Matrix, a: Matrix, elastic: bool) -> Matrix:
-    """Return the joints' rows of M a + h, averaged over each tick (Simpson), (ticks, joints)."""
-    m = model.joints
-    half = _FINE // 2
-    at = []
-    for k in range(0, len(q), half):
-        x, rate, slope = q[k].copy(), v[k].copy(), a[k].copy()
-        if not elastic:
-            x[m:], rate[m:], slope[m:] = 0.0, 0.0, 0.0
-        at.append((model.mass_matrix(x) @ slope + model.bias(x, rate))[:m])
-    u = np.array(at)
-    mean: Matrix = (u[:-2:2] + 4.0 * u[1:-1:2] + u[2::2]) / 6.0
-    return mean

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.planners.feedforward.gauss_newton import Progress, Update
+from flexslew_control.planners.progress import Progress, Update
 from flexslew_control.planners.time_optimal.arcs import final_sensitivity
 from flexslew_control.planners.time_optimal.interruptible import Interrupt, interruptible
 from flexslew_control.planners.time_optimal.optimal_switching import (
@@ -23,7 +23,9 @@ from flexslew_control.planners.time_optimal.optimal_switching import (
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.testbeds import csa
+from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.contract import Symbolic
+from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 
 _INTERVALS = 100
@@ -67,10 +69,10 @@ class AllDrives:
         return np.eye(self.start.size)
 
     @property
-    def ensemble(self) -> tuple[int, Matrix, Vector, Vector]:
+    def ensemble(self) -> tuple[Kernels, Matrix, Vector, Vector]:
         """What the kernels of `arcs` simulate: the model alone."""
         nothing = np.zeros(self.model.joints)
-        return self.model.kind, self.model.packed[None], nothing, nothing
+        return self.model.kernels, self.model.packed[None], nothing, nothing
 
     @property
     def rigid_duration(self) -> float:
@@ -90,21 +92,22 @@ class AllDrives:
 
 
 def fastest_slew(
-    model: Model, start: Vector, goal: Vector, amplitude: Vector, progress: Progress
+    testbed: Testbed, start: Vector, goal: Vector, amplitude: Vector, progress: Progress
 ) -> tuple[AllDrives, Vector]:
     """Return the fastest slew found and the durations of its arcs.
 
     Args:
-        model: of the CSA testbed, with one mode or more.
+        testbed: with one mode or more, and energies in symbols (contract.Symbolic).
         start, goal: states at rest, shape (2 n,).
         amplitude: of the efforts, shape (joints,) [N m].
         progress: called after every start, with the least duration so far for its objective.
 
     Raises:
-        BadInput: CasADi is missing.
+        BadInput: CasADi is missing, or the testbed gives no energies in symbols.
         PlanFailed: no start leads to a slew.
     """
-    solve = _transcription(model, start, goal, amplitude)
+    model = testbed.model()
+    solve = _transcription(testbed, start, goal, amplitude)
     rng = np.random.default_rng(_SEED)
     found: list[tuple[float, Matrix]] = []
     for k in range(_STARTS):
@@ -155,7 +158,7 @@ def _structure(duration: float, shares: Matrix) -> tuple[Matrix, Vector]:
 
 
 def _transcription(
-    model: Model, start: Vector, goal: Vector, amplitude: Vector
+    testbed: Testbed, start: Vector, goal: Vector, amplitude: Vector
 ) -> Callable[[np.random.Generator], tuple[float, Matrix] | None]:
     """Return what solves the transcribed slew from a random guess: T and u/amplitude."""
     try:
@@ -164,8 +167,13 @@ def _transcription(
         raise BadInput(
             "plan: goal: slews by all drives need the package casadi; pip install casadi"
         ) from None
+    if not isinstance(testbed, Symbolic):
+        raise BadInput(
+            "plan: drives: all is not allowed: this testbed does not give its energies in symbols"
+        )
+    model = testbed.model()
     n, m = model.coordinates, model.joints
-    rate = _rate(ca, model)
+    rate = _rate(ca, testbed, n, m)
     x, u, h = ca.SX.sym("x", 2 * n), ca.SX.sym("u", m), ca.SX.sym("h")
     k1 = rate(x, u)
     k2 = rate(x + h / 2.0 * k1, u)
@@ -206,17 +214,12 @@ def _transcription(
     return solve
 
 
-def _rate(ca: Any, model: Model) -> Any:
-    """Return f(x, u) of the CSA testbed as a CasADi function, by Lagrange from T and U."""
-    n, p = model.coordinates, csa.unpacked(model.packed)
-    q, v, u = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("u", model.joints)
-    c, s, mode, mode_rate = ca.cos(q[1]), ca.sin(q[1]), q[2:], v[2:]
-    kinetic = 0.5 * (p.j_1 + p.j_a * c**2) * v[0] ** 2 + 0.5 * p.j_2 * v[1] ** 2
-    kinetic += c * v[0] * ca.dot(p.coupling, mode_rate) + 0.5 * ca.dot(p.mass, mode_rate**2)
-    if p.complete:
-        kinetic += s * v[0] * v[1] * ca.dot(p.coupling, mode)
-    potential = 0.5 * ca.dot(p.stiffness, mode**2)
+def _rate(ca: Any, testbed: Symbolic, n: int, joints: int) -> Any:
+    """Return f(x, u) as a CasADi function, by Lagrange from the testbed's energies."""
+    q, v, u = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("u", joints)
+    kinetic, potential, dissipation = testbed.energies(ca, q, v)
     mass, momentum = ca.hessian(kinetic, v)[0], ca.gradient(kinetic, v)
-    force = ca.vertcat(u, -p.damping * mode_rate) + ca.gradient(kinetic - potential, q)
+    force = ca.vertcat(u, ca.SX.zeros(n - joints)) - ca.gradient(dissipation, v)
+    force += ca.gradient(kinetic - potential, q)
     acceleration = ca.solve(mass, force - ca.jtimes(momentum, q, v))
     return ca.Function("rate", [ca.vertcat(q, v), u], [ca.vertcat(v, acceleration)])

@@ -14,16 +14,17 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds import dynamics
 from flexslew_plant.testbeds.dynamics import STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
+from flexslew_plant.testbeds.kernels import Kernels
 
 
 @compiled
 def rates(
-    kind: int, packed: Matrix, kp: Vector, kd: Vector, z: Vector, effort: Vector, out: Vector
+    kernels: Kernels, packed: Matrix, kp: Vector, kd: Vector, z: Vector, effort: Vector, out: Vector
 ) -> None:
     """Write dz/dt of all copies.
 
     Args:
-        kind, packed, kp, kd: as in final_states.
+        kernels, packed, kp, kd: as in final_states.
         z: their states, flat, shape (copies 2 n,).
         effort: of the arc, shape (joints,) [N m or N].
         out: same shape as z.
@@ -35,12 +36,12 @@ def rates(
         x = z[c * rows : (c + 1) * rows]
         for j in range(m):
             applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
-        out[c * rows : (c + 1) * rows] = dynamics.derivative(kind, packed[c], x, applied)
+        out[c * rows : (c + 1) * rows] = dynamics.derivative(kernels, packed[c], 0.0, x, applied, m)
 
 
 @compiled
 def _jacobian(
-    kind: int,
+    kernels: Kernels,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -59,7 +60,9 @@ def _jacobian(
         x = z[first:last]
         for j in range(m):
             applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
-        dynamics.jacobian(kind, packed[c], x, applied, dz[first:last, first:last], du[first:last])
+        dynamics.jacobian(
+            kernels, packed[c], 0.0, x, applied, m, dz[first:last, first:last], du[first:last]
+        )
         if c > 0:
             for j in range(m):
                 for k in range(first, last):
@@ -80,7 +83,7 @@ def _together(start: Vector, copies: int) -> Vector:
 
 @compiled
 def final_states(
-    kind: int,
+    kernels: Kernels,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -92,7 +95,7 @@ def final_states(
     """Return the states after all arcs, shape (copies, 2 n), the nominal one's first.
 
     Args:
-        kind: the model's kernels, as in dynamics.derivative.
+        kernels: the model's kernels, as in dynamics.derivative.
         packed: their parameters, one row per copy.
         kp, kd: gains of the perturbed copies, shape (joints,) [N m/rad, N m s/rad].
         start: state of all at the beginning of the first arc, shape (2 n,).
@@ -109,14 +112,14 @@ def final_states(
         for _ in range(steps):
             for stage in range(STAGES):
                 dynamics.stage_state(z, slopes, stage, h, at)
-                rates(kind, packed, kp, kd, at, efforts[arc], slopes[stage])
+                rates(kernels, packed, kp, kd, at, efforts[arc], slopes[stage])
             dynamics.complete_step(z, slopes, h)
     return z.reshape((copies, rows))
 
 
 @compiled
 def final_sensitivity(
-    kind: int,
+    kernels: Kernels,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -130,7 +133,7 @@ def final_sensitivity(
     With z' = f(z, u_i) on arc i: dz/dd_i = f at the end of the arc, then S' = (df/dz) S.
 
     Args:
-        kind, packed, kp, kd, start, efforts, durations, step: as in final_states.
+        kernels, packed, kp, kd, start, efforts, durations, step: as in final_states.
 
     Returns:
         the states, shape (copies 2 n,), and dz_f/dd, shape (copies 2 n, arcs).
@@ -147,10 +150,10 @@ def final_sensitivity(
         for _ in range(steps):
             for stage in range(STAGES):
                 dynamics.stage_state(z, slopes, stage, h, at)
-                rates(kind, packed, kp, kd, at, efforts[arc], slopes[stage])
+                rates(kernels, packed, kp, kd, at, efforts[arc], slopes[stage])
                 if arc == 0:
                     continue
-                _jacobian(kind, packed, kp, kd, at, efforts[arc], dz, du)
+                _jacobian(kernels, packed, kp, kd, at, efforts[arc], dz, du)
                 s_at[:] = s
                 for j in range(stage):
                     weight = h * STAGE_WEIGHTS[stage, j]
@@ -162,14 +165,14 @@ def final_sensitivity(
                 for j in range(STAGES):
                     if STEP_WEIGHTS[j] != 0.0:
                         s += h * STEP_WEIGHTS[j] * s_slopes[j]
-        rates(kind, packed, kp, kd, z, efforts[arc], at)
+        rates(kernels, packed, kp, kd, z, efforts[arc], at)
         s[:, arc] = at
     return z, s
 
 
 @compiled
 def costate_backwards(
-    kind: int,
+    kernels: Kernels,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -184,7 +187,7 @@ def costate_backwards(
     lambda' = -(df/dz)^T lambda is integrated backwards together with the states.
 
     Args:
-        kind, packed, kp, kd, efforts, durations, step: as in final_states.
+        kernels, packed, kp, kd, efforts, durations, step: as in final_states.
         final: states at the end, flat, shape (copies 2 n,).
         costate: lambda at the end, same shape.
 
@@ -206,16 +209,16 @@ def costate_backwards(
         for _ in range(counts[arc]):
             for stage in range(STAGES):
                 dynamics.stage_state(y, slopes, stage, h, at)
-                _jacobian(kind, packed, kp, kd, at[:rows], efforts[arc], dz, du)
+                _jacobian(kernels, packed, kp, kd, at[:rows], efforts[arc], dz, du)
                 if stage == 0:
                     times[row] = t
                     values[row] = du.T @ y[rows:]
-                rates(kind, packed, kp, kd, at[:rows], efforts[arc], slopes[stage, :rows])
+                rates(kernels, packed, kp, kd, at[:rows], efforts[arc], slopes[stage, :rows])
                 slopes[stage, rows:] = -(dz.T @ at[rows:])
             dynamics.complete_step(y, slopes, h)
             row += 1
             t += h
-    _jacobian(kind, packed, kp, kd, y[:rows], efforts[0], dz, du)
+    _jacobian(kernels, packed, kp, kd, y[:rows], efforts[0], dz, du)
     times[row] = t
     values[row] = du.T @ y[rows:]
     return times, values

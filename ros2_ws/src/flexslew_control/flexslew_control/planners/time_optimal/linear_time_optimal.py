@@ -14,7 +14,6 @@ from scipy.optimize import brentq, linprog
 from flexslew_control.planners.time_optimal.switching import BangBang
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
-from flexslew_plant.testbeds import with_stiffness
 
 _CHANGE = 1e-4  # of the stiffness, for dA/dk
 _LONGEST = 12.0  # searched, times the rigid duration and one period
@@ -62,7 +61,7 @@ def _extended(slew: BangBang) -> tuple[Matrix, Vector, Matrix]:
     gains[:, slew.joint] = slew.kp, slew.kd
 
     def state_matrix(factor: float) -> Matrix:
-        return with_stiffness(slew.model, factor).linearise(q).state_matrix
+        return slew.model.with_stiffness(factor).linearise(q).state_matrix
 
     linear = slew.model.linearise(q)
     a, b = linear.state_matrix, linear.state_input_matrix[:, slew.joint]

@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 from flexslew_control.planners.time_optimal.arcs import final_sensitivity, final_states
 from flexslew_control.planners.time_optimal.linear_switching import five_switches, three_switches
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds import with_stiffness
+from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 
 Insensitive: TypeAlias = Literal["modes", "state"]
@@ -108,16 +108,16 @@ class BangBang:
         return whole
 
     @property
-    def ensemble(self) -> tuple[int, Matrix, Vector, Vector]:
-        """What the kernels of `arcs` simulate: kind, parameters of all copies, and the gains."""
+    def ensemble(self) -> tuple[Kernels, Matrix, Vector, Vector]:
+        """What the kernels of `arcs` simulate: equations, parameters of the copies, the gains."""
         return self.copies((1.0, *(factor for factor, _ in STENCIL)) if self.robust else (1.0,))
 
-    def copies(self, factors: tuple[float, ...]) -> tuple[int, Matrix, Vector, Vector]:
+    def copies(self, factors: tuple[float, ...]) -> tuple[Kernels, Matrix, Vector, Vector]:
         """Return an ensemble with the stiffness times these factors, the nominal one first."""
-        packed = np.array([with_stiffness(self.model, factor).packed for factor in factors])
+        packed = np.array([self.model.with_stiffness(factor).packed for factor in factors])
         kp, kd = np.zeros(self.model.joints), np.zeros(self.model.joints)
         kp[self.joint], kd[self.joint] = self.kp, self.kd
-        return self.model.kind, packed, kp, kd
+        return self.model.kernels, packed, kp, kd
 
     def efforts(self, arcs: int, scale: float = 1.0) -> Matrix:
         """Return the effort of each arc, shape (arcs, joints)."""

@@ -6,8 +6,8 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.feedforward.gauss_newton import Progress
-from flexslew_control.planners.slew import software_versions, tick_times
+from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.slew import Feedback, Slew, tick_times
 from flexslew_control.planners.time_optimal.all_drives import AllDrives, fastest_slew
 from flexslew_control.planners.time_optimal.optimal_switching import extremal_durations
 from flexslew_control.planners.time_optimal.pontryagin import Arcs, Extremality, switching_function
@@ -20,21 +20,10 @@ from flexslew_control.planners.time_optimal.switching import (
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.settings import NonNegative, Positive, plain, section
-from flexslew_plant.testbeds import Testbed, build_model
-from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.model import Model
+from flexslew_plant.settings import NonNegative, Positive, section
 
 Share: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
 RESERVE = 0.2  # of the limit, left to a feedback [-]
-
-
-@section
-class JointFeedback:
-    """The gains of the PD that flies the plan, which a robust slew counts with."""
-
-    kp: tuple[NonNegative, ...] = (460.0, 460.0)  # one a joint [N m/rad or N/m]
-    kd: tuple[NonNegative, ...] = (920.0, 920.0)  # one a joint [N m s/rad or N s/m]
 
 
 @section
@@ -42,12 +31,13 @@ class TimeOptimal:
     """The `plan` section for method time_optimal."""
 
     method: Literal["time_optimal"] = "time_optimal"
-    model: Testbed = CsaTestbed(modes=1)  # what the planner believes; its `initial` is the start
-    goal: dict[str, float]  # where joints rest at the end, by name [rad or m]
+    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
+    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
+    goal: dict[str, float]  # by joint; one left out stays [rad or m]
     start: NonNegative = 0.0  # [s]
     robust: bool = False  # no sensitivity to the stiffness at the end
     insensitive: Insensitive = "modes"  # what, if robust: the modes, or the joint as well
-    feedback: JointFeedback | None = None  # that flies the slew; null: open loop
+    feedback: Feedback | None = None  # that flies the slew; null: open loop
     structure: Literal["fewest", "optimal"] = "fewest"  # how many switches
     drives: Literal["moving", "all"] = "moving"  # which push; all if the goal moves several joints
     amplitude: Positive | None = None  # of the effort [N m or N]; null: the limit less the reserve
@@ -55,9 +45,7 @@ class TimeOptimal:
     longest: Positive | None = None  # refuse a slew that takes longer [s]
 
 
-def plan_time_optimal(
-    settings: TimeOptimal, period: float, effort_limit: Vector, progress: Progress
-) -> Plan:
+def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) -> Plan:
     """Return the bang-bang slew to the goal; see make_plan.
 
     The reference is the optimal trajectory itself, so feedback adds nothing nominally.
@@ -66,7 +54,7 @@ def plan_time_optimal(
         BadInput: the goal names no joint or asks for what bang-bang efforts cannot do.
         PlanFailed: no such slew, or it takes longer than allowed.
     """
-    slew, durations = found_slew(settings, effort_limit, progress)
+    slew, durations = found_slew(settings, asked, progress)
     duration = float(durations.sum())
     efforts = slew.efforts(durations.size)
     amplitude = np.abs(efforts).max(axis=0)
@@ -77,7 +65,7 @@ def plan_time_optimal(
             f"allowed; rigid bound {slew.rigid_duration:.4f} s; about {needed:.4g} N m are needed"
         )
     check = switching_function(slew, durations)
-    ticks = tick_times(settings.start, duration, period)
+    ticks = tick_times(settings.start, duration, asked.period)
     state, effort = on_ticks(slew, durations, ticks)
     m, n = slew.model.joints, slew.model.coordinates
     switches = np.cumsum(durations)[:-1]
@@ -100,30 +88,29 @@ def plan_time_optimal(
         method=settings.method,
         joint_names=slew.model.joint_names,
         start=settings.start,
-        period=period,
+        period=asked.period,
         position=state[:, :m].copy(),
         velocity=state[:, n : n + m].copy(),
         effort=effort,
         state=state,
         duration=duration,
-        request=plain(settings),
         summary=summary,
-        versions=software_versions(),
     )
 
 
 def found_slew(
-    settings: TimeOptimal, effort_limit: Vector, progress: Progress
+    settings: TimeOptimal, asked: Slew, progress: Progress
 ) -> tuple[BangBang | AllDrives, Vector]:
     """Return the slew that a `plan` section asks for, and the durations of its arcs.
 
     Raises:
         BadInput, PlanFailed: see plan_time_optimal.
     """
-    model = build_model(settings.model)
-    first, last = _ends(settings, model)
+    if asked.still:
+        raise BadInput("plan: goal: the joints are there already; give another goal")
+    model, first, last = asked.model, asked.start, asked.goal
     moving = np.flatnonzero(last != first)
-    amplitude = _amplitude(settings, model, effort_limit)
+    amplitude = _amplitude(settings, asked.effort_limit)
     rest = np.zeros(model.modes + model.coordinates)
     start = np.concatenate((first, rest))
     if settings.drives == "all" or moving.size > 1 or moving[0] != 0 or first[1:].any():
@@ -134,8 +121,9 @@ def found_slew(
                 "plan: robust: true is not allowed: a slew by all drives is not made robust; use "
                 "robust_feedforward"
             )
-        return fastest_slew(model, start, np.concatenate((last, rest)), amplitude, progress)
-    kp, kd = _gains(settings, model)
+        goal = np.concatenate((last, rest))
+        return fastest_slew(asked.testbed, start, goal, amplitude, progress)
+    held = settings.feedback is not None
     slew = BangBang(
         model,
         0,
@@ -143,29 +131,14 @@ def found_slew(
         float(last[0] - first[0]),
         float(amplitude[0]),
         settings.robust,
-        kp[0],
-        kd[0],
+        float(asked.kp[0]) if held else 0.0,
+        float(asked.kd[0]) if held else 0.0,
         settings.insensitive,
     )
     return slew, found_durations(slew, settings.structure)
 
 
-def _ends(settings: TimeOptimal, model: Model) -> tuple[Vector, Vector]:
-    """Return where the joints rest at the start and at the end."""
-    names = model.joint_names
-    unknown = [name for name in settings.goal if name not in names]
-    if unknown:
-        raise BadInput(
-            f"plan: goal: {unknown[0]} is not a joint; {settings.model.kind} has {', '.join(names)}"
-        )
-    first = np.array([getattr(settings.model.initial, name) for name in names])
-    last = np.array([settings.goal.get(name, at) for name, at in zip(names, first, strict=True)])
-    if (last == first).all():
-        raise BadInput("plan: goal: the joints are there already; give another goal")
-    return first, last
-
-
-def _amplitude(settings: TimeOptimal, model: Model, effort_limit: Vector) -> Vector:
+def _amplitude(settings: TimeOptimal, effort_limit: Vector) -> Vector:
     """Return the effort of every drive, shape (joints,) [N m or N]."""
     reserve = settings.reserve
     if reserve is None:
@@ -177,20 +150,7 @@ def _amplitude(settings: TimeOptimal, model: Model, effort_limit: Vector) -> Vec
             f"plan: amplitude: {settings.amplitude:g} is above the drive's limit "
             f"{effort_limit.min():g}"
         )
-    return np.full(model.joints, settings.amplitude)
-
-
-def _gains(settings: TimeOptimal, model: Model) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return kp and kd of the joints; zeros for open loop."""
-    if settings.feedback is None:
-        return (0.0,) * model.joints, (0.0,) * model.joints
-    kp, kd = settings.feedback.kp, settings.feedback.kd
-    if not len(kp) == len(kd) == model.joints:
-        raise BadInput(
-            f"plan: feedback: {len(kp)} kp and {len(kd)} kd are not allowed: "
-            f"{settings.model.kind} has {model.joints}, {', '.join(model.joint_names)}"
-        )
-    return kp, kd
+    return np.full(effort_limit.size, settings.amplitude)
 
 
 def found_durations(slew: BangBang, structure: Literal["fewest", "optimal"] = "fewest") -> Vector:

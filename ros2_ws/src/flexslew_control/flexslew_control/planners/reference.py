@@ -1,0 +1,64 @@
+"""References without feedforward: a step to the goal, and a smooth profile to compare with."""
+
+from typing import Any, Literal
+
+import numpy as np
+
+from flexslew_control.plan import Plan
+from flexslew_control.planners.feedforward.basis import Basis
+from flexslew_control.planners.feedforward.manoeuvre import manoeuvre_of
+from flexslew_control.planners.feedforward.optimized_feedforward import on_ticks
+from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.slew import Feedback, Slew, tick_times
+from flexslew_control.planners.trajectories import Profile
+from flexslew_plant.settings import NonNegative, Positive, section
+
+
+@section
+class NoPlan:
+    """The `plan` section for method none: a step of the reference to the goal (Figure 5)."""
+
+    method: Literal["none"] = "none"
+    goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]
+    start: NonNegative = 0.0  # [s]
+    duration: NonNegative = 0.0  # after which the manoeuvre counts as over [s]
+
+
+@section
+class ReferenceOnly:
+    """The `plan` section for method reference_only: the reference without any feedforward."""
+
+    method: Literal["reference_only"] = "reference_only"
+    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
+    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
+    goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]
+    start: NonNegative = 0.0  # [s]
+    duration: Positive = 25.0  # [s]
+    reference: Profile = "cubic"
+    feedback: Feedback | None = None  # that flies it; null: of the controller in charge
+
+
+def plan_none(settings: NoPlan, slew: Slew, progress: Progress) -> Plan:
+    """Return the plan whose reference is the goal from its first tick on."""
+    ticks = tick_times(settings.start, settings.duration, slew.period)
+    joints = slew.goal.size
+    return Plan(
+        method=settings.method,
+        joint_names=slew.model.joint_names,
+        start=settings.start,
+        period=slew.period,
+        position=np.tile(slew.goal, (len(ticks), 1)),
+        velocity=np.zeros((len(ticks), joints)),
+        effort=np.zeros((len(ticks) - 1, joints)),
+        state=np.zeros((len(ticks), 0)),
+        duration=settings.duration,
+        summary={"duration": settings.duration},
+    )
+
+
+def plan_reference_only(settings: ReferenceOnly, slew: Slew, progress: Progress) -> Plan:
+    """Return the plan with the reference and zero feedforward, to compare with."""
+    manoeuvre = manoeuvre_of(slew, settings.duration, settings.reference)
+    nothing = Basis("constant", 1, settings.duration)
+    weights = np.zeros((1, manoeuvre.model.joints))
+    return on_ticks(settings, slew, manoeuvre, nothing, weights)

@@ -1,0 +1,107 @@
+"""The one contract of every spacecraft on the bench."""
+
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.scene import Scene
+
+
+class Testbed(Protocol):
+    """A `testbed` section: everything that the rest of the bench needs to know of a spacecraft.
+
+    An implementation is a settings section (flexslew_plant.settings.section) with these fields
+    and methods; `initial` holds a position for every joint, under the joint's name.
+    """
+
+    set_point: ClassVar[dict[str, float]]  # where laws linearise unless told otherwise [rad or m]
+    typical_goal: ClassVar[dict[str, float]]  # of a slew that names none [rad or m]
+    simplified: ClassVar[dict[str, Any]]  # keys changed in what a planner or a law believes
+
+    @property
+    def kind(self) -> str:
+        """Name in TESTBEDS, or where the class of the user's own stands."""
+
+    @property
+    def modes(self) -> int:
+        """How many modal coordinates."""
+
+    @property
+    def initial(self) -> Any:
+        """Where the joints rest at the start."""
+
+    @property
+    def effort_limit(self) -> tuple[float, ...]:
+        """Largest effort of each actuator [N m or N]."""
+
+    def model(self) -> Model:
+        """Return the equations of motion."""
+
+    def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> Self:
+        """Return the testbed with another stiffness and payload, as factors [-].
+
+        Raises:
+            BadInput: it carries no payload.
+        """
+
+    def scene(self) -> Scene:
+        """Return how it is drawn."""
+
+
+class ShapedMotion(NamedTuple):
+    """Joints that follow a shaped command, on a grid, and how they drive the modes."""
+
+    position: Matrix  # (times, joints) [rad or m]
+    velocity: Matrix  # (times, joints) [rad/s or m/s]
+    # w of M_qq q'' + C q' + K q = -coupling^T w, its mean over each interval, (times - 1, joints)
+    drive: Matrix
+
+
+@runtime_checkable
+class Shaped(Protocol):
+    """A testbed that says itself how its joints must move for their drive to be shaped."""
+
+    def shaped_motion(
+        self, path: Vector, rate: Vector, first: Vector, last: Vector, h: float
+    ) -> ShapedMotion:
+        """Return the motion whose drive of the modes is linear in the derivatives of the path.
+
+        Args:
+            path, rate: a shaped command from 0 to 1 and its derivative, shape (times,) [-, 1/s].
+            first, last: joints at its ends, shape (joints,) [rad or m].
+            h: interval of the grid [s].
+
+        Raises:
+            BadInput: there is no such motion between these ends.
+        """
+
+
+@runtime_checkable
+class Symbolic(Protocol):
+    """A testbed that gives its energies in symbols, for planners by collocation."""
+
+    def energies(self, symbols: Any, q: Any, v: Any) -> tuple[Any, Any, Any]:
+        """Return kinetic energy, potential energy and Rayleigh's dissipation function [J, J, W].
+
+        Args:
+            symbols: CasADi, or any module with its cos, sin and dot.
+            q, v: the coordinates and their rates, in its symbols.
+        """
+
+
+def shaped_motion(
+    testbed: Testbed, path: Vector, rate: Vector, first: Vector, last: Vector, h: float
+) -> ShapedMotion:
+    """Return how the joints follow a shaped command; see Shaped.
+
+    Unless the testbed says otherwise every joint follows the command itself, which drives the
+    modes by its second derivative.
+    """
+    if isinstance(testbed, Shaped):
+        return testbed.shaped_motion(path, rate, first, last, h)
+    span = last - first
+    return ShapedMotion(
+        first + np.outer(path, span), np.outer(rate, span), np.outer(np.diff(rate) / h, span)
+    )

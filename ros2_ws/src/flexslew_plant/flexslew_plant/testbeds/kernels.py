@@ -1,0 +1,130 @@
+"""A testbed's equations of motion as functions that Numba compiles into the shared kernels.
+
+A `Kernels` object is an argument of every kernel of `dynamics`; Numba compiles each of them anew
+for each object, with its functions built in, and keeps the machine code on disk.
+"""
+
+import hashlib
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import types
+from numba.core.imputils import lower_constant
+from numba.extending import NativeValue, models, register_model, typeof_impl, unbox
+
+_KNOWN: dict[str, "Kernels"] = {}  # by token, for Numba's compiler and for its files
+
+
+@dataclass(frozen=True, eq=False)
+class Kernels:
+    """The equations M(q, t) a + h(q, v, t) = B u of one kind of testbed.
+
+    Plain functions of the subset of Python that Numba compiles. x = [q, v] is the state with the
+    joints before the modes, p the numbers that `Model.packed` holds, t the time [s]:
+
+    terms(p, t, x, joints, coupling, modal, bias): writes the blocks of a mass matrix whose modal
+        block is diagonal, shapes (m, m), (m, k), (k,), and h, shape (n,);
+        or, for any mass matrix (full_mass), terms(p, t, x, mass, bias), shape (n, n) and (n,).
+    residual_jacobian(p, t, x, a, dq, dv): writes the partial derivatives of M a + h - B u (its
+        efforts only where B depends on q) at fixed a, shapes (n, positions) and (n, n).
+    potential(p, t, q): returns the potential energy [J].
+    actuation(p, t, x, effort, force): adds B u to the generalised forces, shape (n,); left out,
+        the efforts act on the first coordinates.
+    kinematics(p, t, x, rate): writes q' = N(q) v, shape (positions,); left out, q' = v.
+
+    Args:
+        terms, residual_jacobian, potential, actuation, kinematics: as above.
+        full_mass: whether terms writes the whole mass matrix.
+        extra_positions: how many entries q has more than v (a quaternion: 1); needs kinematics.
+        token: names the functions in the compiler's files; made from their sources.
+    """
+
+    terms: Callable[..., None]
+    residual_jacobian: Callable[..., None]
+    potential: Callable[..., float]
+    actuation: Callable[..., None] | None = None
+    kinematics: Callable[..., None] | None = None
+    full_mass: bool = False
+    extra_positions: int = 0
+    token: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Make the token.
+
+        Raises:
+            ValueError: extra positions without kinematics.
+        """
+        if self.extra_positions and self.kinematics is None:
+            raise ValueError("extra_positions needs kinematics, which says how they change")
+        digest = hashlib.sha256()
+        for path in sorted({_source(f) for f in self._functions().values()}):
+            digest.update(path.read_bytes())
+        name = f"{self.terms.__module__}.{self.terms.__qualname__}"
+        object.__setattr__(self, "token", f"{name}:{digest.hexdigest()[:16]}")
+        _KNOWN[self.token] = self
+
+    @cached_property
+    def compiled(self) -> dict[str, Any]:
+        """The functions that were given, by name, for use inside compiled code."""
+        return {name: _jitted(function) for name, function in self._functions().items()}
+
+    def _functions(self) -> dict[str, Callable[..., Any]]:
+        names = ("terms", "residual_jacobian", "potential", "actuation", "kinematics")
+        given = {name: getattr(self, name) for name in names}
+        return {name: function for name, function in given.items() if function is not None}
+
+    def __reduce__(self) -> tuple[Callable[[str], "Kernels"], tuple[str]]:
+        """Return how the compiler's files name this object: by its token."""
+        return known, (self.token,)
+
+
+def known(token: str) -> Kernels:
+    """Return the object with this token; KeyError where its module has not been imported."""
+    return _KNOWN[token]
+
+
+def _jitted(function: Callable[..., Any]) -> Any:
+    if hasattr(function, "py_func"):  # the author has compiled it
+        return function
+    return numba.njit(inline="always", error_model="numpy")(function)
+
+
+def _source(function: Callable[..., Any]) -> Path:
+    """Return the file that a function stands in."""
+    return Path(inspect.getfile(getattr(function, "py_func", function)))
+
+
+class KernelsType(types.Type):
+    """What Numba knows of a Kernels object: all of it, at compile time."""
+
+    def __init__(self, token: str) -> None:
+        super().__init__(name=f"Kernels({token})")
+        self.token = token
+
+    @property
+    def kernels(self) -> Kernels:
+        """The functions."""
+        return _KNOWN[self.token]
+
+
+@typeof_impl.register(Kernels)
+def _typeof(value: Kernels, context: Any) -> KernelsType:
+    return KernelsType(value.token)
+
+
+register_model(KernelsType)(models.OpaqueModel)
+
+
+@unbox(KernelsType)
+def _unbox(kind: KernelsType, value: Any, context: Any) -> NativeValue:
+    return NativeValue(context.context.get_dummy_value())
+
+
+@lower_constant(KernelsType)
+def _constant(context: Any, builder: Any, kind: KernelsType, value: Any) -> Any:
+    return context.get_dummy_value()

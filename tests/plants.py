@@ -1,0 +1,17 @@
+"""What laws and planners are designed for in the tests."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexslew_control.law import PlantDescription
+from flexslew_plant.testbeds import Testbed, default_testbed
+
+
+def plant(
+    period: float = 0.01,
+    limit: Sequence[float] = (150.0, 150.0),
+    testbed: Testbed | None = None,
+) -> PlantDescription:
+    """Return the default testbed, or another one, on a bench."""
+    return PlantDescription(testbed or default_testbed(), period, np.array(limit, dtype=float))
