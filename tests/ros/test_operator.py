@@ -1,5 +1,6 @@
 """What an operator can ask of a running bench, through the services and the action."""
 
+import json
 import os
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from flexslew_msgs import action, msg, srv
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
+from flexslew_lab.cli.main import main
 from flexslew_lab.trial.domain import own_domain
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import qos
@@ -149,3 +151,30 @@ def test_a_bad_request_gets_a_code_and_one_line_and_no_plan(operator):
     assert result.error_code == result.FAILED
     assert "150" in result.message
     assert not result.plan.hash
+
+
+def test_the_command_line_operates_the_bench(operator, monkeypatch, capsys):
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["flexslew", *words])
+        with pytest.raises(SystemExit) as end:
+            main()
+        said = capsys.readouterr()
+        return end.value.code, (said.out + said.err).strip()
+
+    rclpy.shutdown()  # a command is a process of its own
+    try:
+        call("start")
+        assert call("pause")[0] == 0
+        code, words = call("pause")
+        assert (code, words) == (1, "not running but paused")
+        assert call("step", "3")[0] == 0
+        code, words = call("controllers", "--json")
+        assert code == 0
+        assert {c["controller"] for c in json.loads(words)["controllers"]} >= {"second"}
+        assert call("inject", "{kind: command_lost}")[0] == 1  # faults are off
+        assert "nobody" in call("switch", "nobody")[1]
+        assert call("brake")[0] == 0
+        assert call("brake", "--release")[0] == 0
+        assert call("reset")[0] == 0
+    finally:
+        rclpy.init()

@@ -14,12 +14,18 @@ from std_srvs.srv import Trigger
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.check import check_log
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.ros.operator import switch_controller
+from flexslew_lab.ros.operator import connected
 from flexslew_lab.trial.processes import NodeProcess
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.messages import stamp
 
 from .flight import Flight, slew
+
+
+def switch_controller(name, at, strict, max_effort_step):
+    with connected(int(os.environ["ROS_DOMAIN_ID"])) as bench:
+        return bench.switch(name, at, strict, max_effort_step)
+
 
 CREW = ", output_feedback: {mode: tracking_a}"
 

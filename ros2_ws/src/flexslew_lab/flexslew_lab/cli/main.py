@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -14,10 +14,15 @@ from rich.markup import escape
 from flexslew_lab.cli.checkout import bench, test
 from flexslew_lab.cli.log import Json, bag_of, log, recover
 from flexslew_lab.cli.missing import remedy, require_ros
+from flexslew_lab.cli.operate import COMMANDS
 from flexslew_lab.cli.replay import check, live, play, resim
+from flexslew_lab.cli.summary import headline, metric_rows
 from flexslew_lab.cli.terminal import link, print_table, progress, say, screen, short
 from flexslew_lab.trial.outputs import WITHOUT, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
+
+if TYPE_CHECKING:
+    from flexslew_lab.trial.trial import Trial
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -67,8 +72,10 @@ def trial(
     if as_json:
         print(json.dumps(result.metrics, indent=2))
     else:
-        _summary(result.metrics)
-    say(f"{result.folder}: {', '.join(_content(result.folder))}", "bold")
+        print_table(("metric", "value", "unit"), metric_rows(result.metrics, _joint_units(wanted)))
+        say(headline(result.metrics, result.bare_metrics), "bold")
+    page = result.folder / "report.html"
+    say(f"{link(page)}" if page.exists() else str(result.folder))
     if result.exit_code:
         say(result.message, "red")
         raise typer.Exit(result.exit_code)
@@ -194,14 +201,14 @@ def reproduce(
     figures: Annotated[Path | None, typer.Option(help="Draw the paper's figures, HTML.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Compute a paper's numbers again: what it prints, the reference, ours, side by side.
+    """Compute a paper's numbers again: the printed value, an independent reference, and ours.
 
     Example: `./flexslew reproduce csa --figures csa.html`
     """
     from flexslew_lab.reproduce import REPRODUCTIONS, write_figures
 
     if name not in REPRODUCTIONS:
-        raise BadInput(f"{name} is not a paper of ours; allowed: {', '.join(REPRODUCTIONS)}")
+        raise BadInput(f"unknown reproduction {name}; allowed: {', '.join(REPRODUCTIONS)}")
     if figures is not None:
         writable_file(figures, "--figures")
     with screen.status(f"computing {name}"):
@@ -214,66 +221,23 @@ def reproduce(
     else:
         columns = ("item", "paper", "reference", "ours", "tolerance", "ok")
         print_table(columns, [[short(row[column]) for column in columns] for row in rows])
+        within = sum(bool(row["ok"]) for row in rows)
+        say(f"{within} of {len(rows)} within tolerance", "bold")
     if not all(row["ok"] for row in rows):
         raise typer.Exit(1)
 
 
-@app.command()
-def controllers(as_json: Json = False) -> None:
-    """Say who is on the graph, who is ready and who is in charge.
-
-    Example: `ROS_DOMAIN_ID=1 ./flexslew controllers`
-    """
-    from flexslew_lab.ros.operator import list_controllers
-
-    active, rows = list_controllers()
-    if as_json:
-        print(json.dumps({"active": active, "controllers": rows}, indent=2))
-    else:
-        columns = ("controller", "law", "ready", "reason", "last_tick")
-        table = [[short(row[c]) for c in columns] for row in rows]
-        print_table(("in charge", *columns), [["*" * (r[0] == active), *r] for r in table])
-
-
-@app.command()
-def switch(
-    controller: Annotated[str, typer.Argument(help="Who takes over.")],
-    at: Annotated[float, typer.Option(help="Simulated time [s]; 0: the next tick.")] = 0.0,
-    strict: Annotated[bool, typer.Option(help="Refuse a larger step of the effort.")] = False,
-    max_effort_step: Annotated[float, typer.Option(help="For --strict [N m].")] = 1.0,
-) -> None:
-    """Give the bench to another controller while it moves.
-
-    Example: `ROS_DOMAIN_ID=1 ./flexslew switch output_feedback --at 12.5`
-    """
-    from flexslew_lab.ros.operator import switch_controller
-
-    for value, option in ((at, "--at"), (max_effort_step, "--max-effort-step")):
-        if not 0.0 <= value < math.inf:
-            raise BadInput(f"{option}: {value} is not allowed: at least 0, finite")
-    ok, message = switch_controller(controller, at, strict, max_effort_step)
-    say(message)
-    if not ok:
-        raise typer.Exit(1)
-
-
-for often in (recover, resim, check, play, live, bench):
+for often in (*COMMANDS, recover, resim, check, play, live, bench):
     app.command()(often)
 app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(test)
 
 
-def _summary(metrics: dict[str, Any]) -> None:
-    from flexslew_lab.report.metric_schema import METRICS
+def _joint_units(wanted: "Trial") -> dict[str, str]:
+    """Return the units of a trial's joints by name."""
+    from flexslew_plant.testbeds import build_model
 
-    rows = []
-    for key, value in metrics.items():
-        unit = METRICS[key].unit if key in METRICS else ""
-        rows.append((key, short(value), unit))
-    print_table(("metric", "value", "unit"), rows)
-
-
-def _content(folder: Path) -> list[str]:
-    return sorted(path.name + "/" * path.is_dir() for path in folder.iterdir())
+    model = build_model(wanted.testbed)
+    return dict(zip(model.joint_names, model.joint_units, strict=True))
 
 
 def _called() -> str:

@@ -1,6 +1,7 @@
 """Subcommands that let a log run again: fly again, check a controller, play, show live."""
 
 import json
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,6 +10,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from flexslew_lab.cli.log import Bag, Json, bag_of, demand
 from flexslew_lab.cli.terminal import link, print_table, progress, say, screen
+from flexslew_lab.trial.domain import chosen_domain
 from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
 
@@ -150,8 +152,10 @@ def play(
         "wait_for": wait_for or (),
     }  # fmt: skip
     settings: PlaySettings = validated(PlaySettings, values, "play")
+    say(f"playing on ROS_DOMAIN_ID {chosen_domain() or 0}; Ctrl-C ends it")
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[at]}"))
-    with Progress(*columns, console=screen, transient=True) as bar:
+    hidden = not screen.is_terminal
+    with Progress(*columns, console=screen, transient=True, disable=hidden) as bar:
         task = bar.add_task("play", total=None, at="")
 
         def report(time: float, end: float) -> None:
@@ -165,12 +169,16 @@ def live(
 ) -> None:
     """Show a running bench in the Foxglove app: a WebSocket server on this machine only.
 
-    Example: `ROS_DOMAIN_ID=1 ./flexslew live`, then open ws://127.0.0.1:8765 in Foxglove
+    Example: `./flexslew live`, then open ws://127.0.0.1:8765 in Foxglove
     """
+    from flexslew_lab.cli.operate import bench_domain
     from flexslew_lab.ros.live_node import live as run
 
     if not 0 <= port <= 65535:
         raise BadInput(f"--port: {port} is not allowed: 0 to 65535")
+    domain, _ = bench_domain()
+    os.environ["ROS_DOMAIN_ID"] = str(domain)
+    say(f"ROS_DOMAIN_ID {domain}")
     run(port, say)
 
 

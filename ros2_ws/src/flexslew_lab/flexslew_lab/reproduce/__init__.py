@@ -1,5 +1,6 @@
 """What can be computed again: `flexslew reproduce NAME`. A new one is a file and a line here."""
 
+import re
 from collections.abc import Callable
 from html import escape
 from importlib import import_module
@@ -7,6 +8,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexslew_plant.errors import BadInput
+
+_NUMBER = re.compile(r"^[-+]?\d[\d.e+-]*( %)?$")
 
 
 class Reproduction(NamedTuple):
@@ -17,11 +20,16 @@ class Reproduction(NamedTuple):
     rows_name: str
     figures_name: str = ""
 
-    @property
-    def rows(self) -> Callable[[], list[dict[str, Any]]]:
-        """The function that gives {item, paper, reference, ours, tolerance, ok}, row by row."""
-        function: Callable[[], list[dict[str, Any]]] = self._function(self.rows_name)
-        return function
+    def rows(self) -> list[dict[str, Any]]:
+        """Return {item, paper, reference, ours, tolerance, ok}, row by row.
+
+        `paper` is the number that the paper prints, or `not printed`.
+        """
+        rows: list[dict[str, Any]] = self._function(self.rows_name)()
+        return [
+            {**row, "paper": row["paper"] if _NUMBER.match(str(row["paper"])) else "not printed"}
+            for row in rows
+        ]
 
     @property
     def figures(self) -> Callable[[], dict[str, Any]] | None:
@@ -40,19 +48,19 @@ class Reproduction(NamedTuple):
 
 REPRODUCTIONS: dict[str, Reproduction] = {
     "csa": Reproduction(
-        "the CSA testbed, its gains and optimized feedforward (papers/000)",
+        "the CSA testbed, its gains and optimized feedforward (Gorinevsky and Vukovich, 1998)",
         "csa",
         "csa_rows",
         "csa_figures",
     ),
     "time-optimal": Reproduction(
-        "time-optimal and robust slews (papers/001)",
+        "time-optimal and robust slews (Liu and Singh, 1997)",
         "time_optimal",
         "time_optimal_rows",
         "time_optimal_figures",
     ),
-    "ofc": Reproduction("output feedback control (papers/002)", "laws", "ofc_rows"),
-    "pi": Reproduction("PI control with an estimator (papers/004)", "laws", "pi_rows"),
+    "ofc": Reproduction("output feedback control (Sung and Joo)", "laws", "ofc_rows"),
+    "pi": Reproduction("PI control with an estimator (Kwak, 1989)", "laws", "pi_rows"),
 }
 
 

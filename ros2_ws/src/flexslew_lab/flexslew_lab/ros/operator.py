@@ -1,79 +1,139 @@
-"""What an operator asks of a running bench, as short-lived service clients."""
+"""What an operator asks of a running bench, as short-lived service clients.
 
+Only messages are imported here: an answer takes well under a second.
+"""
+
+import getpass
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
+from contextlib import contextmanager, suppress
+from time import monotonic
+from typing import Any, NamedTuple
 
 import rclpy
+from builtin_interfaces.msg import Time
 from flexslew_msgs import srv
 from rclpy.node import Node
 
 from flexslew_plant import topics
 from flexslew_plant.errors import FlexslewError
-from flexslew_plant.ros.messages import stamp
 
-_TIMEOUT = 5.0  # for the plant to be found and to answer [wall s]
+PATIENCE = 5.0  # for the plant to be found and to answer [wall s]
+
+
+class Told(NamedTuple):
+    """What the bench answered."""
+
+    ok: bool
+    message: str
+
+
+class Operator:
+    """One connection to a bench.
+
+    Args:
+        node: of this process.
+        patience: until the bench must be found and must have answered [wall s].
+    """
+
+    def __init__(self, node: Node, patience: float) -> None:
+        self._node, self._patience = node, patience
+        self._who = _user()
+
+    def act(self, action: str) -> Told:
+        """Start, pause, reset, brake or release the brake."""
+        request = srv.Operate.Request(action=action, who=self._who)
+        return _told(self._call(srv.Operate, topics.OPERATE, request))
+
+    def step(self, ticks: int) -> Told:
+        """Advance a paused bench by some ticks."""
+        request = srv.Step.Request(ticks=ticks, who=self._who)
+        return _told(self._call(srv.Step, topics.STEP, request))
+
+    def inject(self, fault: str, at: float) -> Told:
+        """Break or disturb something, as YAML in a schedule has it, at a simulated time [s]."""
+        request = srv.InjectFault.Request(fault=fault, at=_stamp(at), who=self._who)
+        return _told(self._call(srv.InjectFault, topics.INJECT_FAULT, request))
+
+    def controllers(self) -> tuple[str, list[dict[str, Any]]]:
+        """Return who is in charge and the status of every controller."""
+        reply = self._call(
+            srv.ListControllers, topics.LIST_CONTROLLERS, srv.ListControllers.Request()
+        )
+        keys = ("controller", "law", "ready", "reason", "last_tick", "plan_hash")
+        return reply.active, [{key: getattr(c, key) for key in keys} for c in reply.controllers]
+
+    def switch(self, controller: str, at: float, strict: bool, max_effort_step: float) -> Told:
+        """Give the bench to another controller.
+
+        Args:
+            controller: who takes over.
+            at: simulated time [s]; 0: the next tick.
+            strict: refuse a step of the effort above max_effort_step.
+            max_effort_step: [N m or N].
+        """
+        request = srv.SwitchController.Request(
+            controller=controller,
+            at=_stamp(at),
+            strict=strict,
+            max_effort_step=max_effort_step,
+            timeout=self._patience / 10.0,
+            who=self._who,
+        )
+        return _told(self._call(srv.SwitchController, topics.SWITCH_CONTROLLER, request))
+
+    def _call(self, kind: Any, name: str, request: Any) -> Any:
+        client = self._node.create_client(kind, name)
+        deadline = monotonic() + self._patience
+        while not client.service_is_ready():
+            if monotonic() > deadline:
+                raise FlexslewError(
+                    f"no bench offers {name}; is one running, and with the same ROS_DOMAIN_ID?"
+                )
+            rclpy.spin_once(self._node, timeout_sec=0.02)
+        future = client.call_async(request)
+        rclpy.spin_until_future_complete(self._node, future, timeout_sec=self._patience)
+        if not future.done():
+            raise FlexslewError(f"the bench did not answer {name} within {self._patience:g} s")
+        return future.result()
 
 
 @contextmanager
-def _operator() -> Iterator[Node]:
-    rclpy.init()
-    node = rclpy.create_node("operator")
+def connected(domain: int, namespace: str = "", patience: float = PATIENCE) -> Iterator[Operator]:
+    """Yield a connection to the bench of a domain.
+
+    Args:
+        domain: ROS_DOMAIN_ID of the bench.
+        namespace: of its names; empty: none.
+        patience: until it must be found and must have answered [wall s].
+
+    Raises:
+        FlexslewError: from the connection's calls, where there is no bench.
+    """
+    rclpy.init(domain_id=domain)
+    node = rclpy.create_node(
+        "operator",
+        namespace=namespace,
+        start_parameter_services=False,
+        enable_rosout=False,
+        enable_logger_service=False,
+    )
     try:
-        yield node
+        yield Operator(node, patience)
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
 
 
-def _call(node: Node, kind: Any, name: str, request: Any, timeout: float = _TIMEOUT) -> Any:
-    client = node.create_client(kind, name)
-    if not client.wait_for_service(timeout_sec=_TIMEOUT):
-        raise FlexslewError(
-            f"no bench offers {name}; is one running, and with the same ROS_DOMAIN_ID?"
-        )
-    future = client.call_async(request)
-    rclpy.spin_until_future_complete(node, future, timeout_sec=timeout)
-    if not future.done():
-        raise FlexslewError(f"the bench did not answer {name} within {timeout:g} s")
-    return future.result()
+def _told(reply: Any) -> Told:
+    return Told(bool(reply.ok), str(reply.message))
 
 
-def list_controllers() -> tuple[str, list[dict[str, Any]]]:
-    """Return who is in charge and everybody's status.
-
-    Raises:
-        FlexslewError: there is no bench.
-    """
-    with _operator() as node:
-        reply = _call(
-            node, srv.ListControllers, topics.LIST_CONTROLLERS, srv.ListControllers.Request()
-        )
-    keys = ("controller", "law", "ready", "reason", "last_tick", "plan_hash")
-    return reply.active, [{key: getattr(c, key) for key in keys} for c in reply.controllers]
+def _stamp(seconds: float) -> Time:
+    nanoseconds = round(seconds * 1e9)
+    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
-def switch_controller(
-    controller: str, at: float, strict: bool, max_effort_step: float
-) -> tuple[bool, str]:
-    """Return whether the switch is under way, and the bench's words.
-
-    Args:
-        controller: who takes over.
-        at: simulated time [s]; 0: the next tick.
-        strict: refuse a step of the effort above max_effort_step.
-        max_effort_step: [N m or N].
-
-    Raises:
-        FlexslewError: there is no bench.
-    """
-    request = srv.SwitchController.Request(
-        controller=controller,
-        at=stamp(at),
-        strict=strict,
-        max_effort_step=max_effort_step,
-        timeout=_TIMEOUT / 2,
-    )
-    with _operator() as node:
-        reply = _call(node, srv.SwitchController, topics.SWITCH_CONTROLLER, request)
-    return reply.ok, reply.message
+def _user() -> str:
+    with suppress(KeyError, OSError):  # an id without a name
+        return getpass.getuser()
+    return ""

@@ -1,4 +1,4 @@
-"""A ROS domain of one's own, so that two runs on one machine do not meet."""
+"""A ROS domain of one's own, so that two runs on one machine do not meet; and which are in use."""
 
 import fcntl
 import os
@@ -7,32 +7,37 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from flexslew_plant.errors import FlexslewError
+from flexslew_plant.errors import BadInput, FlexslewError
 
 _HIGHEST = 101  # above it the ports of DDS meet the ephemeral ones of Linux
+_LAST = 232  # that DDS knows
 
 
 @contextmanager
-def own_domain() -> Iterator[int]:
+def own_domain(what: str = "") -> Iterator[int]:
     """Yield a ROS_DOMAIN_ID that no other run of this machine holds; the user's, if set.
 
+    While it is held, `domains_in_use` lists it.
+
+    Args:
+        what: runs there, for those who look for a bench.
+
     Raises:
+        BadInput: ROS_DOMAIN_ID is not a number of a domain.
         FlexslewError: all are taken.
     """
-    wanted = os.environ.get("ROS_DOMAIN_ID")
-    if wanted:
-        yield int(wanted)
+    wanted = chosen_domain()
+    if wanted is not None:
+        handle = _locked(wanted, what)
+        try:
+            yield wanted
+        finally:
+            if handle is not None:
+                os.close(handle)
         return
     for number in range(1, _HIGHEST + 1):
-        path = Path(tempfile.gettempdir()) / f"flexslew_domain_{number}.lock"
-        try:
-            handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
-        except OSError:
-            continue  # another user's
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(handle)
+        handle = _locked(number, what)
+        if handle is None:
             continue
         try:
             yield number
@@ -40,3 +45,56 @@ def own_domain() -> Iterator[int]:
             os.close(handle)
         return
     raise FlexslewError("all ROS domains from 1 to 101 are in use; set ROS_DOMAIN_ID to one")
+
+
+def chosen_domain() -> int | None:
+    """Return the domain that ROS_DOMAIN_ID names; None where it is not set.
+
+    Raises:
+        BadInput: it is not a number of a domain.
+    """
+    wanted = os.environ.get("ROS_DOMAIN_ID", "").strip()
+    if not wanted:
+        return None
+    if not (wanted.isdigit() and int(wanted) <= _LAST):
+        raise BadInput(f"ROS_DOMAIN_ID: {wanted!r} is not allowed: a number from 0 to {_LAST}")
+    return int(wanted)
+
+
+def domains_in_use() -> dict[int, str]:
+    """Return the domains that runs of this machine hold, with what runs there."""
+    found = {}
+    for path in _folder().glob("flexslew_domain_*.lock"):
+        number = path.stem.rpartition("_")[2]
+        try:
+            handle = os.open(path, os.O_RDWR)
+        except OSError:
+            continue  # another user's
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            found[int(number)] = os.read(handle, 200).decode(errors="replace").strip()
+        finally:
+            os.close(handle)
+    return dict(sorted(found.items()))
+
+
+def _locked(number: int, what: str) -> int | None:
+    """Return the open lock of a domain; None where another run holds it."""
+    path = _folder() / f"flexslew_domain_{number}.lock"
+    try:
+        handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
+    except OSError:
+        return None  # another user's
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        return None
+    os.ftruncate(handle, 0)
+    os.pwrite(handle, what.encode()[:200], 0)
+    return handle
+
+
+def _folder() -> Path:
+    return Path(tempfile.gettempdir())

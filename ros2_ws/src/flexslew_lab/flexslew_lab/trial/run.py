@@ -42,6 +42,7 @@ class Result(NamedTuple):
     exit_code: int
     message: str
     metrics: dict[str, Any]
+    bare_metrics: dict[str, Any]  # of the same trial without feedforward; empty where not flown
 
 
 class _Crew(NamedTuple):
@@ -91,8 +92,11 @@ def run_trial(
     else:
         outcome = _over_ros(trial, folder, metadata, progress, say)
     result = _finished(folder, bag, outcome)
-    if report and result.metrics:
-        write_report([bag], folder / "report.html", _without_feedforward(trial, source, folder))
+    if report and result.metrics and outcome.exit_code != 130:
+        bare = _without_feedforward(trial, source, folder)
+        write_report([bag], folder / "report.html", bare)
+        if bare is not None:
+            result = result._replace(bare_metrics=metrics_from(BagReader(bare)))
     return result
 
 
@@ -153,7 +157,7 @@ def _over_ros(
     processes = node_processes(trial, folder, True, metadata)
     parameters = folder / "parameters.yaml"
     parameters.write_text(parameter_file(processes))
-    with own_domain() as domain:
+    with own_domain(trial.name) as domain:
         say(f"ROS_DOMAIN_ID {domain}: {', '.join(p.name for p in processes)}")
         supervisor = Supervisor(processes, parameters, folder / "nodes.log", domain, progress)
         return supervisor.run()
@@ -168,7 +172,7 @@ def _finished(folder: Path, bag: Path, outcome: Outcome) -> Result:
         (folder / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
         if outcome.exit_code == 3:
             message = "; ".join(_takeovers(reader.overview.events)) or message
-    return Result(folder, outcome.exit_code, message, metrics)
+    return Result(folder, outcome.exit_code, message, metrics, {})
 
 
 def _takeovers(events: Sequence[LoggedEvent]) -> list[str]:

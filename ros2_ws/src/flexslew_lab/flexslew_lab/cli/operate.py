@@ -1,0 +1,160 @@
+"""Subcommands for a bench that runs: start, pause, step, reset, brake, inject, switch."""
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.terminal import print_table, say, short
+from flexslew_lab.trial.domain import chosen_domain, domains_in_use
+from flexslew_plant.errors import BadInput, FlexslewError
+
+if TYPE_CHECKING:
+    from flexslew_lab.ros.operator import Operator, Told
+
+_BY_HAND = 1.5  # patience where no run has left its domain [wall s]
+
+Namespace = Annotated[str, typer.Option(help="Of the bench, if it runs in one.")]
+At = Annotated[float, typer.Option(help="Simulated time [s]; 0: the next tick.")]
+
+
+def start(namespace: Namespace = "") -> None:
+    """Start a bench that waits, or let a paused one go on.
+
+    Example: `./flexslew start`
+    """
+    _done(namespace, lambda bench: bench.act("start"))
+
+
+def pause(namespace: Namespace = "") -> None:
+    """Stop a running bench between two ticks.
+
+    Example: `./flexslew pause`
+    """
+    _done(namespace, lambda bench: bench.act("pause"))
+
+
+def step(
+    ticks: Annotated[int, typer.Argument(help="How many.")] = 1, namespace: Namespace = ""
+) -> None:
+    """Advance a paused bench by some ticks.
+
+    Example: `./flexslew step 100`
+    """
+    if not 1 <= ticks < 2**32:
+        raise BadInput(f"ticks: {ticks} is not allowed: at least 1")
+    _done(namespace, lambda bench: bench.step(ticks))
+
+
+def reset(namespace: Namespace = "") -> None:
+    """Return the bench to tick 0 and pause it there.
+
+    Example: `./flexslew reset`
+    """
+    _done(namespace, lambda bench: bench.act("reset"))
+
+
+def brake(
+    release: Annotated[bool, typer.Option("--release", help="Take the brake off.")] = False,
+    namespace: Namespace = "",
+) -> None:
+    """Stop the joints with the drive's own brake from the next tick on, until it is released.
+
+    Example: `./flexslew brake`
+    """
+    _done(namespace, lambda bench: bench.act("release_brake" if release else "brake"))
+
+
+def inject(
+    what: Annotated[str, typer.Argument(help="A fault or disturbance as in a schedule, YAML.")],
+    at: At = 0.0,
+    namespace: Namespace = "",
+) -> None:
+    """Break or disturb something on a running bench whose trial has allow_faults: true.
+
+    Example: `./flexslew inject "{kind: command_lost, probability: 0.2, until: 30.0}"`
+    """
+    _require("--at", at)
+    _done(namespace, lambda bench: bench.inject(what, at))
+
+
+def controllers(as_json: Json = False, namespace: Namespace = "") -> None:
+    """List the controllers of a running bench, who is ready and who is in charge.
+
+    Example: `./flexslew controllers`
+    """
+    with _bench(namespace) as bench:
+        active, rows = bench.controllers()
+    if as_json:
+        print(json.dumps({"active": active, "controllers": rows}, indent=2))
+    else:
+        columns = ("controller", "law", "ready", "reason", "last_tick")
+        table = [[short(row[c]) for c in columns] for row in rows]
+        print_table(("in charge", *columns), [["*" * (r[0] == active), *r] for r in table])
+
+
+def switch(
+    controller: Annotated[str, typer.Argument(help="Who takes over.")],
+    at: At = 0.0,
+    strict: Annotated[bool, typer.Option(help="Refuse a larger step of the effort.")] = False,
+    max_effort_step: Annotated[float, typer.Option(help="For --strict [N m].")] = 1.0,
+    namespace: Namespace = "",
+) -> None:
+    """Give the bench to another controller while it moves.
+
+    Example: `./flexslew switch output_feedback --at 12.5`
+    """
+    _require("--at", at)
+    _require("--max-effort-step", max_effort_step)
+    _done(namespace, lambda bench: bench.switch(controller, at, strict, max_effort_step))
+
+
+COMMANDS = (controllers, switch, start, pause, step, reset, brake, inject)
+
+
+def bench_domain() -> tuple[int, bool]:
+    """Return the domain of the bench that is meant, and whether a run says that it is there.
+
+    ROS_DOMAIN_ID decides where it is set; else the only run of this machine does.
+
+    Raises:
+        FlexslewError: several runs are under way.
+    """
+    chosen, found = chosen_domain(), domains_in_use()
+    if chosen is not None:
+        return chosen, chosen in found
+    if len(found) > 1:
+        runs = ", ".join(f"{number} ({what or 'a bench'})" for number, what in found.items())
+        raise FlexslewError(f"several benches run here; set ROS_DOMAIN_ID to one of {runs}")
+    return (next(iter(found)), True) if found else (0, False)
+
+
+@contextmanager
+def _bench(namespace: str) -> Iterator["Operator"]:
+    domain, known = bench_domain()
+    from flexslew_lab.ros.operator import PATIENCE, connected
+
+    with connected(domain, namespace, PATIENCE if known else _BY_HAND) as bench:
+        try:
+            yield bench
+        except FlexslewError as error:
+            hint = "" if known else f" (domain {domain}; no run of this machine is under way)"
+            raise FlexslewError(f"{error}{hint}") from None
+
+
+def _done(namespace: str, ask: Callable[["Operator"], "Told"]) -> None:
+    """Print what the bench answers; leave with exit code 1 if it refuses."""
+    with _bench(namespace) as bench:
+        told = ask(bench)
+    say(told.message)
+    if not told.ok:
+        raise typer.Exit(1)
+
+
+def _require(option: str, value: float) -> None:
+    if not 0.0 <= value < math.inf:
+        raise BadInput(f"{option}: {value} is not allowed: at least 0, finite")
