@@ -14,8 +14,8 @@ from flexslew_lab.replay.resim import resim
 from flexslew_lab.report.metrics import metrics_of
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import (
-    DEFAULT,
     bench_settings,
     build_controllers,
     load_trial,
@@ -71,7 +71,7 @@ def switch(*request):
 
 
 def test_the_swap_demo_flies_again_to_the_same_hash(tmp_path):
-    demo = Path(DEFAULT).with_name("swap_demo.yaml")
+    demo = trial_path("swap_demo")
     result = run_trial(load_trial(demo), str(demo), tmp_path / "run", in_process=True, report=False)
     again = resim(tmp_path / "run" / "bag")
     assert again.identical

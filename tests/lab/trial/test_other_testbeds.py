@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from flexslew_lab.trial.run import run_trial
-from flexslew_lab.trial.trial import DEFAULT, load_trial, parse_trial, plan_of_trial
+from flexslew_lab.trial.sources import trial_path
+from flexslew_lab.trial.trial import load_trial, parse_trial, plan_of_trial
 from flexslew_plant.errors import BadInput
 
-HUB, OSCILLATOR = (DEFAULT.with_name(f"time_optimal_{name}.yaml") for name in ("hub", "oscillator"))
+HUB, OSCILLATOR = (trial_path(f"time_optimal_{name}") for name in ("hub", "oscillator"))
 ENDS = {HUB: 6.01986708, OSCILLATOR: 5.86595844}  # [s]
 JOINTS = {HUB: "hub", OSCILLATOR: "mass"}
 

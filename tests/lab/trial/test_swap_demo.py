@@ -1,13 +1,12 @@
-from pathlib import Path
-
 import pytest
 
 from flexslew_lab.report.run_data import read_run
 from flexslew_lab.trial.run import run_trial
-from flexslew_lab.trial.trial import DEFAULT, load_trial, parse_trial, trial_text
+from flexslew_lab.trial.sources import trial_path
+from flexslew_lab.trial.trial import load_trial, parse_trial, trial_text
 from flexslew_plant.errors import BadInput
 
-DEMO = Path(DEFAULT).with_name("swap_demo.yaml")
+DEMO = trial_path("swap_demo")
 LIMIT = 150.0  # [N m]
 
 

@@ -1,6 +1,7 @@
 import pytest
 
-from flexslew_lab.trial.trial import DEFAULT, load_trial, parse_trial, plan_of_trial
+from flexslew_lab.trial.sources import trial_path
+from flexslew_lab.trial.trial import load_trial, parse_trial, plan_of_trial
 from flexslew_plant.errors import BadInput
 
 HUB = """
@@ -53,7 +54,7 @@ def test_a_plan_says_what_it_believes_differently_from_the_bench(plan, words):
 
 @pytest.mark.parametrize("name", ["m1", "swap_demo", "time_optimal_hub", "time_optimal_oscillator"])
 def test_every_trial_that_comes_along_is_sound(name):
-    trial = load_trial(DEFAULT.with_name(f"{name}.yaml"))
+    trial = load_trial(trial_path(name))
     assert trial.name == name
 
 

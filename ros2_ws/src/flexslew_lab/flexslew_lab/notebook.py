@@ -22,7 +22,8 @@ from flexslew_lab.report.metrics import metrics_from
 from flexslew_lab.report.signals import read_signals
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.run import run_trial
-from flexslew_lab.trial.trial import DEFAULT, Trial, parse_trial
+from flexslew_lab.trial.sources import trial_path
+from flexslew_lab.trial.trial import Trial, parse_trial, text_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml, yaml_text
@@ -159,13 +160,8 @@ def _keys(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return a name for messages and the keys of a trial."""
     if isinstance(source, Mapping):
         return "trial", dict(source)
-    shipped = DEFAULT.parent / f"{source}.yaml"
-    path = shipped if shipped.is_file() else Path(source)
-    try:
-        values = load_yaml(path.read_text(), str(path))
-    except (OSError, UnicodeDecodeError):
-        names = ", ".join(sorted(found.stem for found in DEFAULT.parent.glob("*.yaml")))
-        raise BadInput(f"{source}: cannot be read; trials by name: {names}") from None
+    path = trial_path(source)
+    values = load_yaml(text_of(path), str(path))
     if not isinstance(values, dict):
         raise BadInput(f"{path}: holds no keys")
     return str(path), values

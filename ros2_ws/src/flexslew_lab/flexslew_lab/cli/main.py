@@ -33,13 +33,21 @@ app = typer.Typer(
 )
 app.add_typer(log, name="log")
 
-TrialFile = Annotated[Path | None, typer.Argument(help="Trial file; without it manoeuvre M1.")]
+TrialFile = Annotated[
+    str | None,
+    typer.Argument(help="Trial file, or the name of a shipped one (see trials); none: m1."),
+]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="key.path=value instead of the file's; again and again."),
+]
 Bags = Annotated[list[Path], typer.Argument(help="Folders of runs, or bags.")]
 
 
 @app.command()
 def trial(
     file: TrialFile = None,
+    sets: Sets = None,
     in_process: Annotated[
         bool, typer.Option("--in-process", help="Without ROS: same ticks, same bits.")
     ] = False,
@@ -57,18 +65,17 @@ def trial(
     from dataclasses import replace
 
     from flexslew_lab.trial.run import run_trial
-    from flexslew_lab.trial.trial import DEFAULT, load_trial
+    from flexslew_lab.trial.sources import read_trial
 
     if not in_process:
         require_ros()
-    source = file or DEFAULT
-    wanted = load_trial(source)
+    wanted, source = read_trial(file, sets)
     if rate is not None:
         if not 0.0 <= rate < math.inf:
             raise BadInput(f"--rate: {rate} is not allowed: 0 is as fast as it goes, 1 real time")
         wanted = replace(wanted, rate_factor=rate)
     with progress(wanted.name) as advance:
-        result = run_trial(wanted, str(source), out, in_process, not no_report, advance, say)
+        result = run_trial(wanted, source, out, in_process, not no_report, advance, say)
     if as_json:
         print(json.dumps(result.metrics, indent=2))
     else:
@@ -82,8 +89,25 @@ def trial(
 
 
 @app.command()
+def trials(as_json: Json = False) -> None:
+    """List the trials that come with the bench; each can be flown by its name.
+
+    Example: `./flexslew trial swap_demo --in-process`
+    """
+    from flexslew_lab.trial.sources import shipped_trials
+
+    shipped = shipped_trials()
+    if as_json:
+        rows = [{"name": t.name, "about": t.about, "file": str(t.path)} for t in shipped]
+        print(json.dumps(rows, indent=2))
+    else:
+        print_table(("trial", "about"), [(trial.name, trial.about) for trial in shipped])
+
+
+@app.command()
 def plan(
     file: TrialFile = None,
+    sets: Sets = None,
     method: Annotated[str | None, typer.Option(help="Instead of the file's plan.method.")] = None,
     out: Annotated[Path | None, typer.Option(help="Save the plan, YAML.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw the plan, HTML.")] = None,
@@ -95,14 +119,14 @@ def plan(
     """
     from flexslew_control.plan_file import plan_hash, save_plan
     from flexslew_control.planners import make_plan, other_method, plan_settings
-    from flexslew_lab.trial.trial import DEFAULT, feedback_of, load_trial, plant_of
+    from flexslew_lab.trial.sources import read_trial
+    from flexslew_lab.trial.trial import feedback_of, plan_section_of, plant_of
 
     for path, option in ((out, "--out"), (figure, "--figure")):
         if path is not None:
             writable_file(path, option)
-    source = file or DEFAULT
-    wanted = load_trial(source)
-    settings = wanted.plan
+    wanted, source = read_trial(file, sets)
+    settings = plan_section_of(wanted, source)
     if method is not None:
         if settings is None:
             settings = plan_settings({"method": method}, f"{source}: plan")
@@ -165,6 +189,7 @@ def report(
 @app.command()
 def compare(
     file: TrialFile = None,
+    sets: Sets = None,
     out: Annotated[
         Path | None, typer.Option(help="The HTML file; else a new one below runs/.")
     ] = None,
@@ -176,13 +201,12 @@ def compare(
     """
     from flexslew_lab.report import compare as comparison
     from flexslew_lab.report.compare_report import short_table
-    from flexslew_lab.trial.trial import DEFAULT, load_trial
+    from flexslew_lab.trial.sources import read_trial
 
-    source = file or DEFAULT
-    wanted = load_trial(source)
+    wanted, source = read_trial(file, sets)
     target = writable_file(out or new_file(f"{wanted.name}-compare.html"), "--out")
     with progress("compare", "flights") as advance:
-        found = comparison.compared(wanted, str(source), advance)
+        found = comparison.compared(wanted, source, advance)
     if as_json:
         print(json.dumps(found.rows(), indent=2))
     else:

@@ -20,6 +20,10 @@ def resim(
     elsewhere: Annotated[
         bool, typer.Option(help="Recorded on another build or processor: accept its rounding.")
     ] = False,
+    sets: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="key.path=value of the trial, to see what it changes."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Fly a run again from nothing but its log and compare the trajectory.
@@ -31,9 +35,10 @@ def resim(
     """
     from flexslew_lab.replay.resim import TOLERANCE
     from flexslew_lab.replay.resim import resim as fly_again
+    from flexslew_lab.trial.sources import changes_of
 
     with progress("resim") as advance:
-        again = fly_again(bag_of(bag), advance)
+        again = fly_again(bag_of(bag), advance, changes_of(sets))
     first = again.first_difference
     if as_json:
         values = {**again._asdict(), "first_difference": first and first._asdict()}

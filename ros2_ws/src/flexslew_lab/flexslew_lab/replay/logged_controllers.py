@@ -7,12 +7,12 @@ import numpy as np
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.law import described
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.cdr import decode
-from flexslew_lab.trial.trial import Trial, law_of, parse_trial
+from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml
 
@@ -27,15 +27,23 @@ class Adoption(NamedTuple):
     plan: Plan
 
 
-def trial_of(bag: BagReader) -> Trial:
+def trial_of(bag: BagReader, changes: Mapping[str, Any] | None = None) -> Trial:
     """Return the trial that a bag was recorded from.
+
+    Args:
+        bag: to read.
+        changes: by path, instead of what the trial says.
 
     Raises:
         BadInput: the bag holds none, or none that this version reads.
     """
     if not bag.trial_text:
         raise BadInput(f"{bag.path}: holds no trial")
-    return parse_trial(bag.trial_text, f"{bag.path}: trial")
+    source = f"{bag.path}: trial"
+    values = load_yaml(bag.trial_text, source)
+    if changes and isinstance(values, dict):
+        values = overridden(values, dict(changes))
+    return trial_of_values(values, source)
 
 
 def plan_of_log(message: Any, source: str) -> Plan:
@@ -82,6 +90,7 @@ class Crew:
         bag: to take them from.
         only: the names that are needed; none: all of the trial and of the log.
         replaced: laws and settings by name that stand in for those of the log.
+        trial: that stands in for the log's.
 
     Raises:
         BadInput: the log does not say what is needed, or a law cannot be built.
@@ -92,13 +101,14 @@ class Crew:
         bag: BagReader,
         only: str | None = None,
         replaced: Mapping[str, tuple[str, dict[str, Any]]] | None = None,
+        trial: Trial | None = None,
     ) -> None:
         overview = bag.overview
         testbed = overview.testbed
         if testbed is None:
             raise BadInput(f"{bag.path}: does not say what stood on the bench (no /testbed)")
         laws = logged_laws(bag) | dict(replaced or {})
-        plant = described(testbed.settings, f"{bag.path}: /testbed")
+        plant = plant_of(trial or trial_of(bag))
         self.controllers: dict[str, Controller] = {}
         for name, (law, values) in laws.items():
             if only is not None and name != only:

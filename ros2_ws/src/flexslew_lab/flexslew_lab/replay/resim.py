@@ -2,7 +2,7 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
 from flexslew_lab.replay.logged_controllers import Crew, Key, trial_of
 from flexslew_lab.report.metrics import TrajectoryHash
-from flexslew_lab.trial.trial import bench_settings
+from flexslew_lab.trial.trial import bench_settings, law_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Bench, SwitchRequest
 from flexslew_plant.errors import BadInput, RunFault
@@ -51,7 +51,9 @@ class Resimulation(NamedTuple):
 
 
 def resim(
-    bag: Path, progress: Callable[[int, int], None] = lambda tick, last: None
+    bag: Path,
+    progress: Callable[[int, int], None] = lambda tick, last: None,
+    changes: Mapping[str, Any] | None = None,
 ) -> Resimulation:
     """Return the comparison of a log with its run flown again, in process.
 
@@ -60,13 +62,14 @@ def resim(
     Args:
         bag: the bag's folder or file.
         progress: called with the tick and the last tick of the trial.
+        changes: of the trial, by path: what would have been otherwise?
 
     Raises:
         BadInput: the log does not hold what determines the run.
         RunFault: the run again leaves the finite numbers.
     """
     reader = BagReader(bag)
-    again = _Again(reader)
+    again = _Again(reader, changes)
     same = _Comparison()
     recorded, ours, epoch = TrajectoryHash(), TrajectoryHash(), 0
     for block in reader.blocks(["/truth"]):
@@ -108,11 +111,18 @@ class _Again:
 
     Args:
         bag: to read.
+        changes: of the trial, by path.
     """
 
-    def __init__(self, bag: BagReader) -> None:
-        self.bench = Bench(bench_settings(trial_of(bag)))
-        self._crew = Crew(bag)
+    def __init__(self, bag: BagReader, changes: Mapping[str, Any] | None = None) -> None:
+        trial, recorded = trial_of(bag, changes), trial_of(bag)
+        self.bench = Bench(bench_settings(trial))
+        other = {
+            name: law_of(name, values or {})
+            for name, values in trial.controllers.items()
+            if values != recorded.controllers.get(name)
+        }
+        self._crew = Crew(bag, replaced=other, trial=trial)
         self._wishes: dict[Key, list[LoggedEvent]] = defaultdict(list)
         self._missed: set[Key] = set()
         self._refused: set[Key] = set()

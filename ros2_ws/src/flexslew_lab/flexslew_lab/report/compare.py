@@ -12,7 +12,15 @@ from flexslew_control.planners import PLANNERS, make_plan, other_method
 from flexslew_control.planners.time_optimal.time_optimal import RESERVE
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_lab.trial.in_process import Observer, fly
-from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, feedback_of, plant_of
+from flexslew_lab.trial.trial import (
+    SavedPlan,
+    Trial,
+    bench_settings,
+    build_controllers,
+    feedback_of,
+    plan_section_of,
+    plant_of,
+)
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -189,8 +197,10 @@ def compared(
     Raises:
         BadInput: the trial asks for no manoeuvre, or an error is not allowed.
     """
-    if trial.plan is None:
+    section = plan_section_of(trial, source)
+    if section is None:
         raise BadInput(f"{source}: plan: is missing; add the manoeuvre to compare")
+    trial = replace(trial, plan=section)
     if not errors or min(errors) <= -1.0:
         raise BadInput(f"errors: {list(errors)} is not allowed: one or more, each above -1")
     entries = [_planned(trial, source, name) for name in _candidates(trial)]
@@ -235,7 +245,7 @@ def _carries_payload(trial: Trial) -> bool:
 
 def _candidates(trial: Trial) -> list[str]:
     """Return the methods to try, the trial's own first, those without feedforward last."""
-    assert trial.plan is not None
+    assert not isinstance(trial.plan, SavedPlan | None)
     bare = ("reference_only", "none")
     methods = [trial.plan.method, *(name for name in PLANNERS if name not in bare), *bare]
     variants = [
@@ -246,7 +256,7 @@ def _candidates(trial: Trial) -> list[str]:
 
 def _planned(trial: Trial, source: str, name: str) -> Entry:
     """Return the method's plan for the trial's manoeuvre, or why it has none."""
-    assert trial.plan is not None
+    assert not isinstance(trial.plan, SavedPlan | None)
     method = name.partition(",")[0]
     own: dict[str, Any] = dict(_VARIANTS.get(name, {}))
     duration = plain(trial.plan).get("duration")

@@ -4,7 +4,14 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flexslew_lab.trial.trial import Trial, bench_settings, feedback_of, law_of, trial_text
+from flexslew_lab.trial.trial import (
+    SavedPlan,
+    Trial,
+    bench_settings,
+    feedback_of,
+    law_of,
+    trial_text,
+)
 from flexslew_plant.settings import flat, plain, yaml_text
 
 
@@ -39,8 +46,11 @@ def node_processes(
         processes.append(NodeProcess("recorder", "flexslew_lab", "recorder", parameters))
     planned = trial.plan is not None
     if planned:
-        text = yaml_text(plain(trial.plan))
-        parameters = {"plan": text, "exit_with_plant": True}
+        parameters = {"exit_with_plant": True}
+        if isinstance(trial.plan, SavedPlan):
+            parameters["file"] = str(Path(trial.plan.file).resolve())
+        else:
+            parameters["plan"] = yaml_text(plain(trial.plan))
         gains = feedback_of(trial)
         if gains is not None:
             parameters |= {"kp": list(gains.kp), "kd": list(gains.kd)}

@@ -1,17 +1,17 @@
 """A trial file: what stands on the bench, who flies it, what happens when."""
 
-from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners import PlanSettings, make_plan
+from flexslew_control.plan_file import load_plan
+from flexslew_control.planners import PlanSettings, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.bench.actuator import ActuatorSettings
 from flexslew_plant.bench.bench import Bench, BenchSettings
@@ -29,11 +29,28 @@ from flexslew_plant.settings import (
 )
 from flexslew_plant.testbeds import TestbedSettings, default_testbed
 
-DEFAULT = Path(str(resources.files("flexslew_lab"))) / "trials" / "m1.yaml"
-
 
 def _pd_alone() -> dict[str, dict[str, Any]]:
     return {"pd_feedforward": {}}
+
+
+@section
+class SavedPlan:
+    """The `plan` section that flies a plan from its file."""
+
+    file: Annotated[str, Field(min_length=1)]  # a path from the working directory
+
+
+def _plan_form(values: Any) -> str:
+    """Return which of the two forms of a `plan` section is meant."""
+    saved = "file" in values if isinstance(values, dict) else isinstance(values, SavedPlan)
+    return "saved" if saved else "asked"
+
+
+PlanKey: TypeAlias = Annotated[
+    Annotated[PlanSettings, Tag("asked")] | Annotated[SavedPlan, Tag("saved")],
+    Discriminator(_plan_form),
+]
 
 
 @section
@@ -48,7 +65,7 @@ class Trial:
     testbed: TestbedSettings = Field(default_factory=default_testbed)
     actuator: ActuatorSettings = ActuatorSettings()
     sensors: SensorSettings = SensorSettings()
-    plan: PlanSettings | None = None  # none: hold the first measured position
+    plan: PlanKey | None = None  # none: hold the first measured position
     controllers: dict[str, dict[str, Any]] = Field(default_factory=_pd_alone)
     active: str = "pd_feedforward"  # in charge at the start
     fallback: tuple[str, ...] = ()  # take over in turn
@@ -66,16 +83,32 @@ def load_trial(path: Path) -> Trial:
     Raises:
         BadInput: the file cannot be read, or one of its values is not allowed.
     """
+    return checked_trial(parse_trial(text_of(path), str(path)), str(path))
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a trial file.
+
+    Raises:
+        BadInput: it cannot be read.
+    """
     try:
-        text = path.read_text()
+        return path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "it is not a text file"
         raise BadInput(f"{path}: cannot be read: {why}") from None
-    trial = parse_trial(text, str(path))
-    for i, entry in enumerate(trial.schedule):  # the log of an older version may hold such an entry
+
+
+def checked_trial(trial: Trial, source: str) -> Trial:
+    """Return a trial that is about to be flown, checked for what an old log may still hold.
+
+    Raises:
+        BadInput: an entry of the schedule lies after the end.
+    """
+    for i, entry in enumerate(trial.schedule):
         if round(entry.at / trial.period) >= round(trial.duration / trial.period):
             raise BadInput(
-                f"{path}: schedule.{i}.at: {entry.at:g} is not allowed: the run ends at "
+                f"{source}: schedule.{i}.at: {entry.at:g} is not allowed: the run ends at "
                 f"{trial.duration:g} s; choose an earlier time or a longer duration"
             )
     return trial
@@ -83,9 +116,13 @@ def load_trial(path: Path) -> Trial:
 
 def parse_trial(text: str, source: str) -> Trial:
     """Return the trial of a YAML text; see load_trial."""
-    values = load_yaml(text, source)
+    return trial_of_values(load_yaml(text, source), source)
+
+
+def trial_of_values(values: Any, source: str) -> Trial:
+    """Return the trial that plain data describe; see load_trial."""
     if not isinstance(values, dict):
-        raise BadInput(f"{source}: holds no keys; see the example {DEFAULT}")
+        raise BadInput(f"{source}: holds no keys; `flexslew trials` lists examples")
     trial: Trial = validated(Trial, values, source)
     wanted = {"active": trial.active} | {f"fallback.{i}": c for i, c in enumerate(trial.fallback)}
     wanted |= {f"schedule.{i}.switch": e.switch for i, e in enumerate(trial.schedule) if e.switch}
@@ -154,7 +191,21 @@ def plan_of_trial(trial: Trial) -> Plan | None:
     """
     if trial.plan is None:
         return None
+    if isinstance(trial.plan, SavedPlan):
+        return load_plan(trial.plan.file)
     return make_plan(trial.plan, plant_of(trial), feedback_of(trial))
+
+
+def plan_section_of(trial: Trial, source: str) -> PlanSettings | None:
+    """Return the `plan` section of a trial; that of a saved plan is the one it was made from.
+
+    Raises:
+        BadInput: the file of the plan is no plan.
+    """
+    if isinstance(trial.plan, SavedPlan):
+        saved = load_plan(trial.plan.file)
+        return plan_settings(saved.request, f"{source}: plan: {trial.plan.file}")
+    return trial.plan
 
 
 def plant_of(trial: Trial) -> PlantDescription:

@@ -1,0 +1,94 @@
+"""Where a trial comes from: a file, or the name of a shipped one, with single values changed."""
+
+import difflib
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.trial import Trial, checked_trial, text_of, trial_of_values
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
+
+FOLDER = Path(str(resources.files("flexslew_lab"))) / "trials"
+DEFAULT = "m1"
+
+
+class Shipped(NamedTuple):
+    """A trial that comes with the bench."""
+
+    name: str
+    path: Path
+    about: str  # its first comment, one line
+
+
+def shipped_trials() -> list[Shipped]:
+    """Return the shipped trials by name."""
+    found = []
+    for path in sorted(FOLDER.glob("*.yaml")):
+        comments = []
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if not line.startswith("#"):
+                break
+            comments.append(line.lstrip("# ").rstrip())
+        found.append(Shipped(path.stem, path, " ".join(comments)))
+    return found
+
+
+def trial_path(name: str | Path | None) -> Path:
+    """Return the file of a trial.
+
+    Args:
+        name: a file, or the name of a shipped trial; None: the default one.
+
+    Raises:
+        BadInput: neither; the shipped ones are named.
+    """
+    given = DEFAULT if name is None else str(name)
+    path = Path(given)
+    if path.is_file():
+        return path
+    known = {trial.name: trial.path for trial in shipped_trials()}
+    if given in known:
+        return known[given]
+    close = difflib.get_close_matches(given, known, n=1)
+    hint = f"did you mean {close[0]}? " if close else ""
+    raise BadInput(
+        f"{given}: is neither a file nor a shipped trial; {hint}shipped: {', '.join(known)}"
+    )
+
+
+def changes_of(assignments: list[str] | None) -> dict[str, Any]:
+    """Return `key.path=value` assignments as changes, the values read as YAML.
+
+    Raises:
+        BadInput: there is no `=`, or the value is not YAML.
+    """
+    changes = {}
+    for assignment in assignments or []:
+        key, sign, value = assignment.partition("=")
+        if not sign or not key.strip():
+            raise BadInput(f"--set: {assignment}: give key.path=value, for example testbed.modes=5")
+        changes[key.strip()] = load_yaml(value, f"--set: {key.strip()}")
+    return changes
+
+
+def read_trial(name: str | Path | None, assignments: list[str] | None = None) -> tuple[Trial, str]:
+    """Return a trial and what it came from, for messages and for the log.
+
+    Args:
+        name: as in trial_path.
+        assignments: `key.path=value`, instead of what the file says.
+
+    Raises:
+        BadInput: the file cannot be read, or one of its values is not allowed.
+    """
+    path, changes = trial_path(name), changes_of(assignments)
+    values = load_yaml(text_of(path), str(path))
+    if changes and isinstance(values, dict):
+        try:
+            values = overridden(values, changes)
+        except BadInput as error:
+            raise BadInput(f"--set: {error}") from None
+    source = str(path) + "".join(f" --set {assignment}" for assignment in assignments or [])
+    return checked_trial(trial_of_values(values, str(path)), str(path)), source
