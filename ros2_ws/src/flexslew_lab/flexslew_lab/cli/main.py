@@ -258,9 +258,7 @@ app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options"
 
 def _joint_units(wanted: "Trial") -> dict[str, str]:
     """Return the units of a trial's joints by name."""
-    from flexslew_plant.testbeds import build_model
-
-    model = build_model(wanted.testbed)
+    model = wanted.testbed.model()
     return dict(zip(model.joint_names, model.joint_units, strict=True))
 
 

@@ -48,6 +48,8 @@ def trial_path(name: str | Path | None) -> Path:
     path = Path(given)
     if path.is_file():
         return path
+    if path.is_dir():
+        raise BadInput(f"{given}: cannot be read: it is a folder")
     known = {trial.name: trial.path for trial in shipped_trials()}
     if given in known:
         return known[given]
