@@ -41,6 +41,48 @@ def test_a_paced_tick_ends_with_its_period_whether_answered_or_not():
         assert pacing.tick_over(100.0051, answered, 0)
 
 
+def test_every_question_has_its_full_period_however_late_it_was_asked():
+    pacing = paced()
+    pacing.asked(100.009)  # the second, 4 ms late
+    assert not pacing.tick_over(100.0139, False, 0)
+    assert pacing.tick_over(100.0141, False, 0)
+
+
+def test_a_stall_of_the_plant_counts_against_nobody():
+    pacing = paced()
+    wait = pacing.wait(100.001)
+    assert pacing.look(100.001 + wait + 3.0) == pytest.approx(3.0)
+    assert not pacing.tick_over(103.0049, False, 0)
+    assert pacing.tick_over(103.0051, False, 0)
+
+
+def test_a_stall_as_fast_as_it_goes_is_no_silence():
+    pacing = fast()
+    pacing.wait(100.0)
+    pacing.look(110.0)
+    assert not pacing.tick_over(110.0, False, 0)
+    assert pacing.tick_over(112.0, False, 0)
+
+
+def test_too_far_behind_a_new_schedule_begins_instead_of_a_burst():
+    pacing = paced()
+    assert pacing.fall_behind(100.03) == 0.0  # 25 ms: caught up
+    late = pacing.fall_behind(100.505)
+    assert late == pytest.approx(0.5)
+    pacing.asked(100.505)
+    assert not pacing.tick_over(100.5099, True, 0)
+    assert pacing.tick_over(100.5101, True, 0)
+
+
+def test_another_rate_counts_from_its_change_on():
+    pacing = paced()
+    pacing.set_rate(0.5, 100.002)
+    assert not pacing.tick_over(100.0219, True, 0)
+    assert pacing.tick_over(100.0221, True, 0)
+    pacing.set_rate(0.0, 100.023)
+    assert pacing.tick_over(100.023, True, 0)
+
+
 def test_paced_ticks_do_not_drift_when_one_is_late():
     pacing = paced()
     pacing.asked(100.009)  # the first was 4 ms late

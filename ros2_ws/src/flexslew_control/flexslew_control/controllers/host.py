@@ -137,7 +137,7 @@ class ControllerHost:
     def _take(self, tuning: _Tuning, question: Measurement) -> None:
         assert self.controller is not None
         tuning.controller.succeed(self.controller)
-        self.controller, self.values = tuning.controller, tuning.values
+        before, self.controller, self.values = self.values, tuning.controller, tuning.values
         words = ", ".join(f"{key}: {value}" for key, value in tuning.changes.items())
         self.events.append(
             Event(
@@ -151,6 +151,7 @@ class ControllerHost:
                 {
                     "controller": self.name,
                     "settings": tuning.changes,
+                    "before": before,
                     "who": tuning.who or "unnamed",
                 },
             )

@@ -13,7 +13,7 @@ from flexslew_lab.replay.answers import FIELDS as FIELDS
 from flexslew_lab.replay.answers import Divergence as Divergence
 from flexslew_lab.replay.answers import Pairs
 from flexslew_lab.replay.answers import Row as Row
-from flexslew_lab.replay.logged_controllers import Crew, logged_laws
+from flexslew_lab.replay.logged_controllers import LoggedControllers, logged_laws
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 
@@ -58,7 +58,7 @@ def check(
     recorded_law, values = laws[controller]
     own = {} if law is not None and law != recorded_law else values
     chosen = law or recorded_law, {**own, **(settings or {})}
-    crew = Crew(reader, only=controller, replaced={controller: chosen})
+    logged = LoggedControllers(reader, only=controller, replaced={controller: chosen})
     pairs = Pairs(float(reader.overview.testbed.period))
     last = reader.overview.counts.get("/measurement", 0)
     for topic, kind, _, _, data in reader.messages(("/measurement", "/controller_state")):
@@ -68,8 +68,8 @@ def check(
             if message.controller == controller:
                 pairs.recorded(key, {name: getattr(message, name) for name in FIELDS})
             continue
-        crew.adopt_until(key)
-        answer = _observe(crew.controllers[controller], message, pairs.period)
+        logged.until(key)
+        answer = _observe(logged.by_name[controller], message, pairs.period)
         if answer is not None:
             pairs.ours(key, _outputs(answer))
         if message.tick % 1000 == 0:

@@ -3,13 +3,12 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
+from flexslew_control.controllers.host import merged
+from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
-from flexslew_control.plan_file import plan_hash
-from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
 from flexslew_lab.log.cdr import decode
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
@@ -46,44 +45,7 @@ def trial_of(bag: BagReader, changes: Mapping[str, Any] | None = None) -> Trial:
     return trial_of_values(values, source)
 
 
-def plan_of_log(message: Any, source: str) -> Plan:
-    """Return a decoded flexslew_msgs/msg/Plan as a plan.
-
-    Raises:
-        BadInput: its content does not have its hash.
-    """
-    joints = len(message.joint_names)
-    ticks = len(message.effort) // max(joints, 1)
-
-    def rows(name: str, count: int) -> Any:
-        return np.asarray(getattr(message, name)).reshape(count, -1)
-
-    def text(name: str) -> Any:
-        return load_yaml(getattr(message, name), f"{source}: the plan is damaged: {name}") or {}
-
-    try:
-        plan = Plan(
-            method=message.method,
-            joint_names=tuple(message.joint_names),
-            start=float(message.start),
-            period=float(message.period),
-            position=rows("position", ticks + 1),
-            velocity=rows("velocity", ticks + 1),
-            effort=rows("effort", ticks),
-            state=rows("state", ticks + 1),
-            duration=float(message.duration),
-            request=text("request"),
-            summary=text("summary"),
-            versions=text("versions"),
-        )
-    except ValueError as error:
-        raise BadInput(f"{source}: the plan is damaged: {error}") from None
-    if plan_hash(plan) != message.hash:
-        raise BadInput(f"{source}: the plan is damaged: its content does not have its hash")
-    return plan
-
-
-class Crew:
+class LoggedControllers:
     """Controllers as a log names them, each at its state before tick 0.
 
     Args:
@@ -108,27 +70,57 @@ class Crew:
         if testbed is None:
             raise BadInput(f"{bag.path}: does not say what stood on the bench (no /testbed)")
         laws = logged_laws(bag) | dict(replaced or {})
-        plant = plant_of(trial or trial_of(bag))
-        self.controllers: dict[str, Controller] = {}
-        for name, (law, values) in laws.items():
-            if only is not None and name != only:
-                continue
-            # wall time decides nothing here
-            own = {k: v for k, v in values.items() if law in CONTROLLERS or k != "time_limit"}
-            self.controllers[name] = build_controller(
-                name,
-                law,
-                own,
-                plant,
-                f"{bag.path}: controllers.{name}",
-            )
-        self._due = [a for a in adoptions(bag) if a.controller in self.controllers]
+        self._source = str(bag.path)
+        self._plant = plant_of(trial or trial_of(bag))
+        self._laws = laws if only is None else {only: laws[only]}
+        self.by_name = {name: self._built(name) for name in self._laws}
+        self._due = [a for a in adoptions(bag) if a.controller in self.by_name]
+        flown = logged_laws(bag)  # settings of one law say nothing to another
+        self._tunings = [
+            event
+            for event in _tunings(bag)
+            if (name := event.data["controller"]) in self._laws
+            and self._laws[name][0] == flown[name][0]
+        ]
 
-    def adopt_until(self, key: Key) -> None:
-        """Give the controllers the plans that they had when they were asked at `key`."""
+    def until(self, key: Key) -> int:
+        """Give the controllers the plans and settings that they had when they were asked at `key`.
+
+        Returns:
+            how many were tuned since the call before.
+        """
         while self._due and self._due[0].seen < key:
             adoption = self._due.pop(0)
-            self.controllers[adoption.controller].adopt(adoption.plan)
+            self.by_name[adoption.controller].adopt(adoption.plan)
+        tuned = 0
+        while self._tunings and (self._tunings[0].epoch, self._tunings[0].tick) <= key:
+            data = self._tunings.pop(0).data
+            name = data["controller"]
+            law, values = self._laws[name]
+            self._laws[name] = law, merged(values, data["settings"])
+            successor = self._built(name)
+            successor.succeed(self.by_name[name])
+            self.by_name[name] = successor
+            tuned += 1
+        return tuned
+
+    def _built(self, name: str) -> Controller:
+        law, values = self._laws[name]
+        # wall time decides nothing here
+        own = {k: v for k, v in values.items() if law in CONTROLLERS or k != "time_limit"}
+        return build_controller(
+            name,
+            law,
+            own,
+            self._plant,
+            f"{self._source}: controllers.{name}",
+        )
+
+
+def _tunings(bag: BagReader) -> list[LoggedEvent]:
+    """Return the changes of settings in flight, in their order."""
+    tuned = (event for event in bag.overview.events if event.kind == "tuned")
+    return sorted(tuned, key=lambda event: (event.epoch, event.tick))
 
 
 def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
@@ -139,6 +131,9 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
             values = load_yaml(status.settings, f"{bag.path}: controllers.{name}") or {}
             values.pop("computed", None)  # is said there, too, and follows from the others
             laws[name] = status.law, values
+    for event in reversed(_tunings(bag)):  # what a status says last is what was tuned last
+        name = event.data["controller"]
+        laws[name] = laws[name][0], event.data["before"]
     return laws
 
 
@@ -148,7 +143,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     Raises:
         BadInput: a controller says that it follows a plan that is not in the log.
     """
-    plans = {p.hash: plan_of_log(p, str(bag.path)) for p in bag.overview.plans}
+    plans = {p.hash: plan_of(p, str(bag.path)) for p in bag.overview.plans}
     following: dict[str, str] = {}
     found = []
     for _, kind, _, _, data in bag.messages(("/controller_status",)):

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
-from flexslew_lab.replay.logged_controllers import Crew, Key, trial_of
+from flexslew_lab.replay.logged_controllers import Key, LoggedControllers, trial_of
 from flexslew_lab.report.metrics import TrajectoryHash
 from flexslew_lab.trial.trial import bench_settings, law_of
 from flexslew_plant.arrays import Matrix
@@ -106,6 +106,9 @@ def resim(
     )
 
 
+WISHES = ("switch_requested", "injected", "fault_ended", "brake_requested")
+
+
 class _Again:
     """The bench and its controllers, steered by what the events of the log say.
 
@@ -122,19 +125,25 @@ class _Again:
             for name, values in trial.controllers.items()
             if values != recorded.controllers.get(name)
         }
-        self._crew = Crew(bag, replaced=other, trial=trial)
+        self._controllers = LoggedControllers(bag, replaced=other, trial=trial)
         self._wishes: dict[Key, list[LoggedEvent]] = defaultdict(list)
         self._missed: set[Key] = set()
         self._refused: set[Key] = set()
-        self.replayed = {"switch_requested": 0, "injected": 0, "missed": 0}
+        self._dropped: dict[Key, set[str]] = defaultdict(set)  # not ready when they were due
+        self._successors: dict[Key, str] = {}  # who took over from one that was silent
+        self.replayed = dict.fromkeys((*WISHES, "tuned", "missed"), 0)
         for event in bag.overview.events:
             key = event.epoch, event.tick
-            if event.kind in ("switch_requested", "injected"):
+            if event.kind in WISHES:
                 self._wishes[key].append(event)
             elif event.kind == "missed":
                 self._missed.add(key)
             elif event.kind == "switch_refused":
                 self._refused.add(key)
+            elif event.kind == "switch_dropped":
+                self._dropped[key].add(event.data["controller"])
+            elif event.kind in ("fallback", "brake"):
+                self._successors[key] = event.data["to"]
 
     def truth(self, key: Key) -> dict[str, Any]:
         """Fly to this tick; return the state there."""
@@ -152,29 +161,46 @@ class _Again:
     def _fly_tick(self) -> None:
         bench, question = self.bench, self.bench.question
         key = question.epoch, question.tick
-        self._crew.adopt_until(key)
+        self.replayed["tuned"] += self._controllers.until(key)
         for wish in self._wishes.pop(key, ()):
             self._grant(wish)
         missed = key in self._missed
         self.replayed["missed"] += missed
-        for controller in self._crew.controllers.values():
+        for controller in self._controllers.by_name.values():
             answer = controller.observe(question)  # heard it, even where nobody heard the answer
             if answer is not None and (not missed or key in self._refused):
                 bench.offer(answer.command)
         if bench.question is not question and not missed:  # the newcomer's step was refused
-            predecessor = self._crew.controllers.get(bench.question.controller)  # or the brake
+            predecessor = self._controllers.by_name.get(bench.question.controller)  # or the brake
             answer = predecessor.observe(bench.question) if predecessor else None
             if answer is not None:
                 bench.offer(answer.command)
+        unready = self._unready(key)
+        for name in unready:
+            bench.note_readiness(name, "the log says so")
         bench.advance()
+        for name in unready:
+            bench.note_readiness(name, "")
         if bench.failure:
             raise RunFault(bench.failure)
+
+    def _unready(self, key: Key) -> set[str]:
+        """Return who could not take charge at the end of this tick, as its outcome shows."""
+        unready = set(self._dropped.get((key[0], key[1] + 1), ()))
+        if key in self._successors:
+            possible = {*self._controllers.by_name, *self.bench.settings.fallback}
+            unready |= possible - {self._successors[key]}
+        return unready
 
     def _grant(self, wish: LoggedEvent) -> None:
         self.replayed[wish.kind] += 1
         data = wish.data
         if wish.kind == "injected":
             self.bench.inject(data["text"], data["start"])
+        elif wish.kind == "fault_ended":
+            self.bench.end_fault(data["number"])
+        elif wish.kind == "brake_requested":
+            self.bench.brake(data["on"])
         else:
             step = data["max_effort_step"]
             self.bench.request_switch(

@@ -117,7 +117,11 @@ class Charge:
             if why:
                 self._drop(request, tick, why)
             else:
-                self._handover = request, self._drive.active
+                before = self._drive.active
+                if self._handover is not None:
+                    mute, before = self._handover
+                    self._drop(mute, tick, f"{request.controller} took over before it answered")
+                self._handover = request, before
                 self._drive.hand_over(request.controller)
 
     def answered(self, effort: Vector, applied: Vector) -> bool:

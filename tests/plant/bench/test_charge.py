@@ -1,0 +1,194 @@
+import numpy as np
+import pytest
+
+from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
+from flexslew_plant.bench.measurement import EffortCommand
+from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.testbeds.csa import CsaTestbed
+
+
+def bench(**more):
+    return Bench(BenchSettings(testbed=CsaTestbed(modes=1), **({"active": "a"} | more)))
+
+
+def tick(bed, silent=(), effort=(1.0, -1.0)):
+    """Fly one tick in which everybody answers but those who are silent; return who was asked."""
+    asked = bed.question.controller
+    if asked and asked not in silent:
+        bed.offer(EffortCommand(bed.tick, bed.epoch, asked, np.array(effort)))
+    bed.advance()
+    return asked
+
+
+def asked(bed, ticks, silent=()):
+    return [tick(bed, silent) for _ in range(ticks)]
+
+
+def kinds(bed, *wanted):
+    return [event.kind for event in bed.events if event.kind in wanted]
+
+
+def test_a_newcomer_that_never_answers_gives_the_bench_back_to_the_one_before_it():
+    bed = bench(fallback=("c",), max_missed=2)
+    bed.request_switch(SwitchRequest("b", 1))
+    assert asked(bed, 5, silent=("b",)) == ["a", "b", "b", "a", "a"]
+    (result,) = bed.switch_results
+    assert not result.ok
+    assert result.message == "b never answered; a is in charge"
+    assert bed.faulted
+
+
+def test_a_newcomer_from_the_brake_that_never_answers_leaves_the_brake_on():
+    bed = bench(max_missed=1)
+    assert asked(bed, 2, silent=("a",)) == ["a", ""]
+    bed.request_switch(SwitchRequest("b", 3))
+    assert asked(bed, 4, silent=("b",)) == ["", "b", "", ""]
+    (result,) = bed.switch_results
+    assert result.message == "b never answered; the brake is in charge"
+
+
+def test_a_fallback_serves_as_often_as_it_is_needed():
+    bed = bench(fallback=("b",), max_missed=1)
+    assert asked(bed, 2, silent=("a",)) == ["a", "b"]
+    bed.request_switch(SwitchRequest("c", 3))
+    assert asked(bed, 2) == ["b", "c"]
+    assert asked(bed, 3, silent=("c",)) == ["c", "b", "b"]
+    assert kinds(bed, "fallback", "brake") == ["fallback", "fallback"]
+
+
+def test_fallbacks_that_are_not_ready_are_passed_over():
+    bed = bench(fallback=("b", "c"), max_missed=1)
+    bed.note_readiness("b", "no plan yet")
+    assert asked(bed, 3, silent=("a",)) == ["a", "c", "c"]
+
+
+def test_mute_fallbacks_do_not_take_turns_for_ever():
+    bed = bench(fallback=("b", "c"), max_missed=1)
+    assert asked(bed, 5, silent=("a", "b", "c")) == ["a", "b", "c", "", ""]
+
+
+def test_a_switch_is_checked_when_it_is_due():
+    bed = bench()
+    assert bed.request_switch(SwitchRequest("b", 3)) is None
+    bed.note_readiness("b", "it gives no sign of life")
+    assert asked(bed, 5) == ["a"] * 5
+    (result,) = bed.switch_results
+    assert (result.ok, result.tick) == (False, 3)
+    assert result.message == "switch to b dropped: b is not ready: it gives no sign of life"
+    (event,) = [e for e in bed.events if e.kind == "switch_dropped"]
+    assert event.tick == 3
+    bed.note_readiness("b", "")
+    bed.request_switch(SwitchRequest("b", 6))
+    assert asked(bed, 2) == ["a", "b"]
+
+
+def test_a_switch_to_who_is_in_charge_when_it_is_due_is_dropped():
+    bed = bench()
+    bed.request_switch(SwitchRequest("b", 2))
+    bed.request_switch(SwitchRequest("b", 4))
+    asked(bed, 5)
+    assert [r.ok for r in bed.switch_results] == [True, False]
+    assert "b is already in charge" in bed.switch_results[1].message
+
+
+@pytest.mark.parametrize(
+    ("act", "reason"),
+    [(Bench.reset, "the bench was reset"), (lambda bed: asked(bed, 20), "the run is over")],
+)
+def test_a_switch_that_cannot_happen_any_more_is_dropped_with_the_reason(act, reason):
+    bed = bench(duration=0.1, schedule=(ScheduleEntry(at=5.0, switch="c"),))
+    bed.request_switch(SwitchRequest("b", 9))
+    asked(bed, 3)
+    if act is not Bench.reset:
+        bed.charge.drop_all(reason)
+    else:
+        act(bed)
+    assert {r.request.controller: r.message for r in bed.switch_results} == {
+        name: f"switch to {name} dropped: {reason}" for name in "bc"
+    }
+    assert kinds(bed, "switch_dropped") == ["switch_dropped"] * 2
+
+
+def test_a_switch_behind_the_end_is_refused():
+    bed = bench(duration=0.1)
+    assert bed.request_switch(SwitchRequest("b", 9)) is None
+    assert "ends at tick 10" in (bed.request_switch(SwitchRequest("b", 10)) or "")
+
+
+def test_strict_with_zero_allows_no_step_at_all():
+    bed = bench()
+    asked(bed, 2)
+    bed.request_switch(SwitchRequest("b", 3, strict=True, max_effort_step=0.0))
+    asked(bed, 1)
+    assert bed.question.controller == "b"
+    assert not bed.offer(EffortCommand(3, 0, "b", np.array([1.0, -1.0 + 1e-12])))
+    assert bed.question.controller == "a"
+    assert "a stays in charge" in bed.switch_results[0].message
+
+
+def test_the_latched_brake_holds_until_it_is_released_on_purpose():
+    bed = bench(fallback=("b",))
+    asked(bed, 3)
+    bed.request_switch(SwitchRequest("b", 8))
+    assert bed.brake(True, "me") is None
+    assert bed.brake(True) == "the brake is latched already"
+    assert asked(bed, 3) == ["a", "", ""]  # from the next tick on
+    assert bed.request_switch(SwitchRequest("b", 9)) == "the brake is latched; release it first"
+    assert [r.ok for r in bed.switch_results] == [False]
+    bed.reset()
+    assert asked(bed, 2) == ["", ""]  # a reset does not release it
+    assert bed.brake(False) is None
+    assert asked(bed, 2) == ["", ""]  # nor does anybody take over by himself
+    assert bed.request_switch(SwitchRequest("b", 5)) is None
+    assert asked(bed, 2) == ["", "b"]
+    asks = [e for e in bed.events if e.kind == "brake_requested"]
+    assert [(e.tick, e.data) for e in asks] == [
+        (3, {"on": True, "tick": 4, "who": "me"}), (2, {"on": False, "tick": 3, "who": ""}),
+    ]  # fmt: skip
+    assert kinds(bed, "brake_latched", "brake_released") == ["brake_latched", "brake_released"]
+    assert not bed.faulted
+
+
+def test_the_brake_in_the_middle_of_a_handover_answers_the_switch():
+    bed = bench()
+    bed.request_switch(SwitchRequest("b", 1))
+    asked(bed, 1)
+    bed.brake(True)
+    tick(bed, silent=("b",))
+    (result,) = bed.switch_results
+    assert "the brake is latched" in result.message
+    assert bed.question.controller == ""
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_every_switch_gets_one_result_whatever_happens(seed):
+    rng = np.random.default_rng(seed)
+    bed = bench(fallback=("b", "c"), max_missed=2, duration=3.0)
+    wanted, silent = 0, set()
+    for _ in range(300):
+        if bed.done:
+            break
+        name = "abcd"[rng.integers(4)]
+        match rng.integers(12):
+            case 0 | 1:
+                request = SwitchRequest(
+                    name, bed.tick + int(rng.integers(1, 30)), bool(rng.integers(2)), 1.0
+                )
+                wanted += bed.request_switch(request) is None
+            case 2:
+                bed.note_readiness(name, "" if rng.integers(2) else "ill")
+            case 3:
+                silent ^= {name}
+            case 4 if rng.integers(5) == 0:
+                bed.brake(not bed.charge.latched)
+            case 5 if rng.integers(10) == 0:
+                bed.reset()
+        before = bed.question.controller
+        tick(bed, silent, rng.normal(0.0, 1.0, 2))
+        if bed.question.controller != before:
+            assert not bed.charge.latched or bed.question.controller == ""
+    bed.charge.drop_all("the run is over")
+    assert len(bed.switch_results) == wanted
+    told = kinds(bed, "switched", "switch_refused", "switch_dropped")
+    never = [r for r in bed.switch_results if "never answered" in r.message]
+    assert len(told) + len(never) == wanted

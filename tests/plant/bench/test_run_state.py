@@ -1,0 +1,58 @@
+import pytest
+
+from flexslew_plant.bench.run_state import FINISHED, PAUSED, RUNNING, WAITING, RunState
+
+
+def running():
+    run = RunState(autostart=True)
+    run.begin(10.0)
+    return run
+
+
+def test_it_waits_or_rests_at_the_start():
+    assert RunState(autostart=True).state == WAITING
+    assert RunState(autostart=False).state == PAUSED
+
+
+def test_what_is_refused_says_the_state_and_changes_nothing():
+    run = running()
+    assert run.start() == (False, "already running")
+    assert run.step(3) == (False, "not paused but running; call pause first")
+    run.finish(12.0)
+    assert run.start() == (False, "the run is over; call reset first")
+    assert run.pause(13.0) == (False, "not running but finished")
+    assert run.state == FINISHED
+
+
+def test_steps_are_counted_and_then_it_rests():
+    run = RunState(autostart=False)
+    assert run.step(3).ok
+    run.begin(0.0)
+    assert [run.ticked(0.1) for _ in range(3)] == [False, False, True]
+    assert run.state == PAUSED
+    assert run.step(0).message == "flying 1 ticks"
+
+
+@pytest.mark.parametrize("act", ["pause", "start", "reset"])
+def test_what_is_left_of_a_step_is_forgotten(act):
+    run = RunState(autostart=False)
+    run.step(100)
+    run.begin(0.0)
+    run.ticked(0.1)
+    {"pause": lambda: run.pause(0.2), "start": run.start, "reset": run.reset}[act]()
+    if act != "start":
+        assert run.start().ok
+        run.begin(0.3)
+    assert run.state == RUNNING
+    assert not any(run.ticked(0.4) for _ in range(1000))
+
+
+def test_the_wall_time_is_that_of_the_run_without_its_pauses():
+    run = running()
+    run.pause(13.0)
+    assert run.wall_time(100.0) == 3.0
+    run.start()
+    run.begin(200.0)
+    assert run.wall_time(201.0) == 4.0
+    run.reset()
+    assert run.wall_time(300.0) == 0.0

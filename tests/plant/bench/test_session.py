@@ -1,0 +1,233 @@
+"""A run against a wall clock that the test moves."""
+
+import numpy as np
+import pytest
+
+from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest, Truth
+from flexslew_plant.bench.events import Event
+from flexslew_plant.bench.measurement import EffortCommand, Measurement
+from flexslew_plant.bench.presence import BEAT_EVERY, Beat
+from flexslew_plant.bench.session import Session
+from flexslew_plant.testbeds.csa import CsaTestbed
+
+ZERO = np.zeros(2)
+
+
+class Lab:
+    """A session, controllers that answer at once or not at all, and the time."""
+
+    def __init__(self, rate=0.0, controllers=("a", "b"), **settings):
+        values = {"active": "a", "testbed": CsaTestbed(modes=1)} | settings
+        self.now, self.dead, self.stopped = 100.0, set(), set()
+        self.waiting: list[EffortCommand] = []
+        self.questions, self.truths, self.events = [], [], []
+        bench = Bench(BenchSettings(**values))
+        self.it = Session(bench, (), rate, 2.0, True, lambda: [], self.arrived)
+        self.names, self.next_beat = controllers, 0.0
+        for name in controllers:
+            self.it.reasons[name] = ""
+
+    def arrived(self):
+        waiting, self.waiting = self.waiting, []
+        return waiting
+
+    def beat(self):
+        if self.now >= self.next_beat:
+            self.next_beat = self.now + BEAT_EVERY
+            for number, name in enumerate(self.names):
+                if name not in self.dead:
+                    role = "recorder" if name == "recorder" else "controller"
+                    self.it.presence.hear(Beat(name, role, number, number), self.now)
+
+    def poll(self):
+        """Let the session work once and the time pass until it wants to work again."""
+        self.beat()
+        for command in self.arrived():
+            self.it.take(command, self.now)
+        wait = self.it.poll(self.now)
+        self.send()
+        self.now += max(min(wait, 0.05, 1e-3 if self.waiting else 1.0), 1e-4)
+
+    def send(self):
+        """Take what the session says; questions are answered by those who live."""
+        while self.it.outbox:
+            record = self.it.outbox.popleft()
+            if isinstance(record, Measurement):
+                self.questions.append(record)
+                if record.controller and record.controller not in self.dead | self.stopped:
+                    self.waiting.append(
+                        EffortCommand(record.tick, record.epoch, record.controller, ZERO)
+                    )
+            else:
+                (self.truths if isinstance(record, Truth) else self.events).append(record)
+
+    def until(self, tick):
+        for _ in range(100_000):
+            if self.it.bench.tick >= tick:
+                return self
+            self.poll()
+        raise AssertionError(f"stuck at tick {self.it.bench.tick}")
+
+    def kinds(self, *wanted):
+        return [e.kind for e in self.events if isinstance(e, Event) and e.kind in wanted]
+
+
+def test_it_runs_to_the_end_asks_every_tick_and_says_how_long_it_took():
+    lab = Lab(rate=1.0, duration=0.5).until(50)
+    assert [q.tick for q in lab.questions] == list(range(50))
+    assert [t.tick for t in lab.truths] == list(range(51))
+    assert lab.kinds("missed", "late") == []
+    (done,) = [e for e in lab.events if e.kind == "finished"]
+    assert done.data["wall_time"] == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_dead_controller_is_not_ready_within_a_second_and_a_switch_to_it_is_refused():
+    lab = Lab(rate=1.0).until(10)
+    lab.dead.add("b")
+    died = lab.now
+    lab.until(110)
+    (event,) = [e for e in lab.events if e.kind == "not_ready"]
+    assert event.tick <= 110
+    assert event.data["controller"] == "b"
+    assert lab.now - died < 1.1
+    assert lab.it.switch(SwitchRequest("b", lab.it.bench.tick + 5), lab.now) == (
+        "b is not ready: it gives no sign of life"
+    )
+    lab.dead.clear()
+    lab.until(170)
+    assert lab.it.switch(SwitchRequest("b", lab.it.bench.tick + 5), lab.now) is None
+    assert lab.kinds("not_ready", "ready") == ["not_ready", "ready"]
+
+
+def test_a_switch_to_one_that_died_in_between_is_dropped_and_nothing_is_missed():
+    lab = Lab(rate=1.0).until(10)
+    assert lab.it.switch(SwitchRequest("b", 200), lab.now) is None
+    lab.dead.add("b")
+    lab.until(220)
+    assert lab.kinds("switch_dropped", "missed", "fallback") == ["switch_dropped"]
+    (result,) = lab.it.bench.switch_results
+    assert not result.ok
+
+
+def test_as_fast_as_it_goes_one_that_is_due_and_held_up_is_waited_for():
+    lab = Lab().until(10)
+    assert lab.it.switch(SwitchRequest("b", 200), lab.now) is None
+    lab.dead.add("b")
+    lab.now += 1.0  # it is silent by now
+    lab.until(199)
+    for _ in range(20):
+        lab.poll()
+    assert lab.it.bench.tick == 199
+    lab.dead.clear()
+    lab.until(220)
+    assert lab.kinds("switched", "switch_dropped") == ["switched"]
+    lab.it.switch(SwitchRequest("a", 300), lab.now)
+    lab.dead.add("a")
+    lab.now += 1.0
+    lab.until(320)  # but not for ever
+    assert lab.kinds("switched", "switch_dropped") == ["switched", "switch_dropped"]
+
+
+@pytest.mark.parametrize("stall", [0.1, 1.0, 30.0])
+@pytest.mark.parametrize("rate", [0.0, 1.0, 10.0])
+def test_a_stall_of_the_plant_misses_nothing(stall, rate):
+    lab = Lab(rate=rate, max_missed=3).until(20)
+    lab.stopped.add("a")
+    lab.poll()
+    question = lab.it.bench.question
+    lab.waiting = [EffortCommand(question.tick, question.epoch, "a", ZERO)]  # came meanwhile
+    lab.now += stall
+    lab.stopped.clear()
+    lab.until(100)
+    assert lab.kinds("missed", "brake", "not_ready") == []
+    late = [e for e in lab.events if e.kind == "late"]
+    assert bool(late) == (rate > 0.0)
+    if late:
+        assert late[0].data["late"] == pytest.approx(stall, rel=0.1)
+
+
+def test_after_a_stall_the_controller_has_a_full_period_even_if_it_was_held_up_too():
+    lab = Lab(rate=1.0).until(20)
+    lab.stopped.add("a")
+    lab.poll()
+    lab.now += 5.0
+    assert lab.it.poll(lab.now) > 0.0  # it has not been judged
+    assert lab.it.bench.drive.missed == 0
+
+
+def test_the_recorder_s_death_is_an_event_within_two_seconds_and_nobody_waits_for_it():
+    lab = Lab(controllers=("a", "recorder")).until(10)
+    lab.it.backlog.heard("recorder", 0, 0)
+    lab.dead.add("recorder")
+    died = lab.now
+    lab.until(3000)
+    (event,) = [e for e in lab.events if e.kind == "recorder_lost"]
+    assert "recorder" in event.message
+    assert lab.now - died < 2.0 + 3000 * 1e-3
+    lab.dead.clear()
+    lab.now += 1.0
+    lab.until(3010)
+    assert lab.kinds("recorder_lost", "recorder_back") == ["recorder_lost", "recorder_back"]
+
+
+def test_what_an_operator_does_is_an_event_with_its_tick_and_who_asked():
+    lab = Lab(rate=1.0, faults_enabled=True).until(10)
+    it = lab.it
+    it.note(" the beam rings ", "ann")
+    it.set_rate(2.0, lab.now, "bob")
+    it.brake(True, "ann")
+    lab.until(12)
+    it.brake(False, "ann")
+    it.pause(lab.now, "bob")
+    it.step(3, "ann")
+    lab.until(15)
+    it.reset("ann")
+    it.start("bob")
+    lab.until(2)
+    told = {e.kind: (e.epoch, e.data["who"]) for e in lab.events if "who" in e.data}
+    assert told == {
+        "note": (0, "ann"), "rate": (0, "bob"), "brake_requested": (0, "ann"),
+        "paused": (0, "bob"), "step": (0, "ann"), "resumed": (0, "ann"), "reset": (1, "ann"),
+        "started": (1, "bob"),
+    }  # fmt: skip
+    assert [e.message for e in lab.events if e.kind == "note"] == ["the beam rings"]
+
+
+@pytest.mark.parametrize("rate", [-1.0, float("nan"), float("inf")])
+def test_a_rate_that_is_none_is_refused(rate):
+    lab = Lab()
+    reply = lab.it.set_rate(rate, lab.now)
+    assert not reply.ok
+    assert "rate_factor" in reply.message
+    assert not lab.it.pacing.paced
+
+
+def test_an_empty_remark_is_refused():
+    assert not Lab().it.note("  ").ok
+
+
+def test_the_rate_changes_in_flight_without_a_miss():
+    lab = Lab(rate=1.0).until(20)
+    for rate in (10.0, 0.1, 0.0, 1.0):
+        lab.it.set_rate(rate, lab.now)
+        at = lab.now
+        lab.until(lab.it.bench.tick + 20)
+        if rate:
+            assert lab.now - at == pytest.approx(20 * 0.01 / rate, rel=0.15)
+    assert lab.kinds("missed", "late") == []
+
+
+def test_repeated_questions_make_no_rejections_in_a_healthy_run():
+    lab = Lab().until(10)
+    lab.stopped.add("a")
+    for _ in range(20):
+        lab.poll()
+    asked = [q for q in lab.questions if q.tick == lab.it.bench.tick]
+    assert len(asked) > 2
+    lab.stopped.clear()
+    for question in asked:  # every repetition is answered, the later ones too late
+        command = EffortCommand(question.tick, question.epoch, "a", ZERO)
+        lab.it.take(command, lab.now)
+        lab.send()
+    lab.until(30)
+    assert lab.kinds("rejected", "missed") == []
