@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.host import merged
-from flexslew_control.law import described
 from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_reader import BagReader, LoggedEvent

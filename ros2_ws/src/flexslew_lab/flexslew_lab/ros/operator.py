@@ -79,7 +79,8 @@ class Operator:
             timeout=self._patience / 10.0,
             who=self._who,
         )
-        return _told(self._call(srv.SwitchController, topics.SWITCH_CONTROLLER, request))
+        reply = self._call(srv.SwitchController, topics.SWITCH_CONTROLLER, request)
+        return Told(reply.ok or reply.scheduled, reply.message)
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         client = self._node.create_client(kind, name)
