@@ -6,7 +6,15 @@ setup(
     name="flexslew_lab",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"flexslew_lab": ["py.typed", "report/*.j2", "trials/*.yaml"]},
+    package_data={
+        "flexslew_lab": [
+            "py.typed",
+            "report/*.j2",
+            "studies/*.j2",
+            "studies/shipped/*.yaml",
+            "trials/*.yaml",
+        ]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/flexslew_lab"]),
         ("share/flexslew_lab", ["package.xml"]),

@@ -50,6 +50,13 @@ def test_what_a_change_brings_is_not_shared_with_the_result() -> None:
     assert changed["controllers"]["pd"]["kp"] == [1.0, 2.0]
 
 
+def test_what_stands_twice_is_changed_in_one_place() -> None:
+    shared = {"length": 30.0}
+    values = {"testbed": shared, "model": shared}
+    changed = overridden(values, {"testbed.length": 31.0})
+    assert changed == {"testbed": {"length": 31.0}, "model": {"length": 30.0}}
+
+
 @pytest.mark.parametrize(
     ("path", "words"),
     [

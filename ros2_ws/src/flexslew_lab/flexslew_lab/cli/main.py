@@ -16,6 +16,7 @@ from flexslew_lab.cli.log import Json, bag_of, log, recover
 from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.operate import COMMANDS
 from flexslew_lab.cli.replay import check, live, play, resim
+from flexslew_lab.cli.study import study
 from flexslew_lab.cli.summary import headline, metric_rows
 from flexslew_lab.cli.terminal import link, print_table, progress, say, screen, short
 from flexslew_lab.trial.outputs import WITHOUT, new_file, writable_file
@@ -32,6 +33,7 @@ app = typer.Typer(
     help="A lab bench in software: slew a flexible spacecraft testbed on ROS 2 without ringing.",
 )
 app.add_typer(log, name="log")
+app.add_typer(study, name="study")
 
 TrialFile = Annotated[
     str | None,

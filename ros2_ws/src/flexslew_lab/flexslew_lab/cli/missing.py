@@ -10,7 +10,13 @@ ROS = frozenset(
         *("rosgraph_msgs", "sensor_msgs", "std_msgs", "std_srvs", "tf2_msgs", "visualization_msgs"),
     }
 )
-EXTRAS = {"casadi": "casadi", "foxglove": "foxglove", "pandas": "pandas", "pyarrow": "export"}
+EXTRAS = {
+    "casadi": "casadi",
+    "distributed": "dask",
+    "foxglove": "foxglove",
+    "pandas": "pandas",
+    "pyarrow": "export",
+}
 WITHOUT_ROS = (
     "ROS 2 is not installed here: fly with --in-process, or use ./flexslew of a checkout, which "
     "sets ROS 2 up"

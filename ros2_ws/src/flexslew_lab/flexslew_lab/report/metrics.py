@@ -1,7 +1,7 @@
 """Metrics of a run, from its bag alone. Streaming: a day costs no more memory than a minute."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,7 +38,7 @@ class TrajectoryHash:
         return self._digest.hexdigest()
 
 
-class _Manoeuvre(NamedTuple):
+class Manoeuvre(NamedTuple):
     """What the numbers are measured against."""
 
     start: float  # [s]
@@ -47,10 +47,19 @@ class _Manoeuvre(NamedTuple):
     way: Vector  # goal - position at the start of the plan, (joints,)
 
 
-class _Running:
+class Facts(NamedTuple):
+    """What the truth does not say of a run."""
+
+    joint_names: tuple[str, ...]
+    events: Sequence[Any]  # each with epoch, kind, level as a word, and data
+    wall_times: list[float]  # recorded besides the events [s]
+    complete: bool  # the log was finished
+
+
+class Running:
     """Numbers of one epoch of the truth, block after block."""
 
-    def __init__(self, epoch: int, joints: int, manoeuvre: _Manoeuvre, limit: Vector) -> None:
+    def __init__(self, epoch: int, joints: int, manoeuvre: Manoeuvre, limit: Vector) -> None:
         self.epoch, self.manoeuvre, self.limit = epoch, manoeuvre, limit
         self.hash = TrajectoryHash()
         self.samples, self.missing = 0, 0
@@ -141,7 +150,7 @@ def metrics_from(bag: BagReader) -> dict[str, Any]:
     """Return the content of metrics.json from an open bag. See `metrics_of`."""
     overview = bag.overview
     limit = np.zeros(0) if overview.testbed is None else overview.testbed.effort_limit
-    running: _Running | None = None
+    running: Running | None = None
     for block in bag.blocks(["/truth"]):
         epochs = block.columns["epoch"]
         for epoch in np.unique(epochs):
@@ -149,11 +158,18 @@ def metrics_from(bag: BagReader) -> dict[str, Any]:
             columns = {k: c[part] for k, c in block.columns.items()}
             if running is None or epoch > running.epoch:
                 joints = columns["applied_effort"].shape[1]
-                running = _Running(int(epoch), joints, _manoeuvre(overview, joints), limit)
+                running = Running(int(epoch), joints, _manoeuvre(overview, joints), limit)
             running.add(columns)
     if running is None:
         raise BadInput(f"{bag.path}: holds no truth, so there is nothing to measure")
-    return _result(running, overview)
+    wall = overview.metadata.get(RUN_RECORD, {}).get("wall_time")
+    facts = Facts(
+        joint_names_of(overview, running.residual.size),
+        overview.events,
+        [float(wall)] if wall else [],
+        overview.cut is None,
+    )
+    return result_of(running, facts)
 
 
 def joint_names_of(overview: Overview, joints: int) -> tuple[str, ...]:
@@ -164,21 +180,31 @@ def joint_names_of(overview: Overview, joints: int) -> tuple[str, ...]:
     return tuple(f"joint_{k + 1}" for k in range(joints))
 
 
-def _manoeuvre(overview: Overview, joints: int) -> _Manoeuvre:
+def _manoeuvre(overview: Overview, joints: int) -> Manoeuvre:
     if not overview.plans:
-        return _Manoeuvre(0.0, 0.0, None, np.zeros(joints))
+        return Manoeuvre(0.0, 0.0, None, np.zeros(joints))
     plan = overview.plans[-1]
     position = np.asarray(plan.position, dtype=float).reshape(-1, max(len(plan.joint_names), 1))
     if position.shape[1] != joints or not len(position):
         raise BadInput(
             f"the plan is for {position.shape[1]} joints, the truth has {joints}: not one run"
         )
-    way = position[-1] - position[0]
-    return _Manoeuvre(plan.start, plan.start + plan.duration, position[-1], way)
+    return manoeuvre_of(position, plan.start, plan.duration)
 
 
-def _result(r: _Running, overview: Overview) -> dict[str, Any]:
-    names = joint_names_of(overview, r.residual.size)
+def manoeuvre_of(position: Matrix, start: float, duration: float) -> Manoeuvre:
+    """Return what a plan's joint references, shape (ticks + 1, joints), are measured against."""
+    return Manoeuvre(start, start + duration, position[-1], position[-1] - position[0])
+
+
+def result_of(r: Running, facts: Facts) -> dict[str, Any]:
+    """Return the content of metrics.json, keys as in metric_schema.METRICS.
+
+    Args:
+        r: the last epoch of the truth, to its end.
+        facts: what else there is to know.
+    """
+    names = facts.joint_names
     duration = r.last_time - r.first_time
     m = r.manoeuvre
 
@@ -188,11 +214,11 @@ def _result(r: _Running, overview: Overview) -> dict[str, Any]:
     nowhere = by_joint(np.full(len(names), np.nan))
     settled = np.where(r.outside < r.last_time, np.maximum(r.outside - m.start, 0.0), np.nan)
     way = np.where(m.way == 0.0, np.nan, np.abs(m.way))
-    events = [e for e in overview.events if e.epoch == r.epoch]
+    events = [e for e in facts.events if e.epoch == r.epoch]
     steps = [_step(e.data) for e in events if e.kind == "switched"]
     finished = [e.data for e in events if e.kind == "finished" and isinstance(e.data, dict)]
     wall = [float(data["wall_time"]) for data in finished if "wall_time" in data]
-    wall += [float(t) for t in [overview.metadata.get(RUN_RECORD, {}).get("wall_time")] if t]
+    wall += facts.wall_times
     aimed = m.goal is not None
     return {
         "residual_tip_deflection": r.residual_tip if r.seen_end else None,
@@ -218,7 +244,7 @@ def _result(r: _Running, overview: Overview) -> dict[str, Any]:
         "wall_time": wall[-1] if wall else None,
         "trajectory_hash": r.hash.hexdigest(),
         "missing_ticks": r.missing,
-        "log_complete": overview.cut is None,
+        "log_complete": facts.complete,
     }
 
 

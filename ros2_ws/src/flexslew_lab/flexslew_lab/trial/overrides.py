@@ -1,7 +1,6 @@
 """Single values of a trial by their path: `testbed.parameters.length` instead of a whole file."""
 
 from collections.abc import Iterator
-from copy import deepcopy
 from typing import Any
 
 from flexslew_plant.errors import BadInput
@@ -21,9 +20,9 @@ def overridden(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any
     Raises:
         BadInput: a path is empty, leads through a single value, or to an entry that a list lacks.
     """
-    result: dict[str, Any] = deepcopy(values)
+    result: dict[str, Any] = _copied(values)
     for path, value in changes.items():
-        _put(result, path, deepcopy(value))
+        _put(result, path, _copied(value))
     return result
 
 
@@ -39,6 +38,15 @@ def value_at(values: dict[str, Any], path: str) -> Any:
             raise BadInput(f"{path}: {key} is not there")
         found = place[key]
     return found
+
+
+def _copied(value: Any) -> Any:
+    """Return a copy in which nothing stands twice, as YAML's aliases do."""
+    if isinstance(value, dict):
+        return {key: _copied(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_copied(entry) for entry in value]
+    return value
 
 
 def _put(values: dict[str, Any], path: str, value: Any) -> None:
@@ -74,8 +82,8 @@ def _next_key(place: Any, rest: list[str], path: str, walked: str) -> tuple[Any,
             if key in place:
                 return key, rest[count:]
         return rest[0], rest[1:]
-    if isinstance(place, list | tuple):
-        if rest[0].isdigit() and int(rest[0]) < len(place) and isinstance(place, list):
+    if isinstance(place, list):
+        if rest[0].isdigit() and int(rest[0]) < len(place):
             return int(rest[0]), rest[1:]
         raise BadInput(f"{path}: {walked} has the entries 0 to {len(place) - 1}, not {rest[0]}")
     raise BadInput(f"{path}: {walked} is the single value {place!r}; nothing stands below it")

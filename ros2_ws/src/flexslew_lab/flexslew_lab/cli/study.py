@@ -1,0 +1,331 @@
+"""Subcommands of studies: run, look at, report, fly one trial again, join shards."""
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from flexslew_lab.cli.log import Json, demand
+from flexslew_lab.cli.terminal import print_table, screen, short
+from flexslew_plant.errors import BadInput
+
+if TYPE_CHECKING:
+    from flexslew_lab.studies.pool import Executor
+    from flexslew_lab.studies.run import Preparation, Shard
+    from flexslew_lab.studies.store import Store
+    from flexslew_lab.studies.study import Study
+
+study = typer.Typer(no_args_is_help=True, help="Fly thousands of trials and say what they show.")
+
+File = Annotated[str, typer.Argument(help="A study file, or the name of a shipped one.")]
+Place = Annotated[str, typer.Argument(help="A study file, a shipped name, or a study's folder.")]
+Out = Annotated[Path | None, typer.Option(help="Folder of the study; else runs/study-NAME.")]
+
+
+@study.command()
+def run(
+    file: File,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes here; one per core if left out.", min=1)
+    ] = None,
+    dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
+    shard: Annotated[
+        str | None, typer.Option(help="I/N: this part of N, for batch queues.")
+    ] = None,
+    retry: Annotated[str | None, typer.Option(help="failed: fly these again.")] = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
+    """Fly what is missing of a study, from its start or from where it was interrupted.
+
+    Exit code 1 if a criterion is not shown.
+
+    Example: `./flexslew study run csa_robustness --workers 2`
+    """
+    from flexslew_lab.studies.finish import finished, keep_worst
+    from flexslew_lab.studies.run import default_folder, prepare, run_study
+    from flexslew_lab.studies.study import load_study, study_path
+    from flexslew_lab.studies.summary import needed, passed
+
+    if retry not in (None, "failed"):
+        raise BadInput(f"--retry: {retry} is not allowed: failed")
+    if workers is not None and dask is not None:
+        raise BadInput("--workers and --dask: choose one of them")
+    part = _shard(shard)
+    wanted = load_study(study_path(file))
+    with screen.status("preparing"):
+        ready = prepare(wanted)
+    for line in needed(wanted):
+        screen.print(line, highlight=False)
+    folder = out or default_folder(wanted, part)
+    executor = _executor(ready, workers, dask)
+    try:
+        with _progress(wanted.settings.study) as advance:
+            store = run_study(ready, folder, executor, part, retry is not None, advance)
+    finally:
+        executor.close()
+    if part.of > 1:
+        screen.print(f"[bold]{folder}[/bold]: join all shards with ./flexslew study merge")
+        return
+    found = finished(wanted, store)
+    keep_worst(wanted, store, found, screen.print)
+    _tell(found, as_json)
+    demand(passed(found))
+
+
+@study.command()
+def status(file: Place, out: Out = None, as_json: Json = False) -> None:
+    """Say how far a study is.
+
+    Example: `./flexslew study status csa_robustness`
+    """
+    _, store = _opened(file, out)
+    total = store.samples.num_rows * len(store.identity["variants"])
+    statuses = store.statuses(total)
+    counts = {
+        "folder": str(store.folder),
+        "planned": int(total),
+        "ok": int((statuses == 1).sum()),
+        "failed": int((statuses == 2).sum()),
+        "missing": int((statuses == 0).sum()),
+    }
+    if as_json:
+        print(json.dumps(counts, indent=2))
+    else:
+        print_table(("", store.identity["study"]["study"]), counts.items())
+
+
+@study.command()
+def report(
+    places: Annotated[list[str], typer.Argument(help="One study, or two to compare.")],
+    out: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Sum up a study again, or put two side by side. Exit code 1 if a criterion is not shown.
+
+    Example: `./flexslew study report runs/study-before runs/study-after`
+    """
+    from flexslew_lab.studies.page import comparison_page
+    from flexslew_lab.studies.run import flights_of
+    from flexslew_lab.studies.summary import passed, summary
+
+    if len(places) > 2:
+        raise BadInput(f"report: {len(places)} studies are not allowed: give one or two")
+    opened = [_opened(place, None) for place in places]
+    for _, store in opened:
+        store.write_table()
+    found = [summary(one, store, flights_of(store)) for one, store in opened]
+    if len(opened) == 1:
+        from flexslew_lab.studies.page import study_page
+
+        (one, store), page = opened[0], out or opened[0][1].folder / "report.html"
+        page.write_text(study_page(one, store, found[0]), encoding="utf-8")
+    else:
+        page = out or Path("studies.html")
+        page.write_text(comparison_page(opened, found), encoding="utf-8")
+    screen.print(f"written {page}")
+    if len(found) == 1:
+        _tell(found[0] | {"report": str(page)}, as_json)
+    elif as_json:
+        print(json.dumps(found, indent=2))
+    else:
+        _side_by_side(found)
+    demand(all(map(passed, found)))
+
+
+@study.command()
+def fly(
+    file: Place,
+    index: Annotated[int, typer.Argument(help="Number of the trial in the study's table.")],
+    out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Fly one trial of a study again with its full log, as an ordinary run.
+
+    Exit code 1 if its trajectory is not that of the study's table.
+
+    Example: `./flexslew study fly csa_robustness 17`
+    """
+    from flexslew_lab.studies.finish import fly_again
+    from flexslew_lab.studies.run import default_folder
+    from flexslew_lab.studies.store import Store
+    from flexslew_lab.studies.study import load_study, study_path
+
+    store: Store | None
+    if Path(file).is_dir():
+        wanted, store = _opened(file, None)
+    else:
+        wanted = load_study(study_path(file))
+        store = Store(default_folder(wanted))
+        store = store if store.exists else None
+    result, difference = fly_again(wanted, store, index, out)
+    if as_json:
+        print(json.dumps(result.metrics, indent=2))
+    else:
+        print_table(("metric", "value"), [(k, short(v)) for k, v in result.metrics.items()])
+    screen.print(f"[bold]{result.folder}[/bold]")
+    if difference:
+        screen.print(f"[red]{difference}[/red]")
+    demand(not difference)
+
+
+@study.command()
+def merge(
+    folders: Annotated[list[Path], typer.Argument(help="Folders of the shards.")],
+    out: Annotated[Path, typer.Option(help="Folder of the whole study, new or with a part.")],
+    as_json: Json = False,
+) -> None:
+    """Join the shards of a study into one folder and sum it up.
+
+    Example: `./flexslew study merge runs/study-m1-shard-* --out runs/study-m1`
+    """
+    from flexslew_lab.studies.finish import finished
+    from flexslew_lab.studies.merge import merged
+    from flexslew_lab.studies.summary import passed
+
+    joined = merged(folders, out)
+    found = finished(*joined)
+    _tell(found, as_json)
+    demand(passed(found))
+
+
+@study.command("list")
+def list_studies(as_json: Json = False) -> None:
+    """List the shipped studies and those below runs/.
+
+    Example: `./flexslew study list`
+    """
+    from flexslew_lab.studies.run import RUNS
+    from flexslew_lab.studies.study import SHIPPED, shipped_names
+
+    rows: list[dict[str, Any]] = []
+    for name in shipped_names():
+        first = (SHIPPED / f"{name}.yaml").read_text().splitlines()[0]
+        rows.append({"study": name, "where": "shipped", "about": first.removeprefix("# ")})
+    for path in sorted(RUNS.glob("*/study.json")):
+        name = json.loads(path.read_text())["study"]["study"]
+        rows.append({"study": name, "where": str(path.parent), "about": ""})
+    if as_json:
+        print(json.dumps(rows, indent=2))
+    else:
+        print_table(("study", "where", "about"), [row.values() for row in rows])
+
+
+def _opened(place: str, out: Path | None) -> tuple["Study", "Store"]:
+    """Return the study of a folder, or of a file with its usual folder."""
+    from flexslew_lab.studies.run import default_folder
+    from flexslew_lab.studies.store import Store
+    from flexslew_lab.studies.study import load_study, study_path
+
+    if Path(place).is_dir():
+        store = Store(Path(place))
+        if not store.exists:
+            raise BadInput(f"{place}: holds no study")
+        return load_study(store.folder / "study.yaml"), store
+    wanted = load_study(study_path(place))
+    store = Store(out or default_folder(wanted))
+    if not store.exists:
+        raise BadInput(f"{store.folder}: holds no study; run it first, or name its folder")
+    return wanted, store
+
+
+def _executor(ready: "Preparation", workers: int | None, dask: str | None) -> "Executor":
+    from flexslew_lab.studies.pool import Pool
+
+    if dask is not None:
+        from flexslew_lab.studies.cluster import Cluster
+
+        return Cluster(ready.job, dask)
+    return Pool(ready.job, workers or os.cpu_count() or 1)
+
+
+def _shard(text: str | None) -> "Shard":
+    from flexslew_lab.studies.run import Shard
+
+    if text is None:
+        return Shard()
+    number, slash, of = text.partition("/")
+    if not (slash and number.isdigit() and of.isdigit() and 1 <= int(number) <= int(of)):
+        raise BadInput(f"--shard: {text} is not allowed: I/N with I from 1 to N, such as 1/4")
+    return Shard(int(number), int(of))
+
+
+@contextmanager
+def _progress(name: str) -> Iterator[Callable[[int, int], None]]:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=screen, transient=True, speed_estimate_period=60.0) as bar:
+        task = bar.add_task(f"{name} [dim]trials[/dim]", total=None)
+        yield lambda done, wanted: bar.update(task, completed=done, total=wanted)
+
+
+def _tell(found: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(found, indent=2))
+        return
+    rate = found["trials_per_second"]
+    rows = [
+        ("trials", f"{found['trials']} of {found['planned']}, {found['failed']} failed"),
+        ("wall time", f"{short(found['wall_time'])} s, {short(rate)} trials/s"),
+        ("flown by", short(found["ways"])),
+        ("bounds from", found["sampling"]["bounds"]),
+        ("table", found["table"]),
+        ("report", found.get("report", "-")),
+    ]
+    print_table(("", found["study"]), rows)
+    lines = []
+    for name, metric in found["metrics"].items():
+        if "." in name:
+            continue
+        quantiles = metric["quantiles"]
+        lines.append((name, short(metric["mean"]), *(_bounded(q) for q in quantiles.values())))
+    print_table(("metric", "mean", "median", "90 %", "99 %"), lines)
+    for row in found["criteria"]:
+        _tell_criterion(row)
+
+
+def _tell_criterion(row: dict[str, Any]) -> None:
+    side = f"below {row['below']:g}" if row["below"] is not None else f"above {row['above']:g}"
+    who = f" ({row['variant']})" if row["variant"] else ""
+    words = f"{row['metric']} {side}{who}: {row['successes']} of {row['trials']}"
+    if row["probability"] is not None:
+        low = "no bound" if row["lower_bound"] is None else f"at least {row['lower_bound']:.5f}"
+        words += (
+            f", {low} at {100 * row['confidence']:g} %, asked {row['probability']:g}; "
+            f"so many failures need {row['needed']} trials"
+        )
+    screen.print(f"[{'green]passed' if row['passed'] else 'red]not shown'}[/] {words}")
+
+
+def _bounded(bounds: list[float | None]) -> str:
+    low, estimate, high = (short(x) for x in bounds)
+    return f"{estimate} [{low}, {high}]"
+
+
+def _side_by_side(found: list[dict[str, Any]]) -> None:
+    first, second = found
+    lines = []
+    for name, metric in first["metrics"].items():
+        if "." in name or name not in second["metrics"]:
+            continue
+        q = [m["quantiles"]["0.99"] for m in (metric, second["metrics"][name])]
+        lines.append((name, _bounded(q[0]), _bounded(q[1])))
+    print_table(("99 % of", first["study"], second["study"]), lines)

@@ -1,0 +1,1 @@
+"""Studies: one trial flown thousands of times with other numbers, and what that shows."""

@@ -1,0 +1,170 @@
+"""The trials of a study by number: which sample, which variant, which seed, which trial exactly."""
+
+from dataclasses import fields, is_dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.planners import PLANNERS
+from flexslew_lab.studies.sampling import Samples, drawn
+from flexslew_lab.studies.study import Study, Variant
+from flexslew_lab.trial.overrides import overridden, value_at
+from flexslew_lab.trial.trial import Trial, feedback_of, law_of, trial_of_values
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import believed, initial_positions
+
+
+class Case(NamedTuple):
+    """One trial of a study."""
+
+    number: int
+    sample: int
+    variant: int
+    seed: int  # of everything random in it
+    draws: tuple[Any, ...]  # one per varied value
+
+
+def sample_table(study: Study) -> pa.Table:
+    """Return the samples: number, replicate, seed, and the draw of every varied value."""
+    samples = _samples(study)
+    count = len(samples.replicate)
+    columns: dict[str, Any] = {
+        "sample": np.arange(count, dtype=np.int64),
+        "replicate": samples.replicate,
+        "seed": np.array([trial_seed(study.settings.seed, k) for k in range(count)]),
+    }
+    for j, varied in enumerate(study.varied):
+        if samples.values:
+            columns[varied.name] = samples.values[j]
+        else:
+            assert varied.distribution is not None
+            columns[varied.name] = varied.distribution.at(samples.unit[:, j])
+    return pa.table(columns)
+
+
+def trial_seed(seed: int, sample: int) -> int:
+    """Return the seed of a sample's trials, 63 bits: the same for all that is compared."""
+    state = np.random.SeedSequence(seed, spawn_key=(sample,)).generate_state(1, np.uint64)
+    return int(state[0]) >> 1
+
+
+def case_of(study: Study, samples: pa.Table, index: int) -> Case:
+    """Return the trial with a number; those of one sample follow each other.
+
+    Raises:
+        BadInput: the study has no such trial.
+    """
+    last = samples.num_rows * len(study.variants)
+    if not 0 <= index < last:
+        raise BadInput(f"{study.source}: trial {index} is not one of 0 to {last - 1}")
+    sample, variant = divmod(index, len(study.variants))
+    draws = tuple(samples[varied.name][sample].as_py() for varied in study.varied)
+    return Case(index, sample, variant, samples["seed"][sample].as_py(), draws)
+
+
+def typical_case(study: Study, samples: pa.Table, variant: int) -> Case:
+    """Return a trial in the middle of the distributions, not one of the study's own."""
+    draws = []
+    for varied in study.varied:
+        if varied.distribution is None:
+            draws.append(samples[varied.name][0].as_py())
+        else:
+            draws.append(varied.distribution.at(np.array([0.5])).tolist()[0])
+    return Case(-1, 0, variant, trial_seed(study.settings.seed, 0), tuple(draws))
+
+
+def changes_of(study: Study, case: Case) -> dict[str, Any]:
+    """Return what the sample changes of the trial, by key."""
+    changes: dict[str, Any] = {}
+    for varied, draw in zip(study.varied, case.draws, strict=True):
+        for key in varied.keys:
+            changes[key] = varied.value(value_at(study.base, key), draw)
+    return changes
+
+
+def trial_values(study: Study, case: Case) -> dict[str, Any]:
+    """Return the whole trial of a case as plain data, ready for a trial file.
+
+    Controllers that never take charge are left out: they change nothing. Without `replan`, what
+    planner and controllers believe of the bench is written out, so it stays the nominal one.
+    """
+    variant = study.variants[case.variant]
+    nominal = _flying(overridden(study.base, variant.changes), variant)
+    if not study.settings.replan:
+        nominal = _believing(nominal, study.source)
+    name = f"{study.settings.study}-{max(case.number, 0)}"
+    return overridden(
+        nominal, changes_of(study, case) | {"seed": case.seed, "name": name, "rate_factor": 0.0}
+    )
+
+
+def case_trial(study: Study, case: Case) -> Trial:
+    """Return the trial of a case.
+
+    Raises:
+        BadInput: the sample's values are not allowed together.
+    """
+    return trial_of_values(trial_values(study, case), f"{study.source}: trial {case.number}")
+
+
+def _flying(values: dict[str, Any], variant: Variant) -> dict[str, Any]:
+    """Return the trial with only those controllers that may take charge, defaults for new ones."""
+    wanted = [values["active"], *values["fallback"]]
+    wanted += [entry["switch"] for entry in values["schedule"] if entry.get("switch")]
+    given = values["controllers"]
+    controllers = {}
+    for name in dict.fromkeys(wanted):
+        if name in given:
+            controllers[name] = given[name]
+        elif name in CONTROLLERS:
+            controllers[name] = {}
+    return values | {"controllers": controllers}
+
+
+def _believing(values: dict[str, Any], source: str) -> dict[str, Any]:
+    """Return the trial with all beliefs about the nominal bench written out.
+
+    What planner and controllers would take from the testbed they meet: its model, where its joints
+    rest, and, for the planner, the gains of the controller in charge.
+    """
+    nominal = trial_of_values(values, source)
+
+    def model(given: Any, place: str) -> dict[str, Any]:
+        belief: dict[str, Any] = plain(believed(nominal.testbed, given, f"{source}: {place}"))
+        return belief
+
+    controllers = {}
+    for name, own in values["controllers"].items():
+        law, _ = law_of(name, own or {})
+        belief = {}
+        if law in CONTROLLERS and _has(CONTROLLERS[law].settings, "model"):
+            belief["model"] = model((own or {}).get("model"), f"controllers.{name}.model")
+        controllers[name] = (own or {}) | belief
+    plan = values["plan"]
+    if plan is not None and "method" in plan:  # else a plan from its file
+        known = PLANNERS[plan["method"]].settings
+        belief = {}
+        if _has(known, "model"):
+            belief["model"] = model(plan.get("model"), "plan.model")
+        if _has(known, "initial"):
+            belief["initial"] = initial_positions(nominal.testbed) | (plan.get("initial") or {})
+        feedback = feedback_of(nominal)
+        if _has(known, "feedback") and plan.get("feedback") is None and feedback is not None:
+            belief["feedback"] = plain(feedback)
+        plan = plan | belief
+    return values | {"controllers": controllers, "plan": plan}
+
+
+def _has(settings: type[Any], key: str) -> bool:
+    return is_dataclass(settings) and any(field.name == key for field in fields(settings))
+
+
+def _samples(study: Study) -> Samples:
+    if study.listed:
+        count = len(study.listed[0])
+        return Samples(np.empty((count, 0)), study.listed, np.zeros(count, dtype=np.int32))
+    spread = [v.distribution for v in study.varied if v.distribution is not None]
+    return drawn(study.settings.sampling, spread, study.settings.seed)

@@ -1,0 +1,87 @@
+"""What follows the last trial: worst trials again with a log, the summary and the page."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from flexslew_lab.studies.cases import case_of, case_trial
+from flexslew_lab.studies.flight import Flown, Plans, flown
+from flexslew_lab.studies.run import flights_of
+from flexslew_lab.studies.store import Store
+from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.summary import summary
+from flexslew_lab.trial.run import Result, run_trial
+
+_WORST = "worst"
+
+
+def finished(study: Study, store: Store) -> dict[str, Any]:
+    """Return the summary of a study after writing its page beside it."""
+    from flexslew_lab.studies.page import study_page
+
+    found = summary(study, store, flights_of(store))
+    page = store.write_text("report.html", study_page(study, store, found))
+    return found | {"report": str(page)}
+
+
+def fly_again(
+    study: Study, store: Store | None, number: int, out: Path | None
+) -> tuple[Result, str]:
+    """Fly one trial with its full log; return it and how it differs from the study's table.
+
+    Args:
+        study: its file.
+        store: its folder, if there is one.
+        number: of the trial.
+        out: folder of the run; None: a new one below runs/.
+
+    Raises:
+        BadInput: the study has no such trial, or it cannot be flown.
+    """
+    from flexslew_lab.studies.cases import sample_table
+
+    samples = store.samples if store is not None else sample_table(study)
+    trial = case_trial(study, case_of(study, samples, number))
+    result = run_trial(trial, f"{study.source}: trial {number}", out, in_process=True, report=False)
+    if store is None or not store.table_path.is_file():
+        return result, ""
+    rows = store.table(["index", "trajectory_hash"])
+    numbers = rows["index"].to_pylist()
+    known = rows["trajectory_hash"][numbers.index(number)].as_py() if number in numbers else None
+    if known is None or known == result.metrics.get("trajectory_hash"):
+        return result, ""
+    return result, f"its trajectory hash was {known} in the study"
+
+
+def keep_worst(
+    study: Study, store: Store, found: dict[str, Any], say: Callable[[str], None]
+) -> list[Path]:
+    """Fly the worst trials again with their logs, as `keep.bags` says; return their folders."""
+    words = study.settings.keep.bags.split()
+    if words[0] == "none":
+        return []
+    name = next(iter(study.settings.criteria), "residual_tip_deflection")
+    folders = []
+    wanted = [entry["index"] for entry in found["metrics"][name]["worst"][: int(words[1])]]
+    place = store.folder / _WORST
+    for path in sorted(place.glob("*")) if place.is_dir() else []:
+        if not path.name.isdigit() or int(path.name) not in wanted:
+            shutil.rmtree(path)
+    for number in wanted:
+        folder = place / str(number)
+        if not (folder / "metrics.json").is_file():
+            if folder.exists():
+                shutil.rmtree(folder)
+            again = again_in_process(study, store, number)
+            if again.status != "ok":
+                say(f"trial {number}: no log: {again.reason}")
+                continue
+            fly_again(study, store, number, folder)
+        folders.append(folder)
+    return folders
+
+
+def again_in_process(study: Study, store: Store, number: int) -> Flown:
+    """Return what the ordinary bench makes of a trial of a study."""
+    return flown(study, case_of(study, store.samples, number), Plans())

@@ -1,0 +1,149 @@
+"""One trial of a study flown in process: its metrics, or why there are none."""
+
+import json
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.plan import Plan
+from flexslew_lab.report.metric_schema import METRICS
+from flexslew_lab.report.metrics_observer import MetricsObserver
+from flexslew_lab.studies.cases import Case, case_trial
+from flexslew_lab.studies.study import Study
+from flexslew_lab.trial.in_process import fly
+from flexslew_lab.trial.trial import (
+    Trial,
+    bench_settings,
+    build_controllers,
+    feedback_of,
+    plan_of_trial,
+)
+from flexslew_plant.bench.bench import Bench
+from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
+from flexslew_plant.settings import plain
+
+# of the log or of the clock on the wall, not of the flight
+_LEFT_OUT = ("wall_time", "trajectory_hash", "missing_ticks", "log_complete")
+MEASURED = tuple(name for name in METRICS if name not in _LEFT_OUT)
+
+
+class Flown(NamedTuple):
+    """What became of one trial."""
+
+    number: int
+    metrics: dict[str, float | None]  # by column; empty if it failed
+    trajectory_hash: str | None
+    status: str  # ok or failed
+    reason: str  # why it failed
+    way: str  # bench, or lanes where a kernel flew many at once
+
+
+@dataclass
+class Plans:
+    """Plans of a study: the same request gets the same plan, or the same refusal, once made."""
+
+    made: dict[str, Plan | FlexslewError] = field(default_factory=dict)
+
+    def of(self, trial: Trial) -> Plan | None:
+        """Return the trial's plan.
+
+        Raises:
+            BadInput, PlanFailed: see make_plan.
+        """
+        if trial.plan is None:
+            return None
+        found = self.made.get(plan_key(trial)) or _made(trial)
+        if isinstance(found, FlexslewError):
+            raise found
+        return found
+
+    def keep(self, trial: Trial) -> None:
+        """Make the trial's plan now, for all that ask for the same one."""
+        if trial.plan is not None and plan_key(trial) not in self.made:
+            self.made[plan_key(trial)] = _made(trial)
+
+
+def _made(trial: Trial) -> Plan | FlexslewError:
+    try:
+        plan = plan_of_trial(trial)
+    except (BadInput, PlanFailed) as error:
+        return type(error)(f"plan: {error}")
+    assert plan is not None
+    return plan
+
+
+def plan_key(trial: Trial) -> str:
+    """Return what a trial's plan depends on, as text: less where its beliefs are written out."""
+    plan = plain(trial.plan) or {}
+    asked = [plan, trial.period, list(trial.testbed.effort_limit)]
+    if not (plan.get("model") and plan.get("initial")):
+        asked.append(plain(trial.testbed))
+    if not plan.get("feedback"):
+        asked.append(plain(feedback_of(trial)))
+    return json.dumps(asked, sort_keys=True)
+
+
+def flown(study: Study, case: Case, plans: Plans) -> Flown:
+    """Return what became of a trial; whatever a trial does is a result."""
+    try:
+        metrics, digest, reason = _flown(case_trial(study, case), study.source, plans)
+    except (FlexslewError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+        return failed(case.number, _one_line(error))
+    if reason:
+        return failed(case.number, reason)
+    return Flown(case.number, metrics, digest, "ok", "", "bench")
+
+
+def failed(number: int, reason: str) -> Flown:
+    """Return the result of a trial that has no metrics."""
+    return Flown(number, {}, None, "failed", reason, "bench")
+
+
+def _flown(
+    trial: Trial, source: str, plans: Plans
+) -> tuple[dict[str, float | None], str | None, str]:
+    bench = Bench(bench_settings(trial))
+    controllers = build_controllers(trial, bench, source)
+    plan = plans.of(trial)
+    for controller in controllers.values():
+        refused = controller.adopt(plan) if plan is not None else ""
+        if refused:
+            return {}, None, refused
+    observer = MetricsObserver(bench, plan)
+    fly(bench, controllers, observer)
+    if bench.failure:
+        return {}, None, bench.failure
+    if bench.drive.active == "":
+        return {}, None, "no controller answered any more: the brake took over"
+    metrics = observer.result()
+    return columns_of(metrics), str(metrics["trajectory_hash"]), ""
+
+
+def columns_of(metrics: dict[str, Any]) -> dict[str, float | None]:
+    """Return the metrics by column: those per joint by `name.joint`, and their largest by name."""
+    found: dict[str, float | None] = {}
+    for name in MEASURED:
+        value = metrics[name]
+        if not isinstance(value, dict):
+            found[name] = None if value is None else float(value)
+            continue
+        entries = list(value.values())
+        whole = bool(entries) and None not in entries
+        found[name] = max(map(abs, entries)) if whole else None
+        found |= {f"{name}.{joint}": entry for joint, entry in value.items()}
+    return found
+
+
+def metric_columns(joint_names: tuple[str, ...]) -> list[str]:
+    """Return the columns of columns_of for a testbed with these joints."""
+    names = []
+    for name in MEASURED:
+        names.append(name)
+        if METRICS[name].per_joint:
+            names += [f"{name}.{joint}" for joint in joint_names]
+    return names
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,114 @@
+"""What a study is of, in plain data: two runs with the same identity may share one table."""
+
+import hashlib
+from importlib import metadata, resources
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.plan import Plan
+from flexslew_control.plan_file import plan_hash
+from flexslew_control.planners.slew import software_versions
+from flexslew_lab.studies.flight import Plans
+from flexslew_lab.studies.study import Study
+from flexslew_lab.trial.trial import law_of
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import plain
+
+_FREE = ("criteria", "keep", "limit", "trial")  # keys that change no trial
+_PACKAGES = ("flexslew_plant", "flexslew_control")
+_LIBRARIES = ("pyarrow", "pydantic", "llvmlite")
+
+
+def identity_of(
+    study: Study, samples: pa.Table, columns: list[str], plans: Plans
+) -> dict[str, Any]:
+    """Return everything that decides the table.
+
+    Args:
+        study: the file, read.
+        samples: see cases.sample_table.
+        columns: of the metrics.
+        plans: made before the first trial.
+    """
+    settings = plain(study.settings)
+    return {
+        "study": {key: value for key, value in settings.items() if key not in _FREE},
+        "trial": study.base,
+        "files": _law_files(study),
+        "versions": _versions(),
+        "plans": [plan_hash(p) if isinstance(p, Plan) else str(p) for p in plans.made.values()],
+        "samples": _samples_digest(samples),
+        "variants": [variant.label for variant in study.variants],
+        "varied": [varied.name for varied in study.varied],
+        "columns": columns,
+    }
+
+
+def require_same(there: dict[str, Any], here: dict[str, Any], place: Path) -> None:
+    """Check that the study of a folder is the one that is asked for.
+
+    Raises:
+        BadInput: names the first difference and both values.
+    """
+    differences = [
+        f"{key}: {_short(old)} there, {_short(new)} here"
+        for key, old, new in _differences("", there, here)
+    ]
+    if differences:
+        more = f" (and {len(differences) - 1} more)" if len(differences) > 1 else ""
+        raise BadInput(
+            f"{place}: holds another study, {differences[0]}{more}; go on with what it was, or "
+            "choose another folder with --out"
+        )
+
+
+def _differences(place: str, old: Any, new: Any) -> list[tuple[str, Any, Any]]:
+    if isinstance(old, dict) and isinstance(new, dict):
+        keys = [*old, *(key for key in new if key not in old)]
+        inside = [_differences(f"{place}.{k}".lstrip("."), old.get(k), new.get(k)) for k in keys]
+        return [found for part in inside for found in part]
+    return [] if old == new else [(place, old, new)]
+
+
+def _law_files(study: Study) -> dict[str, str]:
+    """Return the digests of the user's own files that trials may run, by path."""
+    names = [variant.changes.get("active") for variant in study.variants]
+    given = [law_of(name, own or {})[0] for name, own in study.base["controllers"].items()]
+    digests = {}
+    kinds = [variant.changes.get("testbed.kind") for variant in study.variants]
+    for law in [*given, *names, study.base["testbed"].get("kind"), *kinds]:
+        if not isinstance(law, str) or law in CONTROLLERS or ".py:" not in law:
+            continue
+        path = Path(law.rpartition(":")[0])
+        digests[str(path)] = _digest([path]) if path.is_file() else "missing"
+    return digests
+
+
+def _versions() -> dict[str, str]:
+    found = software_versions() | {name: metadata.version(name) for name in _LIBRARIES}
+    for package in _PACKAGES:
+        root = Path(str(resources.files(package)))
+        found[f"source of {package}"] = _digest(sorted(root.rglob("*.py")))
+    return found
+
+
+def _digest(paths: list[Path]) -> str:
+    digest = hashlib.sha256()
+    for path in paths:
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _samples_digest(samples: pa.Table) -> str:
+    digest = hashlib.sha256()
+    for column in samples.columns:
+        digest.update(repr(column.to_pylist()).encode())
+    return digest.hexdigest()[:16]
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,47 @@
+"""The shards of a study joined into one folder."""
+
+import shutil
+from pathlib import Path
+
+from flexslew_lab.studies.identity import require_same
+from flexslew_lab.studies.run import flights_of, note
+from flexslew_lab.studies.store import Store
+from flexslew_lab.studies.study import Study, load_study
+from flexslew_plant.errors import BadInput
+
+
+def merged(folders: list[Path], out: Path) -> tuple[Study, Store]:
+    """Return the study and the folder that holds the trials of all others.
+
+    Args:
+        folders: of the shards, whole or not; they stay as they are.
+        out: new, empty, or with a part of the same study.
+
+    Raises:
+        BadInput: a folder holds no study, or another one; nothing was changed.
+    """
+    shards = [Store(folder) for folder in folders]
+    for shard in shards:
+        require_same(shards[0].identity, shard.identity, shard.folder)
+        if shard.folder.resolve() == out.resolve():
+            raise BadInput(f"--out: {out} is one of the shards; choose another folder")
+    whole = Store(out)
+    if whole.exists:
+        require_same(whole.identity, shards[0].identity, out)
+    elif whole.strangers:
+        raise BadInput(f"--out: {out} is not empty and holds no study; choose another folder")
+    with whole.locked():
+        whole.clean()
+        if not whole.exists:
+            whole.create(shards[0].identity, shards[0].samples)
+        for name in ("study.yaml", "trial.yaml", "samples.csv"):
+            if (shards[0].folder / name).is_file():
+                shutil.copyfile(shards[0].folder / name, out / name)
+        for shard in shards:
+            whole.adopt(shard)
+        told = [flights_of(shard) for shard in shards]
+        wall = sum(one.get("wall_time", 0.0) for one in told)
+        flown = sum(one.get("flown", 0) for one in told)
+        note(whole, wall_time=wall, flown=flown, trials_per_second=flown / wall if wall else None)
+        whole.write_table()
+    return load_study(out / "study.yaml"), whole

@@ -1,0 +1,110 @@
+"""The pages of studies: one HTML file with everything in it."""
+
+from typing import Any
+
+import plotly.graph_objects as go
+
+from flexslew_lab.cli.terminal import short
+from flexslew_lab.report.page import render
+from flexslew_lab.studies import figures
+from flexslew_lab.studies.store import Store
+from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.summary import QUANTILES
+
+_SHOWN = 3  # metrics with figures of their own, where no criterion names any
+_FIRST = ("residual_tip_deflection", "residual_attitude_error", "settling_time")
+
+
+def study_page(study: Study, store: Store, found: dict[str, Any]) -> str:
+    """Return the page of one study: what was asked, what is shown, where it is worst."""
+    names = [n for n in study.settings.criteria if n in found["metrics"]]
+    names = list(dict.fromkeys([*names, *(n for n in _FIRST if n in found["metrics"])]))[:_SHOWN]
+    drawn = []
+    for name in names:
+        each = figures.columns(study, store, name)
+        unit = found["metrics"][name]["unit"]
+        drawn.append(
+            {
+                "name": name,
+                "distribution": _html(figures.distribution(study, name, unit, each)),
+                "scatter": _html(figures.scatter(study, store, name, unit)),
+                "maps": [_html(m) for m in figures.maps(study, store, name, unit)],
+            }
+        )
+    return render(
+        "study.html.j2",
+        found=found,
+        title=study.settings.study,
+        file=study.source,
+        folder=str(store.folder),
+        trial=study.trial_source,
+        metrics=[_row(n, m) for n, m in found["metrics"].items() if "." not in n],
+        quantiles=[f"{100 * q:g} %" for q in QUANTILES],
+        drawn=drawn,
+        worst=_worst(store, found, names),
+        sensitivity=[
+            (line, _html(figures.sensitivity(line)) if line["indices"] else "")
+            for line in found["sensitivity"]
+        ],
+        short=short,
+    )
+
+
+def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any]]) -> str:
+    """Return the page of two studies side by side."""
+    common = [n for n in found[0]["metrics"] if n in found[1]["metrics"] and "." not in n]
+    wanted = [n for n in opened[0][0].settings.criteria if n in common]
+    names = list(dict.fromkeys([*wanted, *(n for n in _FIRST if n in common)]))[:_SHOWN]
+    drawn = []
+    for name in names:
+        each = {}
+        for (study, store), summed in zip(opened, found, strict=True):
+            for label, values in figures.columns(study, store, name).items():
+                each[", ".join(filter(None, (summed["study"], label)))] = values
+        unit = found[0]["metrics"][name]["unit"]
+        drawn.append({"name": name, "figure": _html(figures.curves(each, name, unit))})
+    rows = []
+    for name in common:
+        cells = [_row(name, one["metrics"][name]) for one in found]
+        rows.append((name, *(cell["mean"] for cell in cells), *(c["bounds"][-1] for c in cells)))
+    title = " and ".join(one["study"] for one in found)
+    return render("studies.html.j2", title=title, found=found, rows=rows, drawn=drawn)
+
+
+def _html(figure: go.Figure) -> str:
+    return str(figure.to_html(full_html=False, include_plotlyjs=False))
+
+
+def _row(name: str, metric: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "name": name,
+        "unit": metric["unit"],
+        "mean": short(metric["mean"]),
+        "bounds": [_bounded(b) for b in metric["quantiles"].values()],
+        "failed": metric["failed"],
+        "missing": metric["missing"],
+    }
+
+
+def _bounded(bounds: list[float | None]) -> str:
+    low, estimate, high = bounds
+    if estimate is None:
+        return "unbounded"
+    if low is None and high is None:
+        return f"{short(estimate)}"
+    ends = ("-∞" if low is None else short(low), "∞" if high is None else short(high))
+    return f"{short(estimate)} [{ends[0]}, {ends[1]}]"
+
+
+def _worst(store: Store, found: dict[str, Any], names: list[str]) -> list[dict[str, Any]]:
+    """Return the worst trials of the shown metrics with the command that flies them again."""
+    return [
+        {
+            "metric": name,
+            "index": entry["index"],
+            "value": "failed" if entry["value"] is None else short(entry["value"]),
+            "command": f"./flexslew study fly {store.folder} {entry['index']}",
+        }
+        for name in names
+        for entry in found["metrics"][name]["worst"]
+    ]

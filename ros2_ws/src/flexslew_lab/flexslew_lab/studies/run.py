@@ -1,0 +1,224 @@
+"""A study from its file to its folder: what is missing is flown, then it is summed up."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from flexslew_lab.studies.cases import case_of, case_trial, sample_table, typical_case
+from flexslew_lab.studies.flight import Flown, Plans, metric_columns, plan_key
+from flexslew_lab.studies.identity import identity_of, require_same
+from flexslew_lab.studies.pool import Executor
+from flexslew_lab.studies.stopping import looks, settled
+from flexslew_lab.studies.store import Store
+from flexslew_lab.studies.study import Study, known_metric
+from flexslew_lab.studies.worker import Job
+from flexslew_lab.trial.trial import bench_settings, build_controllers
+from flexslew_plant.bench.bench import Bench
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import plain, yaml_text
+
+RUNS = Path("runs")
+_PART_TIME = 5.0  # between two parts [wall s]
+_PART_ROWS = 20_000  # of a part, at most
+_FLIGHTS = "flights.json"
+
+
+class Shard(NamedTuple):
+    """One of several runs that share the samples of a study."""
+
+    number: int = 1
+    of: int = 1
+
+
+ALL = Shard()
+Progress = Callable[[int, int], None]  # trials flown, trials wanted
+
+
+@dataclass
+class Preparation:
+    """A study that is ready to be flown: checked, its plans made."""
+
+    study: Study
+    samples: pa.Table
+    columns: list[str]
+    plans: Plans
+    identity: dict[str, Any] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Say what the study is of."""
+        self.identity = identity_of(self.study, self.samples, self.columns, self.plans)
+
+    @property
+    def job(self) -> Job:
+        """What a process must know to fly its trials."""
+        return Job(self.study, self.plans)
+
+    @property
+    def trials(self) -> int:
+        """How many there are in all."""
+        return int(self.samples.num_rows) * len(self.study.variants)
+
+
+def default_folder(study: Study, shard: Shard = ALL) -> Path:
+    """Return where a study is kept unless --out says another place."""
+    part = f"-shard-{shard.number}-of-{shard.of}" if shard.of > 1 else ""
+    return RUNS / f"study-{study.settings.study}{part}"
+
+
+def prepare(study: Study) -> Preparation:
+    """Return the study with its samples drawn, its values checked and its common plans made.
+
+    Raises:
+        BadInput: a variant cannot be flown as the file has it, or a metric is not known.
+    """
+    samples = sample_table(study)
+    columns: dict[str, None] = {}
+    plans = Plans()
+    for k in range(len(study.variants)):
+        typical = case_trial(study, typical_case(study, samples, k))
+        bench = Bench(bench_settings(typical))
+        build_controllers(typical, bench, study.source)
+        columns |= dict.fromkeys(metric_columns(tuple(bench.model.joint_names)))
+        ends = [case_trial(study, case_of(study, samples, k))]
+        ends.append(case_trial(study, case_of(study, samples, _last(study, samples, k))))
+        if plan_key(ends[0]) == plan_key(ends[1]) == plan_key(typical):
+            plans.keep(typical)
+    for name in study.settings.criteria:
+        known_metric(name, list(columns), f"{study.source}: criteria")
+    if study.settings.stop is not None:
+        known_metric(study.settings.stop.metric, list(columns), f"{study.source}: stop.metric")
+    return Preparation(study, samples, list(columns), plans)
+
+
+def run_study(
+    ready: Preparation,
+    folder: Path,
+    executor: Executor,
+    shard: Shard = ALL,
+    retry_failed: bool = False,
+    progress: Progress = lambda done, wanted: None,
+) -> Store:
+    """Fly what is missing of a study and return its folder with the sorted table written.
+
+    Args:
+        ready: the study.
+        folder: new, empty, or with a part of the same study.
+        executor: who flies.
+        shard: which samples are wanted here.
+        retry_failed: fly failed trials again.
+        progress: called with the trials that are done and those wanted.
+
+    Raises:
+        BadInput: the folder holds another study; nothing was changed.
+        RunFault: the disk is full.
+        KeyboardInterrupt: what was flown until then is written.
+    """
+    study, store = ready.study, Store(folder)
+    if shard.of > 1 and study.settings.stop is not None:
+        raise BadInput(f"{study.source}: stop: is not allowed for a shard, which sees a part only")
+    if store.exists:
+        require_same(store.identity, ready.identity, folder)
+    elif store.strangers:
+        raise BadInput(f"{folder}: is not empty and holds no study; choose another --out")
+    with store.locked():
+        store.clean()
+        if not store.exists:
+            store.create(ready.identity, ready.samples)
+        _describe(study, store)
+        _fly_missing(ready, store, executor, shard, retry_failed, progress)
+        store.write_table()
+    return store
+
+
+def flights_of(store: Store) -> dict[str, Any]:
+    """Return what the runs of a study said of themselves, all of them together."""
+    path = store.folder / _FLIGHTS
+    if not path.is_file():
+        return {}
+    found: dict[str, Any] = json.loads(path.read_text())
+    return found
+
+
+def note(store: Store, **facts: Any) -> None:
+    """Write facts of the run beside its results."""
+    store.write_text(_FLIGHTS, json.dumps(flights_of(store) | facts, indent=2) + "\n")
+
+
+def _last(study: Study, samples: pa.Table, variant: int) -> int:
+    return (int(samples.num_rows) - 1) * len(study.variants) + variant
+
+
+def _describe(study: Study, store: Store) -> None:
+    """Keep the files that the folder can be read with, wherever it is taken."""
+    settings = plain(study.settings) | {"trial": "trial.yaml"}
+    if study.listed:
+        names = [varied.name for varied in study.varied]
+        rows = [",".join(map(repr, map(float, row))) for row in zip(*study.listed, strict=True)]
+        store.write_text("samples.csv", "\n".join([",".join(names), *rows]) + "\n")
+        settings["sampling"]["file"] = "samples.csv"
+    store.write_text("trial.yaml", yaml_text(study.base))
+    store.write_text("study.yaml", yaml_text(settings))
+
+
+def _fly_missing(
+    ready: Preparation,
+    store: Store,
+    executor: Executor,
+    shard: Shard,
+    retry_failed: bool,
+    progress: Progress,
+) -> None:
+    variants = len(ready.study.variants)
+    statuses = store.statuses(ready.trials)
+    missing = (statuses == 0) | (retry_failed & (statuses == 2))
+    missing &= (np.arange(ready.trials) // variants) % shard.of == shard.number - 1
+    wanted = int(np.count_nonzero(missing))
+    before = int(np.count_nonzero(statuses[~missing]))
+    progress(before, before + wanted)
+    started, flown, start = monotonic(), 0, 0
+    stopped = None
+    try:
+        for look in looks(ready.study, ready.samples):
+            numbers = np.flatnonzero(missing[start * variants : look * variants])
+            cases = (
+                case_of(ready.study, ready.samples, int(number) + start * variants)
+                for number in numbers
+            )
+            for count in _written(executor.fly(cases), store):
+                flown += count
+                progress(before + flown, before + wanted)
+            start = look
+            stopped = settled(ready.study, store, ready.samples, look)
+            if stopped is not None:
+                break
+    finally:
+        _account(store, flown, monotonic() - started, stopped)
+
+
+def _written(results: Iterator[list[Flown]], store: Store) -> Iterator[int]:
+    """Write results as parts and yield how many came; what came is written whatever happens."""
+    waiting: list[Flown] = []
+    last = monotonic()
+    try:
+        for some in results:
+            waiting += some
+            yield len(some)
+            if monotonic() - last > _PART_TIME or len(waiting) > _PART_ROWS:
+                store.add(waiting)
+                waiting, last = [], monotonic()
+    finally:
+        store.add(waiting)
+
+
+def _account(store: Store, flown: int, seconds: float, stopped: dict[str, Any] | None) -> None:
+    before = flights_of(store)
+    total = before.get("flown", 0) + flown
+    wall = before.get("wall_time", 0.0) + (seconds if flown else 0.0)
+    rate = flown / seconds if flown and seconds > 0.0 else before.get("trials_per_second")
+    note(store, flown=total, wall_time=wall, trials_per_second=rate, stopped=stopped)

@@ -1,0 +1,205 @@
+"""Where in the space of the varied values a study flies: six ways, each a function of the seed."""
+
+import csv
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy.stats import qmc
+
+from flexslew_lab.studies.distributions import Distribution
+from flexslew_plant.arrays import Matrix
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import section
+
+MOST_FOR_SALTELLI = 64  # varied values
+REPLICATES = 8  # independently randomised, where a file does not say how many
+_LEAST = 4  # points of a replicate, before there are fewer of them
+_STREAM = 0x5A3D  # spawn key of the samples; a trial's is its number alone
+
+
+@section
+class Sampling:
+    """The `sampling` section."""
+
+    method: Literal["random", "lhs", "sobol", "grid", "list", "saltelli"] = "random"
+    n: Annotated[int, Field(ge=1)] | None = None  # samples; grid: levels a value; saltelli: rows
+    replicates: Annotated[int, Field(ge=1)] | None = None  # of lhs and sobol
+    file: str | None = None  # of a list, CSV with the keys in its first row
+
+
+class Samples(NamedTuple):
+    """Points of the unit cube, or values as they are."""
+
+    unit: Matrix  # (samples, values); empty for a grid and a list
+    values: tuple[NDArray[np.float64], ...]  # by varied value, each (samples,); empty otherwise
+    replicate: NDArray[np.int32]  # which of the independent parts each sample belongs to
+
+
+class _Method(NamedTuple):
+    draw: Callable[[Sampling, Sequence[Distribution], np.random.SeedSequence], Samples]
+    default: int | None  # of n
+    independent: bool  # whether bounds for independent samples hold
+    replicated: bool  # whether randomised replicates give bounds
+
+
+def _random(s: Sampling, spread: Sequence[Distribution], seed: np.random.SeedSequence) -> Samples:
+    unit = np.random.default_rng(seed).random((_n(s), len(spread)))
+    return Samples(unit, (), np.zeros(_n(s), dtype=np.int32))
+
+
+def _lhs(s: Sampling, spread: Sequence[Distribution], seed: np.random.SeedSequence) -> Samples:
+    """One Latin hypercube after the other; their sizes differ by one at most."""
+    count = replicates_of(s)
+    sizes = [len(part) for part in np.array_split(np.arange(_n(s)), count)]
+    children = seed.spawn(count)
+    parts = [
+        qmc.LatinHypercube(len(spread), rng=np.random.default_rng(child)).random(size)
+        for size, child in zip(sizes, children, strict=True)
+    ]
+    return Samples(np.concatenate(parts), (), np.repeat(np.arange(count, dtype=np.int32), sizes))
+
+
+def _sobol(s: Sampling, spread: Sequence[Distribution], seed: np.random.SeedSequence) -> Samples:
+    """Scrambled sequences in step: the first k replicates * 2^j samples are balanced too."""
+    count = replicates_of(s)
+    each = _n(s) // count
+    parts = [
+        qmc.Sobol(len(spread), rng=np.random.default_rng(child)).random(each)
+        for child in seed.spawn(count)
+    ]
+    unit = np.stack(parts, axis=1).reshape(_n(s), len(spread))
+    return Samples(unit, (), np.tile(np.arange(count, dtype=np.int32), each))
+
+
+def _grid(s: Sampling, spread: Sequence[Distribution], seed: np.random.SeedSequence) -> Samples:
+    axes = [distribution.levels(_n(s)) for distribution in spread]
+    size = int(np.prod([len(axis) for axis in axes]))
+    columns = [np.asarray(c).ravel() for c in np.meshgrid(*axes, indexing="ij")]
+    return Samples(np.empty((size, 0)), tuple(columns), np.zeros(size, dtype=np.int32))
+
+
+def _saltelli(s: Sampling, spread: Sequence[Distribution], seed: np.random.SeedSequence) -> Samples:
+    """A, B, and for each value A with that column of B (Saltelli et al., 2010)."""
+    d, n = len(spread), _n(s)
+    both = qmc.Sobol(2 * d, rng=np.random.default_rng(seed)).random(n)
+    a, b = both[:, :d], both[:, d:]
+    parts = [a, b]
+    for j in range(d):
+        mixed = a.copy()
+        mixed[:, j] = b[:, j]
+        parts.append(mixed)
+    return Samples(np.concatenate(parts), (), np.zeros(n * (d + 2), dtype=np.int32))
+
+
+def _list(s: Sampling, spread: Sequence[Distribution], seed: np.random.SeedSequence) -> Samples:
+    raise AssertionError("a list is read, not drawn")
+
+
+METHODS: dict[str, _Method] = {
+    "random": _Method(_random, 1000, True, False),
+    "lhs": _Method(_lhs, 1000, False, True),
+    "sobol": _Method(_sobol, 1024, False, True),
+    "grid": _Method(_grid, 5, False, False),
+    "list": _Method(_list, None, False, False),
+    "saltelli": _Method(_saltelli, 256, False, False),
+}
+
+
+def drawn(s: Sampling, spread: Sequence[Distribution], seed: int) -> Samples:
+    """Return the samples of a study; the same seed gives the same ones everywhere."""
+    root = np.random.SeedSequence(seed, spawn_key=(_STREAM,))
+    return METHODS[s.method].draw(s, spread, root)
+
+
+def replicates_of(s: Sampling) -> int:
+    """Return how many independently randomised parts a Sobol or Latin hypercube sample has."""
+    if not METHODS[s.method].replicated:
+        return 1
+    return s.replicates or max(min(REPLICATES, _n(s) // _LEAST), 1)
+
+
+def check_sampling(s: Sampling, values: int, place: str) -> None:
+    """Check n, replicates and file against the method.
+
+    Args:
+        s: the section.
+        values: how many values are varied.
+        place: file and key, for messages.
+
+    Raises:
+        BadInput: what cannot be drawn, with sizes that can.
+    """
+    if s.method == "list":
+        for key, given in (("n", s.n), ("replicates", s.replicates)):
+            if given is not None:
+                raise BadInput(f"{place}.{key}: {given} is not allowed: a list has its own length")
+        if s.file is None:
+            raise BadInput(f"{place}.file: is missing; name the CSV file of the list")
+        return
+    if s.file is not None:
+        raise BadInput(f"{place}.file: {s.file} is not allowed: only method list reads a file")
+    n = _n(s)
+    if s.method in ("sobol", "saltelli") and n & (n - 1):
+        below = 1 << (n.bit_length() - 1)
+        raise BadInput(
+            f"{place}.n: {n} is not allowed: {s.method} is balanced for powers of two only, "
+            f"such as {below} and {2 * below}"
+        )
+    if s.method == "saltelli" and values > MOST_FOR_SALTELLI:
+        raise BadInput(
+            f"{place}.method: saltelli is not allowed for {values} varied values: "
+            f"at most {MOST_FOR_SALTELLI}"
+        )
+    if s.replicates is not None:
+        _check_replicates(s, s.replicates, place)
+
+
+def _check_replicates(s: Sampling, count: int, place: str) -> None:
+    if not METHODS[s.method].replicated:
+        raise BadInput(f"{place}.replicates: {count} is not allowed: only lhs and sobol have some")
+    if count > _n(s):
+        raise BadInput(f"{place}.replicates: {count} is not allowed: at most n, {_n(s)}")
+    if s.method == "sobol" and count & (count - 1):
+        raise BadInput(
+            f"{place}.replicates: {count} is not allowed: a power of two, so that each part is "
+            "balanced"
+        )
+
+
+def list_of(path: Path, place: str) -> tuple[tuple[str, ...], tuple[NDArray[np.float64], ...]]:
+    """Return the keys and the columns of a CSV file.
+
+    Raises:
+        BadInput: it cannot be read, a row has another length, or an entry is no finite number.
+    """
+    try:
+        with path.open(newline="") as file:
+            rows = [row for row in csv.reader(file) if row]
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"{place}: {path}: cannot be read: {error}") from None
+    if len(rows) < 2:
+        raise BadInput(f"{place}: {path}: holds no samples; give a row of keys and rows of numbers")
+    keys = tuple(key.strip() for key in rows[0])
+    columns: list[list[float]] = [[] for _ in keys]
+    for number, row in enumerate(rows[1:], start=2):
+        if len(row) != len(keys):
+            raise BadInput(f"{place}: {path}: row {number} has {len(row)} of {len(keys)} entries")
+        for key, entry, column in zip(keys, row, columns, strict=True):
+            try:
+                value = float(entry)
+            except ValueError:
+                value = np.nan
+            if not np.isfinite(value):
+                raise BadInput(f"{place}: {path}: row {number}: {key}: {entry!r} is no number")
+            column.append(value)
+    return keys, tuple(np.array(column) for column in columns)
+
+
+def _n(s: Sampling) -> int:
+    n = s.n if s.n is not None else METHODS[s.method].default
+    assert n is not None
+    return n

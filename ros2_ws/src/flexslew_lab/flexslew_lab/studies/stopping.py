@@ -1,0 +1,72 @@
+"""When a study has seen enough: looked at after fixed counts of samples, whoever flies them."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from flexslew_lab.studies.sampling import METHODS
+from flexslew_lab.studies.statistics import Population
+from flexslew_lab.studies.store import Store
+from flexslew_lab.studies.study import Study
+
+_FIRST = 64  # samples before the first look
+
+
+def looks(study: Study, samples: pa.Table) -> list[int]:
+    """Return after how many samples the study looks whether to stop; the last is all of them.
+
+    Random samples and Sobol points double in between, where the latter are balanced; Latin
+    hypercubes are looked at after whole replicates.
+    """
+    last: int = samples.num_rows
+    if study.settings.stop is None:
+        return [last]
+    if study.settings.sampling.method == "lhs":
+        replicate = samples["replicate"].to_numpy()
+        ends = (np.flatnonzero(np.diff(replicate)) + 1).tolist()
+        return [*ends[2:], last]
+    counts, count = [], _FIRST
+    while count < last:
+        counts.append(count)
+        count *= 2
+    return [*counts, last]
+
+
+def settled(study: Study, store: Store, samples: pa.Table, look: int) -> dict[str, Any] | None:
+    """Return what is known if the first `look` samples are enough, else None.
+
+    Every look could be the one that is wrong: each has an equal part of the error allowed.
+    """
+    stop = study.settings.stop
+    if stop is None:
+        return None
+    count = len(looks(study, samples)) * len(study.variants)
+    confidence = 1.0 - (1.0 - stop.confidence) / count
+    replicated = METHODS[study.settings.sampling.method].replicated
+    widths = []
+    for values in _values(study, store, stop.metric, look):
+        parts = samples["replicate"].to_numpy()[:look] if replicated else None
+        bounds = Population(values, parts).quantile(stop.quantile, confidence)
+        if bounds.low is None or bounds.high is None:
+            return None
+        widths.append(0.5 * (bounds.high - bounds.low))
+    if max(widths) > stop.half_width:
+        return None
+    return {"samples": look, "half_width": max(widths), "metric": stop.metric}
+
+
+def _values(
+    study: Study, store: Store, metric: str, look: int
+) -> Iterator[np.ndarray[tuple[int], np.dtype[np.float64]]]:
+    """Yield the metric of the first samples, variant by variant; inf where there is none."""
+    store.write_table()
+    rows = store.table(["index", metric])
+    numbers = rows["index"].to_numpy()
+    values = rows[metric].to_numpy(zero_copy_only=False).astype(np.float64)
+    values = np.where(np.isnan(values), np.inf, values)
+    count = len(study.variants)
+    for variant in range(count):
+        chosen = (numbers % count == variant) & (numbers < look * count)
+        yield values[chosen]

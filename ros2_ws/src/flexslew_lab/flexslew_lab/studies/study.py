@@ -1,0 +1,288 @@
+"""A study file: which trial, what varies and how, what is compared, what has to hold."""
+
+import difflib
+from importlib import resources
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from flexslew_lab.studies.distributions import Distribution, distribution_of
+from flexslew_lab.studies.sampling import METHODS, Sampling, check_sampling, list_of
+from flexslew_lab.trial.overrides import value_at
+from flexslew_lab.trial.trial import load_trial
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import Positive, load_yaml, plain, section, validated
+
+SHIPPED = Path(str(resources.files("flexslew_lab"))) / "studies" / "shipped"
+_TRIALS = SHIPPED.parent.parent / "trials"
+
+_TAKEN = ("index", "sample", "variant", "replicate", "seed", "status", "reason", "way")
+
+Confidence = Annotated[float, Field(gt=0.5, lt=1.0)]
+Share = Annotated[float, Field(gt=0.0, lt=1.0)]
+
+
+@section
+class Criterion:
+    """What one metric has to keep to; without a probability in every trial."""
+
+    below: float | None = None  # in the metric's unit
+    above: float | None = None
+    probability: Share | None = None  # of keeping to it
+    confidence: Confidence = 0.9  # with which that is to be shown
+
+
+@section
+class Stop:
+    """When a quantile is known well enough to stop."""
+
+    metric: str
+    quantile: Share = 0.99
+    half_width: Positive  # of its bounds, in the metric's unit
+    confidence: Confidence = 0.9
+
+
+@section
+class Keep:
+    """What stays besides the table."""
+
+    bags: Annotated[str, Field(pattern=r"^(none|worst [1-9][0-9]*)$")] = "worst 5"
+
+
+@section
+class StudySettings:
+    """The keys of a study file; docs/studies.md tells them one by one."""
+
+    study: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")]
+    trial: str  # a shipped name or a file, seen from the study file
+    seed: Annotated[int, Field(ge=0)] = 1
+    sampling: Sampling = Sampling()
+    vary: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    replan: bool = False  # whether planner and controllers know the sampled bench
+    compare: dict[str, list[Any] | dict[str, Any]] = Field(default_factory=dict)
+    criteria: dict[str, Criterion] = Field(default_factory=dict)
+    stop: Stop | None = None
+    keep: Keep = Keep()
+    limit: Positive = 600.0  # after which a trial counts as hung [wall s]
+    lanes: bool = True  # whether many trials may be flown at once by one kernel
+
+
+class Varied(NamedTuple):
+    """One varied value."""
+
+    name: str
+    keys: tuple[str, ...]  # of the trial; all follow the same draw
+    reference: str  # relative, offset or absolute: what a draw is added to
+    distribution: Distribution | None  # None: from a list
+
+    def value(self, nominal: Any, draw: Any) -> Any:
+        """Return what a key becomes; each entry of a list in the same way."""
+        if isinstance(nominal, list) and self.reference != "absolute":
+            return [self.value(entry, draw) for entry in nominal]
+        if self.reference == "relative":
+            return nominal * (1.0 + draw)
+        return nominal + draw if self.reference == "offset" else draw
+
+
+class Variant(NamedTuple):
+    """One of what is compared: the same samples with these changes of the trial."""
+
+    label: str  # empty where nothing is compared
+    changes: dict[str, Any]
+
+
+class Study(NamedTuple):
+    """A study file with everything that it refers to."""
+
+    settings: StudySettings
+    source: str  # the file
+    trial_source: str  # its trial's file
+    base: dict[str, Any]  # the trial as plain data, every default written out
+    varied: tuple[Varied, ...]
+    variants: tuple[Variant, ...]
+    listed: tuple[NDArray[np.float64], ...]  # columns of a list, by varied value
+
+
+def study_path(name: str) -> Path:
+    """Return the file of a study: the file itself, or the shipped one of that name.
+
+    Raises:
+        BadInput: there is neither.
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    shipped = SHIPPED / f"{name}.yaml"
+    if shipped.is_file():
+        return shipped
+    known = ", ".join(shipped_names())
+    raise BadInput(f"{name}: is neither a study file nor a shipped study; shipped: {known}")
+
+
+def shipped_names() -> list[str]:
+    """Return the names of the shipped studies."""
+    return sorted(path.stem for path in SHIPPED.glob("*.yaml"))
+
+
+def load_study(path: Path) -> Study:
+    """Return the study of a file.
+
+    Raises:
+        BadInput: the file cannot be read, or one of its values is not allowed.
+    """
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path}: cannot be read: {error}") from None
+    return parse_study(text, str(path), path.parent)
+
+
+def parse_study(text: str, source: str, folder: Path) -> Study:
+    """Return the study of a YAML text.
+
+    Args:
+        text: the file's content.
+        source: its name, for messages.
+        folder: from which trial and list are seen.
+
+    Raises:
+        BadInput: see load_study.
+    """
+    values = load_yaml(text, source)
+    if not isinstance(values, dict):
+        raise BadInput(f"{source}: holds no keys; it needs at least study, trial and vary")
+    settings: StudySettings = validated(StudySettings, values, source)
+    trial_path = _trial_path(settings.trial, folder, source)
+    base = plain(load_trial(trial_path))
+    varied, listed = _varied(settings, base, folder, source)
+    check_sampling(settings.sampling, len(varied), f"{source}: sampling")
+    variants = _variants(settings, base, source)
+    for name, criterion in settings.criteria.items():
+        if (criterion.below is None) == (criterion.above is None):
+            raise BadInput(f"{source}: criteria.{name}: give either below or above")
+    if settings.stop is not None and not (
+        METHODS[settings.sampling.method].independent
+        or METHODS[settings.sampling.method].replicated
+    ):
+        raise BadInput(
+            f"{source}: stop: is not allowed with method {settings.sampling.method}, whose "
+            "samples give no bounds; use random, lhs or sobol"
+        )
+    return Study(settings, source, str(trial_path), base, varied, variants, listed)
+
+
+def known_metric(name: str, known: list[str], place: str) -> str:
+    """Return the metric's name after checking that trials have it.
+
+    Raises:
+        BadInput: names the nearest known ones.
+    """
+    if name in known:
+        return name
+    close = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean {close[0]}? " if close else ""
+    raise BadInput(f"{place}: {name} is not a metric; {hint}allowed: {', '.join(known)}")
+
+
+def _trial_path(name: str, folder: Path, source: str) -> Path:
+    for path in (folder / name, Path(name), _TRIALS / f"{name}.yaml"):
+        if path.is_file():
+            return path
+    shipped = ", ".join(sorted(path.stem for path in _TRIALS.glob("*.yaml")))
+    raise BadInput(f"{source}: trial: {name} is neither a file nor a shipped trial: {shipped}")
+
+
+def _varied(
+    settings: StudySettings, base: dict[str, Any], folder: Path, source: str
+) -> tuple[tuple[Varied, ...], tuple[NDArray[np.float64], ...]]:
+    if settings.sampling.method == "list" and settings.sampling.file is not None:
+        if settings.vary:
+            raise BadInput(f"{source}: vary: is not allowed with a list, whose first row names all")
+        place = f"{source}: sampling.file"
+        keys, columns = list_of(folder / settings.sampling.file, place)
+        varied = tuple(Varied(key, (key,), "absolute", None) for key in keys)
+        for key in keys:
+            nominal_value(base, key, place)
+        return varied, columns
+    if not settings.vary:
+        raise BadInput(f"{source}: vary: is missing; name at least one value of the trial")
+    return tuple(_one(name, v, base, source) for name, v in settings.vary.items()), ()
+
+
+def _one(name: str, values: dict[str, Any], base: dict[str, Any], source: str) -> Varied:
+    place = f"{source}: vary.{name}"
+    own = dict(values)
+    keys = own.pop("keys", [name])
+    if not isinstance(keys, list) or not keys or not all(isinstance(k, str) for k in keys):
+        raise BadInput(f"{place}.keys: {keys!r} is not allowed: a list of keys of the trial")
+    reference = "absolute"
+    if len(own) == 1 and next(iter(own)) in ("relative", "offset"):
+        reference, inner = next(iter(own.items()))
+        place, own = f"{place}.{reference}", inner
+    if name in _TAKEN:
+        raise BadInput(f"{place}: is not allowed: the tables have a column of that name already")
+    varied = Varied(name, tuple(keys), reference, distribution_of(own, place))
+    for key in keys:
+        nominal = nominal_value(base, key, f"{source}: vary")
+        if reference != "absolute" and not _numeric(nominal):
+            raise BadInput(f"{place}: {key} is {nominal!r} in the trial; {reference} needs numbers")
+    return varied
+
+
+def nominal_value(base: dict[str, Any], key: str, place: str) -> Any:
+    """Return what the trial has at a key.
+
+    Raises:
+        BadInput: the trial has no such key; names the nearest.
+    """
+    try:
+        return value_at(base, key)
+    except BadInput:
+        pass
+    known = sorted(_paths(base))
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    hint = f"; did you mean {close[0]}?" if close else ""
+    raise BadInput(f"{place}: {key} is not a key of the trial{hint}")
+
+
+def _paths(values: Any, prefix: str = "") -> list[str]:
+    if not isinstance(values, dict):
+        return [prefix]
+    inside = [_paths(v, f"{prefix}.{k}" if prefix else str(k)) for k, v in values.items()]
+    return [path for paths in inside for path in paths]
+
+
+def _numeric(value: Any) -> bool:
+    if isinstance(value, list):
+        return bool(value) and all(_numeric(entry) for entry in value)
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _variants(settings: StudySettings, base: dict[str, Any], source: str) -> tuple[Variant, ...]:
+    axes = []
+    for key, given in settings.compare.items():
+        if key.split(".")[0] not in base:
+            nominal_value(base, key, f"{source}: compare")
+        named = given if isinstance(given, dict) else {_label(v): v for v in given}
+        if len(named) != len(given):
+            raise BadInput(f"{source}: compare.{key}: two entries read the same; give them names")
+        if not named:
+            raise BadInput(f"{source}: compare.{key}: is empty; name what is to be compared")
+        axes.append([(label, {key: value}) for label, value in named.items()])
+    variants = []
+    for choice in product(*axes):
+        changes: dict[str, Any] = {}
+        for _, change in choice:
+            changes |= change
+        variants.append(Variant(", ".join(label for label, _ in choice), changes))
+    return tuple(variants)
+
+
+def _label(value: Any) -> str:
+    if isinstance(value, dict):
+        return str(value.get("method") or value.get("name") or value)
+    return str(value)

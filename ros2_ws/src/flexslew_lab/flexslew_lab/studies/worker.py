@@ -1,0 +1,45 @@
+"""What flies the trials of a chunk, in whatever process it stands: by lanes or one by one."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from flexslew_lab.studies.cases import Case
+from flexslew_lab.studies.flight import Flown, Plans, flown
+from flexslew_lab.studies.study import Study
+
+Report = Callable[[list[Flown]], None]
+Begin = Callable[[int], None]
+
+
+class Job(NamedTuple):
+    """All that a process must know to fly any trial of a study."""
+
+    study: Study
+    plans: Plans
+
+
+@dataclass
+class Flyer:
+    """Flies chunks of a study.
+
+    Args:
+        job: the study and the plans that are made already.
+    """
+
+    job: Job
+    _flown: int = field(init=False, default=0)
+
+    def fly(
+        self, cases: Sequence[Case], report: Report, begin: Begin = lambda number: None
+    ) -> None:
+        """Fly the cases.
+
+        Args:
+            cases: of the study.
+            report: gets the results as they come, in any order.
+            begin: told the number of a trial before it is flown alone.
+        """
+        for case in cases:
+            begin(case.number)
+            report([flown(self.job.study, case, self.job.plans)])

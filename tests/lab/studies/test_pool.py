@@ -1,0 +1,102 @@
+"""Processes that die, hang or stay: none of it shows in the results."""
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.flight import Flown
+from flexslew_lab.studies.pool import Executor, Here, Pool
+from flexslew_lab.studies.run import Preparation, prepare
+from flexslew_lab.studies.study import Study
+
+LAW = '''
+import os, signal
+from pathlib import Path
+
+class Odd:
+    """PD that does something to its process at tick 20 if told so."""
+
+    def __init__(self, settings, period, effort_limit):
+        self.act, self.mark = settings["act"], Path(settings["mark"])
+
+    def update(self, m, estimate, reference):
+        if m.tick == 20:
+            if self.act == 1:
+                os.kill(os.getpid(), signal.SIGKILL)
+            if self.act == 2 and not self.mark.exists():
+                self.mark.touch()
+                os.kill(os.getpid(), signal.SIGKILL)
+            if self.act == 3:
+                signal.pause()
+            if self.act == 4:
+                raise RuntimeError("out of ideas")
+        return 460.0 * (reference.position - m.joint_position) - 920.0 * m.joint_velocity
+'''
+
+
+def flown(ready: Preparation, executor: Executor) -> dict[int, Flown]:
+    """Return the results by number; every trial exactly once."""
+    cases = (case_of(ready.study, ready.samples, k) for k in range(ready.trials))
+    found: dict[int, Flown] = {}
+    try:
+        for results in executor.fly(cases):
+            for result in results:
+                assert result.number not in found
+                found[result.number] = result
+    finally:
+        executor.close()
+    assert sorted(found) == list(range(ready.trials))
+    return found
+
+
+@pytest.fixture
+def odd(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., Preparation]:
+    """Return a function that gives a study whose trials do odd things."""
+    (tmp_path / "odd.py").write_text(LAW)
+
+    def make(acts: list[int], **keys: Any) -> Preparation:
+        rows = "\n".join(["controllers.odd.act", *map(str, acts)])
+        (tmp_path / "acts.csv").write_text(rows + "\n")
+        law = {"law": f"{tmp_path / 'odd.py'}:Odd", "act": 0.0, "mark": str(tmp_path / "mark")}
+        return prepare(
+            study_of(
+                flown={"controllers": {"odd": law}, "active": "odd"},
+                sampling={"method": "list", "file": "acts.csv"},
+                vary=None,
+                **keys,
+            )
+        )
+
+    return make
+
+
+def test_processes_fly_what_one_flies_even_if_some_are_killed_from_outside(
+    ready: Preparation,
+) -> None:
+    pool = Pool(ready.job, 2)
+    cases = (case_of(ready.study, ready.samples, k) for k in range(ready.trials))
+    found: dict[int, Flown] = {}
+    for results in pool.fly(cases):
+        if not found:
+            os.kill(pool.pids()[0], signal.SIGKILL)
+        found |= {result.number: result for result in results}
+    pool.close()
+    assert found == flown(ready, Here(ready.job))
+
+
+def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is(
+    odd: Callable[..., Preparation],
+) -> None:
+    """One trial kills its process every time (1), one only once (2), one hangs, one raises."""
+    ready = odd([0, 2, 0, 1, 0, 4, 0, 3, 0], limit=15.0)
+    found = flown(ready, Pool(ready.job, 1))
+    failed = {k: result.reason for k, result in found.items() if result.status != "ok"}
+    assert sorted(failed) == [3, 5, 7]
+    assert failed[3] == "its process died 2 times (SIGKILL)"
+    assert "no controller answered any more" in failed[5]
+    assert failed[7] == "no end after 15 s"

@@ -1,0 +1,209 @@
+"""A study from its file to its table: interrupted, resumed, in shards, with others' hands in it."""
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_lab.studies import store as store_module
+from flexslew_lab.studies.cases import Case, case_of
+from flexslew_lab.studies.finish import finished, fly_again
+from flexslew_lab.studies.flight import Flown
+from flexslew_lab.studies.merge import merged
+from flexslew_lab.studies.pool import Here
+from flexslew_lab.studies.run import Preparation, Shard, prepare, run_study
+from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.summary import passed
+from flexslew_plant.errors import BadInput
+
+
+class OneByOne(Here):
+    """Gives every result alone, so that there are many moments to be killed at."""
+
+    def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+        for results in super().fly(cases):
+            yield from ([result] for result in results)
+
+
+def killed_at(moment: int, work: Callable[[], object]) -> None:
+    """Do the work in a process that is killed at a moment: before a sync, before a renaming."""
+    pid = os.fork()
+    if pid:
+        assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == -signal.SIGKILL
+        return
+    left = moment
+
+    def tick(real: Callable[..., Any]) -> Callable[..., Any]:
+        def counted(*arguments: Any) -> Any:
+            nonlocal left
+            left -= 1
+            if left == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return real(*arguments)
+
+        return counted
+
+    store_module.os.fsync = tick(os.fsync)  # type: ignore[attr-defined]
+    Path.rename = tick(Path.rename)  # type: ignore[method-assign]
+    work()
+    os._exit(0)
+
+
+def test_a_study_killed_at_five_moments_ends_with_the_same_table(
+    ready: Preparation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = run_study(ready, tmp_path / "whole", Here(ready.job))
+    monkeypatch.setattr("flexslew_lab.studies.run._PART_TIME", 0.0)
+    folder = tmp_path / "killed"
+    # three moments for each file: samples, identity and three more come before the first part
+    moments = np.random.default_rng(17).integers(1, 24, size=5)
+    for moment in moments:
+        killed_at(int(moment), lambda: run_study(ready, folder, OneByOne(ready.job)))
+    resumed = run_study(ready, folder, OneByOne(ready.job))
+    assert resumed.table_path.read_bytes() == whole.table_path.read_bytes()
+    assert not list(folder.rglob("*.half"))
+
+
+def test_ctrl_c_keeps_what_was_flown(ready: Preparation, tmp_path: Path) -> None:
+    class Impatient(OneByOne):
+        def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+            for k, results in enumerate(super().fly(cases)):
+                if k == 3:
+                    raise KeyboardInterrupt
+                yield results
+
+    with pytest.raises(KeyboardInterrupt):
+        run_study(ready, tmp_path / "s", Impatient(ready.job))
+    seen: list[int] = []
+    store = run_study(
+        ready, tmp_path / "s", Here(ready.job), progress=lambda done, _: seen.append(done)
+    )
+    assert seen[0] == 3
+    assert (store.statuses(ready.trials) == 1).all()
+
+
+def test_a_finished_study_flies_nothing_again(ready: Preparation, tmp_path: Path) -> None:
+    class Nobody(Here):
+        def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+            assert next(cases, None) is None
+            return iter(())
+
+    run_study(ready, tmp_path / "s", Here(ready.job))
+    run_study(ready, tmp_path / "s", Nobody(ready.job))
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"seed": 4}, "study.seed: 3 there, 4 here"),
+        ({"sampling": {"method": "random", "n": 13}}, "study.sampling.n: 12 there, 13 here"),
+        ({"flown": {"duration": 2.0}}, "trial.duration: 1.0 there, 2.0 here"),
+        ({"compare": {"active": ["collocated_pid"]}}, "study.compare.active: None there"),
+    ],
+)
+def test_another_study_is_not_resumed_and_the_difference_is_named(
+    ready: Preparation,
+    study_of: Callable[..., Study],
+    tmp_path: Path,
+    keys: dict[str, Any],
+    words: str,
+) -> None:
+    store = run_study(ready, tmp_path / "s", Here(ready.job))
+    before = {path: path.read_bytes() for path in store.folder.rglob("*") if path.is_file()}
+    other = prepare(study_of(**keys))
+    with pytest.raises(BadInput, match=words):
+        run_study(other, tmp_path / "s", Here(other.job))
+    assert before == {p: p.read_bytes() for p in store.folder.rglob("*") if p.is_file()}
+
+
+def test_other_criteria_are_no_other_study(
+    ready: Preparation, study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    run_study(ready, tmp_path / "s", Here(ready.job))
+    again = prepare(study_of(criteria={"peak_tip_deflection": {"below": 1.0}}))
+    store = run_study(again, tmp_path / "s", Here(again.job))
+    assert passed(finished(again.study, store))
+    harder = prepare(study_of(criteria={"peak_tip_deflection": {"below": 1e-6}}))
+    store = run_study(harder, tmp_path / "s", Here(harder.job))
+    assert not passed(finished(harder.study, store))
+
+
+def test_versions_and_law_files_are_part_of_a_study(ready: Preparation, tmp_path: Path) -> None:
+    run_study(ready, tmp_path / "s", Here(ready.job))
+    older = replace(ready)
+    older.identity = older.identity | {"versions": older.identity["versions"] | {"numba": "0.1"}}
+    with pytest.raises(BadInput, match=r"versions.numba: '.*' there, '0.1' here"):
+        run_study(older, tmp_path / "s", Here(ready.job))
+
+
+def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) -> None:
+    whole = run_study(ready, tmp_path / "whole", Here(ready.job))
+    for k in (1, 2, 3):
+        run_study(ready, tmp_path / f"shard-{k}", Here(ready.job), Shard(k, 3))
+    _, joined = merged([tmp_path / f"shard-{k}" for k in (3, 1, 2)], tmp_path / "joined")
+    assert joined.table_path.read_bytes() == whole.table_path.read_bytes()
+    with pytest.raises(BadInput, match="is one of the shards"):
+        merged([tmp_path / "shard-1"], tmp_path / "shard-1")
+
+
+def test_failed_trials_are_results_and_are_flown_again_on_demand(
+    ready: Preparation, tmp_path: Path
+) -> None:
+    class Clumsy(Here):
+        def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+            for results in super().fly(cases):
+                yield [
+                    r._replace(status="failed", reason="clumsy") if r.number % 4 == 0 else r
+                    for r in results
+                ]
+
+    store = run_study(ready, tmp_path / "s", Clumsy(ready.job))
+    found = finished(ready.study, store)
+    assert found["failed"] == 3
+    assert found["reasons"] == {"clumsy": 3}
+    metric = found["metrics"]["residual_tip_deflection"]
+    assert metric["failed"] == 3
+    assert metric["mean"] is None  # of numbers of which some are unbounded
+    assert [w["value"] for w in metric["worst"][:3]] == [None] * 3
+    run_study(ready, tmp_path / "s", Here(ready.job))
+    assert finished(ready.study, store)["failed"] == 3
+    run_study(ready, tmp_path / "s", Here(ready.job), retry_failed=True)
+    assert finished(ready.study, store)["failed"] == 0
+
+
+def test_any_trial_flies_again_with_the_same_hash(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    ready = prepare(
+        study_of(
+            compare={"active": ["pd_feedforward", "lqr"]},
+            sampling={"method": "sobol", "n": 16},
+        )
+    )
+    store = run_study(ready, tmp_path / "s", Here(ready.job))
+    hashes = store.table(["trajectory_hash"])["trajectory_hash"].to_pylist()
+    assert len(set(hashes)) == 32
+    for number in np.random.default_rng(5).choice(32, size=6, replace=False).tolist():
+        again, difference = fly_again(ready.study, store, number, tmp_path / f"run-{number}")
+        assert not difference
+        assert again.metrics["trajectory_hash"] == hashes[number]
+
+
+def test_a_study_stops_when_a_quantile_is_known(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    stop = {"metric": "peak_tip_deflection", "quantile": 0.5, "half_width": 0.01}
+    ready = prepare(study_of(sampling={"method": "random", "n": 400}, stop=stop))
+    store = run_study(ready, tmp_path / "s", Here(ready.job))
+    found = finished(ready.study, store)
+    assert found["stopped"]["samples"] == found["trials"] == 64
+    assert found["stopped"]["half_width"] <= 0.01
+    low, _, high = found["metrics"]["peak_tip_deflection"]["quantiles"]["0.5"]
+    assert 0.5 * (high - low) <= 0.01
+    cases = [case_of(ready.study, ready.samples, k).sample for k in range(64)]
+    assert cases == list(range(64))
