@@ -13,12 +13,12 @@ from pydantic import Field
 from flexslew_lab.studies.distributions import Distribution, distribution_of
 from flexslew_lab.studies.sampling import METHODS, Sampling, check_sampling, list_of
 from flexslew_lab.trial.overrides import value_at
+from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, load_yaml, plain, section, validated
 
 SHIPPED = Path(str(resources.files("flexslew_lab"))) / "studies" / "shipped"
-_TRIALS = SHIPPED.parent.parent / "trials"
 
 _TAKEN = ("index", "sample", "variant", "replicate", "seed", "status", "reason", "way")
 
@@ -189,11 +189,13 @@ def known_metric(name: str, known: list[str], place: str) -> str:
 
 
 def _trial_path(name: str, folder: Path, source: str) -> Path:
-    for path in (folder / name, Path(name), _TRIALS / f"{name}.yaml"):
-        if path.is_file():
-            return path
-    shipped = ", ".join(sorted(path.stem for path in _TRIALS.glob("*.yaml")))
-    raise BadInput(f"{source}: trial: {name} is neither a file nor a shipped trial: {shipped}")
+    """Return a trial's file as seen from the study's folder, else as the command line takes it."""
+    if (folder / name).is_file():
+        return folder / name
+    try:
+        return trial_path(name)
+    except BadInput as error:
+        raise BadInput(f"{source}: trial: {error}") from None
 
 
 def _varied(
