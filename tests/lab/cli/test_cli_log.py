@@ -79,13 +79,21 @@ def test_recover_makes_a_cut_bag_whole(call, flown, tmp_path):
     assert call("resim", tmp_path / "mended")[0] == 0
 
 
-def test_export_writes_one_table_a_topic(call, flown, tmp_path):
+def test_export_writes_one_table_per_topic(call, flown, tmp_path):
     words = ("log", "export", flown, "--out", tmp_path, "--format", "csv", "--topic", "/truth")
     code, out, _ = call(*words, "--json")
     assert code == 0
     assert json.loads(out)["rows"] == {"/truth": 201}
     assert (tmp_path / "truth.csv").is_file()
     assert call("log", "export", flown, "--format", "xls")[0] == 2
+
+
+def test_every_run_is_exported_into_a_folder_of_its_own(call, flown, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for place in (flown, flown / "bag", next((flown / "bag").glob("*.mcap"))):
+        code, out, _ = call("log", "export", place, "--topic", "/truth", "--json")
+        assert code == 0
+        assert json.loads(out)["files"] == {"/truth": f"export/{flown.name}/truth.parquet"}
 
 
 def test_resim_tells_the_same_hash(call, flown):

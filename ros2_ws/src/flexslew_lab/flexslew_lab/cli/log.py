@@ -65,19 +65,23 @@ def check_bag(bag: Bag, as_json: Json = False) -> None:
 @log.command()
 def export(
     bag: Bag,
-    out: Annotated[Path, typer.Option(help="Folder of the tables.")] = Path("export"),
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the tables; else export/ and the run's name.")
+    ] = None,
     kind: Annotated[str, typer.Option("--format", help="parquet or csv.")] = "parquet",
-    topic: Annotated[list[str] | None, typer.Option(help="Only these, again and again.")] = None,
+    topic: Annotated[list[str] | None, typer.Option(help="Only this; may be repeated.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a bag as tables, one a topic, with units in their metadata.
+    """Write a bag as tables, one per topic: time in seconds, columns named after the joints.
+
+    Units are in the metadata of the Parquet columns; CSV has them in `columns.json` beside it.
 
     Example: `./flexslew log export runs/m1-20260101-120000 --out tables --topic /truth`
     """
     from flexslew_lab.log.export import export_log
 
-    writable_folder(out, "--out")
-    done = export_log(bag_of(bag), out, kind, topic)  # type: ignore[arg-type]  # it says what is allowed
+    target = writable_folder(out or Path("export") / run_name(bag), "--out")
+    done = export_log(bag_of(bag), target, kind, topic)  # type: ignore[arg-type]  # it says what is allowed
     if as_json:
         files = {t: str(path) for t, path in done.files.items()}
         print(json.dumps({"files": files, "rows": done.rows, "skipped": done.skipped}, indent=2))
@@ -112,6 +116,13 @@ def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
 def bag_of(path: Path) -> Path:
     """Return the bag of a run's folder, or the path itself."""
     return path / "bag" if (path / "bag").is_dir() else path
+
+
+def run_name(path: Path) -> str:
+    """Return the name of the run that a bag belongs to."""
+    full = path.resolve()
+    folder = full if full.is_dir() else full.parent
+    return folder.parent.name if folder.name == "bag" else folder.name
 
 
 def demand(ok: bool) -> None:

@@ -1,4 +1,4 @@
-"""A bag as tables: Parquet or CSV, one a topic, with units."""
+"""A bag as tables: Parquet or CSV, one per topic, with units."""
 
 import json
 import re
@@ -15,6 +15,7 @@ import pyarrow.parquet
 from flexslew_lab.log.bag_columns import Block
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.cdr import Field, fields
+from flexslew_lab.log.column_names import column_name
 from flexslew_lab.log.schemas import definition, field_types, type_hash
 from flexslew_plant.errors import BadInput
 
@@ -46,9 +47,10 @@ def export_log(
     kind: Literal["parquet", "csv"] = "parquet",
     topics: Collection[str] | None = None,
 ) -> Exported:
-    """Return the files that were written: `<out>/<topic>.<kind>`, one a topic.
+    """Return the files that were written: `<out>/<topic>.<kind>`, one per topic.
 
-    Columns: `log_time` [ns], then the fields; the k-th of a sequence is `name_k`. Units and
+    Columns: `time` [s] of the simulation, `log_time` [ns], then the fields; entries of a sequence
+    are named after joints, modes and appendages (`position.mode_1`), else `name_k`. Units and
     meanings stand in the metadata of the Arrow fields; for CSV in `<out>/columns.json`.
 
     Args:
@@ -147,7 +149,14 @@ def _columns(
             columns.append(_Column(name, name, None, width, whole, ", ".join(units)))
         else:
             columns += [
-                _Column(f"{name}_{k}", name, k, width, base, _unit(overview, units, k))
+                _Column(
+                    column_name(overview, topic, name, k),
+                    name,
+                    k,
+                    width,
+                    base,
+                    _unit(overview, units, k),
+                )
                 for k in range(width)
             ]
     return columns
@@ -178,7 +187,14 @@ def _unit(overview: Overview, units: tuple[str, ...], k: int) -> str:
 
 def _schema(overview: Overview, topic: str, columns: list[_Column]) -> pa.Schema:
     type_name = overview.types[topic]
-    found = [pa.field("log_time", pa.int64(), metadata={"unit": "ns"})]
+    found = [
+        pa.field("time", pa.float64(), metadata={"unit": "s", "meaning": "simulated time"}),
+        pa.field(
+            "log_time",
+            pa.int64(),
+            metadata={"unit": "ns", "meaning": "of the record, in the order of writing"},
+        ),
+    ]
     for c in columns:
         comments = {f: text for _, f, text in field_types(definition(type_name))}
         meaning = comments.get(c.source.split(".")[0], "")
@@ -214,11 +230,24 @@ def _batches(bag: BagReader, topics: Collection[str]) -> Iterator[tuple[str, lis
 
 
 def _table(blocks: list[Block], columns: list[_Column], schema: pa.Schema, kind: str) -> pa.Table:
-    arrays = [pa.array(np.concatenate([b.stamp for b in blocks]))]
+    arrays = [
+        pa.array(np.concatenate([_time(block) for block in blocks])),
+        pa.array(np.concatenate([block.stamp for block in blocks])),
+    ]
     for c in columns:
         parts = [_values(b.columns[c.source], c, kind) for b in blocks]
         arrays.append(pa.concat_arrays(parts))
     return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _time(block: Block) -> np.ndarray:
+    """Return the simulated times of messages, (messages,) [s]: their stamps, else the log's."""
+    for name in ("header.stamp", "stamp"):
+        if f"{name}.sec" in block.columns:
+            return np.asarray(
+                block.columns[f"{name}.sec"] + block.columns[f"{name}.nanosec"] * 1e-9, dtype=float
+            )
+    return block.stamp * 1e-9
 
 
 def _values(column: Any, c: _Column, kind: str) -> pa.Array:

@@ -1,0 +1,40 @@
+"""Names of the columns of a table: those of joints, modes and appendages in place of numbers."""
+
+from flexslew_lab.log.bag_reader import Overview
+
+_TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
+_COORDINATES = (  # joints first, then modes
+    "position",
+    "velocity",
+    "joint_position",
+    "joint_velocity",
+    "reference_position",
+    "reference_velocity",
+    "estimate_position",
+    "estimate_velocity",
+)
+_EFFORTS = ("applied_effort", "disturbance", "effort", "feedforward", "estimate_disturbance")
+_APPENDAGES = ("tip_deflection", "root_curvature")
+
+
+def column_name(overview: Overview, topic: str, field: str, place: int) -> str:
+    """Return the name of one entry of a sequence: `position.base_yaw`, else `position_0`.
+
+    Args:
+        overview: of the bag, which says what stands on the bench.
+        topic: of the message.
+        field: the sequence.
+        place: of the entry, from 0.
+    """
+    testbed = overview.testbed
+    if testbed is not None and topic in _TICKED:
+        joints, appendages = list(testbed.joint_names), list(testbed.appendage_names)
+        modes = [f"mode_{k + 1}" for k in range(testbed.modes)]
+        names = {
+            **dict.fromkeys(_COORDINATES, joints + modes),
+            **dict.fromkeys(_EFFORTS, joints),
+            **dict.fromkeys(_APPENDAGES, appendages),
+        }.get(field, [])
+        if place < len(names):
+            return f"{field}.{names[place]}"
+    return f"{field}_{place}"
