@@ -240,3 +240,29 @@ def test_what_cannot_be_done_is_said_in_one_line():
         planned(CSA, "base_yaw", 100.0, True, feedback={"kp": [460.0], "kd": [920.0, 920.0, 1.0]})
     with pytest.raises(PlanFailed, match=r"takes 19\.1906 s .* N m are needed"):
         planned(CSA, "base_yaw", 100.0, False, longest=15.0)
+
+
+@pytest.mark.parametrize(
+    ("model", "joint", "amplitude", "goal", "duration"),
+    [
+        (OSCILLATOR, "mass", 1.0, 0.04, 3.567932),
+        (OSCILLATOR, "mass", 1.0, 0.05, 3.695652),
+        ({**CSA, "variant": "printed"}, "base_yaw", 100.0, 0.05, 14.024438),
+        (HUB, "hub", 13.558, 1.0, 3.238377),
+    ],
+)
+def test_the_fewest_switches_end_a_robust_slew_as_soon_as_they_can(
+    model, joint, amplitude, goal, duration
+):
+    plan = planned(model, joint, amplitude, True, goal=goal)
+    assert plan.summary["switches"] == 5
+    assert plan.duration == pytest.approx(duration, abs=1e-6)
+    arcs = np.diff(np.array([0.0, *plan.summary["switch_times"], plan.duration]))
+    assert arcs == pytest.approx(arcs[::-1], abs=1e-9)
+
+
+def test_five_switches_that_are_not_antisymmetric_end_the_hub_slew_sooner():
+    plan = planned(HUB, "hub", 13.558, True, structure="asymmetric")
+    assert plan.summary["switches"] == 5
+    assert plan.duration == pytest.approx(2.785863, abs=1e-6)
+    assert np.abs(plan.summary["terminal_error"]).max() < 1e-8

@@ -9,12 +9,17 @@ Every arc is integrated from its beginning to its end by steps of order 8, so no
 a switch and the durations may be any real numbers.
 """
 
+from typing import TypeAlias
+
 import numpy as np
+from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds import dynamics
 from flexslew_plant.testbeds.dynamics import STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
 from flexslew_plant.testbeds.kernels import Kernels
+
+Tensor: TypeAlias = NDArray[np.float64]  # three indices
 
 
 @compiled
@@ -40,36 +45,77 @@ def rates(
 
 
 @compiled
-def _jacobian(
+def _jacobians(
     kernels: Kernels,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
     z: Vector,
     effort: Vector,
-    dz: Matrix,
-    du: Matrix,
+    dx: Tensor,
+    du: Tensor,
 ) -> None:
-    """Write the derivatives of rates by z and by the effort."""
+    """Write df/dx, shape (copies, 2 n, 2 n), and df/du, shape (copies, 2 n, joints), of all."""
     copies, m = packed.shape[0], effort.size
     rows = z.size // copies
     n, applied = rows // 2, np.empty(m)
-    dz[:] = 0.0
     for c in range(copies):
-        first, last = c * rows, (c + 1) * rows
-        x = z[first:last]
+        x = z[c * rows : (c + 1) * rows]
         for j in range(m):
             applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
-        dynamics.jacobian(
-            kernels, packed[c], 0.0, x, applied, m, dz[first:last, first:last], du[first:last]
-        )
-        if c > 0:
+        dynamics.jacobian(kernels, packed[c], 0.0, x, applied, m, dx[c], du[c])
+
+
+@compiled
+def _tangent(
+    dx: Tensor, du: Tensor, kp: Vector, kd: Vector, s: Matrix, columns: int, out: Matrix
+) -> None:
+    """Write (df/dz) s of rates, for the first columns of s alone."""
+    copies, rows, m = du.shape
+    n = rows // 2
+    for c in range(copies):
+        first = c * rows
+        for i in range(rows):
+            for k in range(columns):
+                out[first + i, k] = 0.0
+            for j in range(rows):
+                slope = dx[c, i, j]
+                if slope != 0.0:
+                    for k in range(columns):
+                        out[first + i, k] += slope * s[first + j, k]
             for j in range(m):
-                for k in range(first, last):
-                    dz[k, j] += du[k, j] * kp[j]
-                    dz[k, n + j] += du[k, j] * kd[j]
-                    dz[k, first + j] -= du[k, j] * kp[j]
-                    dz[k, first + n + j] -= du[k, j] * kd[j]
+                by_p, by_d = du[c, i, j] * kp[j], du[c, i, j] * kd[j]
+                if c > 0 and (by_p != 0.0 or by_d != 0.0):
+                    for k in range(columns):
+                        out[first + i, k] += by_p * (s[j, k] - s[first + j, k])
+                        out[first + i, k] += by_d * (s[n + j, k] - s[first + n + j, k])
+
+
+@compiled
+def _cotangent(
+    dx: Tensor, du: Tensor, kp: Vector, kd: Vector, costate: Vector, out: Vector, by_effort: Vector
+) -> None:
+    """Write (df/dz)^T lambda of rates and, summed over the copies, (df/du)^T lambda."""
+    copies, rows, m = du.shape
+    n = rows // 2
+    out[:] = 0.0
+    by_effort[:] = 0.0
+    for c in range(copies):
+        first = c * rows
+        for i in range(rows):
+            weight = costate[first + i]
+            for j in range(rows):
+                out[first + j] += dx[c, i, j] * weight
+        for j in range(m):
+            pushed = 0.0
+            for i in range(rows):
+                pushed += du[c, i, j] * costate[first + i]
+            by_effort[j] += pushed
+            if c > 0:
+                out[j] += kp[j] * pushed
+                out[n + j] += kd[j] * pushed
+                out[first + j] -= kp[j] * pushed
+                out[first + n + j] -= kd[j] * pushed
 
 
 @compiled
@@ -140,7 +186,8 @@ def final_sensitivity(
     """
     arcs = durations.size
     z = _together(start, packed.shape[0])
-    dz, du = np.empty((z.size, z.size)), np.empty((z.size, efforts.shape[1]))
+    copies, rows = packed.shape[0], start.size
+    dx, du = np.empty((copies, rows, rows)), np.empty((copies, rows, efforts.shape[1]))
     slopes, at = np.empty((STAGES, z.size)), np.empty(z.size)
     s, s_at = np.zeros((z.size, arcs)), np.zeros((z.size, arcs))
     s_slopes = np.zeros((STAGES, z.size, arcs))
@@ -153,18 +200,23 @@ def final_sensitivity(
                 rates(kernels, packed, kp, kd, at, efforts[arc], slopes[stage])
                 if arc == 0:
                     continue
-                _jacobian(kernels, packed, kp, kd, at, efforts[arc], dz, du)
-                s_at[:] = s
-                for j in range(stage):
-                    weight = h * STAGE_WEIGHTS[stage, j]
-                    if weight != 0.0:
-                        s_at += weight * s_slopes[j]
-                s_slopes[stage] = dz @ s_at
+                _jacobians(kernels, packed, kp, kd, at, efforts[arc], dx, du)
+                for i in range(z.size):
+                    for k in range(arc):
+                        s_at[i, k] = s[i, k]
+                    for j in range(stage):
+                        weight = h * STAGE_WEIGHTS[stage, j]
+                        if weight != 0.0:
+                            for k in range(arc):
+                                s_at[i, k] += weight * s_slopes[j, i, k]
+                _tangent(dx, du, kp, kd, s_at, arc, s_slopes[stage])
             dynamics.complete_step(z, slopes, h)
-            if arc > 0:
-                for j in range(STAGES):
-                    if STEP_WEIGHTS[j] != 0.0:
-                        s += h * STEP_WEIGHTS[j] * s_slopes[j]
+            for j in range(STAGES):
+                weight = h * STEP_WEIGHTS[j]
+                if weight != 0.0:
+                    for i in range(z.size):
+                        for k in range(arc):
+                            s[i, k] += weight * s_slopes[j, i, k]
         rates(kernels, packed, kp, kd, z, efforts[arc], at)
         s[:, arc] = at
     return z, s
@@ -199,8 +251,10 @@ def costate_backwards(
     for i in range(durations.size):
         counts[i] = max(1, int(np.ceil(abs(durations[i]) / step)))
     times, values = np.empty(counts.sum() + 1), np.empty((counts.sum() + 1, m))
-    dz, du = np.empty((rows, rows)), np.empty((rows, m))
-    y, at = np.concatenate((final, costate)), np.empty(2 * rows)
+    copies = packed.shape[0]
+    each = rows // copies
+    dx, du = np.empty((copies, each, each)), np.empty((copies, each, m))
+    y, at, pushed = np.concatenate((final, costate)), np.empty(2 * rows), np.empty(m)
     slopes = np.empty((STAGES, 2 * rows))
     row, t = 0, durations.sum()
     for back in range(durations.size):
@@ -209,16 +263,18 @@ def costate_backwards(
         for _ in range(counts[arc]):
             for stage in range(STAGES):
                 dynamics.stage_state(y, slopes, stage, h, at)
-                _jacobian(kernels, packed, kp, kd, at[:rows], efforts[arc], dz, du)
+                rates(kernels, packed, kp, kd, at[:rows], efforts[arc], slopes[stage, :rows])
+                _jacobians(kernels, packed, kp, kd, at[:rows], efforts[arc], dx, du)
+                _cotangent(dx, du, kp, kd, at[rows:], slopes[stage, rows:], pushed)
+                slopes[stage, rows:] *= -1.0
                 if stage == 0:
                     times[row] = t
-                    values[row] = du.T @ y[rows:]
-                rates(kernels, packed, kp, kd, at[:rows], efforts[arc], slopes[stage, :rows])
-                slopes[stage, rows:] = -(dz.T @ at[rows:])
+                    values[row] = pushed
             dynamics.complete_step(y, slopes, h)
             row += 1
             t += h
-    _jacobian(kernels, packed, kp, kd, y[:rows], efforts[0], dz, du)
+    _jacobians(kernels, packed, kp, kd, y[:rows], efforts[0], dx, du)
+    _cotangent(dx, du, kp, kd, y[rows:], at[rows:], pushed)
     times[row] = t
-    values[row] = du.T @ y[rows:]
+    values[row] = pushed
     return times, values

@@ -9,13 +9,16 @@ Newton's method solves them from the closed form of the linear model. Where that
 away, goal and effort are both scaled up from nearly zero, where the closed form is exact.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, TypeAlias
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from flexslew_control.planners.time_optimal.arcs import final_sensitivity, final_states
+from flexslew_control.planners.time_optimal.linear_multistart import linear_slews
 from flexslew_control.planners.time_optimal.linear_switching import five_switches, three_switches
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.kernels import Kernels
@@ -30,6 +33,13 @@ STENCIL = tuple(
     for j, w in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0))
 )
 _STEP = 0.25  # longest integration step, as an angle of the fastest mode [rad]
+# a rough slew, to find the arcs that an exact one settles
+_ROUGH_STENCIL = ((1.0 + _CHANGE, 0.5 / _CHANGE), (1.0 - _CHANGE, -0.5 / _CHANGE))
+_ROUGH_STEP = 0.8  # as _STEP
+_LINEAR = 1e-8  # residual of a linear slew at which the model counts as linear
+_LONGEST = 3.0  # of Newton's iterates, times the guess
+_FOLLOWED = 24  # candidates at most
+_MARGIN = 3.0  # see continued_durations
 
 
 @dataclass(frozen=True)
@@ -45,6 +55,7 @@ class BangBang:
         robust: whether the end must not be sensitive to the stiffness.
         kp, kd: gains of the joint's feedback that flies the slew; none: open loop.
         insensitive: what must not be: the modes (5 switches for one) or the whole state.
+        rough: whether longer steps and a coarser difference by the stiffness do, for a search.
     """
 
     model: Model
@@ -56,6 +67,22 @@ class BangBang:
     kp: float = 0.0
     kd: float = 0.0
     insensitive: Insensitive = "modes"
+    rough: bool = False
+
+    @cached_property
+    def mode(self) -> tuple[float, float]:
+        """Frequency [rad/s] and damping ratio [-] of the first mode, the joints free."""
+        m = self.model.joints
+        linear = self.model.linearise(self.start[: self.model.coordinates])
+        frequency = float(linear.frequencies[0])
+        coupling = linear.mass[:m, m]
+        mass = linear.mass[m, m] - coupling @ np.linalg.solve(linear.mass[:m, :m], coupling)
+        return frequency, float(linear.damping[m, m] / (2.0 * mass * frequency))
+
+    @property
+    def stencil(self) -> tuple[tuple[float, float], ...]:
+        """Factors of the stiffness and weights of their states in the derivative by it."""
+        return _ROUGH_STENCIL if self.rough else STENCIL
 
     @property
     def open_loop(self) -> bool:
@@ -66,7 +93,7 @@ class BangBang:
     def step(self) -> float:
         """Longest integration step [s]."""
         linear = self.model.linearise(self.start[: self.model.coordinates])
-        return float(_STEP / linear.frequencies[-1])
+        return float((_ROUGH_STEP if self.rough else _STEP) / linear.frequencies[-1])
 
     @property
     def inertia(self) -> float:
@@ -101,16 +128,18 @@ class BangBang:
         if not self.robust:
             return nominal
         derivative: Matrix = np.eye(size)[self.insensitive_rows]
-        whole = np.zeros((len(nominal) + len(derivative), size * (1 + len(STENCIL))))
+        whole = np.zeros((len(nominal) + len(derivative), size * (1 + len(self.stencil))))
         whole[: len(nominal), :size] = nominal
-        for k, (_, weight) in enumerate(STENCIL, start=1):
+        for k, (_, weight) in enumerate(self.stencil, start=1):
             whole[len(nominal) :, k * size : (k + 1) * size] = weight * derivative
         return whole
 
     @property
     def ensemble(self) -> tuple[Kernels, Matrix, Vector, Vector]:
         """What the kernels of `arcs` simulate: equations, parameters of the copies, the gains."""
-        return self.copies((1.0, *(factor for factor, _ in STENCIL)) if self.robust else (1.0,))
+        return self.copies(
+            (1.0, *(factor for factor, _ in self.stencil)) if self.robust else (1.0,)
+        )
 
     def copies(self, factors: tuple[float, ...]) -> tuple[Kernels, Matrix, Vector, Vector]:
         """Return an ensemble with the stiffness times these factors, the nominal one first."""
@@ -160,50 +189,119 @@ class BangBang:
         return np.asarray(r / scale)
 
 
-def linear_durations(slew: BangBang) -> Vector:
-    """Return the arcs of the linear undamped one-mode slew, shape (4,) or, robust, (6,).
+def linear_candidates(slew: BangBang, antisymmetric: bool, longer: float = 0.0) -> list[Vector]:
+    """Return the arcs of linear one-mode slews, shortest first, each shape (4,) or, robust, (6,).
 
-    Switches at T, T +- t1 (and T +- t2), with T the half of t_f, w the frequency and J inertia:
-        three:  T^2/2 - t1^2 = J x/(2 u),  2 cos(w t1) = 1 + cos(w T);
-        five:   T^2/2 - t2^2 + t1^2 = J x/(2 u),  1 - 2 cos(w t1) + 2 cos(w t2) = cos(w T), and
-                the derivative of the latter by w; the smallest T is taken.
+    Args:
+        slew: its model is linearised at the start.
+        antisymmetric: whether only slews count whose effort is antisymmetric about the middle, as
+            in papers/001; a damped mode has none, so there it changes nothing.
+        longer: by how much they may be longer than the shortest [s].
 
     Raises:
         PlanFailed: no such arcs within the range searched.
     """
-    w = float(slew.model.linearise(slew.start[: slew.model.coordinates]).frequencies[0])
-    a = slew.inertia * abs(slew.distance) / slew.amplitude * w**2  # in phase angles
+    frequency, damping = slew.mode
+    a = slew.inertia * abs(slew.distance) / slew.amplitude * frequency**2  # in phase angles
+    if damping > 0.0 or not antisymmetric:
+        found = linear_slews(a, damping, 5 if slew.robust else 3, longer * frequency)
+        return list(found / frequency)
     if slew.robust:
-        t, t1, t2 = five_switches(a)
-        half = [t - t2, t2 - t1, t1]
+        halves = [np.array([t - t2, t2 - t1, t1]) for t, t1, t2 in five_switches(a)]
     else:
         t, t1 = three_switches(a)
-        half = [t - t1, t1]
-    return np.array(half + half[::-1]) / w
+        halves = [np.array([t - t1, t1])]
+    last = halves[0].sum() + 0.5 * longer * frequency
+    return [np.concatenate((half, half[::-1])) / frequency for half in halves if half.sum() <= last]
 
 
-def solve_durations(slew: BangBang, guess: Vector, scale: float = 1.0) -> Vector | None:
-    """Return the durations that meet the end conditions, by Newton's method; None if it fails."""
+def linear_durations(slew: BangBang) -> Vector:
+    """Return the arcs of the shortest linear one-mode slew, shape (4,) or, robust, (6,).
+
+    Undamped, with switches at T, T +- t1 (and T +- t2), T the half of t_f, w the frequency and J
+    the inertia:
+        three:  T^2/2 - t1^2 = J x/(2 u),  2 cos(w t1) = 1 + cos(w T);
+        five:   T^2/2 - t2^2 + t1^2 = J x/(2 u),  1 - 2 cos(w t1) + 2 cos(w t2) = cos(w T), and
+                the derivative of the latter by w.
+
+    Raises:
+        PlanFailed: no such arcs within the range searched.
+    """
+    return linear_candidates(slew, True)[0]
+
+
+def solve_durations(
+    slew: BangBang, guess: Vector, scale: float = 1.0, slopes: Matrix | None = None
+) -> Vector | None:
+    """Return the durations that meet the end conditions, by Newton's method; None if it fails.
+
+    Args:
+        slew: what is turned.
+        guess: durations to start from.
+        scale: of goal and effort.
+        slopes: dr/dd to use everywhere; None: the exact ones.
+    """
     d = guess.copy()
     for _ in range(25):
-        r, j = slew.linearised(d, scale)
+        r, j = slew.linearised(d, scale) if slopes is None else (slew.residual(d, scale), slopes)
         if not (np.isfinite(r).all() and np.isfinite(j).all()) or np.linalg.cond(j) > 1e13:
             return None
         change = -np.linalg.solve(j, r)
         shrinking = change < 0.0
         room = float(np.min(-d[shrinking] / change[shrinking])) if shrinking.any() else np.inf
         d = d + min(1.0, 0.8 * room) * change
+        if d.sum() > _LONGEST * guess.sum():
+            return None
         if room > 1.0 and np.abs(change).max() < 1e-9:
             return d
     return None
 
 
-def continued_durations(slew: BangBang) -> Vector | None:
-    """Return the durations of the arcs, from the linear closed form; None if there are none."""
-    guess = linear_durations(slew)
-    direct = solve_durations(slew, guess)
-    if direct is not None:
-        return direct
+def continued_durations(slew: BangBang, antisymmetric: bool = True) -> Vector | None:
+    """Return the arcs of the shortest slew that a linear one leads to; None if there is none.
+
+    On a non-linear model the linear slews are followed from the shortest on, until the next ones
+    are longer than the best so far by more than the non-linearity has changed any, with a margin.
+
+    Args:
+        slew: what is turned.
+        antisymmetric: as in linear_candidates.
+
+    Raises:
+        PlanFailed: the linear model has none.
+    """
+    guess = linear_candidates(slew, antisymmetric)[0]
+    if np.abs(slew.residual(guess)).max() < _LINEAR:
+        return solve_durations(slew, guess)
+    candidates = linear_candidates(slew, antisymmetric, 2.0 * np.pi / slew.mode[0])
+    rough = replace(slew, rough=slew.robust)
+    best = _shortest(rough, candidates[:_FOLLOWED], solve_durations)
+    if best is None:
+        best = _shortest(rough, candidates[:1], _scaled_up)
+    if best is None or not rough.rough:
+        return best
+    return solve_durations(slew, best, slopes=rough.linearised(best)[1])
+
+
+def _shortest(
+    slew: BangBang,
+    candidates: list[Vector],
+    follow: Callable[[BangBang, Vector], Vector | None],
+) -> Vector | None:
+    """Return the shortest slew that `follow` finds from candidates in rising order."""
+    best, shift = None, 0.0
+    for guess in candidates:
+        if best is not None and guess.sum() - _MARGIN * shift > best.sum():
+            break
+        found = follow(slew, guess)
+        if found is not None:
+            shift = max(shift, abs(float(found.sum() - guess.sum())))
+            best = found if best is None or found.sum() < best.sum() else best
+    return best
+
+
+def _scaled_up(slew: BangBang, guess: Vector) -> Vector | None:
+    """Return the durations reached while goal and effort grow from nearly zero, if any."""
     scale, ahead = 0.0, 0.125
     while scale < 1.0:
         found = solve_durations(slew, guess, min(1.0, scale + ahead))

@@ -22,6 +22,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
 
+Structure: TypeAlias = Literal["fewest", "asymmetric", "optimal"]
 Share: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
 RESERVE = 0.2  # of the limit, left to a feedback [-]
 
@@ -38,7 +39,7 @@ class TimeOptimal:
     robust: bool = False  # no sensitivity to the stiffness at the end
     insensitive: Insensitive = "modes"  # what, if robust: the modes, or the joint as well
     feedback: Feedback | None = None  # that flies the slew; null: open loop
-    structure: Literal["fewest", "optimal"] = "fewest"  # how many switches
+    structure: Structure = "fewest"  # how many switches
     drives: Literal["moving", "all"] = "moving"  # which push; all if the goal moves several joints
     amplitude: Positive | None = None  # of the effort [N m or N]; null: the limit less the reserve
     reserve: Share | None = None  # of the limit, for the feedback; null: 0.2 if there is one [-]
@@ -80,7 +81,7 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
         "rigid_duration": slew.rigid_duration,
         "optimal": check.holds,
         "switching_function_violation": check.violation,
-        "optimality": statement(slew, durations, check),
+        "optimality": statement(slew, durations, check, settings.structure),
     }
     if isinstance(slew, BangBang):
         summary["joint_sensitivity"] = joint_sensitivity(slew, durations)
@@ -153,21 +154,27 @@ def _amplitude(settings: TimeOptimal, effort_limit: Vector) -> Vector:
     return np.full(effort_limit.size, settings.amplitude)
 
 
-def found_durations(slew: BangBang, structure: Literal["fewest", "optimal"] = "fewest") -> Vector:
+def found_durations(slew: BangBang, structure: Structure = "fewest") -> Vector:
     """Return the arcs of the slew.
 
     Args:
         slew: what is turned.
-        structure: fewest, three switches (robust: five), five where three fail, of one mode in
-            open loop; optimal, as many as an extremal has. All else is optimal anyway.
+        structure: of one mode in open loop: fewest, the shortest slew with three switches (robust:
+            five), antisymmetric about its middle where the mode has no damping, with five where
+            three fail; asymmetric, the shortest with as few, antisymmetric or not; optimal, as many
+            as an extremal has. All else is optimal anyway.
 
     Raises:
         PlanFailed: none were found.
     """
-    finders = [extremal_durations]
-    under_feedback = slew.robust and not slew.open_loop
-    if slew.model.modes == 1 and slew.insensitive == "modes" and not under_feedback:
-        finders.insert(0 if structure == "fewest" else 1, _closed_form_durations)
+    if not _closed_form(slew):
+        finders = [extremal_durations]
+    elif structure == "optimal":
+        finders = [extremal_durations, _fewest, _asymmetric]
+    elif structure == "asymmetric":
+        finders = [_asymmetric, _fewest, extremal_durations]
+    else:
+        finders = [_fewest, _asymmetric, extremal_durations]
     found = (finder(slew) for finder in finders)
     durations = next((arcs for arcs in found if arcs is not None), None)
     if durations is None:
@@ -179,11 +186,21 @@ def found_durations(slew: BangBang, structure: Literal["fewest", "optimal"] = "f
     return durations
 
 
-def _closed_form_durations(slew: BangBang) -> Vector | None:
+def _closed_form(slew: BangBang) -> bool:
+    """Return whether slews with few switches are known of the linear model."""
+    under_feedback = slew.robust and not slew.open_loop
+    return slew.model.modes == 1 and slew.insensitive == "modes" and not under_feedback
+
+
+def _fewest(slew: BangBang) -> Vector | None:
     durations = continued_durations(slew)
     if durations is None and not slew.robust:
         return five_switch_durations(slew)
     return durations
+
+
+def _asymmetric(slew: BangBang) -> Vector | None:
+    return continued_durations(slew, antisymmetric=False)
 
 
 def joint_sensitivity(slew: BangBang, durations: Vector) -> float:
@@ -191,7 +208,12 @@ def joint_sensitivity(slew: BangBang, durations: Vector) -> float:
     return float(sum(w * slew.final(durations, f, True)[slew.joint] for f, w in STENCIL))
 
 
-def statement(slew: BangBang | AllDrives, durations: Vector, check: Extremality) -> str:
+def statement(
+    slew: BangBang | AllDrives,
+    durations: Vector,
+    check: Extremality,
+    structure: Structure = "fewest",
+) -> str:
     """Return in one sentence what is known of the slew's optimality."""
     switches = durations.size - 1
     if check.holds:
@@ -201,11 +223,13 @@ def statement(slew: BangBang | AllDrives, durations: Vector, check: Extremality)
             f"the optimum of a transcription on {switches + 1} intervals; its arcs do not settle, "
             "for some effort hardly matters"
         )
-    return (
+    said = (
         f"best of the {switches}-switch family, not time-optimal: the switching function has the "
-        f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value); "
-        "structure: optimal looks for more switches"
+        f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value)"
     )
+    if isinstance(slew, BangBang) and _closed_form(slew) and structure != "optimal":
+        return f"{said}; structure: optimal looks for more switches"
+    return f"{said}; no extremal was found"
 
 
 def on_ticks(slew: Arcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
