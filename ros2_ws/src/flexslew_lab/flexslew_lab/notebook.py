@@ -3,7 +3,7 @@
 from flexslew_lab.notebook import fly, trial
 
 flight = fly(trial("m1", {"testbed.modes": 5}))
-flight["position.base_yaw"], flight.units["position.base_yaw"]
+flight["position.hub"], flight.units["position.hub"]
 flight.plot("position", "tip")
 """
 
@@ -113,7 +113,7 @@ def trial(
 
     Args:
         source: the name of a shipped trial, a file, or the keys of a trial file.
-        changes: path to value, for example {"testbed.modes": 5, "plan.goal.hub_pitch": 0.8}.
+        changes: path to value, for example {"testbed.modes": 5, "plan.duration": 30.0}.
 
     Raises:
         BadInput: no such trial, or one of its values is not allowed.

@@ -1,0 +1,95 @@
+"""The rules of the tree that no type checker holds: imports, names of one spacecraft, cycles."""
+
+import ast
+import re
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "ros2_ws" / "src"
+ORDER = ("flexslew_plant", "flexslew_control", "flexslew_lab")
+FILES = sorted(path for name in ORDER for path in (SOURCE / name / name).rglob("*.py"))
+ROS = re.compile(r"^(rclpy|rosidl|launch|ament|[a-z_]+_msgs|std_srvs|builtin_interfaces)\b")
+
+
+def module_of(path):
+    parts = path.relative_to(SOURCE).with_suffix("").parts[1:]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imported(path, lazy=True):
+    """Yield the names of the modules that a file imports; without lazy those at its top alone."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = ast.walk(tree) if lazy else iter(tree.body)
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def test_ros_is_imported_only_below_ros():
+    wrong = [
+        f"{path.relative_to(SOURCE)}: {name}"
+        for path in FILES
+        if "ros" not in path.relative_to(SOURCE).parts[:-1]
+        for name in imported(path)
+        if ROS.match(name)
+    ]
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", ORDER)
+def test_imports_go_one_way(package):
+    later = ORDER[ORDER.index(package) + 1 :]
+    wrong = [
+        f"{path.relative_to(SOURCE)}: {name}"
+        for path in (SOURCE / package / package).rglob("*.py")
+        for name in imported(path)
+        if name.split(".")[0] in later
+    ]
+    assert not wrong
+
+
+def test_no_file_imports_itself_in_a_circle():
+    known = {module_of(path) for path in FILES}
+    graph = {
+        module_of(path): {name for name in imported(path, lazy=False) if name in known}
+        - {module_of(path)}
+        for path in FILES
+    }
+    # a package stands for its __init__, which imports its members: that is no circle of files
+    for module, needs in graph.items():
+        graph[module] = {
+            name for name in needs if not module.startswith(f"{name}.") and name in graph
+        }
+    list(TopologicalSorter(graph).static_order())
+
+
+# what only one spacecraft has; allowed where that spacecraft is, and where a paper is reproduced
+NAMES = re.compile(
+    r"base_yaw|hub_pitch|Csa[A-Z]|OscillatorTestbed|HubTestbed|hub_with_appendages|beam_positive"
+    r"|floating_oscillator|testbed\.kind == |Spacecraft[A-Z]\w*\("
+)
+
+
+def test_nothing_outside_of_the_testbeds_names_a_kind_a_joint_or_an_appendage():
+    wrong = []
+    for path in [*FILES, *(SOURCE / "flexslew_lab").rglob("*.j2")]:
+        parts = path.relative_to(SOURCE).parts
+        if "testbeds" in parts or "reproduce" in parts or "shipped" in parts:
+            continue
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+            if NAMES.search(line):
+                wrong.append(f"{path.relative_to(SOURCE)}:{number}: {line.strip()}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_every_family_says_what_it_offers():
+    folders = {path.parent for path in FILES if path.parent.name not in ORDER}
+    for folder in sorted(folders):
+        text = (folder / "__init__.py").read_text(encoding="utf-8")
+        assert ast.get_docstring(ast.parse(text)), folder
