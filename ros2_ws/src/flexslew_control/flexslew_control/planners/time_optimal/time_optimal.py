@@ -21,6 +21,7 @@ from flexslew_control.planners.time_optimal.switching import (
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds import Model
 
 Structure: TypeAlias = Literal["fewest", "asymmetric", "optimal"]
 Share: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
@@ -114,7 +115,7 @@ def found_slew(
     amplitude = _amplitude(settings, asked.effort_limit)
     rest = np.zeros(model.modes + model.coordinates)
     start = np.concatenate((first, rest))
-    if settings.drives == "all" or moving.size > 1 or moving[0] != 0 or first[1:].any():
+    if settings.drives == "all" or moving.size > 1 or moving[0] != 0 or not _alone(model, start):
         if model.joints == 1:
             raise BadInput("plan: drives: all is not allowed: there is one; use moving")
         if settings.robust:
@@ -137,6 +138,19 @@ def found_slew(
         settings.insensitive,
     )
     return slew, found_durations(slew, settings.structure)
+
+
+def _alone(model: Model, start: Vector) -> bool:
+    """Return whether the first drive leaves the other joints at rest, whatever it does."""
+    rng, m, n = np.random.default_rng(1), model.joints, model.coordinates
+    effort = np.eye(m)[0]
+    for _ in range(3):
+        x = start.copy()
+        for k in (0, *range(m, n)):
+            x[[k, n + k]] += 0.1 * rng.standard_normal(2)
+        if np.abs(model.derivative(x, effort)[n + 1 : n + m]).max(initial=0.0) > 1e-12:
+            return False
+    return True
 
 
 def _amplitude(settings: TimeOptimal, effort_limit: Vector) -> Vector:

@@ -1,0 +1,111 @@
+"""The documented testbed of one's own flies like those that come with the bench."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.planners import PLANNERS
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.trial import parse_trial, plan_of_trial
+from flexslew_plant.errors import BadInput
+
+ROOT = Path(__file__).parents[3]
+TEXT = (ROOT / "docs" / "own_testbed.md").read_text()
+EXAMPLE = re.search(r"```yaml\n(.*?)```", TEXT, re.DOTALL)[1]
+KIND = "docs/examples/three_joints.py:ThreeJoints"
+GAINS = {"kp": [40.0], "kd": [60.0]}
+LAWS = {
+    "pd_feedforward": GAINS,
+    "collocated_pid": {**GAINS, "ki": [1.0]},
+    "lqr": {"weights": {"deflection": 1.0, "time": 3.0}},
+    "output_feedback": {"effort_noise": 1e-5, "modal_noise": 1e-7},
+    "proportional_integral": {"weights": {"deflection": 1.0, "time": 3.0}},
+}
+
+
+@pytest.fixture(autouse=True)
+def in_the_checkout(monkeypatch):
+    monkeypatch.chdir(ROOT)
+
+
+def trial(**changes):
+    lines = [line for line in EXAMPLE.splitlines() if line.split(":")[0] not in changes]
+    lines = [line for line in lines if not (line.startswith("  ") and "controllers" in changes)]
+    return parse_trial("\n".join([*lines, *(f"{k}: {v}" for k, v in changes.items())]), "own.yaml")
+
+
+def flown(wanted, folder, report=False):
+    result = run_trial(wanted, "own.yaml", folder, in_process=True, report=report)
+    assert result.exit_code == 0, result.message
+    return result.metrics
+
+
+def test_the_laws_of_this_file_are_those_of_the_table():
+    assert set(LAWS) == set(CONTROLLERS)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_flies_it_to_its_goal(law, tmp_path):
+    damped = f"{{kind: {KIND}, modes: 1, damping_ratio: 0.02}}"
+    wanted = trial(controllers=f"{{{law}: {LAWS[law]}}}", active=law, testbed=damped)
+    metrics = flown(wanted, tmp_path / "run")
+    assert set(metrics["final_error"]) == {"base", "arm", "wrist"}
+    assert max(map(abs, metrics["final_error"].values())) < 0.01
+    assert metrics["missed_ticks"] == 0
+
+
+PLANS = {
+    "none": "{method: none, goal: {base: 0.2}}",
+    "reference_only": "{method: reference_only, duration: 12.0}",
+    "optimized_feedforward": "{method: optimized_feedforward, duration: 12.0}",
+    "robust_feedforward": "{method: robust_feedforward, duration: 12.0, payload_errors: [-.1, .1]}",
+    "input_shaping": "{method: input_shaping, duration: 10.0}",
+    "start_coast_stop": "{method: start_coast_stop, amplitude: 10.0, pulse_frequency: 1.0}",
+}
+REFUSED = {
+    "time_optimal": (
+        "{method: time_optimal, goal: {base: 0.5}, amplitude: 15.0}",
+        "does not give its energies in symbols",  # the drives push one another
+    )
+}
+
+
+def test_the_plans_of_this_file_are_those_of_the_table():
+    assert {*PLANS, *REFUSED} == set(PLANNERS)
+
+
+@pytest.mark.parametrize("method", PLANS)
+def test_every_planner_plans_it_and_the_plan_flies(method, tmp_path):
+    wanted = trial(plan=PLANS[method], testbed=f"{{kind: {KIND}, modes: 1}}", duration=60.0)
+    plan = plan_of_trial(wanted)
+    assert plan.joint_names == ("base", "arm", "wrist")
+    metrics = flown(wanted, tmp_path / "run")
+    if method not in ("none", "reference_only"):
+        assert metrics["residual_tip_deflection"] < 0.02
+    assert np.abs(list(metrics["final_error"].values())).max() < 0.02
+
+
+@pytest.mark.parametrize("method", REFUSED)
+def test_what_a_planner_cannot_do_with_it_is_refused_in_one_line(method):
+    section, words = REFUSED[method]
+    with pytest.raises(BadInput, match=words) as caught:
+        plan_of_trial(trial(plan=section))
+    assert "\n" not in str(caught.value)
+
+
+def test_its_run_is_recorded_reported_and_flown_again_from_the_log(tmp_path):
+    wanted = trial(
+        controllers=f"{{pd_feedforward: {GAINS}, lqr: {LAWS['lqr']}}}",
+        schedule="[{at: 6.0, switch: lqr}, {at: 20.0, until: 21.0, disturbance: {arm: 2.0}}]",
+    )
+    metrics = flown(wanted, tmp_path / "run", report=True)
+    again = resim(tmp_path / "run" / "bag")
+    assert again.identical
+    assert again.hash == metrics["trajectory_hash"]
+    page = (tmp_path / "run" / "report.html").read_text()
+    for word in ("wrist", "boom", "ThreeJoints"):
+        assert word in page
