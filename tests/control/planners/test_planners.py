@@ -91,13 +91,13 @@ def test_every_planner_refuses_more_effort_than_the_drives_have(method):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("method", ["optimized_feedforward", "robust_feedforward"])
+@pytest.mark.parametrize("method", ["optimized_feedforward", "robust_feedforward", "input_shaping"])
 def test_too_short_a_duration_is_refused_with_one_that_does(method):
     with pytest.raises(PlanFailed, match=r"is enough; a rigid body takes 13\.72 s") as caught:
         planned(method, duration=8.0)
-    enough = float(re.search(r"about ([\d.]+) s \(now 8 s\)", str(caught.value))[1])
+    enough = float(re.search(r"a duration of ([\d.]+) s \(now 8 s\)", str(caught.value))[1])
     assert 13.72 < enough < 25.0
-    assert planned(method, duration=enough).duration == enough
+    assert planned(method, duration=enough).request["duration"] == enough
     with pytest.raises(PlanFailed, match=r"no duration up to .* is enough; use a higher effort"):
         planned(method, limit=(0.1, 0.1))
 

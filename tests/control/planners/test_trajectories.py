@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexslew_control.planners.trajectories import PROFILES, rest_to_rest
+from flexslew_control.planners.trajectories import PROFILES, rest_to_rest, rounded_up
 
 START, GOAL = np.array([0.2, -0.1]), np.array([1.0, 0.5])
 
@@ -43,3 +43,10 @@ def test_moves_monotonously_on_a_straight_line(duration, profile):
     share = (r.position - START) / (GOAL - START)
     np.testing.assert_allclose(share[:, 0], share[:, 1], atol=1e-12)
     assert np.all(np.diff(share[:, 0]) >= -1e-12)
+
+
+def test_a_number_is_rounded_up_to_what_a_message_prints():
+    for value in 10.0 ** np.random.default_rng(4).uniform(-4.0, 6.0, 200):
+        up = rounded_up(value)
+        assert value <= up <= 1.01 * value
+        assert float(f"{up:g}") == up

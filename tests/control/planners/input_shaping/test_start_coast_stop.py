@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 from tests.plants import plant
@@ -84,7 +86,26 @@ def test_a_given_duration_is_kept_and_takes_the_least_amplitude():
     again = planned(amplitude=plan.summary["pulse_amplitude"])
     assert again.duration == pytest.approx(30.0, abs=1e-9)
     np.testing.assert_allclose(again.effort, plan.effort, atol=1e-8)
-    with pytest.raises(PlanFailed, match=r"do not fit .* longer by 4\.99\d s or a higher"):
+    with pytest.raises(PlanFailed, match=r"do not fit .* longer by 5 s or a higher"):
         planned(duration=20.0)
     with pytest.raises(BadInput, match="amplitude and duration: only one"):
         planned(duration=30.0, amplitude=50.0)
+
+
+def test_a_tip_that_swings_on_after_the_end_is_warned_of():
+    assert "warning" not in planned().summary
+    system = planned(shaper="system").summary
+    assert system["tip_left_swinging"] > 1.0
+    assert system["warning"].endswith(
+        "shaper: system is for feedforward: rigid, where the joints yield to the modes"
+    )
+    assert "nothing is shaped" in planned(shaper="none").summary["warning"]
+    assert "warning" not in planned(shaper="system", feedforward="rigid").summary
+
+
+def test_the_time_that_two_pulses_lack_is_enough():
+    for duration in (8.1, 9.7, 12.34):
+        with pytest.raises(PlanFailed, match="do not fit") as caught:
+            planned(duration=duration)
+        longer = float(re.search(r"longer by ([\d.]+) s", str(caught.value))[1])
+        assert planned(limit=(1e4, 1e4), duration=duration + longer).duration > duration

@@ -38,7 +38,7 @@ from flexslew_control.planners.slew import (
     tick_times,
 )
 from flexslew_control.planners.time_optimal.time_optimal import TimeOptimal, plan_time_optimal
-from flexslew_control.planners.trajectories import rigid_duration
+from flexslew_control.planners.trajectories import rigid_duration, rounded_up
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain, validated
 
@@ -177,19 +177,18 @@ def _enough_time(settings: Any, slew: Slew) -> str:
     now = settings.duration
     rigid = rigid_duration(slew.model, slew.start, slew.goal, slew.effort_limit)
     for longer in now * 1.05 ** np.arange(1, _LONGER + 1):
-        if longer < rigid:
+        duration = rounded_up(longer)  # what is said is what was tried
+        if duration < rigid:
             continue
         try:
-            PLANNERS[settings.method].plan(
-                replace(settings, duration=float(longer)), slew, _unheard
-            )
+            PLANNERS[settings.method].plan(replace(settings, duration=duration), slew, _unheard)
         except PlanFailed:
             continue
         return (
-            f"a duration of about {longer:.3g} s (now {now:g} s) is enough; a rigid body takes "
+            f"a duration of {duration:g} s (now {now:g} s) is enough; a rigid body takes "
             f"{rigid:.4g} s"
         )
-    return f"no duration up to {longer:.3g} s (now {now:g} s) is enough; use a higher effort_limit"
+    return f"no duration up to {duration:g} s (now {now:g} s) is enough; use a higher effort_limit"
 
 
 def _unheard(update: Update) -> None:

@@ -82,3 +82,9 @@ def rigid_duration(model: Model, first: Vector, last: Vector, effort_limit: Vect
         *(np.diag(model.mass_matrix(np.concatenate((q, straight)))) for q in (first, last))
     )[: model.joints]
     return float((2.0 * np.sqrt(inertia * np.abs(last - first) / effort_limit)).max())
+
+
+def rounded_up(value: float) -> float:
+    """Return the next number with three significant digits, which a message prints in full."""
+    unit = 10.0 ** (np.floor(np.log10(value)) - 2.0)
+    return float(f"{np.ceil(value / unit) * unit:.3g}")

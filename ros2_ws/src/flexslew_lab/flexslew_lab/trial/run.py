@@ -83,6 +83,8 @@ def run_trial(
             f"warning: the plan ends at {crew.plan.end:g} s, the run at {trial.duration:g} s: "
             "nothing can be said about what is left after the manoeuvre"
         )
+    if crew.plan is not None and "warning" in crew.plan.summary:
+        say(f"warning: plan: {crew.plan.summary['warning']}")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
     metadata = {"trial_file": source, "versions": json.dumps(software_versions())}

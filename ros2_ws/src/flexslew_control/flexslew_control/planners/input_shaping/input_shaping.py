@@ -18,9 +18,9 @@ from flexslew_control.planners.input_shaping.shapers import (
     make_shaper,
 )
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Slew, tick_times
+from flexslew_control.planners.slew import Slew, TooMuchTorque, tick_times
 from flexslew_plant.arrays import Vector
-from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 
 Command: TypeAlias = Literal["cubic", "quintic", "sin2", "bang_bang"]
@@ -53,7 +53,7 @@ def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -
 
     Raises:
         BadInput: a shaper that cannot be, or nothing to turn.
-        PlanFailed: the slew needs more effort than the drives have.
+        TooMuchTorque: the slew needs more effort than the drives have.
     """
     if slew.still:
         raise BadInput("plan: goal: the joints are there already; give another goal")
@@ -82,10 +82,8 @@ def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -
     peak = np.abs(effort).max(axis=0)
     for name, needed, allowed in zip(model.joint_names, peak, slew.effort_limit, strict=True):
         if needed > allowed:
-            longer = settings.duration * np.sqrt(needed / allowed)
-            raise PlanFailed(
-                f"the shaped slew needs {needed:.4g} N m on {name}, the limit is {allowed:g} N m; "
-                f"a duration of about {longer:.4g} s (now {settings.duration:g} s) needs less"
+            raise TooMuchTorque(
+                f"the shaped slew needs {needed:.4g} N m on {name}, the limit is {allowed:g} N m"
             )
     m = model.joints
     q, v = q[::FINE], v[::FINE]

@@ -17,7 +17,8 @@ from flexslew_control.planners.input_shaping.shaped_motion import (
 )
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Slew, tick_times
-from flexslew_plant.arrays import Vector
+from flexslew_control.planners.trajectories import rounded_up
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds import Model
@@ -84,6 +85,7 @@ class Pulses:
         return self.amplitude * (0.5 * s - np.sin(2.0 * omega * s) / (4.0 * omega))
 
 
+_RINGING = 0.05  # of the largest deflection, above which a tip that swings on is warned of
 _AMPLITUDE = 100.0  # unless it or the duration is given [N m]
 
 
@@ -121,8 +123,8 @@ def pulses_in(angle: float, duration: float, frequency: float) -> Pulses:
     if duration < 2.0 * length:
         raise PlanFailed(
             f"two pulses of {length:.4g} s do not fit into {duration:.4g} s (the duration less the "
-            f"shaper's); use a duration longer by {2.0 * length - duration:.4g} s or a higher "
-            f"pulse_frequency than {frequency:g} rad/s"
+            f"shaper's); use a duration longer by {rounded_up(2.0 * length - duration):g} s or a "
+            f"higher pulse_frequency than {frequency:g} rad/s"
         )
     stop = duration - length
     return Pulses(2.0 * angle / (length * stop), frequency, stop)
@@ -206,8 +208,37 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
             "coast_end": motion.stop,
             "shaper_delay": delay,
             "peak_effort": [float(x) for x in peak],
+            **_ringing(settings, slew, q, v),
         },
     )
+
+
+def _ringing(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict[str, Any]:
+    """Return for the summary how far the tips swing on after the end, and a warning if they do.
+
+    Args:
+        settings: the `plan` section.
+        slew: what is turned.
+        q, v: nominal coordinates and rates, shape (times, n).
+    """
+    model, m = slew.model, slew.model.joints
+    if settings.feedforward != "elastic":
+        return {}  # the joints yield, so the nominal modes are not those of the flight
+    linear = model.linearise(model.rest(slew.named(slew.goal)))
+    squares = np.diag(linear.stiffness)[m:] / np.diag(linear.mass)[m:]  # with the joints held
+    tip = abs(model.appendages.tip)
+    left = float((tip @ np.sqrt(q[-1, m:] ** 2 + v[-1, m:] ** 2 / squares)).max())
+    if left < _RINGING * float((tip @ abs(q[:, m:].T)).max()):
+        return {"tip_left_swinging": left}
+    why = "nothing is shaped"
+    if settings.shaper == "system":
+        why = "shaper: system is for feedforward: rigid, where the joints yield to the modes"
+    if settings.shaper == "clamped":
+        why = "only the first mode is shaped, with the damping of shaper_damping"
+    return {
+        "tip_left_swinging": left,
+        "warning": f"the tip swings on by {left:.3g} m after the end: {why}",
+    }
 
 
 def _shaped(
