@@ -135,7 +135,7 @@ case $root in
   *[[:space:]\"\'\\\$\`:\;\&\(\)\<\>\|\*\?\[\]\{\}\#%!]*)
     fail "the checkout lies in '$root', and the ROS 2 build tools take no spaces, quotes or signs in a path; move it" ;;
 esac
-size="1.4 GB"
+size="1.2 GB"
 packages_digest=$(cat "$lock" "$sources" | digest)
 packages=$venv/flexslew.$packages_digest
 workspace=$root/ros2_ws/install/flexslew.$({
