@@ -37,6 +37,13 @@ def test_a_trial_comes_by_name_by_file_and_by_its_keys(tmp_path: Path) -> None:
     assert SHORT["duration"] == 3.0
 
 
+def test_numbers_of_numpy_are_numbers() -> None:
+    keys = {"duration": np.float64(4.0), "testbed": {"effort_limit": np.array([80.0, 90.0])}}
+    built = trial(keys, {"testbed.modes": np.int64(2)})
+    assert (built.duration, built.testbed.modes) == (4.0, 2)
+    assert tuple(built.testbed.effort_limit) == (80.0, 90.0)
+
+
 @pytest.mark.parametrize(
     ("source", "changes", "named"),
     [

@@ -119,7 +119,7 @@ def trial(
         BadInput: no such trial, or one of its values is not allowed.
     """
     label, values = _keys(source)
-    return parse_trial(yaml_text(overridden(values, dict(changes or {}))), label)
+    return parse_trial(yaml_text(_plain(overridden(values, dict(changes or {})))), label)
 
 
 def fly(what: Trial, folder: Path | None = None) -> Flight:
@@ -154,6 +154,15 @@ def read(run: Path | str) -> Flight:
     keys = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     events = bag.overview.events
     return Flight(keys, metrics_from(bag), events, signals.time, signals.values, signals.units)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with NumPy's arrays and numbers as those of Python."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
 def _keys(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:

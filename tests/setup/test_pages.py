@@ -1,0 +1,64 @@
+"""README and pages: the commands, options, files and links that they name are there."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer.main
+
+from flexslew_lab.cli.main import app
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def commands(page: Path) -> list[list[str]]:
+    """Return the words of each `./flexslew ...` of a page, in blocks and between backticks."""
+    text = page.read_text()
+    found = [
+        line
+        for block in re.findall(r"```(?:sh)?\n(.*?)```", text, re.S)
+        for line in block.splitlines()
+    ]
+    found += re.findall(r"`([^`\n]+)`", text)
+    lines = [
+        line.partition("./flexslew ")[2].partition(" # ")[0]
+        for line in found
+        if "./flexslew " in line
+    ]
+    return [shlex.split(line.split(",")[0].split(";")[0].split("|")[0]) for line in lines]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_command_of_a_page_exists_with_its_options(page: Path) -> None:
+    for words in commands(page):
+        place = typer.main.get_command(app)
+        while words and hasattr(place, "commands") and not words[0].startswith("-"):
+            assert words[0] in place.commands, f"{page.name}: {' '.join(words)}"
+            place, words = place.commands[words[0]], words[1:]
+        options = {option for param in place.params for option in param.opts} | {"--help"}
+        if place.name == "test":  # the rest goes to pytest
+            continue
+        for word in words:
+            if word.startswith("--"):
+                assert word.split("=")[0] in options, f"{page.name}: {word} of {place.name}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_to_a_file_leads_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
+        if not target.startswith("reference/") and "/reference/" not in target:  # made by the site
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_files_of_the_source_tree_that_a_page_names_exist() -> None:
+    for page in PAGES:
+        for path in re.findall(
+            r"\b(?:ros2_ws/src|setup|docker|docs/examples)/[\w./-]+\w", page.read_text()
+        ):
+            assert (ROOT / path).exists(), f"{page.name}: {path}"
+
+
+def test_the_readme_stays_short() -> None:
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 120
