@@ -8,7 +8,16 @@ from threading import Timer
 
 import pytest
 import rclpy
-from flexslew_msgs.srv import InjectFault, SwitchController
+from flexslew_msgs.srv import (
+    EndFault,
+    InjectFault,
+    Note,
+    Operate,
+    SetRate,
+    Step,
+    SwitchController,
+    Tune,
+)
 from std_srvs.srv import Trigger
 
 from flexslew_lab.log.bag_reader import BagReader
@@ -27,7 +36,7 @@ def switch_controller(name, at, strict, max_effort_step):
         return bench.switch(name, at, strict, max_effort_step)
 
 
-CREW = ", output_feedback: {mode: tracking_a}"
+OTHERS = ", output_feedback: {mode: tracking_a}"
 
 
 def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path):
@@ -36,7 +45,7 @@ def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path):
 
     answers = []
     flight = Flight(
-        slew(duration=150.0, more=CREW, extra="display_rate: 0.0"), tmp_path, 1, by_hand
+        slew(duration=150.0, more=OTHERS, extra="display_rate: 0.0"), tmp_path, 1, by_hand
     )
     assert flight.outcome == (0, "")
     assert answers[0][0], answers
@@ -52,7 +61,7 @@ def test_late_answers_and_a_fallback_fly_again_to_the_same_hash(tmp_path):
         os.kill(pids["pd_feedforward"], signal.SIGSTOP)
         Timer(2.0, os.kill, (pids["pd_feedforward"], signal.SIGCONT)).start()  # and all is late
 
-    trial = slew(duration=15.0, more=CREW, extra="fallback: [output_feedback]\ndisplay_rate: 0.0")
+    trial = slew(duration=15.0, more=OTHERS, extra="fallback: [output_feedback]\ndisplay_rate: 0.0")
     flight = Flight(trial, tmp_path, 1, hold_up)
     assert "fallback" in flight.events
     again = resim(flight.bag)
@@ -79,44 +88,63 @@ def ask(*requests):
         rclpy.try_shutdown()
 
 
-def test_a_session_with_swaps_a_fault_and_a_reset_flies_again_to_the_same_hash(tmp_path):
-    def swap(name, at=0.0):
-        return SwitchController, "switch_controller", {"controller": name, "at": stamp(at)}
+def swap(name, at=0.0, **more):
+    return SwitchController, "switch_controller", {"controller": name, "at": stamp(at), **more}
 
-    def fault(text, at=0.0):
-        return InjectFault, "inject_fault", {"fault": text, "at": stamp(at)}
 
+def fault(text, at=0.0):
+    return InjectFault, "inject_fault", {"fault": text, "at": stamp(at), "who": "ann"}
+
+
+def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path):
     def by_hand(pids):
         answers.extend(
             ask(
-                swap("output_feedback"),
+                swap("output_feedback", who="ann"),
                 fault("{disturbance: {base_yaw: 3.0}}"),
+                (Tune, "output_feedback/tune", {"settings": "{reaching_rate: 3.0}", "who": "bob"}),
                 swap("pd_feedforward"),
+                (Tune, "pd_feedforward/tune", {"settings": "{kp: [500.0], kd: [950.0]}"}),
                 (Trigger, "pause", {}),
-                (Trigger, "start", {}),  # asks again, and tells the truth once
+                (Note, "note", {"text": "paused to look", "who": "ann"}),
+                (Step, "step", {"ticks": 10, "who": "ann"}),
                 (Trigger, "reset", {}),
-                (Trigger, "start", {}),
-                fault("{kind: command_lost, probability: 0.2, until: 31.0}", 30.0),
-                swap("output_feedback", 40.0),
+                (Operate, "operate", {"action": "start", "who": "bob"}),
+                (SetRate, "set_rate", {"rate_factor": 5.0, "who": "bob"}),
+                fault("{kind: command_lost, probability: 0.2}", 30.0),
+                swap("output_feedback", 40.0, timeout=0.01),
+                (Trigger, "brake", {}),
+                (Trigger, "release_brake", {}),
                 swap("pd_feedforward"),
+                (EndFault, "end_fault", {"number": 0, "who": "ann"}),
+                (SetRate, "set_rate", {"rate_factor": 0.0}),
             )
         )
 
     answers = []
     trial = slew(
-        duration=80.0, more=CREW, extra="display_rate: 0.0\nallow_faults: true\nmax_missed: 100"
+        duration=80.0, more=OTHERS, extra="display_rate: 0.0\nallow_faults: true\nmax_missed: 100"
     )
     flight = Flight(trial, tmp_path, 1, by_hand)
+    done = [getattr(a, "ok", getattr(a, "success", False)) for a in answers]
     words = [answer.message for answer in answers]
-    assert [getattr(a, "ok", getattr(a, "success", False)) for a in answers] == [True] * 10, words
+    assert [k for k, ok in enumerate(done) if not ok] == [12], words
+    assert answers[12].scheduled  # its time had not come; then the brake was latched
     events = BagReader(flight.bag).overview.events
     assert {event.epoch for event in events if event.source == "plant"} == {0, 1}
+    told = {event.kind: event.data.get("who") for event in events}
+    assert told["note"] == "ann"
+    assert told["fault_ended"] == "ann"
+    assert told["rate"] == "unnamed"
+    assert "brake" not in told
+    assert [e.source for e in events if e.kind == "tuned"] == ["output_feedback", "pd_feedforward"]
     again = resim(flight.bag)
     assert again.first_difference is None
-    assert again.replayed["switch_requested"] == 4
-    assert again.replayed["injected"] == 2
+    assert again.replayed == {
+        "switch_requested": 4, "injected": 2, "fault_ended": 1, "brake_requested": 2, "tuned": 2,
+        "missed": flight.metrics["missed_ticks"],
+    }  # fmt: skip
     assert again.hash == again.recorded_hash == flight.metrics["trajectory_hash"]
-    assert flight.metrics["missed_ticks"] > 0
     assert [finding for finding in check_log(flight.bag) if not finding.ok] == []
 
 
