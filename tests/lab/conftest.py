@@ -107,6 +107,7 @@ def synthetic_messages(ticks: int = 500, switch_at: int = 300) -> Iterator[Messa
             yield put("/events", event(k, "switched", 0, words, effort_step=step), stamp)
         if k == switch_at + 10:
             yield put("/events", event(k, "missed", 1, "no valid answer from pi"), stamp)
+    yield put("/events", event(ticks, "interrupted", 1, "stopped"), round(ticks * PERIOD * 1e9))
 
 
 @pytest.fixture(scope="session")

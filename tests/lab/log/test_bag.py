@@ -107,7 +107,7 @@ def test_a_topic_comes_back_as_arrays_over_a_change_of_layout(bag: Path) -> None
 
 def test_what_is_rare_comes_from_one_pass(bag: Path) -> None:
     overview = BagReader(bag).overview
-    assert [e.kind for e in overview.events] == ["started", "switched", "missed"]
+    assert [e.kind for e in overview.events] == ["started", "switched", "missed", "interrupted"]
     assert overview.events[1].data == {"effort_step": [0.25, -0.5]}
     assert list(overview.testbed.joint_names) == ["base_yaw", "hub_pitch"]
     assert overview.plans[0].duration == 2.0

@@ -376,7 +376,7 @@ def test_csv_holds_the_same(bag: Path, tmp_path: Path) -> None:
     columns = json.loads((tmp_path / "columns.json").read_text())
     assert columns["truth.csv"]["tip_deflection.negative"]["unit"] == "m"
     kinds = pyarrow.csv.read_csv(exported.files["/events"])["kind"].to_pylist()
-    assert kinds == ["started", "switched", "missed"]
+    assert kinds == ["started", "switched", "missed", "interrupted"]
 
 
 def test_long_rows_are_written_in_more_groups_and_are_the_same(

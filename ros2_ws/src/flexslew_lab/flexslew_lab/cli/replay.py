@@ -139,6 +139,7 @@ def play(
     clock: Annotated[float, typer.Option(help="Own /clock instead of the recorded [Hz].")] = 0.0,
     pause: Annotated[bool, typer.Option("--pause", help="Wait for /play/resume.")] = False,
     wait_for: Annotated[list[str] | None, typer.Option(help="Nodes that must listen.")] = None,
+    namespace: Annotated[str, typer.Option(help="Of the topics; none: as recorded.")] = "",
 ) -> None:
     """Publish a bag on its topics again, in order, with its stamps.
 
@@ -166,11 +167,12 @@ def play(
         def report(time: float, end: float) -> None:
             bar.update(task, completed=time, total=end, at=f"{time:.2f} of {end:.2f} s")
 
-        run(settings, report)
+        run(settings, report, namespace)
 
 
 def live(
     port: Annotated[int, typer.Option(help="On 127.0.0.1; 0: any free one.")] = 8765,
+    namespace: Annotated[str, typer.Option(help="Of the bench, if it runs in one.")] = "",
 ) -> None:
     """Show a running bench in the Foxglove app: a WebSocket server on this machine only.
 
@@ -184,7 +186,7 @@ def live(
     domain, _ = bench_domain()
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     say(f"ROS_DOMAIN_ID {domain}")
-    run(port, say)
+    run(port, say, namespace)
 
 
 def _settings(pairs: list[str]) -> dict[str, Any]:

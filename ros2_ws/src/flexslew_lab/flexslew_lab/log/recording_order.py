@@ -7,7 +7,7 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.cdr import stamp_of
+from flexslew_lab.log.cdr import decode, stamp_of
 
 _TICK_AND_EPOCH = struct.Struct("<QI")
 _BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame
@@ -83,3 +83,16 @@ def tick_and_epoch(data: bytes) -> tuple[int, int]:
     """Return tick and epoch of a message that begins with a header and these two."""
     tick, epoch = _TICK_AND_EPOCH.unpack_from(data, _BEHIND_HEADER)
     return int(tick), int(epoch)
+
+
+def of_namespace(data: bytes, namespace: str) -> bool:
+    """Return whether transforms are of the bench of a namespace, as the names of their frames say.
+
+    Args:
+        data: CDR of a tf2_msgs/TFMessage.
+        namespace: absolute; "/" is that of frames without a slash.
+    """
+    transforms = decode("tf2_msgs/msg/TFMessage", data).transforms
+    return all(
+        "/" + transform.child_frame_id.rpartition("/")[0] == namespace for transform in transforms
+    )

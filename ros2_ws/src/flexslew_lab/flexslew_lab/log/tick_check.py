@@ -1,26 +1,20 @@
 """Are the ticks of a log whole: every one, in order, and about each of them one word only?"""
 
 from collections.abc import Container, Iterator, Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from flexslew_lab.log.bag_columns import Block
+from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.end_check import check_ends
+from flexslew_lab.log.finding import Finding as Finding
 
 TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
 _ANSWERS = ("/effort_command", "/controller_state")
 
 Key = tuple[int, int]  # epoch and tick
 Columns = Mapping[str, np.ndarray]
-
-
-class Finding(NamedTuple):
-    """One thing that was looked at."""
-
-    ok: bool
-    what: str
-    detail: str
 
 
 class _Sender:
@@ -75,6 +69,8 @@ class _Topic:
         self.messages, self._gaps, self._missing, self._not_finite = 0, 0, 0, 0
         self._first_gap = ""
         self.newest: Key = (0, -1)  # -1: none
+        self.first: dict[int, int] = {}  # tick of each epoch
+        self.last: dict[int, int] = {}
 
     def add(self, block: Block) -> None:
         """Take the next messages."""
@@ -91,6 +87,8 @@ class _Topic:
         """Count the ticks that are left out, whoever sends."""
         for number in np.unique(epoch):
             ticks = tick[epoch == number]
+            self.first.setdefault(int(number), int(ticks[0]))
+            self.last[int(number)] = max(self.last.get(int(number), 0), int(ticks.max()))
             last = self.newest[1] if number == self.newest[0] else -1
             last = ticks[0] - 1 if last < 0 else last
             newest = np.maximum.accumulate(np.append(last, ticks))
@@ -160,6 +158,11 @@ def check_ticks(bag: BagReader) -> Iterator[Finding]:
     for name, topic in topics.items():
         if topic.messages or name not in _ANSWERS:
             yield topic.finding()
+    ended = bag.overview.metadata.get(RUN_RECORD, {})
+    truth, events = topics["/truth"], bag.overview.events
+    told = any((event.source, event.kind) == ("plant", "started") for event in events)
+    if told and truth.messages and ended and "recovered" not in ended:
+        yield from check_ends(truth.first, truth.last, events)
 
 
 class _Clock:

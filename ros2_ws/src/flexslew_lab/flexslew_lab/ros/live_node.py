@@ -11,7 +11,7 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.cdr import stamp_of
 from flexslew_lab.log.schemas import schema_text
 from flexslew_plant.errors import BadInput
-from flexslew_plant.ros.loop import Loop, run_node
+from flexslew_plant.ros.loop import Loop, run_node, within
 from flexslew_plant.ros.offers import SEVERAL, message_class, qos
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.settings import section
@@ -130,9 +130,9 @@ class LiveNode:
             self._stamps[topic] = self._last
 
 
-def live(port: int, say: Callable[[str], None]) -> None:
-    """Serve from this process until it is interrupted, then exit."""
-    run_node(partial(LiveNode, LiveSettings(port=port), say), args=[])
+def live(port: int, say: Callable[[str], None], namespace: str = "") -> None:
+    """Serve the bench of a namespace from this process until it is interrupted, then exit."""
+    run_node(partial(LiveNode, LiveSettings(port=port), say), args=within(namespace))
 
 
 def main() -> None:

@@ -11,10 +11,11 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
+from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.replay.player import CLOCK, Outgoing, Player, PlaySettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.graph import unmatched
-from flexslew_plant.ros.loop import Loop, run_node
+from flexslew_plant.ros.loop import Loop, run_node, within
 from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import message_class, qos
 from flexslew_plant.ros.parameters import new_node, settings_of
@@ -87,7 +88,7 @@ class PlayNode:
             # deeper than the original: a second of playing may be a day of it
             offer = Topic(topic, kind, LOOP_DEPTH, topic in self._player.latched)
             self._publishers[topic] = self.node.create_publisher(
-                message_class(kind), topic, qos(offer)
+                message_class(kind), TOPICS[topic].name if topic in TOPICS else topic, qos(offer)
             )
 
     def _all_there(self) -> bool:
@@ -161,9 +162,11 @@ class PlayNode:
         return reply
 
 
-def play(settings: PlaySettings, report: Report = lambda time, end: None) -> None:
-    """Play a bag from this process, then exit; see PlaySettings."""
-    run_node(partial(PlayNode, settings, report), args=[])
+def play(
+    settings: PlaySettings, report: Report = lambda time, end: None, namespace: str = ""
+) -> None:
+    """Play a bag from this process into a namespace, then exit; see PlaySettings."""
+    run_node(partial(PlayNode, settings, report), args=within(namespace))
 
 
 def main() -> None:

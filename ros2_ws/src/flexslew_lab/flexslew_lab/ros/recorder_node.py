@@ -9,7 +9,12 @@ from flexslew_msgs import msg
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_writer import BagWriter, RecordingStopped
-from flexslew_lab.log.recording_order import Ordered, RecordingOrder, tick_and_epoch
+from flexslew_lab.log.recording_order import (
+    Ordered,
+    RecordingOrder,
+    of_namespace,
+    tick_and_epoch,
+)
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_plant import topics
 from flexslew_plant.bench.events import Event, Level
@@ -97,9 +102,10 @@ class Recorder:
             self._write(message)
 
     def _arrived(self) -> Iterator[tuple[str, bytes]]:
-        for message in self._listener.take():
+        for topic, data in self._listener.take():
             self._heard = monotonic()
-            yield message
+            if topic != "/tf" or of_namespace(data, self.node.get_namespace()):
+                yield topic, data
 
     def _write(self, message: Ordered) -> None:
         """Write a message; in log time, an epoch begins where the one before has ended."""

@@ -25,7 +25,11 @@ class NodeProcess(NamedTuple):
 
 
 def node_processes(
-    trial: Trial, folder: Path, record: bool, metadata: dict[str, str]
+    trial: Trial,
+    folder: Path,
+    record: bool,
+    metadata: dict[str, str],
+    plan: Path | None = None,
 ) -> list[NodeProcess]:
     """Return the nodes of a trial in the order of their start, the plant last.
 
@@ -34,6 +38,7 @@ def node_processes(
         folder: of the run; the bag goes into its subfolder bag.
         record: with the recorder.
         metadata: of the run, for the bag.
+        plan: file of the trial's plan, where it is made already.
     """
     listeners = ["recorder"] if record else []
     processes = []
@@ -47,7 +52,9 @@ def node_processes(
     planned = trial.plan is not None
     if planned:
         parameters = {"exit_with_plant": True}
-        if isinstance(trial.plan, SavedPlan):
+        if plan is not None:
+            parameters["file"] = str(plan.resolve())
+        elif isinstance(trial.plan, SavedPlan):
             parameters["file"] = str(Path(trial.plan.file).resolve())
         else:
             parameters["plan"] = yaml_text(plain(trial.plan))

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.plan import Plan
+from flexslew_control.plan_file import save_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_control.planners.slew import software_versions
@@ -92,7 +93,7 @@ def run_trial(
     if in_process:
         outcome = _in_process(trial, crew, bag, metadata, progress)
     else:
-        outcome = _over_ros(trial, folder, metadata, progress, say)
+        outcome = _over_ros(trial, crew.plan, folder, metadata, progress, say)
     result = _finished(folder, bag, outcome)
     if report and result.metrics and outcome.exit_code != 130:
         bare = _without_feedforward(trial, source, folder)
@@ -151,12 +152,16 @@ def _without_feedforward(trial: Trial, source: str, folder: Path) -> Path | None
 
 def _over_ros(
     trial: Trial,
+    plan: Plan | None,
     folder: Path,
     metadata: dict[str, str],
     progress: Progress,
     say: Callable[[str], None],
 ) -> Outcome:
-    processes = node_processes(trial, folder, True, metadata)
+    planned = folder / "plan.yaml" if plan is not None else None  # made once, for the node too
+    if plan is not None:
+        save_plan(plan, folder / "plan.yaml")
+    processes = node_processes(trial, folder, True, metadata, planned)
     parameters = folder / "parameters.yaml"
     parameters.write_text(parameter_file(processes))
     with own_domain(trial.name) as domain:

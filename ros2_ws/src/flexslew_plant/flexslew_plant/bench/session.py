@@ -136,10 +136,11 @@ class Session:
 
     def reset(self, who: str = "") -> Reply:
         """Return to tick 0 in a new epoch and rest there."""
+        tick = self.bench.tick
         self.bench.reset()
         self.run.reset()
         words = f"reset, epoch {self.bench.epoch}; call start"
-        return self._said(Reply(True, words), "reset", words, who)
+        return self._said(Reply(True, words), "reset", words, who, from_tick=tick)
 
     def brake(self, on: bool, who: str = "") -> Reply:
         """Latch or release the drive's own brake from the next tick on."""

@@ -18,6 +18,8 @@ from flexslew_plant.ros.offers import publisher
 class Display:
     """Publishes joint and appendage states, tf, markers and /clock at display rate.
 
+    Frames carry the namespace of the node, as /tf serves every bench of a domain.
+
     Args:
         node: the plant.
         bench: whose truth is shown.
@@ -25,10 +27,9 @@ class Display:
     """
 
     def __init__(self, node: Node, bench: Bench, rate: float) -> None:
-        self._every = max(1, round(1.0 / (rate * bench.settings.period))) if rate else 0
-        if not self._every:
-            return
         self._bench = bench
+        self._prefix = f"{node.get_namespace()}/".lstrip("/")
+        self.set_rate(rate)
         self._scene = bench.settings.testbed.scene()
         self._clock = publisher(node, topics.CLOCK)
         self._joints = publisher(node, topics.JOINT_STATES)
@@ -37,6 +38,10 @@ class Display:
         self._markers = publisher(node, topics.MARKERS)
         self._description = publisher(node, topics.ROBOT_DESCRIPTION)
         self._description.publish(String(data=self._scene.robot_description))
+
+    def set_rate(self, rate: float) -> None:
+        """Show so many samples per simulated second; 0: none."""
+        self._every = max(1, round(1.0 / (rate * self._bench.settings.period))) if rate else 0
 
     def show(self, truth: Truth) -> None:
         """Publish this truth if it is due."""
@@ -62,12 +67,12 @@ class Display:
             modal_position=doubles(modes),
             modal_velocity=doubles(rates),
         )
-        state.header.stamp, state.header.frame_id = at, self._scene.line_frames[0]
+        state.header.stamp, state.header.frame_id = at, self._prefix + self._scene.line_frames[0]
         self._appendages.publish(state)
         transforms = []
         for frame in self._scene.frames(truth.position):
-            transform = TransformStamped(child_frame_id=frame.child)
-            transform.header.stamp, transform.header.frame_id = at, frame.parent
+            transform = TransformStamped(child_frame_id=self._prefix + frame.child)
+            transform.header.stamp, transform.header.frame_id = at, self._prefix + frame.parent
             place, turn = transform.transform.translation, transform.transform.rotation
             place.x, place.y, place.z = frame.translation
             turn.x, turn.y, turn.z, turn.w = map(float, frame.rotation)
@@ -77,7 +82,7 @@ class Display:
         lines = zip(self._scene.lines(truth.position), self._scene.line_frames, strict=True)
         for number, (line, parent) in enumerate(lines):
             marker = Marker(ns="beams", id=number, type=Marker.LINE_STRIP, action=Marker.ADD)
-            marker.header.stamp, marker.header.frame_id = at, parent
+            marker.header.stamp, marker.header.frame_id = at, self._prefix + parent
             marker.pose.orientation.w = 1.0
             marker.scale.x = 0.15
             marker.color = ColorRGBA(r=0.2, g=0.6, b=0.9, a=1.0)

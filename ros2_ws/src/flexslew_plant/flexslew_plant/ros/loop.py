@@ -43,6 +43,46 @@ class Served(Protocol):
         """Leave the graph."""
 
 
+class _Interrupts:
+    """SIGINT and SIGTERM end the process, also where the exception is swallowed on its way.
+
+    What is raised within a compiler's callback or a destructor is printed and forgotten there.
+    """
+
+    def __init__(self) -> None:
+        self._raised, self._taken = 0, 0
+
+    def install(self) -> None:
+        """Answer both signals from now on."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._raise)
+
+    def ignore(self) -> None:
+        """Answer them no more: it ends anyway."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
+    def taken(self) -> None:
+        """Note that somebody has caught it."""
+        self._taken = self._raised
+
+    def raise_swallowed(self) -> None:
+        """Raise again what nobody has caught.
+
+        Raises:
+            KeyboardInterrupt: there was a signal.
+        """
+        if self._raised > self._taken:
+            raise KeyboardInterrupt
+
+    def _raise(self, number: int, frame: object) -> None:
+        self._raised += 1
+        raise KeyboardInterrupt
+
+
+_interrupts = _Interrupts()
+
+
 class Loop:
     """The executor of one process. A callback may call `stop`, from then on `run` returns."""
 
@@ -124,6 +164,7 @@ class Loop:
         supervisor = int(os.environ.get(SUPERVISOR, "0"))
         next_look = 0.0
         while self._code is None:
+            _interrupts.raise_swallowed()
             now = monotonic()
             if now >= self._due:
                 self._due = now + poll()
@@ -141,9 +182,16 @@ def _run(loop: Loop, served: Served) -> int:
         try:
             return loop.run(served.poll)
         except KeyboardInterrupt:
+            _interrupts.taken()
             stay = getattr(served, "interrupted", lambda: False)()
             if not stay:
                 return 130
+
+
+def within(namespace: str) -> list[str]:
+    """Return the command line of a node in a namespace; empty: in none."""
+    name = "/" + namespace.strip("/")
+    return ["--ros-args", "-r", f"__ns:={name}"] if name != "/" else []
 
 
 def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> None:
@@ -154,13 +202,13 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
         args: command line; None: of the process.
     """
     # our own handlers: rclpy's would invalidate the context before the last words are said
+    _interrupts.install()
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     served = loop = None
     code = 0
     try:
         loop = Loop()
+        _interrupts.raise_swallowed()
         served = build(loop)
         code = _run(loop, served)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -172,8 +220,7 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
         print(f"error: {error}", file=sys.stderr)
         code = 3
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # from here on it ends anyway
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        _interrupts.ignore()
         if served is not None and loop is not None:
             loop.close(_HURRIED if code == 130 else LAST_WORDS)
             served.close()

@@ -7,6 +7,7 @@ from flexslew_msgs import msg
 
 from flexslew_plant import topics
 from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.bench.events import Level
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.message_fields import testbed_fields, truth_fields
 from flexslew_plant.bench.run_state import FINISHED
@@ -48,6 +49,7 @@ class Plant:
         self.statuses: dict[str, msg.ControllerStatus] = {}
         self._next_progress = 0.0
         self._told: list[str] = []  # whom it waits for, as logged
+        self._rivals: set[str] = set()  # younger plants
 
         self._measurement = publisher(node, topics.MEASUREMENT)
         self._truth = publisher(node, topics.TRUTH)
@@ -111,6 +113,11 @@ class Plant:
         if self._settings.progress and session.run.running and now >= self._next_progress:
             print(f"tick {session.bench.tick} of {session.bench.last_tick}", flush=True)
             self._next_progress = now + 0.5
+        rivals = {beat.node for beat in self._alive.presence.younger(self._alive.beat, now)}
+        for name in sorted(rivals - self._rivals):
+            words = f"another plant has come to this bench and must leave: {name}"
+            session.bench.say(Level.WARNING, "rival", words, {"node": name})
+        self._rivals = rivals
         if session.waiting_for != self._told:
             self._told = session.waiting_for
             if self._told:

@@ -1,0 +1,50 @@
+"""Does a log begin where each epoch began, and end where it ended? The plant's events say where."""
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from flexslew_lab.log.bag_reader import LoggedEvent
+from flexslew_lab.log.finding import Finding
+
+_LAST = ("finished", "interrupted", "not_finite")
+
+
+def check_ends(
+    first: Mapping[int, int], last: Mapping[int, int], events: Iterable[LoggedEvent]
+) -> Iterator[Finding]:
+    """Yield what is missing of the truth before its first tick and behind its last one.
+
+    Args:
+        first: the first tick of each epoch in the log.
+        last: the last one.
+        events: of the log.
+    """
+    late = {epoch: tick for epoch, tick in first.items() if tick > 0}
+    missing = sum(late.values())
+    where = ", ".join(f"epoch {e} begins at tick {t}" for e, t in sorted(late.items()))
+    words = f"{missing} ticks missing: {where}" if late else "from tick 0 on"
+    yield Finding(not late, "start of the ticks", words)
+    ends = _ends(events)
+    newest = max(last, default=0)
+    short = {e: end - last.get(e, -1) for e, end in ends.items() if end > last.get(e, -1)}
+    if short:
+        missing = sum(short.values())
+        where = ", ".join(f"epoch {e} was flown to tick {ends[e]}" for e in sorted(short))
+        yield Finding(False, "end of the ticks", f"{missing} ticks missing: {where}")
+    elif newest not in ends:
+        words = f"the plant's last words are missing: it may have flown on from tick {last[newest]}"
+        yield Finding(False, "end of the ticks", words)
+    else:
+        yield Finding(True, "end of the ticks", "as the plant says")
+
+
+def _ends(events: Iterable[LoggedEvent]) -> dict[int, int]:
+    """Return the last tick of each epoch whose end the plant tells."""
+    ends = {}
+    for event in events:
+        if event.source != "plant":
+            continue
+        if event.kind in _LAST:
+            ends[event.epoch] = event.tick
+        elif event.kind == "reset" and isinstance(event.data, dict) and "from_tick" in event.data:
+            ends[event.epoch - 1] = int(event.data["from_tick"])
+    return ends
