@@ -1,1 +1,10 @@
 """The command line."""
+
+import os
+import sys
+
+# only where this is the program: an interrupted import would end in a traceback
+if "flexslew_lab.cli.main" in sys.orig_argv or os.path.basename(sys.argv[0]) == "flexslew":
+    from flexslew_lab.cli.interrupt import while_importing
+
+    while_importing()

@@ -3,15 +3,14 @@
 import json
 import math
 import os
-import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.markup import escape
 
 from flexslew_lab.cli.checkout import bench, test
+from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, SOON, patient, while_running
 from flexslew_lab.cli.log import Json, bag_of, log, recover
 from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.operate import COMMANDS
@@ -76,8 +75,11 @@ def trial(
         if not 0.0 <= rate < math.inf:
             raise BadInput(f"--rate: {rate} is not allowed: 0 is as fast as it goes, 1 real time")
         wanted = replace(wanted, rate_factor=rate)
-    with progress(wanted.name) as advance:
+    with progress(wanted.name) as advance, patient(SOON if in_process else NODES):
         result = run_trial(wanted, source, out, in_process, not no_report, advance, say)
+    if result.exit_code == INTERRUPTED:
+        say(f"interrupted; what was recorded until then is in {result.folder}")
+        sys.exit(INTERRUPTED)
     if as_json:
         print(json.dumps(result.metrics, indent=2))
     else:
@@ -272,14 +274,16 @@ def _called() -> str:
 def main() -> None:
     """Run the command line; every known error is one line."""
     code = 0
+    while_running()
     try:
         code = app(prog_name=_called(), standalone_mode=False) or 0
+        if code == INTERRUPTED:  # how typer passes a KeyboardInterrupt on
+            say("interrupted")
     except typer.Exit as leave:
         code = leave.exit_code
     except (typer.Abort, KeyboardInterrupt):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # from here on it ends anyway
         say("interrupted")
-        code = 130
+        code = INTERRUPTED
     except BrokenPipeError:  # whoever read our output has left
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 1
@@ -292,7 +296,7 @@ def main() -> None:
     except ModuleNotFoundError as error:
         if not remedy(error):
             raise
-        screen.print("[red]error:[/red]", escape(remedy(error)), highlight=False, soft_wrap=True)
+        say(remedy(error), head="error: ")
         code = 2
     except OSError as error:  # a disk that is full, a file that went away
         where = f"{error.filename}: " if error.filename else ""

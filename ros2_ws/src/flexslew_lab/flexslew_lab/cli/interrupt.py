@@ -1,0 +1,54 @@
+"""Ctrl-C: one line and exit code 130, in the first seconds of imports and in the last of a run."""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+INTERRUPTED = 130  # exit code
+SOON = 1.5  # until the process ends, whatever holds it up [wall s]
+NODES = 30.0  # the same where nodes have to close their files [wall s]
+_patience = SOON
+
+
+def while_importing() -> None:
+    """End at once when interrupted, without the traceback of an import cut short."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, _end_at_once)
+
+
+def while_running() -> None:
+    """Raise KeyboardInterrupt when interrupted, and end by force if that is not heard in time.
+
+    Code below a callback of compiled code may swallow it.
+    """
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, _interrupt)
+
+
+@contextmanager
+def patient(seconds: float) -> Iterator[None]:
+    """Give a block more time to end in order: nodes that have to close their files [wall s]."""
+    global _patience
+    before, _patience = _patience, seconds
+    try:
+        yield
+    finally:
+        _patience = before
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    signal.signal(signal.SIGINT, _end_at_once)  # a second one does not wait
+    timer = threading.Timer(_patience, _end_at_once, (number, None))
+    timer.daemon = True
+    timer.start()
+    raise KeyboardInterrupt
+
+
+def _end_at_once(number: int, frame: FrameType | None) -> None:
+    sys.stdout.flush()
+    os.write(2, b"interrupted\n")
+    os._exit(INTERRUPTED)

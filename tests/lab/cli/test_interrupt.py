@@ -1,0 +1,77 @@
+"""Ctrl-C at any moment: one line, exit code 130, no traceback."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+MOMENTS = (  # the module whose import has just ended
+    "typer",
+    "numpy",
+    "numba",
+    "flexslew_lab.trial.run",
+)
+COMMANDS = {
+    "trial": ["trial", "--in-process", "--out", "OUT"],
+    "plan": ["plan"],
+    "compare": ["compare", "--out", "OUT"],
+}
+
+
+def interrupted(words: list[str], moment: str, folder: Path) -> tuple[int, list[str]]:
+    """Return exit code and what was said by a command interrupted after an import."""
+    words = [str(folder / "out") if word == "OUT" else word for word in words]
+    child = subprocess.Popen(
+        [sys.executable, "-X", "importtime", "-m", "flexslew_lab.cli.main", *words],
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=folder,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    assert child.stderr is not None
+    try:
+        for line in child.stderr:
+            if line.startswith("import time:") and line.rsplit("|", 1)[-1].strip() == moment:
+                break
+        child.send_signal(signal.SIGINT)
+        rest = child.stderr.read()
+        child.wait(60)
+    finally:
+        child.kill()
+        child.wait()
+    said = [line for line in rest.splitlines() if line and not line.startswith("import time:")]
+    return child.returncode, said
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_an_interrupted_import_ends_in_one_line(tmp_path: Path, moment: str) -> None:
+    assert interrupted(COMMANDS["trial"], moment, tmp_path) == (130, ["interrupted"])
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_interrupted_command_ends_in_one_line(tmp_path: Path, command: str) -> None:
+    moment = {"trial": "flexslew_lab.trial.in_process", "plan": "flexslew_control.plan_file",
+              "compare": "flexslew_lab.report.compare"}[command]  # fmt: skip
+    code, said = interrupted(COMMANDS[command], moment, tmp_path)
+    assert code == 130
+    assert said == ["interrupted"]
+
+
+def test_what_swallows_the_interrupt_is_ended_all_the_same() -> None:
+    script = (
+        "import signal, sys\n"
+        "from flexslew_lab.cli import interrupt\n"
+        "interrupt.SOON = interrupt._patience = 0.05\n"
+        "interrupt.while_running()\n"
+        "def deaf():\n"
+        "    try:\n"
+        "        signal.raise_signal(signal.SIGINT)\n"
+        "    except KeyboardInterrupt:\n"
+        "        pass\n"
+        "    while True:\n"
+        "        pass\n"
+        "deaf()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, timeout=60)
+    assert (done.returncode, done.stderr) == (130, b"interrupted\n")
