@@ -30,7 +30,7 @@ def found(goal, limit, modes, more):
     asked = OptimizedFeedforward(
         model=PRINTED | {"modes": modes},
         goal={"base_yaw": goal[0], "hub_pitch": goal[1]},
-        **dict(more),
+        **({"track": "reference"} | dict(more)),
     )
     return make_plan(asked, plant(0.05, [limit, limit]))
 

@@ -17,11 +17,13 @@ from flexslew_control.planners.feedforward.robust_feedforward import (
     RobustFeedforward,
     plan_robust_feedforward,
 )
+from flexslew_control.planners.held_efforts import exact_on_ticks
 from flexslew_control.planners.input_shaping.input_shaping import InputShaping, plan_input_shaping
 from flexslew_control.planners.input_shaping.start_coast_stop import (
     StartCoastStop,
     plan_start_coast_stop,
 )
+from flexslew_control.planners.prediction import predicted
 from flexslew_control.planners.progress import Progress, Update
 from flexslew_control.planners.reference import (
     NoPlan,
@@ -46,18 +48,25 @@ from flexslew_plant.settings import plain, validated
 class _Planner(NamedTuple):
     settings: type[Any]  # its `plan` section
     plan: Callable[[Any, Slew, Progress], Plan]
+    # whether its efforts shall end at rest at the goal when each is held over its tick
+    exact: Callable[[Any], bool] = lambda settings: False
 
 
 PLANNERS: dict[str, _Planner] = {
     "none": _Planner(NoPlan, plan_none),
     "reference_only": _Planner(ReferenceOnly, plan_reference_only),
-    "optimized_feedforward": _Planner(OptimizedFeedforward, plan_optimized_feedforward),
+    "optimized_feedforward": _Planner(
+        OptimizedFeedforward, plan_optimized_feedforward, lambda s: s.track == "planned"
+    ),
     "robust_feedforward": _Planner(RobustFeedforward, plan_robust_feedforward),
-    "input_shaping": _Planner(InputShaping, plan_input_shaping),
-    "start_coast_stop": _Planner(StartCoastStop, plan_start_coast_stop),
-    "time_optimal": _Planner(TimeOptimal, plan_time_optimal),
+    "input_shaping": _Planner(InputShaping, plan_input_shaping, lambda s: s.shaper != "none"),
+    "start_coast_stop": _Planner(
+        StartCoastStop, plan_start_coast_stop, lambda s: s.feedforward == "elastic"
+    ),
+    "time_optimal": _Planner(TimeOptimal, plan_time_optimal, lambda s: True),
 }
 
+_EXACT = 1e-5  # residual above which efforts are made exact for their hold [m]
 _LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
 
 # what sections of several methods share
@@ -122,7 +131,8 @@ def make_plan(
 ) -> Plan:
     """Return the plan that a `plan` section asks for.
 
-    Its summary says under `believes` what the planner believes differently from the bench.
+    Its summary says under `believes` what the planner believes differently from the bench, and
+    under `predicted_residual_...` what the plan leaves on the model that it believes in.
 
     Args:
         settings: one of the sections above.
@@ -146,14 +156,24 @@ def make_plan(
             f"effort_limit: {limit.tolist()} is not allowed: {slew.goal.size} numbers, one for "
             f"each of {', '.join(slew.model.joint_names)}"
         )
+    planner = PLANNERS[settings.method]
     try:
-        plan = PLANNERS[settings.method].plan(settings, slew, progress or _unheard)
+        plan = planner.plan(settings, slew, progress or _unheard)
     except TooMuchTorque as error:
         raise PlanFailed(f"{error}; {_enough_time(settings, slew)}") from None
+    promised = predicted(plan, slew)
+    if planner.exact(settings) and promised.tip_deflection > _EXACT:
+        plan = exact_on_ticks(plan, slew)
+        promised = predicted(plan, slew)
+    promise = {
+        "believes": slew.beliefs,
+        "predicted_residual_tip_deflection": promised.tip_deflection,
+        "predicted_residual_attitude_error": slew.named(promised.attitude_error),
+    }
     return replace(
         plan,
         request=_complete(settings, slew),
-        summary={**plan.summary, "believes": slew.beliefs},
+        summary={**plan.summary, **promise},
         versions=software_versions(),
     )
 

@@ -18,7 +18,7 @@ _APPENDAGES = ("tip_deflection", "root_curvature")
 
 
 def column_name(overview: Overview, topic: str, field: str, place: int) -> str:
-    """Return the name of one entry of a sequence: `position.base_yaw`, else `position_0`.
+    """Return the name of one entry of a sequence: `position.hub`, else `position_0`.
 
     Args:
         overview: of the bag, which says what stands on the bench.

@@ -22,6 +22,7 @@ from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.outputs import WITHOUT, new_folder
 from flexslew_lab.trial.processes import node_processes, parameter_file
+from flexslew_lab.trial.promise import broken_promise
 from flexslew_lab.trial.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import (
     Trial,
@@ -86,6 +87,8 @@ def run_trial(
         )
     if crew.plan is not None and "warning" in crew.plan.summary:
         say(f"warning: plan: {crew.plan.summary['warning']}")
+    if crew.plan is not None and crew.plan.summary.get("believes"):
+        say(f"the plan believes differently from the bench: {crew.plan.summary['believes']}")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
     metadata = {"trial_file": source, "versions": json.dumps(software_versions())}
@@ -95,6 +98,9 @@ def run_trial(
     else:
         outcome = _over_ros(trial, crew.plan, folder, metadata, progress, say)
     result = _finished(folder, bag, outcome)
+    words = broken_promise(trial, crew.plan, result.metrics)
+    if words:
+        say(words)
     if report and result.metrics and outcome.exit_code != 130:
         bare = _without_feedforward(trial, source, folder)
         write_report([bag], folder / "report.html", bare)

@@ -55,6 +55,8 @@ class OptimizedFeedforward:
     sensitivities: Sensitivities = "exact"
     max_iterations: Annotated[int, Field(ge=1)] = 100
     tolerance: Positive = 1e-6  # relative change of the weights
+    # what the feedback follows: the planned trajectory, or the reference as in the paper
+    track: Literal["planned", "reference"] = "planned"
 
 
 def find_feedforward(
@@ -87,6 +89,8 @@ def plan_optimized_feedforward(
     basis, optimum = find_feedforward(settings, manoeuvre, progress)
     weights = optimum.weights.reshape(manoeuvre.model.joints, -1).T
     plan = on_ticks(settings, slew, manoeuvre, basis, weights)
+    if settings.track == "planned":
+        plan = about_its_own_trajectory(plan, slew, manoeuvre, basis, weights)
     last = optimum.history[-1]
     found: dict[str, Any] = {
         "objective": last.objective,
@@ -147,6 +151,40 @@ def on_ticks(
         duration=manoeuvre.duration,
         summary={"duration": manoeuvre.duration, "peak_effort": peak.tolist()},
     )
+
+
+def about_its_own_trajectory(
+    plan: Plan, slew: Slew, manoeuvre: Manoeuvre, basis: Basis, weights: Matrix
+) -> Plan:
+    """Return the plan with the planned trajectory for its reference: the same efforts in all.
+
+    The effort of a tick takes over the mean of what the feedback does nominally, and the nominal
+    states are those of the model under the efforts held over each tick. So the feedback has
+    nothing to do at any tick, whatever its period, and any law can follow the plan.
+
+    Args:
+        plan: from on_ticks.
+        slew, manoeuvre, basis, weights: as in on_ticks.
+    """
+    m, n = slew.model.joints, slew.model.coordinates
+    ticks = slew.period * np.arange(plan.ticks + 1, dtype=np.float64)
+    middles = 0.5 * (ticks[1:] + ticks[:-1])
+    edges = np.union1d(np.union1d(ticks, middles), basis.nodes)
+    kept = np.append(True, np.diff(edges) > 1e-9 * manoeuvre.duration)
+    edges = edges[kept]
+    path = manoeuvre.fly(edges, basis.values(stage_times(edges)) @ weights)
+    feedback = manoeuvre.efforts(edges, np.zeros((edges.size, m)), path)
+    slack = 1e-9 * manoeuvre.duration
+    at, between = np.searchsorted(edges, ticks - slack), np.searchsorted(edges, middles - slack)
+    mean = (feedback[at[:-1]] + 4.0 * feedback[between] + feedback[at[1:]]) / 6.0  # Simpson
+    effort = plan.effort + mean
+    state = np.empty((ticks.size, 2 * n))
+    state[0] = path[0]
+    for k, held in enumerate(effort):
+        state[k + 1] = slew.model.advance(state[k], held, slew.period, t=float(ticks[k]))
+    position, velocity = state[:, :m].copy(), state[:, n : n + m].copy()
+    position[-1], velocity[-1] = slew.goal, 0.0
+    return replace(plan, position=position, velocity=velocity, effort=effort, state=state)
 
 
 def _refuse_saturation(model: Model, peak: Vector, limit: Vector) -> None:

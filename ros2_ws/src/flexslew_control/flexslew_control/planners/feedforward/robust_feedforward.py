@@ -24,8 +24,11 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.feedforward.basis import Basis, BasisName
 from flexslew_control.planners.feedforward.ensemble import Member
 from flexslew_control.planners.feedforward.limited_gauss_newton import Problem, limited_gauss_newton
-from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, manoeuvre_of
-from flexslew_control.planners.feedforward.optimized_feedforward import on_ticks
+from flexslew_control.planners.feedforward.manoeuvre import manoeuvre_of
+from flexslew_control.planners.feedforward.optimized_feedforward import (
+    about_its_own_trajectory,
+    on_ticks,
+)
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque
 from flexslew_control.planners.trajectories import Profile
@@ -95,7 +98,7 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
                 f"{effort_limit[j]:g} N m"
             )
     plan = on_ticks(settings, slew, nominal, basis, weights)
-    plan = _about_its_own_trajectory(plan, nominal)
+    plan = about_its_own_trajectory(plan, slew, nominal, basis, weights)
     last = history[-1][1]
     found: dict[str, Any] = {
         "objective": last.objective,
@@ -115,17 +118,3 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
         "weights": weights.T.tolist(),
     }
     return replace(plan, summary=found | plan.summary)
-
-
-def _about_its_own_trajectory(plan: Plan, slew: Manoeuvre) -> Plan:
-    """Return the plan with the nominal trajectory for its reference: the same efforts in all.
-
-    The effort takes over what the feedback does nominally, so any law can follow the plan.
-    """
-    n, m = slew.model.coordinates, slew.model.joints
-    feedback = slew.kp * (plan.position - plan.state[:, :m])
-    feedback += slew.kd * (plan.velocity - plan.state[:, n : n + m])
-    position, velocity = plan.position.copy(), plan.velocity.copy()
-    position[:-1], velocity[:-1] = plan.state[:-1, :m], plan.state[:-1, n : n + m]
-    effort = plan.effort + 0.5 * (feedback[:-1] + feedback[1:])
-    return replace(plan, position=position, velocity=velocity, effort=effort)

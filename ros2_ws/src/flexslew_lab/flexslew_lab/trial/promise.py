@@ -1,0 +1,41 @@
+"""What a plan has promised beside what its flight has left."""
+
+from typing import Any
+
+from flexslew_control.plan import Plan
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.bench.actuator import ActuatorSettings
+from flexslew_plant.bench.sensors import SensorSettings
+from flexslew_plant.settings import plain
+
+_ALLOWED = 0.1  # of the promise [-]
+_NOTHING = 1e-5  # residual that counts as none [m]
+
+
+def broken_promise(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> str:
+    """Return in one line that a flight left more than its plan predicts, or an empty text.
+
+    Only where the bench is what the planner believes in and nothing disturbs it: elsewhere the
+    difference is what the trial is for.
+
+    Args:
+        trial: that was flown.
+        plan: that it flew.
+        metrics: the content of metrics.json.
+    """
+    left = metrics.get("residual_tip_deflection")
+    if plan is None or left is None or trial.schedule:
+        return ""
+    promised = plan.summary.get("predicted_residual_tip_deflection")
+    seen = {k: v for k, v in plain(trial.testbed).items() if k != "initial"}
+    model = dict(plan.request.get("model") or {})
+    model.pop("initial", None)
+    undisturbed = trial.sensors == SensorSettings() and trial.actuator == ActuatorSettings()
+    if promised is None or model != seen or not undisturbed:
+        return ""
+    if left <= promised * (1.0 + _ALLOWED) + _NOTHING:
+        return ""
+    return (
+        f"warning: the flight left {left:.3g} m at the tip, the plan predicts {promised:.3g} m on "
+        "the same model: is the controller in charge the one whose gains the plan counts with?"
+    )

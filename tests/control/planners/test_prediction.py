@@ -1,0 +1,135 @@
+"""What plans promise is what flies: on the identical model, at any period, for every planner."""
+
+import numpy as np
+import pytest
+from tests.plants import plant
+
+from flexslew_control.controllers import build_controller
+from flexslew_control.planners import PLANNERS, make_plan, plan_settings
+from flexslew_control.planners.slew import Feedback
+from flexslew_lab.trial.in_process import fly
+from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.errors import PlanFailed
+from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed
+
+GAINS = Feedback(kp=(460.0,), kd=(920.0,))
+AT_REST = {  # the methods that promise rest at the goal, and how a campaign asks for them
+    "optimized_feedforward": lambda rng: {"duration": float(rng.uniform(24.0, 32.0))},
+    "input_shaping": lambda rng: {
+        "duration": float(rng.uniform(16.0, 24.0)),
+        "shaper": str(rng.choice(["zv", "zvd"])),
+        "command": str(rng.choice(["quintic", "sin2", "cubic"])),
+    },
+    "start_coast_stop": lambda rng: {"amplitude": float(rng.uniform(40.0, 100.0))},
+}
+OTHERS = {
+    "none": {},
+    "reference_only": {"duration": 25.0},
+    "robust_feedforward": {"duration": 28.0},
+    "time_optimal": {"goal": {"base_yaw": 0.8}, "reserve": 0.2},
+}
+
+
+class Residual:
+    """Largest tip deflection and joint errors from the plan's end on."""
+
+    def __init__(self, plan):
+        self.plan, self.tip, self.joints = plan, 0.0, np.zeros(2)
+
+    def truth(self, truth):
+        if truth.time >= self.plan.end - 1e-9:
+            self.tip = max(self.tip, float(np.abs(truth.tip_deflection).max()))
+            away = np.abs(truth.position[:2] - self.plan.position[-1])
+            self.joints = np.maximum(self.joints, away)
+
+    def question(self, question):
+        return
+
+    answer = event = question
+
+
+def flown(plan, testbed, period):
+    duration = np.ceil(plan.end + 40.0)
+    bench = Bench(BenchSettings(testbed=testbed, period=period, duration=duration))
+    described = plant(period, testbed=testbed)
+    pd = build_controller("pd_feedforward", "pd_feedforward", {}, described, "here")
+    assert pd.adopt(plan) == ""
+    residual = Residual(plan)
+    fly(bench, {"pd_feedforward": pd}, residual)
+    return residual
+
+
+def asked(method, testbed, period, **more):
+    settings = plan_settings({"method": method, **more}, "test")
+    return make_plan(settings, plant(period, testbed=testbed), GAINS)
+
+
+def agree(plan, residual):
+    promised = plan.summary["predicted_residual_tip_deflection"]
+    joints = list(plan.summary["predicted_residual_attitude_error"].values())
+    assert residual.tip == pytest.approx(promised, abs=1e-6)
+    np.testing.assert_allclose(residual.joints, joints, atol=1e-7)
+
+
+def test_every_planner_is_in_one_of_the_campaigns():
+    assert {*AT_REST, *OTHERS} == set(PLANNERS)
+
+
+@pytest.mark.parametrize("method", AT_REST)
+@pytest.mark.parametrize("variant", ["printed", "complete"])
+@pytest.mark.parametrize("period", [0.001, 0.01, 0.05])
+def test_random_slews_leave_nothing_on_the_model_that_they_were_planned_on(method, variant, period):
+    rng = np.random.default_rng([len(method), len(variant), round(1000 * period)])
+    done = 0
+    while done < (1 if period < 0.01 else 3):
+        start, goal = rng.uniform(-0.8, 0.8, 2), rng.uniform(-0.8, 0.8, 2)
+        initial = CsaInitial(base_yaw=start[0], hub_pitch=start[1])
+        testbed = CsaTestbed(variant=variant, modes=1, initial=initial)
+        goal = {"base_yaw": float(goal[0]), "hub_pitch": float(goal[1])}
+        try:
+            plan = asked(
+                method, testbed, period, goal=goal, start=10 * period, **AT_REST[method](rng)
+            )
+        except PlanFailed:
+            continue  # more torque than there is
+        done += 1
+        residual = flown(plan, testbed, period)
+        assert residual.tip < 1e-5
+        assert residual.joints.max() < 1e-5
+        agree(plan, residual)
+
+
+@pytest.mark.parametrize("method", OTHERS)
+def test_what_is_left_on_purpose_is_predicted(method):
+    testbed = CsaTestbed(modes=1)
+    plan = asked(method, testbed, 0.02, **OTHERS[method])
+    agree(plan, flown(plan, testbed, 0.02))
+
+
+def test_a_time_optimal_slew_ends_at_rest_with_efforts_held_over_its_switches():
+    testbed = CsaTestbed(modes=1)
+    plan = asked("time_optimal", testbed, 0.05, goal={"base_yaw": 0.8})
+    assert plan.summary["predicted_residual_tip_deflection"] < 1e-9
+    assert np.abs(plan.effort).max() <= 150.0 * (1.0 + 1e-12)
+
+
+def test_the_reference_of_the_paper_leaves_what_its_page_says():
+    """One-mode M1: 7e-11 promised by the continuous loop, 3.2e-3 and 3.7 mm flown."""
+    testbed = CsaTestbed(modes=1, variant="printed")
+    more = {"goal": {"base_yaw": 1.0, "hub_pitch": 0.5}, "track": "reference"}
+    plan = asked("optimized_feedforward", testbed, 0.01, **more)
+    assert plan.summary["norm_terminal_error"] < 1e-9
+    residual = flown(plan, testbed, 0.01)
+    agree(plan, residual)
+    assert residual.tip == pytest.approx(3.6e-3, abs=2e-4)
+
+
+def test_a_law_without_the_planned_gains_can_follow_the_planned_trajectory():
+    testbed = CsaTestbed(modes=1)
+    plan = asked("optimized_feedforward", testbed, 0.01)
+    bench = Bench(BenchSettings(testbed=testbed, duration=60.0, active="lqr"))
+    law = build_controller("lqr", "lqr", {}, plant(testbed=testbed), "here")
+    law.adopt(plan)
+    residual = Residual(plan)
+    fly(bench, {"lqr": law}, residual)
+    assert residual.tip < 1e-4
