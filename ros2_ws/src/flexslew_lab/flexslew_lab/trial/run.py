@@ -47,7 +47,7 @@ class Result(NamedTuple):
     bare_metrics: dict[str, Any]  # of the same trial without feedforward; empty where not flown
 
 
-class _Crew(NamedTuple):
+class _Flight(NamedTuple):
     """What stands on the bench and who flies it, before tick 0."""
 
     bench: Bench
@@ -79,26 +79,26 @@ def run_trial(
         BadInput, PlanFailed: before anything was written.
     """
     folder = new_folder(trial.name, out)
-    crew = _crew(trial, source)
-    if crew.plan is not None and crew.plan.end > trial.duration:
+    flight = _prepared(trial, source)
+    if flight.plan is not None and flight.plan.end > trial.duration:
         say(
-            f"warning: the plan ends at {crew.plan.end:g} s, the run at {trial.duration:g} s: "
+            f"warning: the plan ends at {flight.plan.end:g} s, the run at {trial.duration:g} s: "
             "nothing can be said about what is left after the manoeuvre"
         )
-    if crew.plan is not None and "warning" in crew.plan.summary:
-        say(f"warning: plan: {crew.plan.summary['warning']}")
-    if crew.plan is not None and crew.plan.summary.get("believes"):
-        say(f"the plan believes differently from the bench: {crew.plan.summary['believes']}")
+    if flight.plan is not None and "warning" in flight.plan.summary:
+        say(f"warning: plan: {flight.plan.summary['warning']}")
+    if flight.plan is not None and flight.plan.summary.get("believes"):
+        say(f"the plan believes differently from the bench: {flight.plan.summary['believes']}")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
     metadata = {"trial_file": source, "versions": json.dumps(software_versions())}
     bag = folder / "bag"
     if in_process:
-        outcome = _in_process(trial, crew, bag, metadata, progress)
+        outcome = _in_process(trial, flight, bag, metadata, progress)
     else:
-        outcome = _over_ros(trial, crew.plan, folder, metadata, progress, say)
+        outcome = _over_ros(trial, flight.plan, folder, metadata, progress, say)
     result = _finished(folder, bag, outcome)
-    words = broken_promise(trial, crew.plan, result.metrics)
+    words = broken_promise(trial, flight.plan, result.metrics)
     if words:
         say(words)
     if report and result.metrics and outcome.exit_code != 130:
@@ -109,7 +109,7 @@ def run_trial(
     return result
 
 
-def _crew(trial: Trial, source: str) -> _Crew:
+def _prepared(trial: Trial, source: str) -> _Flight:
     """Return what the trial flies in process, with the plan adopted.
 
     Raises:
@@ -125,13 +125,13 @@ def _crew(trial: Trial, source: str) -> _Crew:
         refused = controller.adopt(plan) if plan is not None else ""
         if refused:
             raise BadInput(f"{source}: plan: {refused}")
-    return _Crew(bench, controllers, plan)
+    return _Flight(bench, controllers, plan)
 
 
 def _in_process(
-    trial: Trial, crew: _Crew, bag: Path, metadata: dict[str, str], progress: Progress
+    trial: Trial, flight: _Flight, bag: Path, metadata: dict[str, str], progress: Progress
 ) -> Outcome:
-    bench, controllers, plan = crew
+    bench, controllers, plan = flight
     last = bench.last_tick or 0
     with BagWriter(bag, {"trial": trial_text(trial), **metadata}) as writer:
         observer = BagObserver(writer)
@@ -151,8 +151,8 @@ def _without_feedforward(trial: Trial, source: str, folder: Path) -> Path | None
     bare = ReferenceOnly(**{key: getattr(plan, key) for key in keys})
     bag = folder / WITHOUT
     other = replace(trial, name=f"{trial.name}-without-feedforward", plan=bare)
-    crew = _crew(other, source)
-    _in_process(other, crew, bag, {"trial_file": source}, lambda tick, last: None)
+    flight = _prepared(other, source)
+    _in_process(other, flight, bag, {"trial_file": source}, lambda tick, last: None)
     return bag
 
 
