@@ -1,3 +1,4 @@
+from hashlib import sha256
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from flexslew_plant import own_code
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import LAWS
 from flexslew_plant.settings import load_yaml, validated
 
 ROOT = Path(__file__).parents[3]
@@ -139,7 +141,8 @@ def test_a_law_gets_its_settings_the_period_and_the_limits():
     ]
     values = {"gain": 3.0, "handover_time": 0.5}
     logged = load_yaml(settings_text(built, HERE + "Steady", values), "log")
-    assert logged == {**values, "computed": {}}
+    digest = sha256(Path(__file__).read_bytes()).hexdigest()
+    assert logged == {**values, "computed": {}, "law_sha256": digest}
 
 
 @pytest.mark.parametrize("how", REASONS)
@@ -219,7 +222,7 @@ def test_a_law_that_refuses_its_settings_is_heard():
 def test_a_module_and_an_entry_point_serve_as_well(monkeypatch, tmp_path):
     (tmp_path / "wheels_of_mine.py").write_text(Path(EXAMPLE.removesuffix(":MyLaw")).read_text())
     monkeypatch.syspath_prepend(str(tmp_path))
-    point = EntryPoint("mine", "wheels_of_mine:MyLaw", user_law.GROUP)
+    point = EntryPoint("mine", "wheels_of_mine:MyLaw", LAWS)
     monkeypatch.setattr(own_code, "entry_points", lambda group: [point])
     by_module = user_law.find_law("wheels_of_mine.MyLaw", "test")
     assert by_module.__name__ == "MyLaw"

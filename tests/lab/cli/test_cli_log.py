@@ -76,7 +76,11 @@ def test_recover_makes_a_cut_bag_whole(call, flown, tmp_path):
     code, out, _ = call("recover", cut, "--out", tmp_path / "mended", "--json")
     assert code == 0
     assert "messages kept" in json.loads(out)["statement"]
-    assert call("resim", tmp_path / "mended")[0] == 0
+    code, _, err = call("resim", tmp_path / "mended")
+    assert code == 1
+    assert "only a part: compared were ticks 0 to " in err
+    assert "the log does not hold the end of the run" in err
+    assert call("resim", tmp_path / "mended", "--partial")[0] == 0
 
 
 def test_export_writes_one_table_per_topic(call, flown, tmp_path):

@@ -1,15 +1,89 @@
-"""Classes of the user's own: from a file, a module or an installed package."""
+"""Classes of the user's own (laws, testbeds, ...), loaded by name: the one place that does so.
 
+A name from a trial file is the user's own word. A name that a log holds is somebody else's: while
+a log is read, only what `only_trusted` lists is loaded.
+"""
+
+import hashlib
 import importlib
 import importlib.util
 import sys
 import traceback
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from flexslew_plant.errors import BadInput
+
+ALL = "all"  # trusts every name
+LAWS, TESTBEDS = GROUPS = "flexslew.laws", "flexslew.testbeds"  # entry points of packages
+
+_trusted: ContextVar[frozenset[str] | None] = ContextVar("trusted", default=None)  # None: all
+
+
+class Untrusted(BadInput):
+    """A log names code that its reader has not trusted.
+
+    Args:
+        words: where it is named, and what would run.
+        name: of the class.
+    """
+
+    def __init__(self, words: str, name: str) -> None:
+        super().__init__(words)
+        self.name = name
+
+
+@contextmanager
+def only_trusted(names: Collection[str]) -> Iterator[None]:
+    """Refuse, inside of the block, to load what is not named; `all` names everything.
+
+    Blocks nest: an inner one cannot trust more than the outer one.
+    """
+    before = _trusted.get()
+    wanted = None if ALL in names else frozenset(names)
+    both = wanted if before is None else before if wanted is None else before & wanted
+    token = _trusted.set(both)
+    try:
+        yield
+    finally:
+        _trusted.reset(token)
+
+
+def is_own_code(name: str) -> bool:
+    """Return whether a name stands for a file or a module: `my_law.py:MyLaw`, `package.MyLaw`."""
+    return ".py:" in name or "." in name
+
+
+def file_of(name: str) -> Path | None:
+    """Return the file that would run for a name, without running any of it; None: not found."""
+    entry = next(filter(None, (_entry(name, group) for group in GROUPS)), None)
+    module = entry.module if entry is not None else name.rpartition(".")[0]
+    if entry is None and ".py:" in name:
+        path = Path(name.rpartition(":")[0])
+        return path if path.is_file() else None
+    top, *inner = module.split(".")
+    with suppress(ImportError, ValueError, AttributeError):
+        # find_spec imports the packages around a module: ask for the outermost one only
+        spec = importlib.util.find_spec(top) if top else None
+        if spec is None or spec.origin is None:
+            return None
+        place = Path(spec.origin)
+        for part in inner:
+            folder = place.parent / part
+            place = folder / "__init__.py" if folder.is_dir() else folder.with_suffix(".py")
+        return place if place.is_file() else None
+    return None
+
+
+def code_hash(name: str) -> str:
+    """Return the SHA-256 of the file that a name stands for, hexadecimal; empty: no such file."""
+    path = file_of(name)
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path is not None else ""
 
 
 def find_class(name: str, group: str, what: str, source: str, known: tuple[str, ...]) -> type[Any]:
@@ -24,9 +98,12 @@ def find_class(name: str, group: str, what: str, source: str, known: tuple[str, 
         known: the names that are built in, for the error.
 
     Raises:
+        Untrusted: a log names a file or a module that its reader has not trusted.
         BadInput: there is no such class, or its module cannot be imported.
     """
     installed = {point.name: point for point in entry_points(group=group)}
+    if name not in installed and is_own_code(name):
+        _demand_trust(name, source)
     try:
         if name in installed:
             found = installed[name].load()
@@ -50,6 +127,21 @@ def find_class(name: str, group: str, what: str, source: str, known: tuple[str, 
     if not isinstance(found, type):
         raise BadInput(f"{source}: {name} is a {type(found).__name__}; a class is needed")
     return found
+
+
+def _entry(name: str, group: str) -> Any:
+    """Return the entry point of this name, which an installed package offers, or None."""
+    return next((point for point in entry_points(group=group) if point.name == name), None)
+
+
+def _demand_trust(name: str, source: str) -> None:
+    trusted = _trusted.get()
+    if trusted is None or name in trusted:
+        return
+    path, digest = file_of(name), code_hash(name)
+    found = f"{path.resolve()}, SHA-256 {digest}" if path is not None else "which is not found here"
+    words = f"{source}: refused to run {name} ({found}), which this log names; read it first, "
+    raise Untrusted(f"{words}then allow it with --trust {name}", name)
 
 
 def module_at(path: Path) -> ModuleType:

@@ -70,6 +70,8 @@ def load_yaml(text: str, source: str) -> Any:
         problem = str(getattr(error, "problem", None) or error)
         words = problem if isinstance(error, _TwiceError) else f"is not YAML: {problem}"
         raise BadInput(f"{source}:{line} {' '.join(words.split())}") from None
+    except (ValueError, OverflowError, RecursionError) as error:  # a date that is none, 9**9**9 [
+        raise BadInput(f"{source}: is not YAML: {error}") from None
 
 
 class _TwiceError(yaml.MarkedYAMLError):

@@ -17,8 +17,12 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.user_law import build_user_law, find_law
 from flexslew_control.law import Estimator, Law, PlantDescription
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import code_hash
 from flexslew_plant.settings import NonNegative, plain, validated, yaml_text
 from flexslew_plant.testbeds.model import Model
+
+LAW_HASH = "law_sha256"  # in a settings_text: of the file of a law that is not built in
+DERIVED = ("computed", LAW_HASH)  # keys of a settings_text that are no settings
 
 
 class _Kind(NamedTuple):
@@ -91,9 +95,12 @@ def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> s
         values: its section of a trial file; defaults are filled in where they are known.
     """
     handover_time, own = _parted(values, law)
-    settings = plain(validated(CONTROLLERS[law].settings, own, law)) if law in CONTROLLERS else own
-    computed = _arrays(controller.law)
-    return yaml_text({**settings, "handover_time": handover_time, "computed": computed})
+    known = law in CONTROLLERS
+    settings = plain(validated(CONTROLLERS[law].settings, own, law)) if known else own
+    derived: dict[str, Any] = {"computed": _arrays(controller.law)}
+    if not known:
+        derived[LAW_HASH] = code_hash(law)
+    return yaml_text({**settings, "handover_time": handover_time, **derived})
 
 
 def _parted(values: dict[str, Any], source: str) -> tuple[float, dict[str, Any]]:

@@ -21,19 +21,18 @@ from flexslew_control.law import (
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
-from flexslew_plant.own_code import find_class, one_line
+from flexslew_plant.own_code import LAWS, find_class, one_line
 from flexslew_plant.settings import Positive, validated
-
-GROUP = "flexslew.laws"  # of the entry points of installed packages
 
 
 def find_law(law: str, source: str, known: tuple[str, ...] = ()) -> type[Any]:
     """Return the class that a name stands for; see own_code.find_class.
 
     Raises:
-        BadInput: there is no such law, or its module cannot be imported.
+        BadInput: there is no such law, its module cannot be imported, or a log names it that is
+            not trusted.
     """
-    return find_class(law, GROUP, "law", source, known)
+    return find_class(law, LAWS, "law", source, known)
 
 
 def build_user_law(

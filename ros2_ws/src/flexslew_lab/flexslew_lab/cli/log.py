@@ -113,6 +113,17 @@ def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
         say(str(done.out), "bold")
 
 
+def reading_limits(
+    largest_chunk: Annotated[
+        int, typer.Option(min=1, help="Of the logs that are read [MiB]; memory grows with it.")
+    ] = 64,
+) -> None:
+    """Take the options that stand before a subcommand."""
+    from flexslew_lab.log.read_limits import MIB, read_at_most
+
+    read_at_most(largest_chunk * MIB)
+
+
 def bag_of(path: Path) -> Path:
     """Return the bag of a run's folder, or the path itself."""
     return path / "bag" if (path / "bag").is_dir() else path

@@ -11,7 +11,7 @@ import typer
 
 from flexslew_lab.cli.checkout import bench, test
 from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, SOON, patient, while_running
-from flexslew_lab.cli.log import Json, bag_of, log, recover
+from flexslew_lab.cli.log import Json, bag_of, log, reading_limits, recover
 from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.operate import COMMANDS
 from flexslew_lab.cli.replay import check, live, play, resim
@@ -33,6 +33,7 @@ app = typer.Typer(
 )
 app.add_typer(log, name="log")
 app.add_typer(study, name="study")
+app.callback()(reading_limits)
 
 TrialFile = Annotated[
     str | None,

@@ -14,6 +14,14 @@ from flexslew_lab.trial.domain import chosen_domain
 from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
 
+Trust = Annotated[
+    list[str] | None,
+    typer.Option(help="Run this class that the log names: file.py:Class; again and again; all."),
+]
+Partial = Annotated[
+    bool, typer.Option("--partial", help="The log holds a part of the run: accept that part.")
+]
+
 
 def resim(
     bag: Bag,
@@ -24,12 +32,15 @@ def resim(
         list[str] | None,
         typer.Option("--set", help="key.path=value of the trial, to see what it changes."),
     ] = None,
+    partial: Partial = False,
+    trust: Trust = None,
     as_json: Json = False,
 ) -> None:
     """Fly a run again from nothing but its log and compare the trajectory.
 
     On the same build every bit must be the same, else the exit code is 1; with --elsewhere the
-    largest difference of each field may be 1e-9 of its largest magnitude.
+    largest difference of each field may be 1e-9 of its largest magnitude. A law or a testbed from
+    a file or a module runs only if --trust names it.
 
     Example: `./flexslew resim runs/m1-20260101-120000`
     """
@@ -38,7 +49,7 @@ def resim(
     from flexslew_lab.trial.sources import changes_of
 
     with progress("resim") as advance:
-        again = fly_again(bag_of(bag), advance, changes_of(sets))
+        again = fly_again(bag_of(bag), advance, changes_of(sets), trust or ())
     first = again.first_difference
     if as_json:
         values = {**again._asdict(), "first_difference": first and first._asdict()}
@@ -63,7 +74,9 @@ def resim(
                 f"first difference: tick {first.tick} of epoch {first.epoch}, {first.field}: "
                 f"recorded {first.recorded!r}, here {first.ours!r}"
             )
+    _tell(again.missing, again.changed_code)
     demand(again.identical or (elsewhere and again.within_tolerance))
+    demand(partial or not again.missing)
 
 
 def check(
@@ -74,6 +87,8 @@ def check(
         list[str] | None, typer.Option("--set", help="key=value, YAML, instead of the recorded.")
     ] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw the differences, HTML.")] = None,
+    partial: Partial = False,
+    trust: Trust = None,
     as_json: Json = False,
 ) -> None:
     """Feed recorded measurements into a controller and compare every number that it says.
@@ -85,14 +100,17 @@ def check(
     from flexslew_lab.log.bag_reader import BagReader
     from flexslew_lab.replay.check import check as compare
     from flexslew_lab.replay.check import difference_figure
+    from flexslew_lab.replay.logged_code import reading
     from flexslew_lab.replay.logged_controllers import logged_laws
 
     if figure is not None:
         writable_file(figure, "--figure")
     place = bag_of(bag)
-    name = controller or next(iter(logged_laws(BagReader(place))))
+    trusted = trust or ()
+    with reading(reader := BagReader(place), trusted):
+        name = controller or next(iter(logged_laws(reader)))
     with progress("check") as advance:
-        result = compare(place, name, law, _settings(settings or []), advance)
+        result = compare(place, name, law, _settings(settings or []), advance, trusted)
     if figure is not None:
         figure.parent.mkdir(parents=True, exist_ok=True)
         difference_figure(result).write_html(figure)
@@ -125,7 +143,8 @@ def check(
                 f"first divergence: tick {first.tick} of epoch {first.epoch}, {first.field}: "
                 f"recorded {first.recorded!r}, here {first.ours!r}"
             )
-    demand(result.ok)
+    _tell(result.missing, result.changed_code)
+    demand(result.ok and (partial or not result.missing))
 
 
 def play(
@@ -187,6 +206,14 @@ def live(
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     say(f"ROS_DOMAIN_ID {domain}")
     run(port, say, namespace)
+
+
+def _tell(missing: str, changed: dict[str, tuple[str, str]]) -> None:
+    """Say what a comparison does not cover, and what else ran than was recorded."""
+    for name, (there, here) in changed.items():
+        screen.print(f"{name} is another file: SHA-256 {there[:16]} in the log, {here[:16]} here")
+    if missing:
+        screen.print(f"[yellow]only a part:[/yellow] {missing}", highlight=False)
 
 
 def _settings(pairs: list[str]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexslew_lab.log.cdr_layout import Layout, gather, layout
 from flexslew_lab.log.mcap_scan import RawMessage
+from flexslew_lab.log.read_limits import demand_room
 
 
 class Block(NamedTuple):
@@ -31,6 +32,7 @@ def blocks_of(
     start = 0
     while start < len(messages):
         size = len(messages[start].data)
+        demand_room("a message of every tick", size, topic)
         stop = next(
             (i for i in range(start, len(messages)) if len(messages[i].data) != size),
             len(messages),

@@ -1,7 +1,7 @@
 """Where in a bag a time lies: its chunk index, so that a jump costs no reading from the start."""
 
 import struct
-import zlib
+from array import array
 from collections import deque
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -10,13 +10,12 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 
 from flexslew_lab.log import cdr
-from flexslew_lab.log.bag_layout import MAGIC, TOPICS
+from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagMessage, BagReader
 from flexslew_lab.log.mcap_scan import (
     CHANNEL,
     CHUNK,
     CHUNK_INDEX,
-    FOOTER,
     SCHEMA,
     RawMessage,
     Record,
@@ -24,15 +23,19 @@ from flexslew_lab.log.mcap_scan import (
     chunk_content,
     chunk_records,
 )
+from flexslew_lab.log.mcap_summary import Summary, find_summary, summary_records
+from flexslew_lab.log.read_limits import CHANNELS, demand_room, most_chunks
 from flexslew_lab.log.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
 
 # A controller says so more often than that as long as it is on the graph
 STATUS_EVERY = 20_000_000_000  # simulated [ns]
+SETS = 1024  # groups of topics that chunks hold; a bag of the bench has a dozen
+_LATEST = (1 << 63) - 1
 _HEAD = struct.Struct("<BQ")
-_FOOTER = struct.Struct("<BQQQI")
 _CHUNK = struct.Struct("<QQQQI")
 _CHANNELS = np.dtype([("channel", "<u2"), ("offset", "<u8")])
+_ROW = struct.Struct("<qqqq")  # as _ROWS
 _ROWS = np.dtype([("start", "i8"), ("end", "i8"), ("at", "i8"), ("length", "i8")])
 
 
@@ -64,16 +67,21 @@ class BagIndex:
         self.path = bag.path
         self._lookup = Lookup(self.path)
         self._sets: dict[frozenset[int], int] = {}  # of channels; most chunks hold the same ones
-        summary = self._summary()
-        rows, kinds = [], []
+        summary = find_summary(self.path)
+        rows, kinds = bytearray(), array("H")
         for place in self._indexed(summary) if summary else self._scanned():
-            rows.append(np.array(place[:4], dtype=np.int64).tobytes())
+            rows += _ROW.pack(*place[:4])
             kinds.append(self._sets.setdefault(place.channels, len(self._sets)))
-        self._rows = np.frombuffer(b"".join(rows), dtype=_ROWS)
-        self._kinds = np.array(kinds, dtype=np.uint16)
+            if len(kinds) > most_chunks() or len(self._sets) > SETS:
+                raise BadInput(
+                    f"{self.path}: an index of more than {len(kinds) - 1} chunks or of "
+                    f"{SETS} groups of topics, which no bag has"
+                )
+        self._rows = np.frombuffer(rows, dtype=_ROWS)
+        self._kinds = np.frombuffer(kinds, dtype=np.uint16)
         self.types = dict(map(self._lookup.topic, self._lookup.channels))
-        self.first = int(self._rows["start"][0]) if rows else 0
-        self.last = int(self._rows["end"][-1]) if rows else 0
+        self.first = int(self._rows["start"][0]) if kinds else 0
+        self.last = int(self._rows["end"][-1]) if kinds else 0
 
     def messages(self, topics: Collection[str], start: int = 0) -> Iterator[BagMessage]:
         """Yield the messages of the topics from a log time [ns] on, in their order."""
@@ -131,36 +139,23 @@ class BagIndex:
                 if topic in topics:
                     yield BagMessage(topic, kind, m.stamp, m.sequence, m.data)
 
-    def _summary(self) -> bytes:
-        """Return the summary section, checked; empty where the file was not finished."""
-        size = self.path.stat().st_size
-        with open(self.path, "rb") as file:
-            file.seek(max(size - len(MAGIC) - _FOOTER.size, 0))
-            foot = file.read()
-            if len(foot) != _FOOTER.size + len(MAGIC) or not foot.endswith(MAGIC):
-                return b""
-            opcode, _, start, _, crc = _FOOTER.unpack_from(foot)
-            if opcode != FOOTER or not 0 < start < size:
-                raise BadInput(f"{self.path}: damaged: no footer; `log recover` it")
-            file.seek(start)
-            data = file.read(size - start - len(MAGIC))
-        if crc and zlib.crc32(data[:-4]) != crc:
-            raise BadInput(f"{self.path}: damaged: the checksum of the summary does not match")
-        return data[: -_FOOTER.size]
-
-    def _indexed(self, summary: bytes) -> Iterator[_Place]:
-        at = 0
-        while at < len(summary):
-            opcode, length = _HEAD.unpack_from(summary, at)
-            at += _HEAD.size
-            if opcode in (SCHEMA, CHANNEL):
-                self._lookup.take(Record(opcode, summary[at : at + length], at))
-            elif opcode == CHUNK_INDEX:
-                start, end, place, size, room = _CHUNK.unpack_from(summary, at)
-                count = room // _CHANNELS.itemsize
-                held = np.frombuffer(summary, _CHANNELS, count, at + _CHUNK.size)["channel"]
-                yield _Place(start, end, place, size, frozenset(held.tolist()))
-            at += length
+    def _indexed(self, summary: Summary) -> Iterator[_Place]:
+        for record in summary_records(summary):
+            if record.opcode in (SCHEMA, CHANNEL):
+                self._lookup.take(record)
+            elif record.opcode == CHUNK_INDEX:
+                try:
+                    start, end, place, size, room = _CHUNK.unpack_from(record.body)
+                    count = room // _CHANNELS.itemsize
+                    held = np.frombuffer(record.body, _CHANNELS, count, _CHUNK.size)["channel"]
+                except (struct.error, ValueError):
+                    raise BadInput(
+                        f"{self.path}: damaged at byte {record.offset}: its index is cut"
+                    ) from None
+                if max(start, end, place, size) > _LATEST:
+                    raise BadInput(f"{self.path}: damaged: its index names an impossible place")
+                channels = frozenset(held[: CHANNELS + 1].tolist())
+                yield _Place(start, end, place, size, channels)
 
     def _scanned(self) -> Iterator[_Place]:
         for record in RecordStream(self.path):
@@ -183,4 +178,5 @@ def _record(file: BinaryIO, at: int, path: Path) -> Record:
     file.seek(at)
     head = file.read(_HEAD.size)
     opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
+    demand_room("a record", length, f"{path}: byte {at}")
     return Record(opcode, file.read(min(length, path.stat().st_size)), at)

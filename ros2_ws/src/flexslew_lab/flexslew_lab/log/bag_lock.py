@@ -1,5 +1,6 @@
 """One recorder a folder: a lock that the system drops when its process ends."""
 
+import errno
 import fcntl
 import os
 from pathlib import Path
@@ -15,7 +16,12 @@ def lock_folder(folder: Path) -> int:
     Raises:
         BadInput: another recorder has it.
     """
-    handle = os.open(folder / LOCK_FILE, os.O_CREAT | os.O_RDWR, 0o644)
+    try:
+        handle = os.open(folder / LOCK_FILE, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o644)
+    except OSError as error:
+        if error.errno in (errno.ELOOP, errno.EISDIR):
+            raise BadInput(f"{folder / LOCK_FILE}: is no file of ours; remove it") from None
+        raise
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

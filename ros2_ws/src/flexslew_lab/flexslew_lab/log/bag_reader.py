@@ -1,6 +1,5 @@
 """The log read back: streaming, checked, and as arrays where the messages allow it."""
 
-import json
 from collections.abc import Collection, Iterator
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +9,14 @@ import numpy as np
 
 from flexslew_lab.log import cdr
 from flexslew_lab.log.bag_columns import Block, blocks_of, widened
-from flexslew_lab.log.bag_layout import FORMAT, METADATA_FILE, RUN_RECORD, TRIAL_RECORD, checksum
+from flexslew_lab.log.bag_layout import (
+    FORMAT,
+    METADATA_FILE,
+    ROSBAG_RECORD,
+    RUN_RECORD,
+    TRIAL_RECORD,
+    checksum,
+)
 from flexslew_lab.log.cdr_layout import Layout
 from flexslew_lab.log.mcap_scan import (
     CHANNEL,
@@ -24,14 +30,25 @@ from flexslew_lab.log.mcap_scan import (
     RecordStream,
     chunk_content,
     chunk_records,
+    has_checksum,
     read_header,
     read_metadata,
+)
+from flexslew_lab.log.read_limits import demand_room
+from flexslew_lab.log.record_schema import (
+    LoggedEvent,
+    check_record,
+    check_run_record,
+    check_truth,
+    logged_event,
 )
 from flexslew_lab.log.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
 
 RARE = ("/events", "/plan", "/testbed", "/controller_status")
-LEVELS = ("info", "warning", "fault")
+# What a decoded event takes in memory [B], at most, and each byte of its JSON
+_EVENT_SIZE, _TEXT_SIZE = 300, 12
+LOT = 1 << 14  # messages of a chunk that become arrays at once
 
 
 class BagMessage(NamedTuple):
@@ -42,19 +59,6 @@ class BagMessage(NamedTuple):
     stamp: int  # log time [ns]
     sequence: int  # counted from 1 on its topic by the recorder
     data: bytes  # CDR
-
-
-class LoggedEvent(NamedTuple):
-    """An entry of `events`."""
-
-    time: float  # simulated [s]
-    tick: int
-    epoch: int
-    level: str  # info, warning or fault
-    source: str
-    kind: str
-    message: str
-    data: Any  # what its JSON holds
 
 
 class Overview(NamedTuple):
@@ -70,6 +74,7 @@ class Overview(NamedTuple):
     statuses: dict[str, Any]  # the last ControllerStatus of every controller
     metadata: dict[str, dict[str, str]]  # the records by name
     cut: Cut | None
+    unprotected: tuple[str, ...]  # parts whose numbers no checksum protects, in words
 
 
 class BagReader:
@@ -113,28 +118,42 @@ class BagReader:
         for topic, kind, stamp, _, data in self.messages(topics):
             yield topic, stamp, cdr.decode(kind, data)
 
-    def blocks(self, topics: Collection[str]) -> Iterator[Block]:
+    def blocks(self, topics: Collection[str], checked: bool = True) -> Iterator[Block]:
         """Yield arrays, chunk by chunk; within a topic in the order of the bag.
 
         Args:
             topics: of types without sequences of nested types, such as /truth.
+            checked: refuse a truth that is not finite; else leave that to the caller.
 
         """
         layouts: dict[tuple[str, int], list[Layout]] = {}
         for data, lookup in self._chunks():
-            found: dict[int, list[RawMessage]] = {}
-            for m in chunk_records(data, str(self.path)):
-                if isinstance(m, Record):
-                    lookup.take(m)
-                elif m.channel in found:
-                    found[m.channel].append(m)
-                else:
-                    found[m.channel] = [m]
-            for channel, messages in found.items():
-                topic, kind = lookup.topic(channel)
-                lookup.follow(channel, messages[0].sequence, messages[-1].sequence, len(messages))
-                if topic in topics:
-                    yield from blocks_of(topic, kind, messages, layouts)
+            for lot in self._lots(data, lookup):
+                for channel, messages in lot.items():
+                    topic, kind = lookup.topic(channel)
+                    first, last = messages[0].sequence, messages[-1].sequence
+                    lookup.follow(channel, first, last, len(messages))
+                    if topic not in topics:
+                        continue
+                    for block in blocks_of(topic, kind, messages, layouts):
+                        if checked and topic == "/truth":
+                            check_truth(block.columns, str(self.path))
+                        yield block
+
+    def _lots(self, data: bytes, lookup: Lookup) -> Iterator[dict[int, list[RawMessage]]]:
+        """Yield the messages of a chunk by channel; a crafted one may hold millions."""
+        found: dict[int, list[RawMessage]] = {}
+        count = 0
+        for m in chunk_records(data, str(self.path)):
+            if isinstance(m, Record):
+                lookup.take(m)
+                continue
+            found.setdefault(m.channel, []).append(m)
+            count += 1
+            if count == LOT:
+                yield found
+                found, count = {}, 0
+        yield found
 
     def columns(self, topic: str, fields: Collection[str] | None = None) -> dict[str, np.ndarray]:
         """Return a whole topic as arrays by field, and `stamp` [s]; for figures, not for 24 h.
@@ -162,7 +181,7 @@ class BagReader:
         plans: dict[str, Any] = {}
         statuses: dict[str, Any] = {}
         testbed = None
-        first, last = -1, 0
+        first, last, rare = -1, 0, 0
         for topic, kind, stamp, _, data in self.messages():
             counts[topic] = counts.get(topic, 0) + 1
             types[topic] = kind
@@ -171,19 +190,41 @@ class BagReader:
                 continue
             message = cdr.decode(kind, data)
             if topic == "/events":
-                events.append(_event(message))
-            elif topic == "/plan":
+                rare += _EVENT_SIZE + _TEXT_SIZE * len(message.data)
+                events.append(logged_event(message, str(self.path)))
+            else:
+                check_record(topic, message, str(self.path))
+            if topic == "/plan" and message.hash not in plans:
+                rare += len(data)
+            demand_room("events, plans and statuses", rare, str(self.path))
+            if topic == "/plan":
                 plans.pop(message.hash, None)
                 plans[message.hash] = message
             elif topic == "/testbed":
                 testbed = message
-            else:
+            elif topic == "/controller_status":
+                rare += len(data) * (message.controller not in statuses)
                 statuses[message.controller] = message
         records = {TRIAL_RECORD: self.metadata, **self._records}
         return Overview(
             counts, types, max(first, 0), last, tuple(events), tuple(plans.values()), testbed,
-            statuses, records, self.cut,
+            statuses, records, self.cut, self._unprotected(),
         )  # fmt: skip
+
+    def _unprotected(self) -> tuple[str, ...]:
+        """Say which parts have no checksum, after a whole pass."""
+        found = []
+        if self._bare and not self._sealed:
+            where = f"the first at byte {self._bare[0]}"
+            found.append(f"{len(self._bare)} chunks without a checksum, {where}")
+        if self.cut is None and not self._sealed:
+            found.append("the data section has no checksum over all of it")
+        kept = self._records.get(RUN_RECORD, {}).get("unverified")
+        if kept:
+            found.append(
+                f"{kept} chunks without a checksum in the log that this was recovered from"
+            )
+        return tuple(found)
 
     def _leading_metadata(self) -> dict[str, str]:
         """Return the trial's record; every bag of this project starts with it."""
@@ -204,15 +245,19 @@ class BagReader:
         stream = RecordStream(self.path)
         lookup = Lookup(self.path, counted=not self._foreign)
         self._records: dict[str, dict[str, str]] = {}
+        self._bare: list[int] = []  # where chunks without a checksum are
         for record in stream:
             if record.opcode == CHUNK:
+                if not has_checksum(record.body):
+                    self._bare.append(record.offset)
                 yield chunk_content(record.body, f"{self.path}: byte {record.offset}"), lookup
             elif record.opcode in (SCHEMA, CHANNEL):
                 lookup.take(record)
             elif record.opcode == METADATA:
                 name, data = self._metadata(record.body)
-                self._records[name] = data
-        self.cut = stream.cut
+                if name in (RUN_RECORD, ROSBAG_RECORD):
+                    self._records[name] = data
+        self.cut, self._sealed = stream.cut, stream.sealed
 
     def _check_header(self, body: bytes) -> None:
         try:
@@ -232,10 +277,13 @@ class BagReader:
                 raise BadInput(
                     f"{self.path}: damaged metadata {name!r}: its checksum does not match"
                 )
-            if data["format"] != FORMAT:
+            form = data.get("format")
+            if form != FORMAT:
                 raise BadInput(
-                    f"{self.path}: written in format {data['format']}, this version reads {FORMAT}"
+                    f"{self.path}: written in format {form}, this version reads {FORMAT}"
                 )
+        if name == RUN_RECORD:
+            check_run_record(data, str(self.path))
         return name, data
 
 
@@ -259,15 +307,3 @@ def find_mcap(path: Path) -> Path:
         what = METADATA_FILE if (path / METADATA_FILE).exists() else "no metadata.yaml"
         raise BadInput(f"{path}: needs one .mcap file, has {found} (and {what})")
     return files[0]
-
-
-def _event(message: Any) -> LoggedEvent:
-    try:
-        data = json.loads(message.data) if message.data else {}
-    except json.JSONDecodeError:
-        data = message.data
-    level = LEVELS[message.level] if message.level < len(LEVELS) else str(message.level)
-    return LoggedEvent(
-        message.stamp.sec + message.stamp.nanosec * 1e-9, message.tick, message.epoch, level,
-        message.source, message.kind, message.message, data,
-    )  # fmt: skip

@@ -2,20 +2,18 @@
 
 import json
 import struct
-import zlib
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
-import yaml
-
-from flexslew_lab.log.bag_layout import MAGIC, METADATA_FILE, RUN_RECORD
+from flexslew_lab.log.bag_layout import METADATA_FILE, RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.logged_text import LONGEST, logged_yaml
 from flexslew_lab.log.mcap_scan import RecordStream
+from flexslew_lab.log.mcap_summary import STATISTICS, find_summary, summary_records
 from flexslew_lab.log.tick_check import Finding, check_ticks
 from flexslew_plant.errors import BadInput
 
-_HEAD = struct.Struct("<BQ")
-_FOOTER = struct.Struct("<BQQQI")
+_DATA_END = 9 + 4  # bytes of the record that ends the data section
 
 
 def check_log(path: Path) -> list[Finding]:
@@ -36,6 +34,9 @@ def check_log(path: Path) -> list[Finding]:
         return [Finding(False, "checksums, schemas and sequence", _after(error, bag.path))]
     words = f"{sum(overview.counts.values())} messages on {len(overview.counts)} topics"
     findings.append(Finding(True, "checksums, schemas and sequence", words))
+    bare = overview.unprotected
+    words = f"a changed number there is not found: {'; '.join(bare)}" if bare else "all of it"
+    findings.append(Finding(not bare, "protected by checksums", words))
     whole = overview.cut is None
     detail = (
         "whole"
@@ -54,7 +55,10 @@ def check_log(path: Path) -> list[Finding]:
             ended.get("recovered", "") or ("recorded" if ended else "the recorder did not say it"),
         )
     )
-    findings += check_ticks(bag)
+    try:
+        findings += check_ticks(bag)
+    except BadInput as error:
+        findings.append(Finding(False, "ticks", _after(error, bag.path)))
     drops = [e for e in overview.events if e.kind in ("dropped", "recording_stopped")]
     words = "; ".join(f"{e.time:g} s: {e.message}" for e in drops[:5]) or "none reported"
     findings.append(Finding(not drops, "drops", words))
@@ -63,49 +67,22 @@ def check_log(path: Path) -> list[Finding]:
 
 def _index(path: Path, messages: int) -> Finding:
     """Check the summary section against its CRC and against what was read."""
-    data_end = RecordStream(path)
-    for _ in data_end:
+    data = RecordStream(path)
+    for _ in data:
         pass
-    start = data_end.at + _HEAD.size + 4  # behind the data section's end record
-    foot = path.stat().st_size - len(MAGIC) - _FOOTER.size
-    with path.open("rb") as file:
-        try:
-            file.seek(foot)
-            opcode, length, summary, _, crc = _FOOTER.unpack(file.read(_FOOTER.size))
-            if opcode != 2 or length != 20 or summary != start:
-                raise ValueError("the footer is damaged")
-            if crc and _crc(file, start, foot + _FOOTER.size - 4) != crc:
-                raise ValueError("the checksum of the summary does not match")
-            count = _statistics(file, start, foot)
-            if count != messages:
-                raise ValueError(f"it counts {count} messages, the file has {messages}")
-        except (struct.error, ValueError) as error:
-            return Finding(False, "index", f"{error}; `log recover` makes it again")
-    return Finding(True, "index", f"checksum right, {messages} messages")
-
-
-def _crc(file: BinaryIO, start: int, end: int) -> int:
-    """Return the checksum of a part of a file, read piece by piece."""
-    crc = 0
-    file.seek(start)
-    while start < end:
-        piece = file.read(min(end - start, 1 << 20))
-        if not piece:
-            raise ValueError("the summary is cut")
-        crc = zlib.crc32(piece, crc)
-        start += len(piece)
-    return crc
-
-
-def _statistics(file: BinaryIO, at: int, end: int) -> int:
-    """Return how many messages the summary counts."""
-    while at + _HEAD.size <= end:
-        file.seek(at)
-        opcode, length = _HEAD.unpack(file.read(_HEAD.size))
-        if opcode == 0x0B:
-            return int(struct.unpack("<Q", file.read(8))[0])
-        at += _HEAD.size + length
-    raise ValueError("it has no statistics")
+    try:
+        summary = find_summary(path)
+        if summary is None or summary.start != data.at + _DATA_END:
+            return Finding(False, "index", "the footer is damaged; `log recover` makes it again")
+        counts = [r.body for r in summary_records(summary) if r.opcode == STATISTICS]
+        count = struct.unpack_from("<Q", counts[0])[0] if counts else 0
+    except (BadInput, struct.error) as error:
+        return Finding(False, "index", str(error).removeprefix(f"{path}: "))
+    if count != messages:
+        words = f"it counts {count} messages, the file has {messages}"
+        return Finding(False, "index", f"{words}; `log recover` makes it again")
+    sealed = "checksum right" if summary.crc else "no checksum"
+    return Finding(bool(summary.crc), "index", f"{sealed}, {messages} messages")
 
 
 def _folder(path: Path, counts: dict[str, int]) -> Finding:
@@ -114,8 +91,9 @@ def _folder(path: Path, counts: dict[str, int]) -> Finding:
     if not described.exists():
         return Finding(False, METADATA_FILE, "missing; `log recover` makes it again")
     try:
-        information: Any = yaml.safe_load(described.read_text(encoding="utf-8"))
-        information = information["rosbag2_bagfile_information"]
+        with described.open(encoding="utf-8") as file:
+            text = file.read(LONGEST + 1)
+        information: Any = logged_yaml(text, METADATA_FILE)["rosbag2_bagfile_information"]
         listed = {
             t["topic_metadata"]["name"]: t["message_count"]
             for t in information["topics_with_message_count"]
@@ -123,7 +101,7 @@ def _folder(path: Path, counts: dict[str, int]) -> Finding:
         }
         if information["relative_file_paths"] != [path.name]:
             return Finding(False, METADATA_FILE, f"names another file than {path.name}")
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError) as error:
+    except (OSError, BadInput, LookupError, TypeError, AttributeError, ValueError) as error:
         return Finding(False, METADATA_FILE, f"not readable: {json.dumps(str(error))[:80]}")
     ok = listed == counts
     return Finding(ok, METADATA_FILE, "fits the file" if ok else "counts other messages")

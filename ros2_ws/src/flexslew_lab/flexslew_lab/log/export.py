@@ -77,7 +77,9 @@ def export_log(
     widths = _widths(bag, wanted)
     out.mkdir(parents=True, exist_ok=True)
     columns = {t: _columns(overview, t, widths[t], kind) for t in wanted}
-    files = {t: out / f"{t.strip('/').replace('/', '_')}.{kind}" for t in wanted}
+    files = {t: out / f"{_file_name(t)}.{kind}" for t in wanted}
+    if len({*files.values()}) < len(files):
+        raise BadInput(f"{bag.path}: two topics would be written to one file")
     rows = dict.fromkeys(wanted, 0)
     with ExitStack() as stack:
         sinks = {}
@@ -96,6 +98,11 @@ def export_log(
         }
         (out / "columns.json").write_text(json.dumps(described, indent=1), encoding="utf-8")
     return Exported(files, rows, skipped)
+
+
+def _file_name(topic: str) -> str:
+    """Return a topic as the name of a file, which lies in no other folder whatever the topic is."""
+    return re.sub(r"[^A-Za-z0-9_]", "_", topic.strip("/"))[:100]
 
 
 def units_of(type_name: str, name: str) -> tuple[str, ...]:

@@ -9,11 +9,11 @@ from typing import BinaryIO, NamedTuple
 import zstandard
 
 from flexslew_lab.log.bag_layout import MAGIC
+from flexslew_lab.log.read_limits import demand_room
 from flexslew_plant.errors import BadInput
 
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
 CHUNK_INDEX, METADATA, DATA_END = 0x08, 0x0C, 0x0F
-LARGEST = 1 << 30  # of one record [B]; ours stay below a few MiB
 _SCHEMA_LIKE = frozenset({SCHEMA, CHANNEL})
 _DATA_RECORDS = frozenset({1, 3, 4, 5, 6, 7, 9, 0x0C, 0x0F})
 _HEAD = struct.Struct("<BQ")
@@ -59,6 +59,7 @@ class RecordStream:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.cut: Cut | None = None
+        self.sealed = False  # a checksum over the whole data section was there, and right
         self.at = 0  # where the last whole record ends
         try:
             self._file: BinaryIO = open(path, "rb")  # noqa: SIM115
@@ -83,8 +84,8 @@ class RecordStream:
                 if len(head) < _HEAD.size or opcode not in _DATA_RECORDS or length > room:
                     self._stop(at, finished, self._why(head, opcode, length, room))
                     return
-                if length > LARGEST:
-                    raise self._damaged(at, f"a record of {length} bytes")
+                what = "a metadata record" if opcode == METADATA else "a record"
+                demand_room(what, length, f"{self.path}: byte {at}")
                 body = file.read(length)
                 if opcode == DATA_END:
                     self._check_end(at, body, crc)
@@ -107,6 +108,7 @@ class RecordStream:
         (expected,) = struct.unpack("<I", body)
         if expected and expected != crc:
             raise self._damaged(at, "the checksum over all data does not match")
+        self.sealed = expected != 0
 
     def _damaged(self, at: int, why: str) -> BadInput:
         return BadInput(
@@ -122,6 +124,11 @@ class RecordStream:
         return f"a record of {length} bytes is cut after {room}"
 
 
+def has_checksum(body: bytes) -> bool:
+    """Return whether a chunk brings a checksum of its content; zero stands for none."""
+    return len(body) >= 28 and body[24:28] != b"\x00\x00\x00\x00"
+
+
 def chunk_content(body: bytes, where: str) -> bytes:
     """Return the uncompressed records of a chunk, CRC checked.
 
@@ -133,20 +140,31 @@ def chunk_content(body: bytes, where: str) -> bytes:
         start, end, size, crc, n = struct.unpack_from("<QQQII", body)
         compression = body[32 : 32 + n].decode()
         (length,) = struct.unpack_from("<Q", body, 32 + n)
-        data = body[40 + n :]
-        if len(data) != length or end < start:
+        packed = memoryview(body)[40 + n :]
+        if len(packed) != length or end < start:
             raise ValueError("its lengths contradict each other")
+        demand_room("a chunk", size, where)
         if compression == "zstd":
-            if size > LARGEST:
-                raise ValueError(f"{size} bytes when unpacked")
-            data = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+            data = _unpacked(packed, size)
         elif compression:
             raise ValueError(f"compressed with {compression!r}")
+        else:
+            data = bytes(packed)
         if len(data) != size or (crc and zlib.crc32(data) != crc):
             raise ValueError("its checksum does not match")
     except (struct.error, ValueError, UnicodeDecodeError, zstandard.ZstdError) as error:
         raise BadInput(f"{where}: damaged chunk: {error}") from None
     return data
+
+
+def _unpacked(packed: memoryview, size: int) -> bytes:
+    """Return the content of a zstd frame that says, itself too, how long it is: `size`."""
+    frame = zstandard.get_frame_parameters(packed)
+    if frame.content_size not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+        raise ValueError(f"it claims {size} bytes and {frame.content_size}")
+    if frame.window_size > max(size, 1 << 23):
+        raise ValueError(f"a window of {frame.window_size} bytes")
+    return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
 
 
 def chunk_records(data: bytes, where: str) -> Iterator[Record | RawMessage]:

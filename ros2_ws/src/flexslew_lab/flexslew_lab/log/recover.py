@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import tempfile
 from collections import Counter
 from contextlib import suppress
 from pathlib import Path
@@ -12,6 +13,7 @@ from flexslew_lab.log.bag_layout import METADATA_FILE, RUN_RECORD, TRIAL_RECORD
 from flexslew_lab.log.bag_lock import LOCK_FILE, lock_folder, unlock_folder
 from flexslew_lab.log.bag_reader import BagReader, find_mcap
 from flexslew_lab.log.bag_writer import BagWriter, RecordingStopped
+from flexslew_lab.log.logged_text import logged_yaml
 from flexslew_lab.log.mcap_scan import (
     CHANNEL,
     CHUNK,
@@ -21,11 +23,12 @@ from flexslew_lab.log.mcap_scan import (
     RecordStream,
     chunk_content,
     chunk_records,
+    has_checksum,
     read_metadata,
 )
 from flexslew_lab.log.topic_lookup import Lookup
+from flexslew_lab.log.whole_file import write_whole
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
 
 
 class Recovery(NamedTuple):
@@ -41,6 +44,7 @@ class Recovery(NamedTuple):
     last_time: float  # simulated time of the last truth [s]
     last_tick: int
     missing_ticks: int  # that the truth skips
+    unverified: int  # chunks without a checksum, kept as they are
     unrecorded_ticks: int | None  # from the last tick to the trial's end; None: unknown
 
     @property
@@ -57,6 +61,8 @@ class Recovery(NamedTuple):
             parts.append(
                 f"{self.chunks_lost} damaged chunks left out, {lost} messages lost in them"
             )
+        if self.unverified:
+            parts.append(f"{self.unverified} chunks kept that have no checksum")
         if self.missing_ticks:
             parts.append(f"{self.missing_ticks} ticks missing in between")
         if self.unrecorded_ticks:
@@ -76,12 +82,15 @@ def recover(source: Path, out: Path | None = None) -> Recovery:
 
     """
     path = find_mcap(Path(source))
-    target = path.parent / ".recovering" if out is None else Path(out)
-    if out is None:
-        shutil.rmtree(target, ignore_errors=True)
+    described = path.parent / METADATA_FILE
+    if out is None and described.is_dir():
+        raise BadInput(f"{described}: is a folder; give another place with --out")
     if (path.parent / LOCK_FILE).exists():  # refuses while a recorder lives
         unlock_folder(lock_folder(path.parent), path.parent)
     BagReader(path)  # refuses what is foreign before anything is written
+    # a name of its own: one that is known could be a link to elsewhere in a bag of a stranger
+    draft = tempfile.mkdtemp(dir=path.parent, prefix=".recovering.") if out is None else out
+    target = Path(draft)
     try:
         result = _copy(path, target)
     except BaseException:
@@ -93,7 +102,7 @@ def recover(source: Path, out: Path | None = None) -> Recovery:
         os.replace(path, path.with_suffix(".mcap.damaged"))
         os.replace(new, path)
         text = (target / METADATA_FILE).read_text(encoding="utf-8")
-        (path.parent / METADATA_FILE).write_text(text.replace(new.name, path.name), "utf-8")
+        write_whole(path.parent / METADATA_FILE, text.replace(new.name, path.name))
         shutil.rmtree(target)
         result = result._replace(out=path.parent)
     return result
@@ -132,6 +141,7 @@ def _copy(path: Path, target: Path) -> Recovery:
     trial: dict[str, str] = {}
     run: dict[str, str] = {}
     chunks_lost, reason, bytes_lost = 0, "", 0
+    bare = 0  # chunks without a checksum
     try:
         for record in stream:
             if record.opcode == METADATA:
@@ -145,6 +155,7 @@ def _copy(path: Path, target: Path) -> Recovery:
                 lookup.take(record)
             elif record.opcode == CHUNK:
                 writer = writer or BagWriter(target, trial)
+                bare += not has_checksum(record.body)
                 try:
                     content = chunk_content(record.body, str(path))
                 except BadInput:
@@ -164,9 +175,11 @@ def _copy(path: Path, target: Path) -> Recovery:
         raise BadInput(f"{path}: nothing to recover: {reason or 'it holds no message'}")
     result = Recovery(
         path, target, dict(tally.kept), dict(+tally.lost), reason, bytes_lost, chunks_lost,
-        tally.time, tally.tick, tally.missing, _unrecorded(trial, tally.tick),
+        tally.time, tally.tick, tally.missing, 0 if stream.sealed else bare,
+        _unrecorded(trial, tally.tick),
     )  # fmt: skip
-    writer.close({**run, "recovered": result.statement})
+    unverified = {"unverified": str(result.unverified)} if result.unverified else {}
+    writer.close({**run, **unverified, "recovered": result.statement})
     return result
 
 
@@ -182,8 +195,9 @@ def _copy_chunk(content: bytes, lookup: Lookup, writer: BagWriter, tally: _Tally
 
 def _unrecorded(trial: dict[str, str], tick: int) -> int | None:
     """Return how many ticks of the trial are behind the last one in the log."""
-    settings = load_yaml(trial.get("trial", ""), "trial") or {}
-    if not isinstance(settings, dict) or "duration" not in settings:
+    try:
+        settings = logged_yaml(trial.get("trial", ""), "trial")
+        ticks = float(settings["duration"]) / float(settings.get("period", 0.01))
+        return max(round(ticks) - tick, 0)
+    except (BadInput, KeyError, TypeError, ValueError, ArithmeticError):
         return None
-    ticks = round(float(settings["duration"]) / float(settings.get("period", 0.01)))
-    return max(ticks - tick, 0)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from flexslew_lab.log.bag_layout import qos_profile
 from flexslew_lab.log.schemas import type_hash
+from flexslew_lab.log.whole_file import write_whole
 from flexslew_plant.settings import yaml_text
 
 
@@ -70,6 +71,4 @@ def information(
 
 def write_description(path: Path, content: dict[str, Any]) -> None:
     """Write metadata.yaml such that it is there whole or not at all."""
-    draft = path.with_suffix(".tmp")
-    draft.write_text(yaml_text({"rosbag2_bagfile_information": content}, False), encoding="utf-8")
-    draft.replace(path)
+    write_whole(path, yaml_text({"rosbag2_bagfile_information": content}, False))

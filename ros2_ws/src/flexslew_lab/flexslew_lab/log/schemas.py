@@ -82,6 +82,7 @@ def type_hash(type_name: str) -> str:
     return store().hash_rihs01(type_name)
 
 
+@lru_cache(maxsize=32)  # every bag has the same dozen
 def hash_of_schema(type_name: str, text: str) -> str:
     """Return the RIHS01 hash of a type as a ros2msg schema (of a bag) describes it.
 

@@ -12,6 +12,7 @@ from flexslew_lab.log.mcap_scan import (
     read_channel,
     read_schema,
 )
+from flexslew_lab.log.read_limits import CHANNELS, demand_room
 from flexslew_lab.log.schemas import MESSAGES, hash_of_schema, type_hash
 from flexslew_plant.errors import BadInput
 
@@ -29,6 +30,9 @@ class Lookup:
 
     def take(self, record: Record) -> None:
         """Take a schema or a channel."""
+        demand_room("a message definition", len(record.body), str(self.path))
+        if max(len(self.schemas), len(self.channels)) > CHANNELS:
+            raise BadInput(f"{self.path}: more than {CHANNELS} topics; no bag has so many")
         try:
             if record.opcode == SCHEMA:
                 schema = read_schema(record.body)

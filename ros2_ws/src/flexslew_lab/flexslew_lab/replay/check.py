@@ -1,19 +1,22 @@
 """Recorded measurements into a controller: is every number that it says the recorded one?"""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexslew_control.controllers.controller import Answer, Controller
+from flexslew_control.message_fields import answer_fields
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.cdr import decode
-from flexslew_lab.replay.answers import FIELDS as FIELDS
-from flexslew_lab.replay.answers import Divergence as Divergence
-from flexslew_lab.replay.answers import Pairs
-from flexslew_lab.replay.answers import Row as Row
-from flexslew_lab.replay.logged_controllers import LoggedControllers, logged_laws
+from flexslew_lab.replay.answer_comparison import FIELDS as FIELDS
+from flexslew_lab.replay.answer_comparison import AnswerComparison
+from flexslew_lab.replay.answer_comparison import Divergence as Divergence
+from flexslew_lab.replay.answer_comparison import Row as Row
+from flexslew_lab.replay.coverage import missing_part
+from flexslew_lab.replay.logged_code import changed_code, reading
+from flexslew_lab.replay.logged_controllers import Key, LoggedControllers, logged_laws, trial_of
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 
@@ -28,6 +31,8 @@ class Check(NamedTuple):
     only_recorded: int  # ticks that only the log answers
     only_ours: int  # ticks that only the controller here answers: the other one was not heard
     first_divergence: Divergence | None
+    missing: str  # which part of the run was compared, and why not all of it; empty: all of it
+    changed_code: dict[str, tuple[str, str]]  # class: SHA-256 of its file there, here
     rows: tuple[Row, ...]
     curves: dict[str, tuple[np.ndarray, np.ndarray]]  # field: time [s], largest |difference|
 
@@ -38,6 +43,7 @@ def check(
     law: str | None = None,
     settings: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] = lambda tick, last: None,
+    trusted: Collection[str] = (),
 ) -> Check:
     """Return how a controller answers the measurements of a log, field by field.
 
@@ -47,43 +53,82 @@ def check(
         law: that stands in for the recorded one, with its own defaults.
         settings: that replace the recorded ones key by key.
         progress: called with the tick and the last tick.
+        trusted: names of classes that the log may run, or `all`.
 
     Raises:
+        Untrusted: the log names code that is not trusted.
         BadInput: the controller is not in the log, or the law cannot be built.
     """
     reader = BagReader(bag)
+    own = {law} if law is not None else set()  # the reader's own word
+    with reading(reader, {*trusted, *own}):
+        return _checked(reader, controller, law, settings or {}, progress)
+
+
+def _checked(
+    reader: BagReader,
+    controller: str,
+    law: str | None,
+    settings: Mapping[str, Any],
+    progress: Callable[[int, int], None],
+) -> Check:
     laws = logged_laws(reader)
     if controller not in laws:
         raise BadInput(f"{reader.path}: no controller {controller}; it has {', '.join(laws)}")
     recorded_law, values = laws[controller]
     own = {} if law is not None and law != recorded_law else values
-    chosen = law or recorded_law, {**own, **(settings or {})}
+    chosen = law or recorded_law, {**own, **settings}
     logged = LoggedControllers(reader, only=controller, replaced={controller: chosen})
-    pairs = Pairs(float(reader.overview.testbed.period))
+    answers = AnswerComparison(float(reader.overview.testbed.period))
     last = reader.overview.counts.get("/measurement", 0)
+    asked = _Ticks()
     for topic, kind, _, _, data in reader.messages(("/measurement", "/controller_state")):
         message = decode(kind, data)
         key = int(message.epoch), int(message.tick)
         if topic == "/controller_state":
             if message.controller == controller:
-                pairs.recorded(key, {name: getattr(message, name) for name in FIELDS})
+                answers.recorded(key, {name: getattr(message, name) for name in FIELDS})
             continue
+        asked.add(key)
         logged.until(key)
-        answer = _observe(logged.by_name[controller], message, pairs.period)
+        answer = _observe(logged.by_name[controller], message, answers.period)
         if answer is not None:
-            pairs.ours(key, _outputs(answer))
+            answers.ours(key, answer_fields(answer))
         if message.tick % 1000 == 0:
             progress(int(message.tick), last)
-    pairs.finish()
-    if not pairs.ticks and not pairs.only_recorded:
+    answers.finish()
+    if not answers.ticks and not answers.only_recorded:
         raise BadInput(f"{reader.path}: {controller} has not answered in this log")
-    ok = pairs.first is None
-    rows = tuple(pairs.rows[name].row() for name in FIELDS)
-    curves = {name: pairs.rows[name].curve.points() for name in FIELDS if pairs.rows[name].ticks}
+    rows = tuple(answers.rows[name].row() for name in FIELDS)
+    curves = {n: answers.rows[n].curve.points() for n in FIELDS if answers.rows[n].ticks}
     return Check(
-        controller, chosen[0], ok, pairs.ticks, pairs.only_recorded, pairs.only_ours,
-        pairs.first, rows, curves,
-    )  # fmt: skip
+        controller,
+        chosen[0],
+        answers.first is None,
+        answers.ticks,
+        answers.only_recorded,
+        answers.only_ours,
+        answers.first,
+        missing_part(reader, trial_of(reader), asked.first, asked.last[1], asked.gaps),
+        changed_code(reader),
+        rows,
+        curves,
+    )
+
+
+class _Ticks:
+    """The ticks that were asked, of which a log may lack some."""
+
+    def __init__(self) -> None:
+        self.first, self.last, self.gaps = 0, (-1, -1), 0
+
+    def add(self, key: Key) -> None:
+        """Take epoch and tick of a measurement."""
+        if key[0] > self.last[0]:
+            self.first, self.last = key[1], key
+        elif key > self.last:
+            self.gaps += key[1] - self.last[1] - 1
+            self.last = key
 
 
 def difference_figure(result: Check) -> Any:
@@ -119,22 +164,3 @@ def _observe(controller: Controller, m: Any, period: float) -> Answer | None:
             m.applied_effort,
         )
     )
-
-
-def _outputs(answer: Answer) -> dict[str, Any]:
-    """Return what the controller's node would publish on controller_state."""
-    command, reference, estimate, terms = answer
-    return {
-        "reference_position": reference.position,
-        "reference_velocity": reference.velocity,
-        "feedforward": reference.effort,
-        "estimate_position": estimate.position,
-        "estimate_velocity": estimate.velocity,
-        "estimate_disturbance": estimate.disturbance,
-        "covariance_diagonal": np.diagonal(estimate.covariance),
-        "innovation": estimate.innovation,
-        "nis": estimate.nis,
-        "effort": command.effort,
-        "term_names": list(terms),
-        "terms": np.concatenate([*terms.values(), np.zeros(0)]),
-    }

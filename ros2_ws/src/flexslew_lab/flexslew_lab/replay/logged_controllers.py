@@ -3,17 +3,18 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from flexslew_control.controllers import CONTROLLERS, build_controller
+from flexslew_control.controllers import CONTROLLERS, DERIVED, build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.host import merged
 from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
-from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
+from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.cdr import decode
+from flexslew_lab.log.logged_text import logged_yaml
+from flexslew_lab.log.record_schema import LoggedEvent
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
 
 Key = tuple[int, int]  # epoch and tick
 
@@ -39,8 +40,8 @@ def trial_of(bag: BagReader, changes: Mapping[str, Any] | None = None) -> Trial:
     if not bag.trial_text:
         raise BadInput(f"{bag.path}: holds no trial")
     source = f"{bag.path}: trial"
-    values = load_yaml(bag.trial_text, source)
-    if changes and isinstance(values, dict):
+    values = logged_yaml(bag.trial_text, source)
+    if changes:
         values = overridden(values, dict(changes))
     return trial_of_values(values, source)
 
@@ -80,6 +81,7 @@ class LoggedControllers:
             event
             for event in _tunings(bag)
             if (name := event.data["controller"]) in self._laws
+            and name in flown
             and self._laws[name][0] == flown[name][0]
         ]
 
@@ -124,16 +126,16 @@ def _tunings(bag: BagReader) -> list[LoggedEvent]:
 
 
 def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
-    """Return law and settings of every controller by name: of the trial, and of guests."""
+    """Return law and settings of every controller by name, those not in the trial too."""
     laws = {n: law_of(n, values or {}) for n, values in trial_of(bag).controllers.items()}
     for name, status in bag.overview.statuses.items():
         if name not in laws or laws[name][0] in CONTROLLERS:  # with its defaults of that day
-            values = load_yaml(status.settings, f"{bag.path}: controllers.{name}") or {}
-            values.pop("computed", None)  # is said there, too, and follows from the others
-            laws[name] = status.law, values
+            values = logged_yaml(status.settings, f"{bag.path}: controllers.{name}")
+            laws[name] = status.law, {k: v for k, v in values.items() if k not in DERIVED}
     for event in reversed(_tunings(bag)):  # what a status says last is what was tuned last
         name = event.data["controller"]
-        laws[name] = laws[name][0], event.data["before"]
+        if name in laws:
+            laws[name] = laws[name][0], event.data["before"]
     return laws
 
 
@@ -157,7 +159,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
             )
         following[name] = wanted
         seen = int(status.epoch), int(status.last_tick)
-        if seen == (0, 0):  # said by one that has seen none, too; nobody plans within tick 0
+        if seen == (0, 0):  # also what a controller says before its first measurement
             seen = 0, -1
         found.append(Adoption(name, seen, plans[wanted]))
     return sorted(found, key=lambda adoption: adoption.seen)

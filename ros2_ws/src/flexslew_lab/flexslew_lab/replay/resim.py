@@ -1,24 +1,28 @@
 """The run again from nothing but its log: trial, logged plan, operator's wishes, missed ticks."""
 
-import json
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexslew_control.planners.slew import software_versions
-from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.logged_text import logged_json
+from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.replay.coverage import missing_part
+from flexslew_lab.replay.logged_code import changed_code, reading
 from flexslew_lab.replay.logged_controllers import Key, LoggedControllers, trial_of
 from flexslew_lab.report.metrics import TrajectoryHash
-from flexslew_lab.trial.trial import bench_settings, law_of
+from flexslew_lab.trial.trial import Trial, bench_settings, law_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Bench, SwitchRequest
 from flexslew_plant.errors import BadInput, RunFault
 
 # Another processor or another build rounds differently. Of the largest magnitude of a field.
 TOLERANCE = 1e-9
+_LATEST = 1 << 40  # tick of a run without an end
 FIELDS = ("applied_effort", "disturbance", "position", "velocity")  # cause before effect
 
 
@@ -43,6 +47,8 @@ class Resimulation(NamedTuple):
     largest: dict[str, float]  # |difference| by field, of the field's largest magnitude [-]
     replayed: dict[str, int]  # how many wishes and missed ticks were taken from the log
     other_versions: dict[str, tuple[str, str]]  # software: version of the log, version here
+    missing: str  # which part of the run was compared, and why not all of it; empty: all of it
+    changed_code: dict[str, tuple[str, str]]  # class: SHA-256 of its file there, here
 
     @property
     def within_tolerance(self) -> bool:
@@ -54,6 +60,7 @@ def resim(
     bag: Path,
     progress: Callable[[int, int], None] = lambda tick, last: None,
     changes: Mapping[str, Any] | None = None,
+    trusted: Collection[str] = (),
 ) -> Resimulation:
     """Return the comparison of a log with its run flown again, in process.
 
@@ -63,13 +70,23 @@ def resim(
         bag: the bag's folder or file.
         progress: called with the tick and the last tick of the trial.
         changes: of the trial, by path: what would have been otherwise?
+        trusted: names of classes that the log may run, or `all`.
 
     Raises:
+        Untrusted: the log names code that is not trusted.
         BadInput: the log does not hold what determines the run.
         RunFault: the run again leaves the finite numbers.
     """
     reader = BagReader(bag)
-    again = _Again(reader, changes)
+    with reading(reader, trusted):
+        return _flown_again(reader, progress, changes or {})
+
+
+def _flown_again(
+    reader: BagReader, progress: Callable[[int, int], None], changes: Mapping[str, Any]
+) -> Resimulation:
+    trial = trial_of(reader, changes)
+    again = _Again(reader, trial)
     same = _Comparison()
     recorded, ours, epoch = TrajectoryHash(), TrajectoryHash(), 0
     for block in reader.blocks(["/truth"]):
@@ -103,6 +120,8 @@ def resim(
         same.relative(),
         again.replayed,
         _other_versions(reader),
+        missing_part(reader, trial, same.began, same.last[1], same.gaps),
+        changed_code(reader),
     )
 
 
@@ -114,11 +133,11 @@ class _Again:
 
     Args:
         bag: to read.
-        changes: of the trial, by path.
+        trial: that it was recorded from, with what is changed in it.
     """
 
-    def __init__(self, bag: BagReader, changes: Mapping[str, Any] | None = None) -> None:
-        trial, recorded = trial_of(bag, changes), trial_of(bag)
+    def __init__(self, bag: BagReader, trial: Trial) -> None:
+        recorded = trial_of(bag)
         self.bench = Bench(bench_settings(trial))
         other = {
             name: law_of(name, values or {})
@@ -132,6 +151,7 @@ class _Again:
         self._dropped: dict[Key, set[str]] = defaultdict(set)  # not ready when they were due
         self._successors: dict[Key, str] = {}  # who took over from one that was silent
         self.replayed = dict.fromkeys((*WISHES, "tuned", "missed"), 0)
+        self._epochs = len(bag.overview.events)  # each reset is one of them
         for event in bag.overview.events:
             key = event.epoch, event.tick
             if event.kind in WISHES:
@@ -148,6 +168,11 @@ class _Again:
     def truth(self, key: Key) -> dict[str, Any]:
         """Fly to this tick; return the state there."""
         bench = self.bench
+        last = _LATEST if bench.last_tick is None else bench.last_tick
+        if key[0] > self._epochs or key[1] > last:
+            raise BadInput(
+                f"the truth of tick {key[1]} of epoch {key[0]} is beyond the end of the trial"
+            )
         while bench.epoch < key[0]:
             bench.reset()
         while (bench.epoch, bench.tick) < key:
@@ -212,7 +237,8 @@ class _Comparison:
     """Differences, block after block."""
 
     def __init__(self) -> None:
-        self.ticks = 0
+        self.ticks, self.gaps = 0, 0
+        self.began, self.last = 0, (-1, -1)  # tick; epoch and tick
         self.first: Difference | None = None
         self._largest = dict.fromkeys(FIELDS, 0.0)
         self._magnitude = dict.fromkeys(FIELDS, 0.0)
@@ -222,6 +248,11 @@ class _Comparison:
     ) -> None:
         """Take the next ticks."""
         self.ticks += len(tick)
+        before = self.last[1] if epoch == self.last[0] else int(tick[0]) - 1
+        if epoch > self.last[0]:
+            self.began = int(tick[0])
+        self.gaps += int(tick[-1]) - before - len(tick)  # truth comes once and in order
+        self.last = epoch, int(tick[-1])
         found = []
         for number, name in enumerate(FIELDS):
             theirs, mine = recorded[name], ours[name]
@@ -250,11 +281,11 @@ class _Comparison:
 
 
 def _other_versions(bag: BagReader) -> dict[str, tuple[str, str]]:
-    recorded = json.loads(bag.metadata.get("versions", "{}"))
+    recorded = logged_json(bag.metadata.get("versions", ""), f"{bag.path}: versions")
     here = software_versions()
     names = sorted({*recorded, *here})
     return {
-        name: (recorded.get(name, "-"), here.get(name, "-"))
+        name: (str(recorded.get(name, "-")), here.get(name, "-"))
         for name in names
         if recorded and recorded.get(name) != here.get(name)
     }

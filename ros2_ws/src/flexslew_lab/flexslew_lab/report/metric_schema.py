@@ -86,4 +86,10 @@ METRICS: dict[str, Metric] = {
         False,
         "the log was finished; false: it is cut, and these numbers are those up to the cut",
     ),
+    "warnings": Metric(
+        "-",
+        False,
+        "why these numbers may not be those of the run, in words: parts of the log that no "
+        "checksum protects",
+    ),
 }

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_lab.log.bag_layout import RUN_RECORD
-from flexslew_lab.log.bag_reader import BagReader, LoggedEvent, Overview
+from flexslew_lab.log.bag_reader import BagReader, Overview
+from flexslew_lab.log.record_schema import LoggedEvent
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
@@ -54,6 +55,7 @@ class Facts(NamedTuple):
     events: Sequence[Any]  # each with epoch, kind, level as a word, and data
     wall_times: list[float]  # recorded besides the events [s]
     complete: bool  # the log was finished
+    unprotected: tuple[str, ...] = ()  # parts of the log without a checksum, in words
 
 
 class Running:
@@ -168,6 +170,7 @@ def metrics_from(bag: BagReader) -> dict[str, Any]:
         overview.events,
         [float(wall)] if wall else [],
         overview.cut is None,
+        overview.unprotected,
     )
     return result_of(running, facts)
 
@@ -245,6 +248,7 @@ def result_of(r: Running, facts: Facts) -> dict[str, Any]:
         "trajectory_hash": r.hash.hexdigest(),
         "missing_ticks": r.missing,
         "log_complete": facts.complete,
+        "warnings": [f"a changed number is not found: {part}" for part in facts.unprotected],
     }
 
 

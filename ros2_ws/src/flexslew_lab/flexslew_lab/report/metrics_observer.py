@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_control.plan import Plan
-from flexslew_lab.log.bag_reader import LoggedEvent
+from flexslew_lab.log.record_schema import LoggedEvent
 from flexslew_lab.report.metrics import Facts, Manoeuvre, Running, manoeuvre_of, result_of
 from flexslew_lab.trial.in_process import Observer
 from flexslew_plant.bench.bench import Bench, Truth

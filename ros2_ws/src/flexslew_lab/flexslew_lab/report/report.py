@@ -9,6 +9,7 @@ import yaml
 
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_layout import RUN_RECORD, TRIAL_RECORD
+from flexslew_lab.log.whole_file import write_whole
 from flexslew_lab.report import figures
 from flexslew_lab.report.metric_schema import METRICS
 from flexslew_lab.report.page import embedded, render
@@ -63,7 +64,7 @@ def write_report(
         runs[0] = runs[0]._replace(label="with feedforward") if len(runs) == 1 else runs[0]
         other = other._replace(label="without feedforward")
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(page_of(runs, other), encoding="utf-8")
+    write_whole(out, page_of(runs, other))
     return out
 
 

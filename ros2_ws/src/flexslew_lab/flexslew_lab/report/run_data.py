@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
+from flexslew_lab.log.logged_text import logged_yaml
 from flexslew_lab.report.metrics import joint_names_of, metrics_from
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.settings import load_yaml
 
 BUCKETS = 1200  # of which each keeps its smallest and its largest value
 FRAMES = 500  # of the animation
@@ -126,8 +126,7 @@ def read_run(path: Path, label: str = "") -> RunData:
     bag = BagReader(path)
     overview = bag.overview
     metrics = metrics_from(bag)
-    trial = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
-    trial = trial if isinstance(trial, dict) else {}
+    trial = logged_yaml(bag.trial_text, f"{bag.path}: trial")
     testbed = overview.testbed
     collector = _Collector(
         overview.counts, len(testbed.joint_names) if testbed is not None else None

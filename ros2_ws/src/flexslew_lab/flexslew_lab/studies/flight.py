@@ -24,7 +24,7 @@ from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
 from flexslew_plant.settings import plain
 
 # of the log or of the clock on the wall, not of the flight
-_LEFT_OUT = ("wall_time", "trajectory_hash", "missing_ticks", "log_complete")
+_LEFT_OUT = ("wall_time", "trajectory_hash", "missing_ticks", "log_complete", "warnings")
 MEASURED = tuple(name for name in METRICS if name not in _LEFT_OUT)
 
 

@@ -14,13 +14,15 @@ from flexslew_control.planners.feedforward.optimized_feedforward import Optimize
 from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_observer import BagObserver
-from flexslew_lab.log.bag_reader import BagReader, LoggedEvent
+from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.log.record_schema import LoggedEvent
 from flexslew_lab.report.metrics import metrics_from
 from flexslew_lab.report.report import write_report
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.outputs import WITHOUT, new_folder
+from flexslew_lab.trial.own_code import HASHES, own_code_of
 from flexslew_lab.trial.processes import node_processes, parameter_file
 from flexslew_lab.trial.promise import broken_promise
 from flexslew_lab.trial.supervisor import Outcome, Supervisor
@@ -91,7 +93,11 @@ def run_trial(
         say(f"the plan believes differently from the bench: {flight.plan.summary['believes']}")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
-    metadata = {"trial_file": source, "versions": json.dumps(software_versions())}
+    metadata = {
+        "trial_file": source,
+        "versions": json.dumps(software_versions()),
+        HASHES: json.dumps(own_code_of(trial)),
+    }
     bag = folder / "bag"
     if in_process:
         outcome = _in_process(trial, flight, bag, metadata, progress)

@@ -107,8 +107,8 @@ class Field:
         return Row(self.name, self.ticks, self.different, self.first, self.largest, relative)
 
 
-class Pairs:
-    """Brings answers of the log and of here together; topics may lie in any order in a bag."""
+class AnswerComparison:
+    """Pairs answers of the log with those of here; topics may lie in any order in a bag."""
 
     def __init__(self, period: float) -> None:
         self.period = period

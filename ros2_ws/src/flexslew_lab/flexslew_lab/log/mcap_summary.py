@@ -1,0 +1,81 @@
+"""The summary section at the end of a finished MCAP file: schemas, channels, index, statistics."""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from flexslew_lab.log.bag_layout import MAGIC
+from flexslew_lab.log.mcap_scan import FOOTER, Record
+from flexslew_lab.log.read_limits import demand_room
+from flexslew_plant.errors import BadInput
+
+STATISTICS = 0x0B
+_HEAD = struct.Struct("<BQ")
+_FOOTER = struct.Struct("<BQQQI")
+_PIECE = 1 << 20  # read at once [B]
+
+
+class Summary(NamedTuple):
+    """Where the summary of a file lies."""
+
+    path: Path
+    start: int
+    end: int  # of its last record; the footer follows
+    crc: int  # 0: it has none
+
+
+def find_summary(path: Path) -> Summary | None:
+    """Return where the summary lies, its checksum right; None where the file was not finished.
+
+    Raises:
+        BadInput: the footer or the summary is damaged.
+    """
+    end = path.stat().st_size - len(MAGIC) - _FOOTER.size
+    with path.open("rb") as file:
+        file.seek(max(end, 0))
+        foot = file.read()
+        if len(foot) != _FOOTER.size + len(MAGIC) or not foot.endswith(MAGIC):
+            return None
+        opcode, length, start, _, crc = _FOOTER.unpack_from(foot)
+        if opcode != FOOTER or length != _FOOTER.size - _HEAD.size or not 0 < start <= end:
+            raise BadInput(f"{path}: damaged: no footer; `log recover` makes it again")
+        if crc and _crc(file, start, end + _FOOTER.size - 4) != crc:
+            raise BadInput(
+                f"{path}: damaged: the checksum of the summary does not match; "
+                "`log recover` makes it again"
+            )
+    return Summary(path, start, end, crc)
+
+
+def summary_records(summary: Summary) -> Iterator[Record]:
+    """Yield the records of a summary.
+
+    Raises:
+        BadInput: a record is cut or too large.
+    """
+    at = summary.start
+    with summary.path.open("rb") as file:
+        file.seek(at)
+        while at < summary.end:
+            head = file.read(_HEAD.size)
+            opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, summary.end)
+            if at + _HEAD.size + length > summary.end:
+                raise BadInput(f"{summary.path}: damaged at byte {at}: a record is cut")
+            demand_room("a record", length, f"{summary.path}: byte {at}")
+            yield Record(opcode, file.read(length), at)
+            at += _HEAD.size + length
+
+
+def _crc(file: BinaryIO, start: int, end: int) -> int:
+    """Return the checksum of a part of a file, read piece by piece."""
+    crc = 0
+    file.seek(start)
+    while start < end:
+        piece = file.read(min(end - start, _PIECE))
+        if not piece:
+            break
+        crc = zlib.crc32(piece, crc)
+        start += len(piece)
+    return crc

@@ -1,0 +1,282 @@
+"""What every record of a log must look like, checked when it is read: a bag may be crafted."""
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError, with_config
+from typing_extensions import TypedDict
+
+from flexslew_lab.log.logged_text import logged_json, logged_yaml
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import NonNegative, section, validated
+
+LEVELS = ("info", "warning", "fault")
+JOINTS, MODES = 64, 256  # at most, on any testbed
+
+Count = Annotated[int, Field(ge=0, lt=1 << 63)]
+Seconds = Annotated[float, Field(ge=0.0, le=1e12)]
+Period = Annotated[float, Field(ge=1e-6, le=1e6)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Text = Annotated[str, Field(max_length=1 << 16)]
+Names = Annotated[tuple[Text, ...], Field(max_length=JOINTS)]
+
+
+def _yaml(text: str) -> str:
+    try:
+        logged_yaml(text, "the text")
+    except BadInput as error:
+        raise ValueError(str(error)) from None  # the schema says whose text it is
+    return text
+
+
+_more_keys = with_config(ConfigDict(extra="allow", strict=True))
+
+
+@_more_keys
+class Finished(TypedDict, total=False):
+    """The plant has flown the last tick."""
+
+    wall_time: Seconds
+    ticks: Count
+    missed_ticks: Count
+    saturated_time: Seconds
+    rejected: dict[str, Count]
+
+
+@_more_keys
+class Switched(TypedDict, total=False):
+    """Another controller has taken over, or was refused."""
+
+    effort_step: Annotated[list[Finite], Field(max_length=JOINTS)] | Finite
+
+
+@_more_keys
+class Missed(TypedDict, total=False):
+    """A tick without a valid answer."""
+
+    controller: Text
+    in_a_row: Count
+    ticks: Count
+
+
+@_more_keys
+class Injected(TypedDict):
+    """An operator wants something to break."""
+
+    text: Annotated[str, AfterValidator(_yaml)]
+    start: Count
+
+
+@_more_keys
+class SwitchRequested(TypedDict):
+    """An operator wants another controller."""
+
+    controller: Text
+    tick: Count
+    max_effort_step: Finite
+    strict: bool
+
+
+@_more_keys
+class FaultEnded(TypedDict):
+    """An operator wants a fault to end."""
+
+    number: Count
+
+
+@_more_keys
+class BrakeRequested(TypedDict):
+    """An operator wants the brake, or no longer."""
+
+    on: bool
+
+
+@_more_keys
+class Tuned(TypedDict):
+    """A controller has other settings from this tick on."""
+
+    controller: Text
+    settings: dict[str, Any]
+    before: dict[str, Any]
+
+
+@_more_keys
+class Dropped(TypedDict):
+    """A switch did not take place, for its controller was not ready."""
+
+    controller: Text
+
+
+@_more_keys
+class Replaced(TypedDict):
+    """Another one, or the brake, has taken over from a controller that was silent."""
+
+    to: Text
+
+
+# data of an event by its kind; data of other kinds is any JSON object
+EVENTS: dict[str, TypeAdapter[Any]] = {
+    "finished": TypeAdapter(Finished),
+    "switched": TypeAdapter(Switched),
+    "switch_refused": TypeAdapter(Switched),
+    "missed": TypeAdapter(Missed),
+    "injected": TypeAdapter(Injected),
+    "switch_requested": TypeAdapter(SwitchRequested),
+    "switch_dropped": TypeAdapter(Dropped),
+    "fault_ended": TypeAdapter(FaultEnded),
+    "brake_requested": TypeAdapter(BrakeRequested),
+    "tuned": TypeAdapter(Tuned),
+    "fallback": TypeAdapter(Replaced),
+    "brake": TypeAdapter(Replaced),
+}
+
+
+class LoggedEvent(NamedTuple):
+    """An entry of `events`."""
+
+    time: float  # simulated [s]
+    tick: int
+    epoch: int
+    level: str  # info, warning or fault
+    source: str
+    kind: str
+    message: str
+    data: dict[str, Any]  # what its JSON holds
+
+
+def logged_event(message: Any, source: str) -> LoggedEvent:
+    """Return a decoded flexslew_msgs/Event, checked.
+
+    Args:
+        message: with the fields of the type as attributes.
+        source: the log, for the error.
+
+    Raises:
+        BadInput: its data is not what an event of its kind holds.
+    """
+    where = f"{source}: event {message.kind!r:.40} at tick {message.tick}: data"
+    data = logged_json(message.data, where)
+    known = EVENTS.get(message.kind)
+    if known is not None:
+        try:
+            known.validate_python(data)
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = ".".join(map(str, first["loc"]))
+            value = repr(first["input"])[:60]
+            raise BadInput(f"{where}: {key}: {value} is not allowed: {first['msg']}") from None
+    level = LEVELS[message.level] if message.level < len(LEVELS) else str(message.level)
+    return LoggedEvent(
+        message.stamp.sec + message.stamp.nanosec * 1e-9, message.tick, message.epoch, level,
+        message.source, message.kind, message.message, data,
+    )  # fmt: skip
+
+
+@section
+class TestbedRecord:
+    """flexslew_msgs/Testbed."""
+
+    kind: Text
+    joint_names: Names
+    joint_units: Names
+    appendage_names: Names
+    modes: Annotated[int, Field(ge=0, le=MODES)]
+    period: Period
+    effort_limit: Annotated[tuple[NonNegative, ...], Field(max_length=JOINTS)]
+
+
+@section
+class StatusRecord:
+    """flexslew_msgs/ControllerStatus."""
+
+    controller: Text
+    law: Text
+    last_tick: Count
+    settings: Annotated[str, AfterValidator(_yaml)]
+
+
+@section
+class PlanRecord:
+    """flexslew_msgs/Plan but for its arrays."""
+
+    method: Text
+    joint_names: Names
+    start: Annotated[float, Field(ge=-1e12, le=1e12)]
+    duration: Seconds
+    period: Period
+    request: Annotated[str, AfterValidator(_yaml)]
+    summary: Annotated[str, AfterValidator(_yaml)]
+    versions: Annotated[str, AfterValidator(_yaml)]
+
+
+@section
+class RunRecord:
+    """The metadata record of a run's end, as far as a number is read from it."""
+
+    wall_time: Seconds | None = None
+
+
+RECORDS: dict[str, type[Any]] = {
+    "/testbed": TestbedRecord,
+    "/controller_status": StatusRecord,
+    "/plan": PlanRecord,
+}
+_PLAN_ARRAYS = ("position", "velocity", "effort", "state")
+
+
+def check_record(topic: str, message: Any, source: str) -> None:
+    """Check a decoded message of a latched topic.
+
+    Raises:
+        BadInput: a field is not what the bench says there.
+    """
+    kind = RECORDS[topic]
+    where = f"{source}: {topic}"
+    given = {name: _plain(getattr(message, name)) for name in kind.__dataclass_fields__}
+    record = validated(kind, given, where)
+    if topic == "/testbed":
+        joints = len(record.joint_names)
+        if not joints == len(record.joint_units) == len(record.effort_limit) > 0:
+            raise BadInput(f"{where}: names, units and effort limits are not one per joint")
+    elif topic == "/plan":
+        for name in _PLAN_ARRAYS:
+            if not np.isfinite(getattr(message, name)).all():
+                raise BadInput(f"{where}: {name}: a number is not finite")
+
+
+def check_truth(columns: dict[str, Any], source: str) -> None:
+    """Check ticks of the truth, which is finite and of one shape whatever the sensors say.
+
+    Args:
+        columns: a block of /truth by field.
+        source: the log, for the error.
+
+    Raises:
+        BadInput: a number is not finite, or positions and velocities do not fit together.
+    """
+    position, velocity = columns["position"], columns["velocity"]
+    joints = columns["applied_effort"].shape[1]
+    shapes = position.shape == velocity.shape and columns["disturbance"].shape[1] == joints
+    if not (shapes and 0 < joints <= position.shape[1]):
+        raise BadInput(f"{source}: /truth: the lengths of its fields contradict each other")
+    for name, column in columns.items():
+        if column.dtype.kind != "f":
+            continue
+        bad = ~np.isfinite(column.reshape(len(column), -1)).all(axis=1)
+        if bad.any():
+            tick = columns["tick"][int(np.argmax(bad))]
+            raise BadInput(f"{source}: /truth: {name} is not finite at tick {tick}")
+
+
+def check_run_record(data: dict[str, str], source: str) -> None:
+    """Check the metadata record of a run's end.
+
+    Raises:
+        BadInput: a number in it is none.
+    """
+    given = {k: v for k, v in data.items() if k in RunRecord.__dataclass_fields__}
+    validated(RunRecord, given, f"{source}: end of the run")
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value

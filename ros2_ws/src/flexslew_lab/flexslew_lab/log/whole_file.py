@@ -1,0 +1,29 @@
+"""Text files that are there whole or not at all, in the folder that was chosen and nowhere else."""
+
+import os
+import tempfile
+from pathlib import Path
+
+from flexslew_plant.errors import BadInput
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text; a link that lies at this place is replaced, never followed.
+
+    Raises:
+        BadInput: a folder has this name.
+        OSError: the system takes no more bytes.
+    """
+    if path.is_dir() and not path.is_symlink():
+        raise BadInput(f"{path}: is a folder, wanted is a file; move it away")
+    handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(draft, 0o666 & ~umask)  # mkstemp lets nobody else read
+        os.replace(draft, path)
+    except BaseException:
+        os.unlink(draft)
+        raise

@@ -1,0 +1,35 @@
+"""Which part of a run its log holds: a comparison says nothing about the rest."""
+
+from flexslew_lab.log.bag_layout import RUN_RECORD
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.trial.trial import Trial
+
+_LAST_WORDS = ("finished", "interrupted")  # events with which the plant ends
+
+
+def missing_part(bag: BagReader, trial: Trial, first: int, last: int, gaps: int) -> str:
+    """Return what of the run could not be compared, in words; empty where the log holds all of it.
+
+    Args:
+        bag: the log.
+        trial: that it was recorded from.
+        first: tick of the last epoch with which the comparison began.
+        last: tick with which it ended.
+        gaps: how many ticks in between the log does not hold.
+    """
+    overview = bag.overview
+    why = []
+    if overview.cut is not None:
+        why.append(f"the log is cut at byte {overview.cut.offset}")
+    if gaps:
+        why.append(f"{gaps} ticks in between are missing")
+    if first > 0:
+        why.append(f"the log begins at tick {first}")
+    ended = any(event.kind in _LAST_WORDS for event in overview.events)
+    recorded = overview.metadata.get(RUN_RECORD, {})
+    if overview.cut is None and not ended and ("recovered" in recorded or not recorded):
+        why.append("the log does not hold the end of the run")
+    if not why:
+        return ""
+    ticks = round(trial.duration / trial.period)
+    return f"compared were ticks {first} to {last} of {ticks}: {', '.join(why)}"

@@ -1,0 +1,52 @@
+"""Code of the user's own that a log names: what it was when it was recorded, what it is here."""
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+
+from flexslew_control.controllers import LAW_HASH
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.logged_text import logged_json, logged_yaml
+from flexslew_lab.trial.own_code import HASHES
+from flexslew_plant.own_code import Untrusted, code_hash, only_trusted
+
+
+@contextmanager
+def reading(bag: BagReader, trusted: Collection[str]) -> Iterator[None]:
+    """Refuse, inside of the block, to run code that the log names and its reader has not trusted.
+
+    Args:
+        bag: the log.
+        trusted: names of classes as the log has them, or `all`.
+
+    Raises:
+        Untrusted: inside of the block, with the file, its hash, and whether it is the recorded one.
+    """
+    try:
+        with only_trusted(trusted):
+            yield
+    except Untrusted as error:
+        recorded = logged_hashes(bag).get(error.name, "")
+        if not recorded:
+            words = "the log holds no hash of it"
+        elif recorded == code_hash(error.name):
+            words = "it is the file that was recorded"
+        else:
+            words = f"it is NOT the file that was recorded, whose SHA-256 is {recorded}"
+        raise Untrusted(f"{error}; {words}", error.name) from None
+
+
+def logged_hashes(bag: BagReader) -> dict[str, str]:
+    """Return the SHA-256 of every file that ran in the recorded run, by the name of its class."""
+    found = logged_json(bag.metadata.get(HASHES, ""), f"{bag.path}: {HASHES}")
+    hashes = {str(name): str(digest) for name, digest in found.items()}
+    for name, status in bag.overview.statuses.items():
+        settings = logged_yaml(status.settings, f"{bag.path}: controllers.{name}")
+        if LAW_HASH in settings:
+            hashes[status.law] = str(settings[LAW_HASH])
+    return hashes
+
+
+def changed_code(bag: BagReader) -> dict[str, tuple[str, str]]:
+    """Return the SHA-256 there and here (empty: no file) of code that is another one, by name."""
+    pairs = {name: (digest, code_hash(name)) for name, digest in logged_hashes(bag).items()}
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}

@@ -1,0 +1,67 @@
+"""A comparison of a part says which part, and is not taken for the whole."""
+
+from pathlib import Path
+
+import pytest
+
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.replay.check import check
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.trial import parse_trial
+
+TRIAL = """
+name: part
+duration: 2.0
+controllers: {pd_feedforward: {}}
+"""
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("part") / "run"
+    run_trial(parse_trial(TRIAL, "test"), "test", folder, in_process=True, report=False)
+    return folder / "bag"
+
+
+def missing(bag: Path) -> str:
+    """Return what both comparisons say, which is the same but for the last tick."""
+    again, answers = resim(bag), check(bag, "pd_feedforward")
+    assert again.identical
+    assert answers.ok
+    assert bool(again.missing) == bool(answers.missing)
+    return again.missing
+
+
+def test_a_whole_log_lacks_nothing(bag):
+    assert missing(bag) == ""
+
+
+def test_a_cut_log_says_up_to_which_tick_and_of_how_many(bag, tmp_path):
+    whole = next(bag.glob("*.mcap")).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) // 2])
+    last = BagReader(cut).columns("/truth")["tick"][-1]
+    reader = BagReader(cut)
+    assert reader.overview.cut is not None
+    at = reader.overview.cut.offset
+    expected = f"compared were ticks 0 to {last} of 200: the log is cut at byte {at}"
+    assert missing(cut) == expected
+
+
+@pytest.mark.parametrize(
+    ("kept", "words"),
+    [
+        (lambda tick: not 50 <= tick < 60, "0 to 200 of 200: 10 ticks in between are missing"),
+        (lambda tick: tick < 100, "0 to 99 of 200: the log does not hold the end of the run"),
+    ],
+    ids=["gap", "end"],
+)
+def test_a_log_that_lacks_ticks_says_so(bag, tmp_path, kept, words):
+    reader = BagReader(bag)
+    with BagWriter(tmp_path / "bag", reader.metadata) as writer:
+        for topic, kind, stamp, _, data in reader.messages():
+            if kept(stamp // 10_000_000) or topic in ("/testbed", "/plan", "/controller_status"):
+                writer.write(topic, kind, data, stamp)
+    assert f"compared were ticks {words}" in resim(tmp_path / "bag").missing

@@ -1,0 +1,132 @@
+"""A log is data: what code it names runs only when its reader says so."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from flexslew_control.controllers.user_law import find_law
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.log.cdr import encode
+from flexslew_lab.replay.check import check
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.trial import parse_trial
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Untrusted, code_hash, file_of, only_trusted
+
+LAW = """
+from pathlib import Path
+
+Path({traces!r}).touch()
+
+
+class MyLaw:
+    def __init__(self, settings, period, effort_limit):
+        Path({traces!r}).touch()  # a module that is loaded already is not run again
+        self.gain = {gain}
+
+    def update(self, measurement, estimate, reference):
+        return self.gain * (reference.position - measurement.joint_position)
+"""
+TRIAL = """
+name: own
+duration: 1.0
+plan: {{method: reference_only, goal: {{base_yaw: 0.01, hub_pitch: 0.0}}, duration: 0.5}}
+controllers: {{mine: {{law: "{law}"}}}}
+active: mine
+"""
+
+
+@pytest.fixture
+def own(tmp_path):
+    """Return a log of a law from a file, the law's name, and the file that grows when it runs."""
+    file, traces = tmp_path / "my_law.py", tmp_path / "traces"
+    file.write_text(LAW.format(traces=str(traces), gain=10.0))
+    law = f"{file}:MyLaw"
+    trial = parse_trial(TRIAL.format(law=law), "test")
+    run_trial(trial, "test", tmp_path / "run", in_process=True, report=False)
+    traces.unlink()
+    return tmp_path / "run" / "bag", law, traces
+
+
+@pytest.mark.parametrize("action", [resim, lambda bag: check(bag, "mine")], ids=["resim", "check"])
+def test_a_law_that_a_log_names_is_refused_with_its_path_and_hash(own, action):
+    bag, law, traces = own
+    with pytest.raises(Untrusted) as refused:
+        action(bag)
+    words = str(refused.value)
+    assert law in words
+    assert f"SHA-256 {code_hash(law)}" in words
+    assert "it is the file that was recorded" in words
+    assert f"--trust {law}" in words
+    assert "\n" not in words
+    assert not traces.exists()
+
+
+@pytest.mark.parametrize("trusted", ["its name", "all"])
+def test_a_trusted_law_runs(own, trusted):
+    bag, law, traces = own
+    names = [law] if trusted == "its name" else ["all"]
+    assert resim(bag, trusted=names).identical
+    assert check(bag, "mine", trusted=names).ok
+    assert traces.exists()
+
+
+def test_to_trust_another_name_is_not_enough(own):
+    bag, _, traces = own
+    with pytest.raises(Untrusted):
+        resim(bag, trusted=["other.py:MyLaw"])
+    assert not traces.exists()
+
+
+def test_a_law_that_has_changed_is_said_before_and_after_it_runs(own):
+    bag, law, traces = own
+    recorded = code_hash(law)
+    file = file_of(law)
+    file.write_text(LAW.format(traces=str(traces), gain=11.0))
+    with pytest.raises(Untrusted, match=f"NOT the file that was recorded.* {recorded}"):
+        resim(bag)
+    again = resim(bag, trusted=["all"])
+    assert again.changed_code == {law: (recorded, code_hash(law))}
+    assert not again.identical
+    assert check(bag, "mine", trusted=["all"]).changed_code == again.changed_code
+
+
+def test_the_log_holds_the_hash_in_its_trial_and_in_the_status(own):
+    bag, law, _ = own
+    reader = BagReader(bag)
+    assert json.loads(reader.metadata["own_code"]) == {law: code_hash(law)}
+    assert code_hash(law) in reader.overview.statuses["mine"].settings
+
+
+@pytest.mark.parametrize("law", ["os.Popen", "antigravity.Any", "evil.py:Law"])
+def test_a_controller_that_is_not_in_the_trial_names_no_code_either(own, tmp_path, law):
+    bag, mine, _ = own
+    reader = BagReader(bag)
+    kind = TOPICS["/controller_status"].type
+    status = {"controller": "stranger", "law": law, "settings": "{}"}
+    with BagWriter(tmp_path / "other", reader.metadata) as writer:
+        writer.write("/controller_status", kind, encode(kind, status), 0)
+        for topic, name, stamp, _, data in reader.messages():
+            writer.write(topic, name, data, stamp)
+    with pytest.raises(Untrusted, match=f"refused to run {law}"):
+        resim(tmp_path / "other", trusted=[mine])
+
+
+def test_a_testbed_of_the_readers_own_is_code_too(tmp_path):
+    text = "duration: 1.0\ntestbed: {kind: 'mine.py:Testbed'}\ncontrollers: {pd_feedforward: {}}\n"
+    with BagWriter(tmp_path / "bag", {"trial": text}) as writer:
+        kind = TOPICS["/clock"].type
+        writer.write("/clock", kind, encode(kind, {}), 0)
+    with pytest.raises(BadInput, match=r"mine\.py:Testbed"):
+        resim(tmp_path / "bag")
+
+
+def test_blocks_of_trust_do_not_widen_each_other():
+    with only_trusted(["a.A"]), only_trusted(["all"]), pytest.raises(Untrusted):
+        find_law("b.B", "test")
+    path = Path(__file__)
+    assert file_of(f"{path}:Anything") == path
