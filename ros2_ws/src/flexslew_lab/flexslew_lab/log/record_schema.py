@@ -78,6 +78,13 @@ class SwitchRequested(TypedDict):
 
 
 @_more_keys
+class Reset(TypedDict, total=False):
+    """The bench is back at tick 0, in another epoch."""
+
+    from_tick: Count
+
+
+@_more_keys
 class FaultEnded(TypedDict):
     """An operator wants a fault to end."""
 
@@ -123,6 +130,7 @@ EVENTS: dict[str, TypeAdapter[Any]] = {
     "injected": TypeAdapter(Injected),
     "switch_requested": TypeAdapter(SwitchRequested),
     "switch_dropped": TypeAdapter(Dropped),
+    "reset": TypeAdapter(Reset),
     "fault_ended": TypeAdapter(FaultEnded),
     "brake_requested": TypeAdapter(BrakeRequested),
     "tuned": TypeAdapter(Tuned),

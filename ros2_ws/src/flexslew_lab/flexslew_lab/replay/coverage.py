@@ -4,7 +4,7 @@ from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.trial.trial import Trial
 
-_LAST_WORDS = ("finished", "interrupted")  # events with which the plant ends
+_LAST_WORDS = ("finished", "interrupted", "not_finite")  # events with which the plant ends
 
 
 def missing_part(bag: BagReader, trial: Trial, first: int, last: int, gaps: int) -> str:
