@@ -32,8 +32,9 @@ from flexslew_plant.bench.records import Truth as Truth
 from flexslew_plant.bench.schedule import ScheduleEntry, injected_entry, require_allowed
 from flexslew_plant.bench.sensors import Readings, Sensors
 from flexslew_plant.errors import BadInput
-from flexslew_plant.faults.injection import Fate, Faults
-from flexslew_plant.faults.kinds import Names, Timed, check_fault
+from flexslew_plant.faults import Names, Timed, check_fault
+from flexslew_plant.faults.effects import Fate
+from flexslew_plant.faults.injection import Faults
 from flexslew_plant.settings import plain, yaml_text
 from flexslew_plant.testbeds import initial_state
 

@@ -6,7 +6,7 @@ from pydantic import model_validator
 
 from flexslew_plant.bench.disturbances import Disturbance
 from flexslew_plant.errors import BadInput
-from flexslew_plant.faults.kinds import Fault
+from flexslew_plant.faults import FaultSettings
 from flexslew_plant.settings import NonNegative, load_yaml, section, validated
 
 
@@ -18,7 +18,7 @@ class ScheduleEntry:
     until: NonNegative | None = None  # end of a disturbance or fault [s]; None: end of the run
     switch: str | None = None  # controller to hand the bench to
     disturbance: Disturbance | None = None  # effort on joints by name: constant, sine or pulse
-    fault: Fault | None = None  # what breaks; the trial must allow it
+    fault: FaultSettings | None = None  # what breaks; the trial must allow it
 
     @model_validator(mode="after")
     def _one_thing(self) -> "ScheduleEntry":

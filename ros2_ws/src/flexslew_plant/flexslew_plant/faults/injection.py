@@ -1,7 +1,6 @@
 """The faults at work: between drive and motors, sensors and question, answer and drive."""
 
-from collections import deque
-from enum import Enum
+from functools import partial
 from typing import Any, NamedTuple
 from zlib import crc32
 
@@ -10,31 +9,8 @@ import numpy as np
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.bench.sensors import Readings
-from flexslew_plant.faults.kinds import (
-    ActuatorGain,
-    ActuatorStuck,
-    CommandDelay,
-    CommandDuplicated,
-    CommandLate,
-    CommandLost,
-    CommandReordered,
-    ControllerSilent,
-    Names,
-    SensorBias,
-    SensorDropout,
-    SensorFault,
-    SensorFreeze,
-    Timed,
-)
-
-
-class Fate(Enum):
-    """What becomes of an answer on its way to the drive."""
-
-    ARRIVES = "arrives"
-    LOST = "lost"
-    LATE = "late"
-    OVERTAKEN = "overtaken"
+from flexslew_plant.faults import Timed
+from flexslew_plant.faults.effects import Effect, Fate, Names, Situation
 
 
 class Switched(NamedTuple):
@@ -67,13 +43,12 @@ class Faults:
         self._names, self._seed, self._epoch = names, seed, epoch
         self._waiting = list(timed)
         self._acting: list[Timed] = []
-        self._frozen: dict[int, Vector] = {}  # by the identity of an acting fault
-        self._delayed: dict[int, deque[Vector]] = {}
+        self._effects: dict[int, Effect] = {}  # by the identity of an acting fault
         self._ends: dict[int, int] = {}  # set by an operator, by the identity of a fault
         self._late: list[_Delayed] = []
+        self._tick = 0
         self._last_demand: Vector = np.zeros(len(names.joints))
         self._last_effort: Vector = np.zeros(len(names.joints))
-        self._tick = 0
 
     def add(self, timed: Timed) -> None:
         """Let one more fault act at its time."""
@@ -96,35 +71,24 @@ class Faults:
             self._acting = [t for t in self._acting if id(t) not in over] + begun
             self._waiting = [t for t in self._waiting if tick < t.start]
             for timed in ended:
-                self._frozen.pop(id(timed), None)
-                self._delayed.pop(id(timed), None)
+                self._effects.pop(id(timed), None)
+            for timed in begun:
+                self._effects[id(timed)] = timed.fault.begin(self._situation(timed))
         return [Switched(t, False) for t in ended] + [Switched(t, True) for t in begun]
 
     def read(self, readings: Readings) -> Readings:
         """Return what the question says instead of what the sensors read."""
-        for timed in self._acting:
-            if isinstance(timed.fault, SensorFault):
-                channel = timed.fault.channel
-                wrong = self._wrong(timed, getattr(readings, channel))
-                readings = readings._replace(**{channel: wrong})
+        for effect in self._active:
+            if effect.read is not None:
+                readings = effect.read(readings)
         return readings
 
     def fate(self, command: EffortCommand) -> Fate:
         """Return what becomes of the answer of this tick; what reaches the drive later is kept."""
-        for timed in self._acting:
-            match timed.fault:
-                case ControllerSilent(controller=name) if name == command.controller:
-                    return Fate.LOST
-                case CommandLost() if self._happens(timed):
-                    return Fate.LOST
-                case CommandLate(ticks=ticks) if self._happens(timed):
-                    self._late.append(_Delayed(self._tick + ticks, True, command))
-                    return Fate.LATE
-                case CommandReordered() if self._happens(timed):
-                    self._late.append(_Delayed(self._tick + 1, False, command))
-                    return Fate.OVERTAKEN
-                case CommandDuplicated() if self._happens(timed):
-                    self._late.append(_Delayed(self._tick + 1, True, command))
+        for effect in self._active:
+            fate = Fate.ARRIVES if effect.fate is None else effect.fate(command)
+            if fate is not Fate.ARRIVES:
+                return fate
         return Fate.ARRIVES
 
     def old_answers(self, first: bool) -> list[EffortCommand]:
@@ -141,52 +105,40 @@ class Faults:
 
     def demand(self, demand: Vector) -> Vector:
         """Return what reaches the motors instead of what the drive asks for."""
-        before, self._last_demand = self._last_demand, demand
-        for timed in self._acting:
-            match timed.fault:
-                case CommandDelay(ticks=ticks):
-                    queue = self._delayed.setdefault(id(timed), deque([before] * ticks))
-                    queue.append(demand)
-                    demand = queue.popleft()
-                case ActuatorGain(joint=joint, gain=gain):
-                    share = np.ones(len(demand))
-                    share[self._names.joints.index(joint)] = gain
-                    demand = demand * share
+        self._last_demand = demand
+        for effect in self._active:
+            if effect.demand is not None:
+                demand = effect.demand(demand)
         return demand
 
     def effort(self, effort: Vector) -> Vector:
         """Return what the motors give instead of what they would."""
-        for timed in self._acting:
-            match timed.fault:
-                case ActuatorStuck(joint=joint, effort=stuck):
-                    k = self._names.joints.index(joint)
-                    effort = effort.copy()
-                    effort[k] = self._last_effort[k] if stuck is None else stuck
+        for effect in self._active:
+            if effect.effort is not None:
+                effort = effect.effort(effort)
         self._last_effort = effort
         return effort
 
-    def _wrong(self, timed: Timed, reading: Vector) -> Vector:
-        fault: Any = timed.fault
-        chosen = slice(None)
-        if fault.of is not None:
-            k = self._names.of(fault.channel).index(fault.of)
-            chosen = slice(k, k + 1)
-        wrong = reading.copy()
-        match fault:
-            case SensorBias(bias=bias):
-                wrong[chosen] += bias
-            case SensorFreeze():
-                wrong[chosen] = self._frozen.setdefault(id(timed), reading)[chosen]
-            case SensorDropout():
-                if self._happens(timed):
-                    wrong[chosen] = 0.0
-            case _:
-                wrong[chosen] = np.nan
-        return wrong
+    @property
+    def _active(self) -> list[Effect]:
+        return [self._effects[id(timed)] for timed in self._acting]
 
-    def _happens(self, timed: Timed) -> bool:
+    def _situation(self, timed: Timed) -> Situation:
+        """Return what a fault sees of the bench when it sets in."""
+        return Situation(
+            self._names,
+            partial(self._happens, timed),
+            self._deliver_later,
+            self._last_demand,
+            self._last_effort,
+        )
+
+    def _deliver_later(self, command: EffortCommand, ticks: int, first: bool) -> None:
+        self._late.append(_Delayed(self._tick + ticks, first, command))
+
+    def _happens(self, timed: Timed, probability: float) -> bool:
         """Return whether chance strikes at this tick."""
         fault: Any = timed.fault
         key = (self._seed, self._epoch, timed.start, crc32(fault.kind.encode()), fault.seed)
         draw = np.random.default_rng((*key, self._tick)).random()
-        return bool(draw < fault.probability)
+        return bool(draw < probability)

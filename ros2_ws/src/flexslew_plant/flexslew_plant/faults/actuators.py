@@ -1,0 +1,74 @@
+"""Faults of the motors."""
+
+from collections import deque
+from typing import Literal
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.faults.effects import Effect, Names, Situation, Subject, Ticks
+from flexslew_plant.settings import section
+
+
+@section
+class ActuatorStuck:
+    """A motor holds one effort whatever it is asked for."""
+
+    kind: Literal["actuator_stuck"] = "actuator_stuck"
+    joint: str
+    effort: float | None = None  # [N m or N]; null: the last one before the fault
+
+    def subject(self, names: Names) -> Subject:
+        """Return the joint."""
+        return Subject("joint", self.joint, names.joints)
+
+    def begin(self, situation: Situation) -> Effect:
+        """Return the effect on what the motors give."""
+        k = situation.names.joints.index(self.joint)
+
+        def effort(given: Vector) -> Vector:
+            stuck = given.copy()
+            stuck[k] = situation.effort[k] if self.effort is None else self.effort
+            return stuck
+
+        return Effect(effort=effort)
+
+
+@section
+class ActuatorGain:
+    """A motor gives a multiple of what it is asked for, within its limit."""
+
+    kind: Literal["actuator_gain"] = "actuator_gain"
+    joint: str
+    gain: float  # [-]; 1 is healthy, 0 is dead, -1 is wired the wrong way round
+
+    def subject(self, names: Names) -> Subject:
+        """Return the joint."""
+        return Subject("joint", self.joint, names.joints)
+
+    def begin(self, situation: Situation) -> Effect:
+        """Return the effect on what reaches the motors."""
+        share = np.ones(len(situation.names.joints))
+        share[situation.names.joints.index(self.joint)] = self.gain
+        return Effect(demand=lambda demand: demand * share)
+
+
+@section
+class CommandDelay:
+    """Every effort reaches the motors some ticks after the drive has let it go."""
+
+    kind: Literal["command_delay"] = "command_delay"
+    ticks: Ticks
+
+    def subject(self, names: Names) -> None:
+        """Nothing that a testbed could lack."""
+
+    def begin(self, situation: Situation) -> Effect:
+        """Return the effect on what reaches the motors."""
+        queue = deque([situation.demand] * self.ticks)
+
+        def demand(asked: Vector) -> Vector:
+            queue.append(asked)
+            return queue.popleft()
+
+        return Effect(demand=demand)

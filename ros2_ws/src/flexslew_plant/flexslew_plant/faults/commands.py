@@ -1,0 +1,113 @@
+"""Faults of the answers on their way to the drive."""
+
+from typing import Literal
+
+from flexslew_plant.bench.measurement import EffortCommand
+from flexslew_plant.faults.effects import Effect, Fate, Names, Seed, Situation, Ticks
+from flexslew_plant.settings import Probability, section
+
+
+@section
+class CommandLost:
+    """Answers vanish on their way to the drive: a missed tick each."""
+
+    kind: Literal["command_lost"] = "command_lost"
+    probability: Probability = 1.0  # of each tick
+    seed: Seed = 0  # beside the trial's
+
+    def subject(self, names: Names) -> None:
+        """Nothing that a testbed could lack."""
+
+    def begin(self, situation: Situation) -> Effect:
+        """Return the effect on an answer."""
+        return Effect(
+            fate=lambda _: Fate.LOST if situation.happens(self.probability) else Fate.ARRIVES
+        )
+
+
+@section
+class CommandLate:
+    """Answers reach the drive after their tick is over: a missed tick and a stale answer each."""
+
+    kind: Literal["command_late"] = "command_late"
+    probability: Probability = 1.0
+    ticks: Ticks = 1  # how late
+    seed: Seed = 0
+
+    def subject(self, names: Names) -> None:
+        """Nothing that a testbed could lack."""
+
+    def begin(self, situation: Situation) -> Effect:
+        """Return the effect on an answer."""
+
+        def fate(command: EffortCommand) -> Fate:
+            if not situation.happens(self.probability):
+                return Fate.ARRIVES
+            situation.deliver_later(command, self.ticks, True)
+            return Fate.LATE
+
+        return Effect(fate=fate)
+
+
+@section
+class CommandDuplicated:
+    """Answers arrive in time, and a copy of each a tick later."""
+
+    kind: Literal["command_duplicated"] = "command_duplicated"
+    probability: Probability = 1.0
+    seed: Seed = 0
+
+    def subject(self, names: Names) -> None:
+        """Nothing that a testbed could lack."""
+
+    def begin(self, situation: Situation) -> Effect:
+        """Return the effect on an answer."""
+
+        def fate(command: EffortCommand) -> Fate:
+            if situation.happens(self.probability):
+                situation.deliver_later(command, 1, True)
+            return Fate.ARRIVES
+
+        return Effect(fate=fate)
+
+
+@section
+class CommandReordered:
+    """Answers are overtaken by their successor: a missed tick, then a stale answer behind it."""
+
+    kind: Literal["command_reordered"] = "command_reordered"
+    probability: Probability = 1.0
+    seed: Seed = 0
+
+    def subject(self, names: Names) -> None:
+        """Nothing that a testbed could lack."""
+
+    def begin(self, situation: Situation) -> Effect:
+        """Return the effect on an answer."""
+
+        def fate(command: EffortCommand) -> Fate:
+            if not situation.happens(self.probability):
+                return Fate.ARRIVES
+            situation.deliver_later(command, 1, False)
+            return Fate.OVERTAKEN
+
+        return Effect(fate=fate)
+
+
+@section
+class ControllerSilent:
+    """No answer of a controller reaches the drive."""
+
+    kind: Literal["controller_silent"] = "controller_silent"
+    controller: str
+
+    def subject(self, names: Names) -> None:
+        """Nothing that a testbed could lack."""
+
+    def begin(self, situation: Situation) -> Effect:
+        """Return the effect on an answer."""
+        return Effect(
+            fate=lambda command: (
+                Fate.LOST if command.controller == self.controller else Fate.ARRIVES
+            )
+        )

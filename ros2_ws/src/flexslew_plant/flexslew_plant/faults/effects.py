@@ -1,0 +1,83 @@
+"""The contract of a fault: a section of the schedule, and what it does while it acts."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Annotated, Any, NamedTuple, Protocol
+
+from pydantic import Field
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.measurement import EffortCommand
+from flexslew_plant.bench.sensors import Readings
+
+Ticks = Annotated[int, Field(ge=1, le=10_000)]
+Seed = Annotated[int, Field(ge=0)]
+
+
+class Fate(Enum):
+    """What becomes of an answer on its way to the drive."""
+
+    ARRIVES = "arrives"
+    LOST = "lost"
+    LATE = "late"
+    OVERTAKEN = "overtaken"
+
+
+class Names(NamedTuple):
+    """What a fault can be about on one testbed."""
+
+    joints: tuple[str, ...]
+    appendages: tuple[str, ...]
+
+    def of(self, channel: str) -> tuple[str, ...]:
+        """Return who has a sensor of this channel."""
+        return self.joints if channel.startswith("joint") else self.appendages
+
+
+class Subject(NamedTuple):
+    """What a fault is about: the key and the name in its section, and the names that there are."""
+
+    key: str
+    name: str
+    known: tuple[str, ...]
+
+
+@dataclass
+class Situation:
+    """What a fault sees of the bench while it acts.
+
+    Args:
+        names: joints and appendages of the testbed.
+        happens: draws whether chance strikes at this tick, for a probability.
+        deliver_later: hands an answer to the drive some ticks later, before or behind that tick's
+            own answer.
+        demand, effort: what was last asked of the motors, and what they last gave, (joints,).
+    """
+
+    names: Names
+    happens: Callable[[float], bool]
+    deliver_later: Callable[[EffortCommand, int, bool], None]
+    demand: Vector
+    effort: Vector
+
+
+class Effect(NamedTuple):
+    """What a fault does while it acts: only what is given."""
+
+    read: Callable[[Readings], Readings] | None = None  # what the question says of the readings
+    fate: Callable[[EffortCommand], Fate] | None = None  # what becomes of an answer
+    demand: Callable[[Vector], Vector] | None = None  # what reaches the motors of a demand
+    effort: Callable[[Vector], Vector] | None = None  # what the motors give of an effort
+
+
+class Fault(Protocol):
+    """A section `fault` of a schedule entry."""
+
+    kind: Any
+
+    def subject(self, names: Names) -> Subject | None:
+        """Return what it is about by name; None: nothing that a testbed could lack."""
+
+    def begin(self, situation: Situation) -> Effect:
+        """Return what it does from now on, until it ends."""
