@@ -19,6 +19,7 @@ from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbe
 from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
 from flexslew_plant.testbeds.model import Appendages as Appendages
 from flexslew_plant.testbeds.model import Model as Model
+from flexslew_plant.testbeds.varying_oscillator import VaryingOscillatorTestbed
 
 GROUP = "flexslew.testbeds"  # of the entry points of installed packages
 DEFAULT = "csa"  # where `kind` is left out
@@ -27,6 +28,7 @@ TESTBEDS: dict[str, type[Any]] = {
     "csa": CsaTestbed,
     "floating_oscillator": FloatingOscillatorTestbed,
     "hub_with_appendages": HubTestbed,
+    "varying_oscillator": VaryingOscillatorTestbed,
 }
 
 
@@ -56,6 +58,7 @@ else:
         Annotated[CsaTestbed, Tag("csa")]
         | Annotated[FloatingOscillatorTestbed, Tag("floating_oscillator")]
         | Annotated[HubTestbed, Tag("hub_with_appendages")]
+        | Annotated[VaryingOscillatorTestbed, Tag("varying_oscillator")]
         | Annotated[Any, PlainValidator(_own), Tag("own")],
         Discriminator(_kind),
     ]

@@ -82,6 +82,7 @@ class Model:
         actuators: how many efforts; None: one per joint.
         scale_stiffness: from packed and a factor to packed with all stiffness times the factor,
             damping ratios kept; None: it cannot be scaled.
+        time_varying: whether M, h or B depend on time.
     """
 
     kernels: Kernels
@@ -92,6 +93,7 @@ class Model:
     appendages: Appendages
     actuators: int | None = None
     scale_stiffness: Callable[[Vector, float], Vector] | None = None
+    time_varying: bool = False
 
     @cached_property
     def joints(self) -> int:

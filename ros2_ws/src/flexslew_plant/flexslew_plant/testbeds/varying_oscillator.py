@@ -1,0 +1,131 @@
+"""A loaded oscillator whose stiffness varies with time: the plainest plant that does.
+
+Example 3 of Kwak's dissertation on retargeting antennas (chapter 3):
+    m u'' + d u' + (k + k_a sin(2 pi f t)) u = force + load.
+"""
+
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.model import Appendages, Model
+from flexslew_plant.testbeds.scene import Scene, slider
+
+JOINTS = ("mass",)
+# where the packed parameters lie
+_MASS, _DAMPING, _STIFFNESS, _SWING, _RATE, _LOAD = 0, 1, 2, 3, 4, 5
+
+
+@section
+class VaryingOscillatorParameters:
+    """The numbers of Example 3."""
+
+    mass: Positive = 1.0  # m [kg]
+    stiffness: Positive = 100.0  # k [N/m]
+    stiffness_swing: NonNegative = 10.0  # k_a [N/m]
+    frequency: NonNegative = 1.0  # f [Hz]
+    load: float = 100.0  # constant [N]
+
+
+@section
+class VaryingOscillatorInitial:
+    """Where the mass rests at the start."""
+
+    mass: float = 0.0  # u(0) [m]
+
+
+@section
+class VaryingOscillatorTestbed:
+    """The `testbed` section for kind varying_oscillator."""
+
+    kind: Literal["varying_oscillator"] = "varying_oscillator"
+    modes: Literal[0] = 0
+    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0  # at the mean stiffness [-]
+    parameters: VaryingOscillatorParameters = VaryingOscillatorParameters()
+    initial: VaryingOscillatorInitial = VaryingOscillatorInitial()
+    effort_limit: tuple[Positive] = (1000.0,)  # [N]
+
+    set_point: ClassVar[dict[str, float]] = {}
+    typical_goal: ClassVar[dict[str, float]] = {"mass": 0.0}
+    simplified: ClassVar[dict[str, Any]] = {}
+
+    def model(self) -> Model:
+        """Return the equations of motion."""
+        nothing = np.zeros((0, 0))
+        appendages = Appendages((), nothing, nothing)
+        return Model(
+            KERNELS,
+            packed(self),
+            JOINTS,
+            ("m",),
+            0,
+            appendages,
+            scale_stiffness=stiffened,
+            time_varying=self.parameters.stiffness_swing > 0.0,
+        )
+
+    def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "VaryingOscillatorTestbed":
+        """Return it with another stiffness, its swing included, as a factor [-].
+
+        Raises:
+            BadInput: another payload is asked for.
+        """
+        if payload != 1.0:
+            raise BadInput(f"payload: {payload:g} is not allowed: {self.kind} carries none")
+        p = self.parameters
+        other = replace(
+            p, stiffness=p.stiffness * stiffness, stiffness_swing=p.stiffness_swing * stiffness
+        )
+        return replace(self, parameters=other)
+
+    def scene(self) -> Scene:
+        """Return how it is drawn."""
+        drawn = slider(self.kind, JOINTS[0], 0.3, 2.0)
+        return drawn._replace(lines=lambda q: [], line_frames=())
+
+
+def packed(testbed: VaryingOscillatorTestbed) -> Vector:
+    """Return [m, d, k, k_a, 2 pi f, load], shape (6,)."""
+    p = testbed.parameters
+    damping = 2.0 * testbed.damping_ratio * np.sqrt(p.stiffness * p.mass)
+    rate = 2.0 * np.pi * p.frequency
+    return np.array([p.mass, damping, p.stiffness, p.stiffness_swing, rate, p.load])
+
+
+def stiffened(p: Vector, factor: float) -> Vector:
+    """Return the packed parameters with the stiffness and its swing times factor [-]."""
+    scaled = p.copy()
+    scaled[_STIFFNESS] *= factor
+    scaled[_SWING] *= factor
+    scaled[_DAMPING] *= np.sqrt(factor)
+    return scaled
+
+
+def terms(
+    p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
+) -> None:
+    """Write M and h(q, v, t) of M a + h = B u; see kernels.Kernels for the arguments."""
+    stiffness = p[_STIFFNESS] + p[_SWING] * np.sin(p[_RATE] * t)
+    joints[0, 0] = p[_MASS]
+    bias[0] = stiffness * x[0] + p[_DAMPING] * x[1] - p[_LOAD]
+
+
+def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
+    """Write the partial derivatives of M a + h at fixed a."""
+    dq[0, 0] = p[_STIFFNESS] + p[_SWING] * np.sin(p[_RATE] * t)
+    dv[0, 0] = p[_DAMPING]
+
+
+def potential(p: Vector, t: float, q: Vector) -> float:
+    """Return the energy of spring and load [J]."""
+    stiffness = p[_STIFFNESS] + p[_SWING] * np.sin(p[_RATE] * t)
+    return float(0.5 * stiffness * q[0] ** 2 - p[_LOAD] * q[0])
+
+
+KERNELS = Kernels(terms, residual_jacobian, potential)
