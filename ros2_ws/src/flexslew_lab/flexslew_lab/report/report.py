@@ -223,8 +223,18 @@ def _subtitle(run: RunData) -> str:
         f"{testbed.kind} testbed, {testbed.modes} modes" if testbed else "",
         f"{m['duration']:g} s simulated in {m['ticks']} ticks",
         f"{m['wall_time']:.3g} s on the wall clock" if m["wall_time"] else "",
+        *_beliefs(run),
     ]
     return " · ".join(part for part in parts if part)
+
+
+def _beliefs(run: RunData) -> list[str]:
+    """Return what the last plan believes differently from the bench, if it says so."""
+    if not run.overview.plans:
+        return []
+    summary = yaml.safe_load(run.overview.plans[-1].summary) or {}
+    words = summary.get("believes", "") if isinstance(summary, dict) else ""
+    return [f"the plan believes: {words}"] if words else []
 
 
 def _provenance(run: RunData) -> dict[str, Any]:
