@@ -62,3 +62,10 @@ def test_files_of_the_source_tree_that_a_page_names_exist() -> None:
 
 def test_the_readme_stays_short() -> None:
     assert len((ROOT / "README.md").read_text().splitlines()) <= 120
+
+
+def test_every_page_is_in_the_navigation_of_the_site() -> None:
+    navigation = (ROOT / "mkdocs.yml").read_text().partition("\nnav:")[2]
+    docs = ROOT / "docs"
+    for page in [*docs.rglob("*.md"), *(docs / "notebooks").glob("*.py")]:
+        assert f" {page.relative_to(docs)}\n" in navigation, page
