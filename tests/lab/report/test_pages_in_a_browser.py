@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from tests.browser import Browser, chromium, looked_at
+from tests.plants import plant
 
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.report.report import write_plan, write_report
@@ -43,7 +44,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory, bag: Path) -> dict[str, Path
     trial = parse_trial(TRIAL, "t.yaml")
     run = run_trial(trial, "t.yaml", folder / "run", in_process=True, report=False).folder / "bag"
     settings = plan_settings({"method": "reference_only"}, "t.yaml")
-    plan = make_plan(settings, 0.01, (150.0, 150.0))
+    plan = make_plan(settings, plant())
     return {
         "one": write_report([run], folder / "one.html"),
         "compared": write_report([bag], folder / "compared.html", comparison=run),
