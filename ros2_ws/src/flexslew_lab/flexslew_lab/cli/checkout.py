@@ -1,4 +1,4 @@
-"""Subcommands of a checkout: measure the speed, run the tests."""
+"""Subcommands that need a checkout: benchmarks and tests."""
 
 import json
 import subprocess
@@ -21,7 +21,7 @@ def bench(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Measure the speed, each figure beside a floor of the same run.
+    """Run the benchmarks, each figure with a reference floor measured in the same run.
 
     `day`, memory and reading over a run of FLEXSLEW_BENCH_HOURS (24), is measured only when named.
 
@@ -64,7 +64,7 @@ def _figures_of(name: str, path: Path) -> dict[str, float]:
 
 
 def test(context: typer.Context) -> None:
-    """Run the tests; what follows goes to pytest.
+    """Run the tests; all arguments are passed on to pytest.
 
     Example: `./flexslew test tests/plant -k energy`
     """
@@ -77,4 +77,4 @@ def _root() -> Path:
     for folder in Path(__file__).resolve().parents:
         if (folder / "benchmarks").is_dir() and (folder / "tests").is_dir():
             return folder
-    raise BadInput("tests and benchmarks are in the source tree; call ./flexslew of a checkout")
+    raise BadInput("tests and benchmarks are in the source tree; run ./flexslew in a checkout")

@@ -1,4 +1,4 @@
-"""Subcommands about logs: look, check, mend, export."""
+"""Subcommands for logs: info, check, recover, export."""
 
 import json
 from pathlib import Path
@@ -9,16 +9,16 @@ import typer
 from flexslew_lab.cli.terminal import print_table, say
 from flexslew_lab.trial.outputs import writable_folder
 
-log = typer.Typer(no_args_is_help=True, help="Look into bags, check, mend and export them.")
+log = typer.Typer(no_args_is_help=True, help="Inspect, check, recover and export bags.")
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Bag = Annotated[Path, typer.Argument(help="Folder of a run, a bag, or an .mcap file.")]
-Out = Annotated[Path | None, typer.Option(help="Folder of the new bag; else in place.")]
+Out = Annotated[Path | None, typer.Option(help="Folder of the new bag; default: in place.")]
 
 
 @log.command()
 def info(bag: Bag, as_json: Json = False) -> None:
-    """Say what a bag holds: topics, plans, controllers, events, how it was recorded.
+    """Show what a bag holds: topics, plans, controllers, events, how it was recorded.
 
     Example: `./flexslew log info runs/m1-20260101-120000`
     """
@@ -41,13 +41,13 @@ def info(bag: Bag, as_json: Json = False) -> None:
     ]
     rows += [(f"  {e['time']:.2f} s", f"{e['kind']}: {e['message']}") for e in found["events"][:40]]
     if len(found["events"]) > 40:
-        rows.append(("", f"... and {len(found['events']) - 40} events more, see --json"))
+        rows.append(("", f"... and {len(found['events']) - 40} more events, see --json"))
     print_table(("", bag.name), rows)
 
 
 @log.command("check")
 def check_bag(bag: Bag, as_json: Json = False) -> None:
-    """Check a bag: checksums, gaps, clock, definitions, index. Exit code 1 if something is wrong.
+    """Check a bag: checksums, gaps, clock, definitions, index. The exit code is 1 on any error.
 
     Example: `./flexslew log check runs/m1-20260101-120000`
     """
@@ -58,7 +58,7 @@ def check_bag(bag: Bag, as_json: Json = False) -> None:
         print(json.dumps([finding._asdict() for finding in findings], indent=2))
     else:
         rows = [("ok" if f.ok else "WRONG", f.what, f.detail) for f in findings]
-        print_table(("", "looked at", "found"), rows)
+        print_table(("", "checked", "result"), rows)
     demand(all(finding.ok for finding in findings))
 
 
@@ -94,9 +94,9 @@ def export(
 
 @log.command()
 def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
-    """Make a bag whole after a kill, a full disk or a cut, and say what is missing.
+    """Repair a bag after a crash, a full disk or a truncated copy, and report what is missing.
 
-    In place unless --out names a folder; the old file stays beside it as `*.damaged`.
+    In place unless --out names a folder; the old file is kept as `*.damaged`.
 
     Example: `./flexslew recover runs/m1-20260101-120000`
     """

@@ -1,4 +1,4 @@
-"""The command line: one subcommand a task, machine-readable output under --json."""
+"""The command line: one subcommand per task, machine-readable output with --json."""
 
 import json
 import math
@@ -41,7 +41,7 @@ TrialFile = Annotated[
 ]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", help="key.path=value instead of the file's; again and again."),
+    typer.Option("--set", help="key.path=value, replaces the file's; may be repeated."),
 ]
 Bags = Annotated[list[Path], typer.Argument(help="Folders of runs, or bags.")]
 
@@ -51,12 +51,14 @@ def trial(
     file: TrialFile = None,
     sets: Sets = None,
     in_process: Annotated[
-        bool, typer.Option("--in-process", help="Without ROS: same ticks, same bits.")
+        bool, typer.Option("--in-process", help="Without ROS: the same ticks and bits.")
     ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
-    no_report: Annotated[bool, typer.Option("--no-report", help="Leave out report.html.")] = False,
+    no_report: Annotated[
+        bool, typer.Option("--no-report", help="Do not write report.html.")
+    ] = False,
     rate: Annotated[
-        float | None, typer.Option(help="Instead of the file's rate_factor; 1 is real time.")
+        float | None, typer.Option(help="Replaces the file's rate_factor; 1 is real time.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -74,7 +76,7 @@ def trial(
     wanted, source = read_trial(file, sets)
     if rate is not None:
         if not 0.0 <= rate < math.inf:
-            raise BadInput(f"--rate: {rate} is not allowed: 0 is as fast as it goes, 1 real time")
+            raise BadInput(f"--rate: {rate} is not allowed: 0 is as fast as possible, 1 real time")
         wanted = replace(wanted, rate_factor=rate)
     with progress(wanted.name) as advance, patient(SOON if in_process else NODES):
         result = run_trial(wanted, source, out, in_process, not no_report, advance, say)
@@ -113,12 +115,12 @@ def trials(as_json: Json = False) -> None:
 def plan(
     file: TrialFile = None,
     sets: Sets = None,
-    method: Annotated[str | None, typer.Option(help="Instead of the file's plan.method.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Save the plan, YAML.")] = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw the plan, HTML.")] = None,
+    method: Annotated[str | None, typer.Option(help="Replaces the file's plan.method.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Save the plan as YAML.")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw the plan as HTML.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Plan the manoeuvre of a trial file without flying it.
+    """Plan the manoeuvre of a trial without flying it.
 
     Example: `./flexslew plan --out plan.yaml --figure plan.html`
     """
@@ -200,7 +202,7 @@ def compare(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Fly one manoeuvre with every planner on testbeds that differ from the planned one.
+    """Fly one manoeuvre with every planner, also on testbeds that differ from the model.
 
     Example: `./flexslew compare --out compare.html`
     """
@@ -227,7 +229,9 @@ def compare(
 @app.command()
 def reproduce(
     name: Annotated[str, typer.Argument(help="csa, ofc, pi or time-optimal.")],
-    figures: Annotated[Path | None, typer.Option(help="Draw the paper's figures, HTML.")] = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Draw the figures of the paper as HTML.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Compute a paper's numbers again: the printed value, an independent reference, and ours.
@@ -268,7 +272,7 @@ def _joint_units(wanted: "Trial") -> dict[str, str]:
 
 
 def _called() -> str:
-    """Return the command as it was typed: with pip it is on the PATH."""
+    """Return the command as it was typed; pip puts it on the PATH."""
     return "flexslew" if Path(sys.argv[0]).name == "flexslew" else "./flexslew"
 
 

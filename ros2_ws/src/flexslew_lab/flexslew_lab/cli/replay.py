@@ -1,4 +1,4 @@
-"""Subcommands that let a log run again: fly again, check a controller, play, show live."""
+"""Subcommands that replay a log: resimulate, check a controller, play; and the live view."""
 
 import json
 import os
@@ -26,7 +26,7 @@ Partial = Annotated[
 def resim(
     bag: Bag,
     elsewhere: Annotated[
-        bool, typer.Option(help="Recorded on another build or processor: accept its rounding.")
+        bool, typer.Option(help="Recorded on another build or processor: accept rounding.")
     ] = False,
     sets: Annotated[
         list[str] | None,
@@ -36,11 +36,11 @@ def resim(
     trust: Trust = None,
     as_json: Json = False,
 ) -> None:
-    """Fly a run again from nothing but its log and compare the trajectory.
+    """Simulate a run again from its log alone and compare the trajectory.
 
-    On the same build every bit must be the same, else the exit code is 1; with --elsewhere the
-    largest difference of each field may be 1e-9 of its largest magnitude. A law or a testbed from
-    a file or a module runs only if --trust names it.
+    The exit code is 1 unless every bit is the same; --elsewhere accepts a difference of each field
+    of up to 1e-9 of its largest magnitude. A law or a testbed from a file or a module runs only if
+    --trust names it.
 
     Example: `./flexslew resim runs/m1-20260101-120000`
     """
@@ -61,7 +61,7 @@ def resim(
             ("recorded", again.recorded_hash),
             ("again", again.hash),
             ("ticks", f"{again.ticks}"),
-            ("from the log", replayed or "no wish of an operator, no missed tick"),
+            ("from the log", replayed or "no request of an operator, no missed tick"),
             *((f"largest of {name}", f"{value:.3g}") for name, value in again.largest.items()),
             *(
                 (f"version of {n}", f"{a} there, {b} here")
@@ -81,19 +81,24 @@ def resim(
 
 def check(
     bag: Bag,
-    controller: Annotated[str, typer.Argument(help="Its name in the log; none: the first.")] = "",
-    law: Annotated[str | None, typer.Option(help="Instead of the recorded one.")] = None,
+    controller: Annotated[
+        str, typer.Argument(help="Its name in the log; default: the first.")
+    ] = "",
+    law: Annotated[str | None, typer.Option(help="Replaces the recorded one.")] = None,
     settings: Annotated[
-        list[str] | None, typer.Option("--set", help="key=value, YAML, instead of the recorded.")
+        list[str] | None,
+        typer.Option(
+            "--set", help="key=value in YAML, replaces the recorded one; may be repeated."
+        ),
     ] = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw the differences, HTML.")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Draw the differences as HTML.")] = None,
     partial: Partial = False,
     trust: Trust = None,
     as_json: Json = False,
 ) -> None:
-    """Feed recorded measurements into a controller and compare every number that it says.
+    """Feed recorded measurements to a controller and compare every number of its answers.
 
-    The exit code is 1 at the first number that is another one.
+    The exit code is 1 if any number differs.
 
     Example: `./flexslew check runs/m1-20260101-120000 pd_feedforward --set "kp=[461.0, 460.0]"`
     """
@@ -136,7 +141,7 @@ def check(
         print_table(columns, rows)
         print(
             f"{result.controller} ({result.law}): {result.ticks} answers compared, "
-            f"{result.only_recorded} only in the log, {result.only_ours} only here"
+            f"{result.only_recorded} only in the log, {result.only_ours} only from this controller"
         )
         if first is not None:
             print(
@@ -149,18 +154,26 @@ def check(
 
 def play(
     bag: Bag,
-    rate: Annotated[float, typer.Option(help="Of real time; 0: as fast as it goes.")] = 1.0,
-    start: Annotated[float, typer.Option(help="Simulated time to begin at [s].")] = 0.0,
-    duration: Annotated[float | None, typer.Option(help="Simulated [s].")] = None,
-    loop: Annotated[bool, typer.Option("--loop", help="Again and again.")] = False,
-    topics: Annotated[list[str] | None, typer.Option(help="Only these, again and again.")] = None,
-    remap: Annotated[list[str] | None, typer.Option(help="old:=new, again and again.")] = None,
-    clock: Annotated[float, typer.Option(help="Own /clock instead of the recorded [Hz].")] = 0.0,
+    rate: Annotated[
+        float, typer.Option(help="Speed relative to real time; 0: as fast as possible.")
+    ] = 1.0,
+    start: Annotated[float, typer.Option(help="Simulated time at which to begin [s].")] = 0.0,
+    duration: Annotated[float | None, typer.Option(help="How long, simulated [s].")] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="Start over at the end.")] = False,
+    topics: Annotated[
+        list[str] | None, typer.Option(help="Only this topic; may be repeated.")
+    ] = None,
+    remap: Annotated[list[str] | None, typer.Option(help="old:=new; may be repeated.")] = None,
+    clock: Annotated[
+        float, typer.Option(help="Generate /clock at this rate in place of the recorded one [Hz].")
+    ] = 0.0,
     pause: Annotated[bool, typer.Option("--pause", help="Wait for /play/resume.")] = False,
-    wait_for: Annotated[list[str] | None, typer.Option(help="Nodes that must listen.")] = None,
+    wait_for: Annotated[
+        list[str] | None, typer.Option(help="Node that must be listening first; may be repeated.")
+    ] = None,
     namespace: Annotated[str, typer.Option(help="Of the topics; none: as recorded.")] = "",
 ) -> None:
-    """Publish a bag on its topics again, in order, with its stamps.
+    """Publish the messages of a bag again, in order, with their stamps.
 
     Services: /play/pause, /play/resume (Trigger), /play/step (flexslew_msgs/Step) and /play/seek
     (flexslew_msgs/Seek).
@@ -190,10 +203,10 @@ def play(
 
 
 def live(
-    port: Annotated[int, typer.Option(help="On 127.0.0.1; 0: any free one.")] = 8765,
+    port: Annotated[int, typer.Option(help="Port on 127.0.0.1; 0: any free one.")] = 8765,
     namespace: Annotated[str, typer.Option(help="Of the bench, if it runs in one.")] = "",
 ) -> None:
-    """Show a running bench in the Foxglove app: a WebSocket server on this machine only.
+    """Show a running bench in the Foxglove app, over a WebSocket server on this machine only.
 
     Example: `./flexslew live`, then open ws://127.0.0.1:8765 in Foxglove
     """

@@ -1,4 +1,4 @@
-"""What all subcommands say to people: progress, tables, short values."""
+"""Output for people: progress, tables, short values."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager

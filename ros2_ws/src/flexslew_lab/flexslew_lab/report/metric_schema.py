@@ -16,36 +16,36 @@ METRICS: dict[str, Metric] = {
     "residual_tip_deflection": Metric(
         "m",
         False,
-        "largest |tip deflection| of any appendage after the manoeuvre's end",
+        "largest |tip deflection| of any appendage after the end of the manoeuvre",
     ),
     "residual_attitude_error": Metric(
         "rad or m",
         True,
-        "largest |joint position - goal| after the manoeuvre's end",
+        "largest |joint position - goal| after the end of the manoeuvre",
     ),
     "final_error": Metric("rad or m", True, "joint position - goal at the last tick"),
     "terminal_error_norm": Metric(
         "mixed SI",
         False,
-        "norm of (joint errors, modal positions, all rates) at the manoeuvre's end",
+        "norm of (joint errors, modal positions, all rates) at the end of the manoeuvre",
     ),
     "settling_time": Metric(
         "s",
         True,
-        "from the manoeuvre's start until the joint stays within 2 % of its way around "
-        "the goal; null: never",
+        "from the start of the manoeuvre until the joint stays within 2 % of its commanded move "
+        "around the goal; null: never",
     ),
     "overshoot": Metric(
         "-",
         True,
-        "largest way beyond the goal after the start, over the way to go; null: nowhere to go",
+        "overshoot as a fraction of the commanded move, after the start; null: no move",
     ),
     "peak_tip_deflection": Metric("m", False, "largest |tip deflection| of any appendage"),
-    "peak_effort": Metric("N m or N", True, "largest |effort applied| by the drive"),
+    "peak_effort": Metric("N m or N", True, "largest |applied effort|"),
     "rms_effort": Metric(
         "N m or N",
         True,
-        "root mean square of the effort applied, over all ticks",
+        "root mean square of the applied effort, over all ticks",
     ),
     "control_effort": Metric(
         "(N m)^2 s",
@@ -68,23 +68,23 @@ METRICS: dict[str, Metric] = {
     "fallbacks": Metric("-", False, "times that a fallback or the brake took over"),
     "manoeuvre_start": Metric("s", False, "start of the last plan; 0 without a plan"),
     "manoeuvre_end": Metric("s", False, "end of the last plan; 0 without a plan"),
-    "ticks": Metric("-", False, "periods that the truth covers: last tick minus first tick"),
+    "ticks": Metric("-", False, "ticks that the truth covers: last minus first"),
     "duration": Metric("s", False, "simulated time from the first to the last truth"),
     "wall_time": Metric(
         "s",
         False,
-        "what the run took on the clock on the wall; null: not recorded",
+        "wall time of the run; null: not recorded",
     ),
     "trajectory_hash": Metric(
         "hex",
         False,
         "SHA-256 of tick (uint64) and state [q, v] (float64), little-endian, tick by tick",
     ),
-    "missing_ticks": Metric("-", False, "ticks that the truth in the log skips"),
+    "missing_ticks": Metric("-", False, "ticks missing from the truth in the log"),
     "log_complete": Metric(
         "-",
         False,
-        "the log was finished; false: it is cut, and these numbers are those up to the cut",
+        "whether the log was finished; false: it is cut, and the numbers are those up to the cut",
     ),
     "warnings": Metric(
         "-",

@@ -55,7 +55,7 @@ PlanKey: TypeAlias = Annotated[
 
 @section
 class Trial:
-    """The keys of a trial file; docs/trial.md tells them one by one."""
+    """The keys of a trial file; docs/trial.md documents them one by one."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")] = "trial"
     seed: Annotated[int, Field(ge=0)] = 1  # of everything random
