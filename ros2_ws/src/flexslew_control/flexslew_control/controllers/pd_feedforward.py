@@ -55,7 +55,7 @@ def build(settings: PdFeedforwardSettings, plant: PlantDescription) -> tuple[Est
         plant: what the law is for.
 
     Raises:
-        BadInput: neither one gain nor one a joint.
+        BadInput: neither one gain nor one per joint.
     """
     joints = plant.joint_names
     return MeasuredJoints(), PdFeedforward(

@@ -27,7 +27,7 @@ Rows: TypeAlias = tuple[tuple[float, ...], ...]
 
 @section
 class GivenGains:
-    """Gains by hand instead of the design: one row a joint, one column a coordinate."""
+    """Gains by hand instead of the design: one row per joint, one column per coordinate."""
 
     kp: Rows  # [N m/rad, N m/m]
     kd: Rows  # [N m s/rad, N m s/m]

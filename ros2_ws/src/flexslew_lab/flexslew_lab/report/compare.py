@@ -113,7 +113,7 @@ class Comparison:
         return tuple(entry for entry in self.entries if entry.flights)
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return the numbers as plain data, one row a method."""
+        """Return the numbers as plain data, one row per method."""
         out: list[dict[str, Any]] = []
         for entry in self.entries:
             row: dict[str, Any] = {"method": entry.name, "refused": entry.refused}

@@ -228,7 +228,7 @@ def _left_over(name: str, factor: float) -> tuple[float, float]:
 
 
 def _stacked(title: str, time: Vector, curves: dict[str, Vector], end: float) -> go.Figure:
-    """Return one row a curve, the end of the slew marked."""
+    """Return one row per curve, the end of the slew marked."""
     figure = make_subplots(rows=len(curves), cols=1, shared_xaxes=True, vertical_spacing=0.04)
     for row, (label, values) in enumerate(curves.items(), start=1):
         line = {"color": COLOURS[0], "width": 1.5}

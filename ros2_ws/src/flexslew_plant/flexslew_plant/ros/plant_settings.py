@@ -16,5 +16,5 @@ class PlantSettings:
     autostart: bool = True  # start when all are there; else the service does
     exit_when_done: bool = False  # end the process after the last tick
     truth: bool = True  # publish the true state every tick
-    progress: bool = False  # print the tick twice a wall second, for the one who started this node
+    progress: bool = False  # print the tick twice per wall second, for whoever started it
     display_rate: NonNegative = 50.0  # joint states, tf, markers, clock [1/simulated s]; 0: none

@@ -50,7 +50,7 @@ class RobustFeedforward:
     duration: Positive = 25.0  # T_c [s]
     reference: Profile = "cubic"
     feedback: Feedback | None = None  # that flies it; null: of the controller in charge
-    stiffness_errors: _Errors = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of EI, relative; one a member [-]
+    stiffness_errors: _Errors = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of EI, relative; one model each [-]
     payload_errors: _Errors = (0.0,)  # of hub_inertia_1 and _2; every pair is a member [-]
     basis: BasisName = "hat"
     functions: Annotated[int, Field(ge=1, le=200)] = 9  # n_u, per joint
