@@ -1,6 +1,7 @@
 """The documented testbed of one's own flies like those that come with the bench."""
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import PLANNERS
+from flexslew_lab.cli.main import main
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial
@@ -103,9 +105,27 @@ def test_its_run_is_recorded_reported_and_flown_again_from_the_log(tmp_path):
         schedule="[{at: 6.0, switch: lqr}, {at: 20.0, until: 21.0, disturbance: {arm: 2.0}}]",
     )
     metrics = flown(wanted, tmp_path / "run", report=True)
-    again = resim(tmp_path / "run" / "bag")
+    again = resim(tmp_path / "run" / "bag", trusted=[KIND])
     assert again.identical
     assert again.hash == metrics["trajectory_hash"]
     page = (tmp_path / "run" / "report.html").read_text()
     for word in ("wrist", "boom", "ThreeJoints"):
         assert word in page
+
+
+def test_the_report_of_a_log_runs_no_code_that_is_not_trusted(tmp_path, monkeypatch, capsys):
+    marker, own = tmp_path / "was_run", tmp_path / "own_bed.py"
+    code = (ROOT / "docs/examples/three_joints.py").read_text()
+    own.write_text(code)
+    kind = f"{own}:ThreeJoints"
+    flown(trial(testbed=f'{{kind: "{kind}"}}', duration=13.0), tmp_path / "run")
+    own.write_text(f"{code}\nopen({str(marker)!r}, 'w')\n")
+    for trust, runs in (([], False), (["--trust", kind], True)):
+        page = tmp_path / f"{runs}.html"
+        words = ["flexslew", "report", str(tmp_path / "run"), "--out", str(page), *trust]
+        monkeypatch.setattr(sys, "argv", words)
+        with pytest.raises(SystemExit) as end:
+            main()
+        assert not end.value.code, capsys.readouterr().err
+        assert page.exists()
+        assert marker.exists() is runs

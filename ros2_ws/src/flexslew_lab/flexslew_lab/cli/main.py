@@ -14,7 +14,7 @@ from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, SOON, patient, while_
 from flexslew_lab.cli.log import Json, bag_of, log, reading_limits, recover
 from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.operate import COMMANDS
-from flexslew_lab.cli.replay import check, live, play, resim
+from flexslew_lab.cli.replay import Trust, check, live, play, resim
 from flexslew_lab.cli.study import study
 from flexslew_lab.cli.summary import headline, metric_rows
 from flexslew_lab.cli.terminal import link, print_table, progress, say, screen, short
@@ -171,14 +171,18 @@ def plan(
 def report(
     bags: Bags,
     out: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
+    trust: Trust = None,
 ) -> None:
     """Write the report of one run, or of several overlaid.
+
+    A testbed of the user's own that a log names is drawn only if --trust names it.
 
     One run's report goes into its folder, an overlay into a new file below runs/.
 
     Example: `./flexslew report runs/m1-20260101-120000`
     """
     from flexslew_lab.report.report import write_report
+    from flexslew_plant.own_code import only_trusted
 
     for path in bags:
         if not path.exists():
@@ -189,7 +193,8 @@ def report(
     writable_file(target, "--out")
     bare = beside / WITHOUT
     comparison = bare if len(bags) == 1 and bare.is_dir() else None
-    write_report([bag_of(path) for path in bags], target, comparison)
+    with only_trusted(trust or ()):
+        write_report([bag_of(path) for path in bags], target, comparison)
     say(f"written {link(target)}")
 
 
