@@ -2,13 +2,18 @@
 
 import os
 import signal
+from threading import Timer
 
 import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.check import check_log
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.processes import NodeProcess
+from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.supervisor import Supervisor
 from flexslew_lab.trial.trial import parse_trial
 
 from .flight import Flight, kill, slew
@@ -57,6 +62,7 @@ def test_a_killed_recorder_leaves_a_readable_log_and_the_run_goes_on(tmp_path):
     flight = Flight(slew(duration=60.0), tmp_path, 1000, kill("recorder"))
     assert flight.outcome.exit_code == 3
     assert "6000 ticks" in flight.log
+    assert "the recorder recorder gives no sign of life" in flight.log
     metrics = flight.metrics
     assert not metrics["log_complete"]
     assert metrics["ticks"] > 100
@@ -70,6 +76,55 @@ def test_an_interrupt_ends_everything_and_leaves_a_whole_log(tmp_path):
     assert flight.outcome.exit_code == 130
     assert flight.metrics["log_complete"]
     assert "interrupted" in flight.events
+
+
+def test_an_interrupt_of_all_nodes_at_once_leaves_the_plant_s_last_words_in_the_log(tmp_path):
+    def interrupt(pids):
+        for pid in pids.values():
+            os.kill(pid, signal.SIGINT)
+
+    flight = Flight(slew(duration=1000.0), tmp_path, 50, interrupt)
+    assert "interrupted" in flight.events
+    assert flight.metrics["log_complete"]
+
+
+def test_a_stall_of_the_plant_at_real_time_is_no_fault_of_the_controller(tmp_path):
+    def stall(pids):
+        kill("plant", signal.SIGSTOP)(pids)
+        Timer(0.3, os.kill, (pids["plant"], signal.SIGCONT)).start()
+
+    flight = Flight(slew(duration=4.0, rate=1.0), tmp_path, 50, stall)
+    assert flight.outcome.exit_code == 0
+    assert "late" in flight.events
+    assert flight.metrics["ticks"] == 400
+
+
+def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path):
+    with own_domain() as domain:
+        flown = {}
+        for place in ("bench1", "bench2"):
+            folder = tmp_path / place
+            folder.mkdir()
+            goal = {"bench1": 6.0, "bench2": 5.0}[place]
+            trial = slew(duration=goal)
+            processes = node_processes(trial, folder, True, {}, namespace=place)
+            parameters = folder / "parameters.yaml"
+            parameters.write_text(parameter_file(processes))
+            log = folder / "nodes.log"
+            flown[place] = Supervisor(processes, parameters, log, domain, lambda tick, last: None)
+        outcomes = [supervisor.run() for supervisor in flown.values()]
+    assert outcomes == [(0, "")] * 2
+    for place, ticks in (("bench1", 600), ("bench2", 500)):
+        bag = BagReader(tmp_path / place / "bag")
+        assert [finding for finding in check_log(bag.path) if not finding.ok] == []
+        assert metrics_of(bag.path)["ticks"] == ticks
+        frames = {
+            transform.child_frame_id
+            for _, _, message in bag.decoded(("/tf",))
+            for transform in message.transforms
+        }
+        assert frames
+        assert all(frame.startswith(f"{place}/") for frame in frames)
 
 
 def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(tmp_path):

@@ -8,16 +8,18 @@ import sys
 import pytest
 import rclpy
 from flexslew_msgs import action, msg, srv
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rclpy.action import ActionClient
+from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import Trigger
 
 from flexslew_lab.cli.main import main
 from flexslew_lab.trial.domain import own_domain
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import EVENTS, TOPICS
+from flexslew_plant.topics import EVENTS, PLAN, TOPICS
 
-WAIT = 30.0
+WAIT = 60.0  # on a busy machine
 
 
 class Operator:
@@ -27,6 +29,9 @@ class Operator:
         self.truth = None
         self.node.create_subscription(msg.Event, "events", self.events.append, qos(TOPICS[EVENTS]))
         self.node.create_subscription(msg.PlantState, "truth", self._see, 10)
+
+        latched = qos(TOPICS[PLAN])  # will never be served: the bench starts all the same
+        self.node.create_subscription(msg.Measurement, "measurement", lambda _: None, latched)
 
     def _see(self, truth):
         self.truth = truth
@@ -72,13 +77,14 @@ def operator():
             ["flexslew_control.ros.planner_node"],
             ["flexslew_plant.ros.plant_node", *plant],
         ]
-        children = [
+        rclpy.init()
+        at_work = Operator()
+        at_work.children = children = [
             subprocess.Popen([sys.executable, "-m", module, "--ros-args", *rest])
             for module, *rest in commands
         ]
-        rclpy.init()
         try:
-            yield Operator()
+            yield at_work
         finally:
             rclpy.shutdown()
             for child in reversed(children):
@@ -153,6 +159,115 @@ def test_a_bad_request_gets_a_code_and_one_line_and_no_plan(operator):
     assert not result.plan.hash
 
 
+def parameter_calls(operator, node):
+    def describe(*names):
+        reply = operator.call(DescribeParameters, f"/{node}/describe_parameters", names=names)
+        return {d.name: d for d in reply.descriptors}
+
+    def set_one(name, value):
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        reply = operator.call(SetParameters, f"/{node}/set_parameters", parameters=[parameter])
+        return reply.results[0].successful, reply.results[0].reason
+
+    def get(name):
+        reply = operator.call(GetParameters, f"/{node}/get_parameters", names=[name])
+        return parameter_value_to_python(reply.values[0])
+
+    return describe, set_one, get
+
+
+def test_parameters_tell_the_truth_and_change_in_flight_where_they_can(operator):
+    describe, set_one, get = parameter_calls(operator, "plant")
+    words = describe("autostart", "rate_factor", "bench.max_missed")
+    assert words["autostart"].description == "start when all are there; else the service does"
+    assert words["autostart"].read_only
+    assert words["rate_factor"].floating_point_range[0].from_value == 0.0
+    assert not words["rate_factor"].read_only
+    assert words["bench.max_missed"].integer_range[0].from_value == 1
+    assert set_one("rate_factor", 3.0) == (True, "")
+    assert get("rate_factor") == 3.0
+    assert operator.call(srv.SetRate, "set_rate", rate_factor=2.0).ok
+    assert get("rate_factor") == 2.0
+    ok, reason = set_one("autostart", False)
+    assert not ok
+    assert "read-only" in reason
+    ok, reason = set_one("rate_faktor", 1.0)
+    assert not ok
+    assert "unknown parameter rate_faktor" in reason
+    assert not set_one("rate_factor", -1.0)[0]
+
+
+def test_gains_change_as_parameters_and_by_service_alike(operator):
+    describe, set_one, get = parameter_calls(operator, "second")
+    assert describe("kp")["kp"].description
+    assert not describe("kp")["kp"].read_only
+    before = len([e for e in operator.events if e.kind == "tuned"])
+    assert set_one("kp", [500.0, 500.0]) == (True, "")
+    done = operator.call(srv.Tune, "second/tune", settings="{kd: [900.0, 900.0]}", who="ann")
+    assert done.ok, done.message
+    assert list(get("kd")) == [900.0, 900.0]
+    bad = operator.call(srv.Tune, "second/tune", settings="{kd: [-1.0, 0.0]}")
+    assert not bad.ok
+    assert "kd" in bad.message
+    assert not set_one("kp", [1.0, 2.0, 3.0])[0]
+    assert list(get("kp")) == [500.0, 500.0]
+    operator.call(Trigger, "start")
+    operator.until(lambda: len([e for e in operator.events if e.kind == "tuned"]) == before + 2)
+    tuned = [json.loads(e.data) for e in operator.events if e.kind == "tuned"][-2:]
+    assert [t["who"] for t in tuned] == ["a ROS parameter", "ann"]
+
+
+def test_a_switch_in_a_pause_is_answered_by_the_timeout_and_dropped_by_a_reset(operator):
+    operator.call(Trigger, "pause")
+    later = operator.call(
+        srv.SwitchController, "switch_controller", controller="second", timeout=0.1
+    )
+    assert (later.ok, later.scheduled) == (False, True), later.message
+    assert later.active == "pd_feedforward"
+    assert operator.call(Trigger, "reset").success
+    operator.until(lambda: any(e.kind == "switch_dropped" for e in operator.events))
+    now = operator.call(srv.SwitchController, "switch_controller", controller="pd_feedforward")
+    assert not now.ok
+    assert "already in charge" in now.message
+
+
+def test_planning_is_cancelled_in_any_method_and_bad_goals_have_words(operator):
+    client = ActionClient(operator.node, action.PlanSlew, "plan_slew")
+    assert client.wait_for_server(timeout_sec=WAIT)
+    plans = []
+    operator.node.create_subscription(msg.Plan, "plan", plans.append, qos(TOPICS[PLAN]))
+    operator.until(lambda: plans)  # those of earlier tests
+    known = len(plans)
+    for request in (
+        "{method: time_optimal, goal: {base_yaw: 1.0, hub_pitch: 0.5}}",
+        "{method: optimized_feedforward, goal: {base_yaw: 1.0}, functions: 60, basis: hat}",
+    ):
+        goal = action.PlanSlew.Goal(request=request, period=0.01, effort_limit=[150.0, 150.0])
+        handle = operator._result(client.send_goal_async(goal))
+        done = handle.get_result_async()
+        assert operator.call(srv.ListControllers, "list_controllers").controllers
+        assert parameter_calls(operator, "planner")[2]("exit_with_plant") is False
+        if not done.done():
+            operator._result(handle.cancel_goal_async())
+        result = operator._result(done).result
+        assert result.error_code == result.CANCELED, result.message
+        assert not result.plan.hash
+    for wrong in (
+        {"effort_limit": []}, {"effort_limit": [float("nan")] * 2}, {"period": 0.0},
+        {"request": "{method: optimized_feedforward, goal: {base_yaw: 0.1}, duration: 1.0e9}"},
+        {"request": "{method: optimized_feedforward, goal: {elbow: 0.1}}"}, {"request": "{"},
+    ):  # fmt: skip
+        values = {"period": 0.01, "effort_limit": [150.0, 150.0], "request": "{method: none}"}
+        goal = action.PlanSlew.Goal(**(values | wrong))
+        handle = operator._result(client.send_goal_async(goal))
+        result = operator._result(handle.get_result_async()).result
+        assert result.error_code != result.DONE, wrong
+        assert result.message, wrong
+        assert "nan N m" not in result.message
+    assert len(plans) == known
+    client.destroy()
+
+
 def test_the_command_line_operates_the_bench(operator, monkeypatch, capsys):
     def call(*words):
         monkeypatch.setattr(sys, "argv", ["flexslew", *words])
@@ -178,3 +293,42 @@ def test_the_command_line_operates_the_bench(operator, monkeypatch, capsys):
         assert call("reset")[0] == 0
     finally:
         rclpy.init()
+
+
+def test_a_second_plant_leaves_with_words_and_a_second_controller_steps_back(operator):
+    plant = subprocess.Popen(
+        [sys.executable, "-m", "flexslew_plant.ros.plant_node", "--ros-args", "-r", "__node:=two"],
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    rival = subprocess.Popen(
+        [sys.executable, "-m", "flexslew_control.ros.controller_node"], stderr=subprocess.PIPE
+    )
+    try:
+        operator.until(lambda: any(e.kind == "rival" for e in operator.events))
+        _, said = plant.communicate(timeout=WAIT)
+        assert plant.returncode == 2
+        assert "another plant called plant is on the graph already" in said
+        os.set_blocking(rival.stderr.fileno(), False)
+        told = bytearray()
+        operator.until(
+            lambda: b"this one steps back" in (told.extend(rival.stderr.read() or b"") or told)
+        )
+        reply = operator.call(srv.ListControllers, "list_controllers")
+        assert [c.controller for c in reply.controllers] == ["pd_feedforward", "second"]
+    finally:
+        rival.terminate()
+        rival.wait(WAIT)
+
+
+def test_a_dead_controller_is_not_ready_and_no_switch_to_it_is_taken(operator):
+    operator.call(Trigger, "start")
+    operator.children[0].kill()
+
+    def unready():
+        told = [json.loads(e.data) for e in operator.events if e.kind == "not_ready"]
+        return any(t["controller"] == "second" for t in told)
+
+    operator.until(unready)
+    reply = operator.call(srv.SwitchController, "switch_controller", controller="second")
+    assert reply.message == "second is not ready: it gives no sign of life"
+    assert (reply.ok, reply.active) == (False, "pd_feedforward")

@@ -14,6 +14,9 @@ from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import default_testbed
 
 
+MOST_TICKS = 1_000_000  # of a manoeuvre
+
+
 class PlanRequest(NamedTuple):
     """What a planner needs to know."""
 
@@ -98,6 +101,7 @@ def _work(pipe: Connection) -> None:
             request: PlanRequest = pipe.recv()
             try:
                 settings = validated(PlanSettings, request.values, "plan")
+                _require_ticks(settings, request.period)
                 gains = Feedback(kp=request.kp, kd=request.kd) if request.kp else None
                 pipe.send(make_plan(settings, _plant(request), gains, progress))
             except (BadInput, PlanFailed) as error:
@@ -106,6 +110,18 @@ def _work(pipe: Connection) -> None:
                 pipe.send(Refusal(False, f"{type(error).__name__}: {error}"))
     except (EOFError, OSError):
         return
+
+
+def _require_ticks(settings: Any, period: float) -> None:
+    """Check that a manoeuvre is one that somebody can wait for, and a message can hold.
+
+    Raises:
+        BadInput: it is too long.
+    """
+    longest = MOST_TICKS * period
+    duration = getattr(settings, "duration", None) or 0.0
+    if duration > longest:
+        raise BadInput(f"plan: duration: {duration:g} is not allowed: at most {longest:g} s")
 
 
 def _plant(request: PlanRequest) -> PlantDescription:

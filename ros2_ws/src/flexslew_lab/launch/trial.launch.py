@@ -1,6 +1,7 @@
 """Fly a trial with ros2 launch: `ros2 launch flexslew_lab trial.launch.py trial:=my_trial.yaml`."""
 
-from pathlib import Path
+from dataclasses import replace
+from typing import Any
 
 from launch.actions import (
     DeclareLaunchArgument,
@@ -14,23 +15,33 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from flexslew_lab.trial.launch_arguments import ARGUMENTS, LaunchValues, launch_values
 from flexslew_lab.trial.outputs import new_folder
 from flexslew_lab.trial.processes import node_processes, parameter_file
-from flexslew_lab.trial.sources import DEFAULT, read_trial
+from flexslew_lab.trial.run import finished
+from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import trial_text
 from launch import LaunchContext, LaunchDescription
 
 GRACE = 5.0  # for the others to leave by themselves when the plant is gone [s]
 
 
-def _nodes(context: LaunchContext) -> list[Node]:
-    name = LaunchConfiguration("trial").perform(context)
-    out = LaunchConfiguration("out").perform(context)
-    trial, source = read_trial(name)
-    folder = new_folder(trial.name, Path(out) if out else None)
+def _nodes(context: LaunchContext) -> list[Any]:
+    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    values = launch_values(given, context.launch_configurations)
+    trial, source = read_trial(values.trial)
+    if values.rate is not None:
+        trial = replace(trial, rate_factor=values.rate)
+    if values.controllers:
+        chosen = {name: trial.controllers.get(name, {}) for name in values.controllers}
+        active = trial.active if trial.active in chosen else values.controllers[0]
+        trial = replace(trial, controllers=chosen, active=active)
+    folder = new_folder(trial.name, values.out)
     folder.mkdir(parents=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
-    processes = node_processes(trial, folder, record=True, metadata={"trial_file": source})
+    processes = node_processes(
+        trial, folder, values.record, {"trial_file": source}, namespace=values.namespace
+    )
     parameters = folder / "parameters.yaml"
     parameters.write_text(parameter_file(processes))
     nodes = [
@@ -38,12 +49,20 @@ def _nodes(context: LaunchContext) -> list[Node]:
             package=process.package,
             executable=process.executable,
             name=process.name,
+            namespace=process.namespace or None,
+            remappings=list(process.remappings),
             parameters=[str(parameters)],
             output="screen",
         )
         for process in processes
     ]
-    end = TimerAction(period=GRACE, actions=[EmitEvent(event=Shutdown(reason="the run is over"))])
+
+    def finish(_: LaunchContext) -> list[Any]:
+        if values.record:
+            finished(folder, report=values.report)
+        return [EmitEvent(event=Shutdown(reason=f"the run is over: {folder}"))]
+
+    end = TimerAction(period=GRACE, actions=[OpaqueFunction(function=finish)])
     plant = nodes[-1]
     return [*nodes, RegisterEventHandler(OnProcessExit(target_action=plant, on_exit=[end]))]
 
@@ -52,12 +71,13 @@ def generate_launch_description() -> LaunchDescription:
     """Return the nodes of the trial that the argument `trial` names."""
     return LaunchDescription(
         [
-            DeclareLaunchArgument(
-                "trial",
-                default_value=DEFAULT,
-                description="trial file, or the name of a shipped one",
+            *(
+                DeclareLaunchArgument(name, default_value=default, description=words)
+                for name, (default, words) in ARGUMENTS.items()
             ),
-            DeclareLaunchArgument("out", default_value="", description="folder of the run"),
             OpaqueFunction(function=_nodes),
         ]
     )
+
+
+__all__ = ["LaunchValues", "generate_launch_description"]

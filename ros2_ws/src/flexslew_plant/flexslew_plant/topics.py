@@ -39,6 +39,7 @@ TF = "/tf"
 TF_STATIC = "/tf_static"
 CLOCK = "/clock"
 ROSOUT = "/rosout"
+DIAGNOSTICS = "/diagnostics"
 
 TOPICS: dict[str, Topic] = {
     topic.name: topic
@@ -61,12 +62,13 @@ TOPICS: dict[str, Topic] = {
         Topic(ROBOT_DESCRIPTION, "std_msgs/msg/String", 1, latched=True),
         Topic(MARKERS, "visualization_msgs/msg/MarkerArray", LOOP_DEPTH),
         Topic(CLOCK, "rosgraph_msgs/msg/Clock", LOOP_DEPTH),
+        Topic(DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", 10),
         Topic(ROSOUT, "rcl_interfaces/msg/Log", 1000, latched=True),
     )
 }
 
 # They tell of this moment of the wall clock; what of it changes a run is an event.
-NOT_RECORDED = (ALIVE, BENCH_STATE, RECORDER_STATUS)
+NOT_RECORDED = (ALIVE, BENCH_STATE, RECORDER_STATUS, DIAGNOSTICS)
 
 START, PAUSE, STEP, RESET = "start", "pause", "step", "reset"
 BRAKE, RELEASE_BRAKE = "brake", "release_brake"

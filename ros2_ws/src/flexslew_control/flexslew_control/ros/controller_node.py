@@ -65,7 +65,7 @@ class ControllerNode:
         self._watch = PlantWatch(loop, self._measurement, self._settings.exit_with_plant)
         subscription(node, topics.TESTBED, self._on_testbed)
         subscription(node, topics.PLAN, self._on_plan)
-        self._tuning = Tuning(node, self._host)
+        self._tuning = Tuning(node, self._host, self._settings.law)
 
     def poll(self) -> float:
         """Look at the graph; return the wall seconds until the next look."""

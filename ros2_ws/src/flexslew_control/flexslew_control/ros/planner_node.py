@@ -22,7 +22,7 @@ from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.messages import message_of, seconds_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
-from flexslew_plant.ros.parameters import new_node, settings_of
+from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 from flexslew_plant.settings import NonNegative, load_yaml, section
 
 _LOOK = 0.2  # between two looks at the graph [wall s]
@@ -60,6 +60,7 @@ class Planner:
         self._events = EventLog(node)
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         subscription(node, topics.BENCH_STATE, self._on_bench)
+        serve_changes(node, lambda changes: "")
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         self._server = ActionServer(
             node,

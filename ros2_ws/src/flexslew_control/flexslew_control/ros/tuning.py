@@ -1,28 +1,49 @@
-"""Changes of a controller's settings while it works: the service `<name>/tune`."""
+"""Changes of a controller's settings while it works: `<name>/tune`, and its ROS parameters."""
 
 from typing import Any
 
 from flexslew_msgs import srv
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
+from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.messages import seconds_of
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.ros.parameters import declare, serve_changes
+from flexslew_plant.settings import flat, load_yaml, validated
+from flexslew_plant.settings_fields import meanings
 
 
 class Tuning:
-    """Passes wishes on to the host.
+    """Passes wishes on to the host, and keeps the parameters true.
 
     Args:
         node: that offers the service.
         host: whose controller it is.
+        law: that it runs.
+
+    Raises:
+        BadInput: the settings are not those of the law.
     """
 
-    def __init__(self, node: Node, host: ControllerHost) -> None:
-        self._host = host
+    def __init__(self, node: Node, host: ControllerHost, law: str) -> None:
+        self._node, self._host = node, host
+        self._taken = False  # what is set now has been granted already
+        if law in CONTROLLERS:
+            own = {key: value for key, value in host.values.items() if key != "handover_time"}
+            settings = validated(CONTROLLERS[law].settings, own, f"node {host.name}")
+            declare(node, settings, meanings(settings))
         node.create_service(srv.Tune, topics.TUNE, self._on_tune)
+        serve_changes(node, self._set)
+
+    def _set(self, changes: dict[str, Any]) -> str:
+        """Take parameters; return why not, or an empty text."""
+        if self._taken:
+            return ""
+        done = self._host.tune(changes, 0, "a ROS parameter")
+        return "" if done.ok else done.message
 
     def _on_tune(self, request: Any, reply: Any) -> Any:
         controller = self._host.controller
@@ -36,4 +57,16 @@ class Tuning:
             return reply
         tick = round(seconds_of(request.at) / controller.period) if controller else 0
         reply.ok, reply.message, reply.tick = self._host.tune(changes, tick, request.who)
+        if reply.ok:
+            self._keep(changes)
         return reply
+
+    def _keep(self, changes: dict[str, Any]) -> None:
+        """Let the parameters say what holds from now on."""
+        self._taken = True
+        try:
+            for name, value in flat(changes).items():
+                if self._node.has_parameter(name):
+                    self._node.set_parameters([Parameter(name, value=value)])
+        finally:
+            self._taken = False

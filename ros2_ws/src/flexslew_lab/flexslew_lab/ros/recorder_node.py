@@ -23,7 +23,7 @@ from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.ros.parameters import new_node, settings_of
+from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 from flexslew_plant.settings import section
 
 _AFTER_PLANT = ("/effort_command", "/controller_state", "/plan")  # who leaves after the plant
@@ -61,6 +61,7 @@ class Recorder:
         self._heard = 0.0  # when something came [wall s]
         self._listener = HiddenListener(node, TOPICS)
         measurement = self._listener.subscriptions["/measurement"]
+        serve_changes(node, lambda changes: "")
         self._watch = PlantWatch(loop, measurement, self._settings.exit_with_plant)
         self._say(Level.INFO, "recording", f"recording into {self._settings.folder}")
 

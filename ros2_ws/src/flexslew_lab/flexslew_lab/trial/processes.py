@@ -22,6 +22,12 @@ class NodeProcess(NamedTuple):
     package: str
     executable: str
     parameters: dict[str, Any]
+    namespace: str = ""  # absolute; empty: none
+
+    @property
+    def remappings(self) -> tuple[tuple[str, str], ...]:
+        """What else gets another name: the clock is one per namespace."""
+        return (("/clock", "clock"),) if self.namespace else ()
 
 
 def node_processes(
@@ -30,6 +36,7 @@ def node_processes(
     record: bool,
     metadata: dict[str, str],
     plan: Path | None = None,
+    namespace: str = "",
 ) -> list[NodeProcess]:
     """Return the nodes of a trial in the order of their start, the plant last.
 
@@ -39,6 +46,7 @@ def node_processes(
         record: with the recorder.
         metadata: of the run, for the bag.
         plan: file of the trial's plan, where it is made already.
+        namespace: of all nodes; empty: none.
     """
     listeners = ["recorder"] if record else []
     processes = []
@@ -83,10 +91,16 @@ def node_processes(
         "progress": True,
     }
     processes.append(NodeProcess("plant", "flexslew_plant", "plant", plant))
-    return processes
+    place = "/" + namespace.strip("/") if namespace.strip("/") else ""
+    return [process._replace(namespace=place) for process in processes]
 
 
 def parameter_file(processes: list[NodeProcess]) -> str:
     """Return the ROS parameter file of these nodes."""
-    nodes = {p.name: {"ros__parameters": flat(p.parameters)} for p in processes}
+    nodes = {
+        f"{process.namespace}/{process.name}" if process.namespace else process.name: {
+            "ros__parameters": flat(process.parameters)
+        }
+        for process in processes
+    }
     return yaml_text(nodes)

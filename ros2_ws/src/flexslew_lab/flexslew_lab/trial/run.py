@@ -115,6 +115,19 @@ def run_trial(
     return result
 
 
+def finished(folder: Path, report: bool = True) -> None:
+    """Write metrics.json, and report.html too, of a run that others have flown.
+
+    Args:
+        folder: of the run, with its bag.
+        report: with the report.
+    """
+    reader = BagReader(folder / "bag")
+    (folder / "metrics.json").write_text(json.dumps(metrics_from(reader), indent=2) + "\n")
+    if report:
+        write_report([folder / "bag"], folder / "report.html")
+
+
 def _prepared(trial: Trial, source: str) -> _Flight:
     """Return what the trial flies in process, with the plan adopted.
 

@@ -93,6 +93,10 @@ class Supervisor:
         command += ["--ros-args", "--params-file", str(parameters)]
         if process.name:  # empty: several nodes, each with the name that it gives itself
             command += ["-r", f"__node:={process.name}"]
+        if process.namespace:
+            command += ["-r", f"__ns:={process.namespace}"]
+        for old, new in process.remappings:
+            command += ["-r", f"{old}:={new}"]
         child = subprocess.Popen(  # a session of its own: Ctrl-C reaches it in order, through us
             command,
             env=environment,

@@ -66,6 +66,13 @@ class Backlog:
                 slow.append(name)
         return slow
 
+    def lag(self, name: str, tick: int, epoch: int) -> int | None:
+        """Return by how many ticks it was behind when it last told; None: it never did."""
+        heard = self._heard.get(name)
+        if heard is None:
+            return None
+        return tick - (heard.tick if heard.epoch == epoch else 0)
+
     def reason(self, controller: str, tick: int, epoch: int) -> str:
         """Return why a controller cannot take charge at this tick for its being behind, or ""."""
         heard = self._heard.get(controller)

@@ -1,16 +1,31 @@
-"""The parameters of a node as one settings section."""
+"""The parameters of a node as one settings section: described, checked, some changed in flight."""
 
 from array import array
+from collections.abc import Callable, Iterable
+from math import inf
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from flexslew_plant.settings import flat, load_yaml, plain, validated
+from flexslew_plant.settings_fields import FieldMeaning, meanings
+
+_ROS = ("use_sim_time", "qos_overrides", "start_type_description")  # parameters of ROS itself
+_AT_START = "read at the start; restart the node to change it"
+_LARGEST = 1.7976931348623157e308
+
+Change = Callable[[dict[str, Any]], str]  # takes nested changes; returns why not, or ""
 
 
 def new_node(name: str) -> Node:
-    """Return a node that takes any parameter; `settings_of` says which are right.
+    """Return a node that takes any parameter at its start; `settings_of` says which are right.
 
     Args:
         name: unless the command line says another one.
@@ -24,37 +39,106 @@ def new_node(name: str) -> Node:
 
 def parameters_of(node: Node) -> dict[str, Any]:
     """Return what the node was given, nested by the dots of the names."""
+    return nested(
+        node,
+        (p for name, p in node.get_parameters_by_prefix("").items() if not name.startswith(_ROS)),
+    )
+
+
+def nested(node: Node, parameters: Iterable[Parameter[Any]]) -> dict[str, Any]:
+    """Return parameters as plain data, nested by the dots of their names."""
     given: dict[str, Any] = {}
-    for name, parameter in node.get_parameters_by_prefix("").items():
-        if name == "use_sim_time" or name.startswith(("qos_overrides", "start_type_description")):
-            continue
-        *path, last = name.split(".")
+    for parameter in parameters:
+        *path, last = parameter.name.split(".")
         place = given
         for part in path:
             place = place.setdefault(part, {})
         value = parameter.value
         if isinstance(value, str) and value.startswith("["):
-            value = load_yaml(value, f"node {node.get_name()}: {name}")
+            value = load_yaml(value, f"node {node.get_name()}: {parameter.name}")
         place[last] = value.tolist() if isinstance(value, array) else value
     return given
 
 
-def declared(node: Node, kind: Any, given: dict[str, Any]) -> Any:
-    """Return `given` as a section and declare the parameters that were left out.
+def declared(node: Node, kind: Any, given: dict[str, Any], changeable: Iterable[str] = ()) -> Any:
+    """Return `given` as a section and declare all its keys as parameters.
 
     Nested sections are dotted names; what ROS cannot hold (a list of sections) is YAML text.
+
+    Args:
+        node: whose parameters they are.
+        kind: the section.
+        given: by the user.
+        changeable: names that may change in flight; the others are read-only.
 
     Raises:
         BadInput: an unknown parameter or a value that is not allowed.
     """
     settings = validated(kind, given, f"node {node.get_name()}")
-    for name, value in flat(plain(settings)).items():
-        if not node.has_parameter(name):
-            # rclpy writes the parameter's name into the descriptor, so each needs its own
-            node.declare_parameter(name, value, ParameterDescriptor(read_only=True))
+    declare(node, settings, changeable)
     return settings
 
 
-def settings_of(node: Node, kind: Any) -> Any:
+def settings_of(node: Node, kind: Any, changeable: Iterable[str] = ()) -> Any:
     """Return all parameters of the node as one section; see declared."""
-    return declared(node, kind, parameters_of(node))
+    return declared(node, kind, parameters_of(node), changeable)
+
+
+def declare(node: Node, settings: Any, changeable: Iterable[str] = ()) -> None:
+    """Declare the keys of a section as parameters, with words, range and value."""
+    chosen, words, values = set(changeable), meanings(settings), plain(settings)
+    unset = {name: None for name in words if _at(values, name) is None}
+    for name, value in {**flat(values), **unset}.items():
+        descriptor = _descriptor(name, value, words.get(name), name in chosen)
+        if node.has_parameter(name):  # given: 2 where a 2.0 is meant has another type
+            node.undeclare_parameter(name)
+        node.declare_parameter(name, value, descriptor, ignore_override=True)
+
+
+def serve_changes(node: Node, change: Change) -> None:
+    """Pass on what is set in flight; unknown names are refused, read-only ones by ROS itself."""
+
+    def on_set(parameters: list[Parameter[Any]]) -> SetParametersResult:
+        unknown = [p.name for p in parameters if not node.has_parameter(p.name)]
+        if unknown:
+            known = ", ".join(sorted(node.get_parameters_by_prefix("")))
+            words = f"unknown parameter {unknown[0]}; known: {known}"
+            return SetParametersResult(successful=False, reason=words)
+        own = [p for p in parameters if not p.name.startswith(_ROS)]
+        reason = change(nested(node, own)) if own else ""
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    node.add_on_set_parameters_callback(on_set)
+
+
+def _at(values: Any, name: str) -> Any:
+    """Return the value at a dotted name; "" where a section on the way is no dictionary."""
+    for part in name.split("."):
+        values = values.get(part) if isinstance(values, dict) else ""
+    return values
+
+
+def _descriptor(
+    name: str, value: Any, meaning: FieldMeaning | None, changeable: bool
+) -> ParameterDescriptor:
+    """Return a descriptor of its own: rclpy writes the parameter's name into it."""
+    descriptor = ParameterDescriptor(name=name, read_only=not changeable)
+    descriptor.dynamic_typing = value is None
+    if not changeable:
+        descriptor.additional_constraints = _AT_START
+    if meaning is None:
+        return descriptor
+    descriptor.description = meaning.words
+    if (meaning.low, meaning.high) == (-inf, inf) or isinstance(value, bool):
+        return descriptor
+    low, high = max(meaning.low, -_LARGEST), min(meaning.high, _LARGEST)
+    if isinstance(value, float):
+        limits = FloatingPointRange(from_value=low, to_value=high, step=0.0)
+        descriptor.floating_point_range = [limits]
+    elif isinstance(value, int):
+        bound = 2**63 - 1
+        limits = IntegerRange(
+            from_value=int(max(low, -bound)), to_value=int(min(high, bound)), step=1
+        )
+        descriptor.integer_range = [limits]
+    return descriptor

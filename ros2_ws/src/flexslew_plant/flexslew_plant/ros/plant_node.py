@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from time import monotonic
+from typing import Any
 
 from flexslew_msgs import msg
 
@@ -14,13 +15,14 @@ from flexslew_plant.bench.run_state import FINISHED
 from flexslew_plant.bench.session import Session
 from flexslew_plant.bench.wire import command_from, measurement_bytes
 from flexslew_plant.errors import BadInput
+from flexslew_plant.ros.diagnostics import Diagnostics
 from flexslew_plant.ros.display import Display
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import incompatible, unmatched
 from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
-from flexslew_plant.ros.parameters import new_node, settings_of
+from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 from flexslew_plant.ros.plant_services import Services
 from flexslew_plant.ros.plant_settings import PlantSettings
 from flexslew_plant.settings import plain, yaml_text
@@ -33,7 +35,9 @@ class Plant:
         self.loop = loop
         self.node = node = new_node("plant")
         self._alive = loop.live(node, "plant")
-        self._settings: PlantSettings = settings_of(node, PlantSettings)
+        self._settings: PlantSettings = settings_of(
+            node, PlantSettings, ("rate_factor", "display_rate")
+        )
         bench = Bench(self._settings.bench)
         bench.truth()  # loads its machine code before a tick needs it
         self.session = Session(
@@ -60,9 +64,12 @@ class Plant:
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
         self._services = Services(self, loop)
+        self._diagnostics = Diagnostics(node, self.session)
         settings = yaml_text(plain(self._settings))
         announcement = {"stamp": stamp(0.0), **testbed_fields(bench, settings)}
         self._testbed.publish(message_of(msg.Testbed, announcement))
+
+        serve_changes(node, self._change)
 
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
@@ -72,6 +79,7 @@ class Plant:
         wait = self.session.poll(now)
         self._send()
         self._report(now)
+        self._diagnostics.poll(now)
         return min(wait, self._services.poll(now))
 
     def close(self) -> None:
@@ -124,6 +132,18 @@ class Plant:
                 self.node.get_logger().info(f"waiting for {', '.join(self._told)}")
                 for who in incompatible(self.node, [self._measurement, self._truth]):
                     self.node.get_logger().warning(f"asks for a QoS that is not offered: {who}")
+
+    def _change(self, changes: dict[str, Any]) -> str:
+        """Take parameters in flight; return why not, or an empty text."""
+        rate = changes.get("rate_factor", self.session.pacing.rate_factor)
+        if rate != self.session.pacing.rate_factor:
+            reply = self.session.set_rate(rate, monotonic(), "a ROS parameter")
+            if not reply.ok:
+                return reply.message
+        if "display_rate" in changes:
+            self._display.set_rate(changes["display_rate"])
+        self.loop.hurry()
+        return ""
 
     def _missing(self) -> list[str]:
         """Return who would not hear the first question."""

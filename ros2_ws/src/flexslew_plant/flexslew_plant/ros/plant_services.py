@@ -5,6 +5,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from flexslew_msgs import msg, srv
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from flexslew_plant import topics
@@ -119,6 +120,9 @@ class Services:
 
     def _on_rate(self, request: Any, reply: Any) -> Any:
         outcome = self._session.set_rate(request.rate_factor, monotonic(), request.who)
+        if outcome.ok:  # the parameter tells the truth
+            rate = Parameter("rate_factor", value=request.rate_factor)
+            self._plant.node.set_parameters([rate])
         return self._done(reply, outcome)
 
     def _on_note(self, request: Any, reply: Any) -> Any:

@@ -1,0 +1,76 @@
+"""The arguments of the launch file, checked without ROS."""
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from flexslew_lab.trial.sources import DEFAULT
+from flexslew_plant.errors import BadInput
+
+ARGUMENTS: dict[str, tuple[str, str]] = {  # default and description
+    "trial": (DEFAULT, "trial file, or the name of a shipped one"),
+    "out": ("", "folder of the run; empty: a new one below runs/"),
+    "rate": ("", "instead of the trial's rate_factor; 0 fast, 1 real time"),
+    "namespace": ("", "of all nodes; empty: none"),
+    "record": ("true", "with the recorder: true or false"),
+    "controllers": ("", "names with commas, instead of the trial's; a law is its own name"),
+    "report": ("true", "write metrics.json and report.html after the run: true or false"),
+}
+_OF_LAUNCH = ("ros_", "global_", "launch_", "log_", "params")  # set by launch itself
+
+
+class LaunchValues(NamedTuple):
+    """The arguments as they are meant."""
+
+    trial: str
+    out: Path | None
+    rate: float | None
+    namespace: str
+    record: bool
+    controllers: tuple[str, ...]
+    report: bool
+
+
+def launch_values(given: Mapping[str, str], names: Iterable[str] = ()) -> LaunchValues:
+    """Return the arguments of a launch.
+
+    Args:
+        given: text of every argument.
+        names: of all that was set on the command line, known or not.
+
+    Raises:
+        BadInput: an unknown argument, or a value that is not allowed.
+    """
+    unknown = [n for n in names if n not in ARGUMENTS and not n.startswith(_OF_LAUNCH)]
+    if unknown:
+        allowed = ", ".join(ARGUMENTS)
+        raise BadInput(f"launch: {unknown[0]}: unknown argument; allowed: {allowed}")
+    controllers = tuple(name.strip() for name in given["controllers"].split(",") if name.strip())
+    return LaunchValues(
+        given["trial"],
+        Path(given["out"]) if given["out"] else None,
+        _rate(given["rate"]),
+        given["namespace"],
+        _truth("record", given["record"]),
+        controllers,
+        _truth("report", given["report"]),
+    )
+
+
+def _rate(text: str) -> float | None:
+    if not text:
+        return None
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = math.nan
+    if not 0.0 <= rate < math.inf:
+        raise BadInput(f"launch: rate: {text} is not allowed: 0 is as fast as it goes, 1 real time")
+    return rate
+
+
+def _truth(name: str, text: str) -> bool:
+    if text.lower() not in ("true", "false"):
+        raise BadInput(f"launch: {name}: {text} is not allowed: true or false")
+    return text.lower() == "true"
