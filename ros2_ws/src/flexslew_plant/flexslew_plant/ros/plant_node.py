@@ -28,6 +28,9 @@ from flexslew_plant.ros.plant_settings import PlantSettings
 from flexslew_plant.settings import plain, yaml_text
 
 
+_NOTICE = 1.0  # for an older plant to hear of this one [wall s]
+
+
 class Plant:
     """Sends on what the session says, and tells it what comes."""
 
@@ -52,6 +55,7 @@ class Plant:
         self.session.presence = self._alive.presence
         self.statuses: dict[str, msg.ControllerStatus] = {}
         self._next_progress = 0.0
+        self._met = 0.0  # an older plant [wall s]
         self._told: list[str] = []  # whom it waits for, as logged
         self._rivals: set[str] = set()  # younger plants
 
@@ -74,13 +78,25 @@ class Plant:
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
         now = monotonic()
-        if elder := self._alive.elder:
-            raise BadInput(f"{elder}; give this bench a namespace or a ROS_DOMAIN_ID of its own")
+        if self._is_one_too_many(now):
+            return _NOTICE / 4
         wait = self.session.poll(now)
         self._send()
         self._report(now)
         self._diagnostics.poll(now)
         return min(wait, self._services.poll(now))
+
+    def _is_one_too_many(self, now: float) -> bool:
+        """Return whether another plant was here before; leave as soon as it must have noticed.
+
+        Raises:
+            BadInput: it has had the time to.
+        """
+        elder = self._alive.elder
+        self._met = now if elder and not self._met else self._met
+        if elder and now - self._met > _NOTICE:
+            raise BadInput(f"{elder}; give this bench a namespace or a ROS_DOMAIN_ID of its own")
+        return bool(elder)
 
     def close(self) -> None:
         """Leave the graph."""
