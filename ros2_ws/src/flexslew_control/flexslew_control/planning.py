@@ -13,7 +13,6 @@ from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import default_testbed
 
-
 MOST_TICKS = 1_000_000  # of a manoeuvre
 
 

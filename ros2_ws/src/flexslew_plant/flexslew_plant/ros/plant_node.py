@@ -27,7 +27,6 @@ from flexslew_plant.ros.plant_services import Services
 from flexslew_plant.ros.plant_settings import PlantSettings
 from flexslew_plant.settings import plain, yaml_text
 
-
 _NOTICE = 1.0  # for an older plant to hear of this one [wall s]
 
 
