@@ -107,7 +107,7 @@ def _call(method: str, address: str, body: Any) -> Any:
     data = json.dumps(body).encode() if body is not None else None
     request = Request(address, data, {"Content-Type": "application/json"}, method=method)
     try:
-        with urlopen(request, timeout=60) as reply:
+        with urlopen(request, timeout=240) as reply:
             return json.load(reply)["value"]
     except HTTPError as error:
         raise AssertionError(json.load(error)["value"]["message"]) from None

@@ -1,4 +1,4 @@
-"""SCOLE-S and the full-scale SCOLE of papers/002 as sections, in slugs, feet and pounds."""
+"""SCOLE-S and the full-scale SCOLE of Sung and Joo as sections, in slugs, feet and pounds."""
 
 from flexslew_plant.testbeds.spacecraft.settings import (
     ActuatorPlace,

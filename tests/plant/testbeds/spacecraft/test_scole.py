@@ -1,4 +1,4 @@
-"""The public numbers of SCOLE-S and of the full-scale SCOLE (papers/002)."""
+"""The public numbers of SCOLE-S and of the full-scale SCOLE (Sung and Joo)."""
 
 import numpy as np
 from scipy.linalg import eigh

@@ -1,4 +1,4 @@
-"""Linear quadratic regulator with disturbance minimisation (papers/004, (3-1) to (3-10))."""
+"""Linear quadratic regulator with disturbance minimisation (Kwak 1989, (3-1) to (3-10))."""
 
 from dataclasses import dataclass, field
 from typing import Any

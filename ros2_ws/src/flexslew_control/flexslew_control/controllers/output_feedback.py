@@ -1,4 +1,4 @@
-"""Output feedback control: sliding surfaces, observer and elastic reference (papers/002).
+"""Output feedback control: sliding surfaces, observer and elastic reference (Sung and Joo).
 
 Modes:
     tracking_a  the non-linear model stands in the law and in the observer;

@@ -1,4 +1,7 @@
-"""PD + feedforward: collocated feedback of the joints about the plan (papers/000, eqs 12-13)."""
+"""PD + feedforward: collocated feedback of the joints about the plan.
+
+Gorinevsky and Vukovich 1998, eqs 12-13.
+"""
 
 from flexslew_control.law import (
     Estimate,

@@ -1,4 +1,4 @@
-"""Proportional-plus-integral, disturbance-accommodating control (papers/004, (3-12) to (3-24))."""
+"""Proportional-plus-integral, disturbance-accommodating control (Kwak 1989, (3-12) to (3-24))."""
 
 from dataclasses import dataclass
 from typing import Any, TypeAlias

@@ -1,4 +1,4 @@
-"""Design of the output feedback controller for any linear system (papers/002, sections 2 and 3)."""
+"""Design of the output feedback controller for any linear system (Sung and Joo, sections 2, 3)."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The numbers of papers/000 on the CSA testbed, computed again."""
+"""The numbers of Gorinevsky and Vukovich 1998 on the CSA testbed, computed again."""
 
 from functools import lru_cache
 from typing import Any

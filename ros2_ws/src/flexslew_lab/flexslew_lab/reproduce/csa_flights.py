@@ -1,4 +1,4 @@
-"""The testbed, the slews and the optima of papers/000 at which its tables and figures look."""
+"""The testbed, slews and optima of the tables and figures of Gorinevsky and Vukovich 1998."""
 
 from functools import lru_cache
 from typing import Any

@@ -1,4 +1,4 @@
-"""The numbers of papers/001: what the paper prints, an independent reference, and ours."""
+"""The numbers of Liu and Singh 1997: what the paper prints, an independent reference, and ours."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -116,7 +116,7 @@ def time_optimal_rows() -> list[dict[str, Any]]:
 
 
 def time_optimal_figures() -> dict[str, go.Figure]:
-    """Return Figures 2-5 and 8-14 of papers/001, computed anew, by name; 1, 6, 7 are sketches."""
+    """Return Figures 2-5 and 8-14 of Liu and Singh 1997 by name; 1, 6, 7 are sketches."""
     drawn: dict[str, go.Figure] = {}
     for number, kind in ((2, "time-optimal"), (3, "robust")):
         for letter, factor in (("a", 1.0), ("b", 0.9)):

@@ -18,7 +18,8 @@ class Basis:
     """n functions B_j(t) on [0, T], zero outside.
 
     hat, cubic: uniform B-splines of degree 1 and 3 whose supports fill [0, T] exactly, so that
-        they are zero at both ends. hat: B_j = 1 at t = j T / (n + 1) (papers/000, section 3.1).
+        they are zero at both ends. hat: B_j = 1 at t = j T / (n + 1) (Gorinevsky and Vukovich
+        1998, section 3.1).
     constant: n pieces of length T / n.
     trigonometric: sin(j pi t / T), j = 1 .. n.
 

@@ -1,4 +1,4 @@
-"""The iteration (25) of papers/000 that finds the feedforward, in both readings of rho."""
+"""The iteration (25) of Gorinevsky and Vukovich 1998 for the feedforward, both readings of rho."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias

@@ -1,4 +1,7 @@
-"""The planner of papers/000, section 3: feedforward (18) that brings the terminal error to zero."""
+"""Feedforward (18) that brings the terminal error to zero.
+
+Gorinevsky and Vukovich 1998, section 3.
+"""
 
 from dataclasses import replace
 from typing import Annotated, Any, Literal

@@ -3,10 +3,10 @@
 One feedforward flies every member of the ensemble, each under its own feedback. Its weights U
 minimise
     sum_i Y_i^T W_i Y_i / members + rho |U|^2
-with no member's effort beyond the limits; Y_i is the terminal error (20) of papers/000 on member
-i. W_i is the mean over one more duration of tip^2 + (lever angle errors)^2 that Y_i leads to in
-the closed loop, linearised at the goal: an error counts by the vibration that it leaves, not by
-its unit.
+with no member's effort beyond the limits; Y_i is the terminal error (20) of Gorinevsky and
+Vukovich 1998 on member i. W_i is the mean over one more duration of tip^2 + (lever angle errors)^2
+that Y_i leads to in the closed loop, linearised at the goal: an error counts by the vibration that
+it leaves, not by its unit.
 
 M1 in 25 s, largest residual with EI off by up to 20 %: 0.18 m with 143 N m, on one mode and on
 three. The plan that is exact for one model leaves 0.64 m with 78 N m. Time does the same as

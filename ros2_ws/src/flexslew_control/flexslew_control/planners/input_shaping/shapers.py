@@ -82,7 +82,7 @@ def make_shaper(
 ) -> Shaper:
     """Return the shaper of one mode.
 
-    With K = exp(-zeta pi / sqrt(1 - zeta^2)) (papers/002, eq. 50) at multiples of half the damped
+    With K = exp(-zeta pi / sqrt(1 - zeta^2)) (Sung and Joo, eq. 50) at multiples of half the damped
     period: ZV is (1, K) / (1 + K), ZVD and ZVDD are ZV convolved with itself once and twice.
     EI has one or two humps of height `tolerance` in its sensitivity curve.
 

@@ -1,4 +1,4 @@
-"""Bang-bang slews of one joint by their switch times (papers/001, sections 2 and 3).
+"""Bang-bang slews of one joint by their switch times (Liu and Singh 1997, sections 2 and 3).
 
 The unknowns are the durations d of the arcs between the switches. The end conditions are rest at
 the goal and, for a robust slew, no sensitivity to the stiffness k:
@@ -195,7 +195,7 @@ def linear_candidates(slew: BangBang, antisymmetric: bool, longer: float = 0.0) 
     Args:
         slew: its model is linearised at the start.
         antisymmetric: whether only slews count whose effort is antisymmetric about the middle, as
-            in papers/001; a damped mode has none, so there it changes nothing.
+            in Liu and Singh 1997; a damped mode has none, so there it changes nothing.
         longer: by how much they may be longer than the shortest [s].
 
     Raises:

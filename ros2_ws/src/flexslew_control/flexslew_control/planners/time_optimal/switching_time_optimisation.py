@@ -1,4 +1,4 @@
-"""Switch time optimisation: the first-order gradient method of papers/001, as a cross-check.
+"""Switch time optimisation: first-order gradient method of Liu and Singh 1997, a cross-check.
 
 The unknowns are the switch times and the final time, p = (t_1 .. t_N, t_f). States go forwards,
 costates backwards: with lambda_i(t_f) the gradient of end condition r_i and H the input gradient

@@ -1,4 +1,4 @@
-"""The planner of papers/001: time-optimal and robust time-optimal slews."""
+"""The planner of Liu and Singh 1997: time-optimal and robust time-optimal slews."""
 
 from typing import Annotated, Any, Literal, TypeAlias
 
