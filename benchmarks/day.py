@@ -81,7 +81,7 @@ class AllTopics(BagObserver):
                 effort=question.applied_effort,
             )
             self._put("/appendage_states", header=self._header())
-            at = self._now["sec"] * 10**9 + self._now["nanosec"]
+            at = self._now.sec * 10**9 + self._now.nanosec
             for topic, data in self._fixed.items():
                 self._writer.write(topic, TOPICS[topic].type, data, at)
         if question.tick % STATUS_EVERY == 0:
@@ -104,7 +104,7 @@ def record(folder: Path, hours: float) -> dict[str, float]:
     for controller in controllers.values():
         if plan is not None:
             controller.adopt(plan)
-    tenth = bench.last_tick // 10000 * 1000
+    tenth = (bench.last_tick or 0) // 10000 * 1000
     seen: dict[str, float] = {}
 
     def look(tick: int) -> None:

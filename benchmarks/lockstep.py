@@ -9,6 +9,7 @@ from array import array
 from pathlib import Path
 from statistics import median
 from time import perf_counter
+from typing import Any
 
 from flexslew_lab.report.metrics import metrics_of
 from flexslew_lab.trial.domain import own_domain
@@ -36,7 +37,7 @@ def ping_pong(side: str) -> None:
     if side == "pong":
         answer = node.create_publisher(msg.EffortCommand, "pong", LOOP_DEPTH)
 
-        def pong(question):
+        def pong(question: Any) -> None:
             answer.publish(
                 msg.EffortCommand(
                     stamp=question.header.stamp, tick=question.tick, controller="x", effort=two
@@ -50,7 +51,7 @@ def ping_pong(side: str) -> None:
     ask = node.create_publisher(msg.Measurement, "ping", LOOP_DEPTH)
     count = 0
 
-    def question():
+    def question() -> Any:
         return msg.Measurement(
             tick=count,
             controller="pd_feedforward",
@@ -61,7 +62,7 @@ def ping_pong(side: str) -> None:
             applied_effort=two,
         )
 
-    def again(_):
+    def again(_: Any) -> None:
         nonlocal count
         count += 1
         if count < TICKS:

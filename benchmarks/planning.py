@@ -6,7 +6,7 @@ from time import perf_counter
 import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
-from flexslew_control.planners.feedforward.gauss_newton import Options, Update, optimise
+from flexslew_control.planners.feedforward.gauss_newton import Options, optimise
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, TerminalMap, substeps_for
 from flexslew_plant.testbeds.csa import CsaTestbed
 
@@ -22,7 +22,7 @@ def _maps(modes: int) -> tuple[TerminalMap, TerminalMap]:
     return TerminalMap(m1, basis, (fine + 2) // 3), TerminalMap(m1, basis, fine)
 
 
-def _unheard(update: Update) -> None:
+def _unheard(update: object) -> None:
     """Nobody listens."""
 
 

@@ -2,8 +2,10 @@
 
 import ast
 import re
+from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,12 +16,12 @@ FILES = sorted(path for name in ORDER for path in (SOURCE / name / name).rglob("
 ROS = re.compile(r"^(rclpy|rosidl|launch|ament|[a-z_]+_msgs|std_srvs|builtin_interfaces)\b")
 
 
-def module_of(path):
+def module_of(path: Any) -> Any:
     parts = path.relative_to(SOURCE).with_suffix("").parts[1:]
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def imported(path, lazy=True):
+def imported(path: Any, lazy: bool = True) -> Iterator[Any]:
     """Yield the names of the modules that a file imports; without lazy those at its top alone."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     nodes = ast.walk(tree) if lazy else iter(tree.body)
@@ -31,7 +33,7 @@ def imported(path, lazy=True):
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def test_ros_is_imported_only_below_ros():
+def test_ros_is_imported_only_below_ros() -> None:
     wrong = [
         f"{path.relative_to(SOURCE)}: {name}"
         for path in FILES
@@ -43,7 +45,7 @@ def test_ros_is_imported_only_below_ros():
 
 
 @pytest.mark.parametrize("package", ORDER)
-def test_imports_go_one_way(package):
+def test_imports_go_one_way(package: Any) -> None:
     later = ORDER[ORDER.index(package) + 1 :]
     wrong = [
         f"{path.relative_to(SOURCE)}: {name}"
@@ -54,7 +56,7 @@ def test_imports_go_one_way(package):
     assert not wrong
 
 
-def test_no_file_imports_itself_in_a_circle():
+def test_no_file_imports_itself_in_a_circle() -> None:
     known = {module_of(path) for path in FILES}
     graph = {
         module_of(path): {name for name in imported(path, lazy=False) if name in known}
@@ -76,7 +78,7 @@ NAMES = re.compile(
 )
 
 
-def test_nothing_outside_of_the_testbeds_names_a_kind_a_joint_or_an_appendage():
+def test_nothing_outside_of_the_testbeds_names_a_kind_a_joint_or_an_appendage() -> None:
     wrong = []
     for path in [*FILES, *(SOURCE / "flexslew_lab").rglob("*.j2")]:
         parts = path.relative_to(SOURCE).parts
@@ -88,7 +90,7 @@ def test_nothing_outside_of_the_testbeds_names_a_kind_a_joint_or_an_appendage():
     assert not wrong, "\n".join(wrong)
 
 
-def test_every_family_says_what_it_offers():
+def test_every_family_says_what_it_offers() -> None:
     folders = {path.parent for path in FILES if path.parent.name not in ORDER}
     for folder in sorted(folders):
         text = (folder / "__init__.py").read_text(encoding="utf-8")

@@ -1,4 +1,6 @@
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,11 +16,11 @@ SECTIONS = [NoPlan(), ReferenceOnly(), OptimizedFeedforward()]
 
 
 @pytest.fixture(scope="module", params=SECTIONS, ids=lambda s: s.method)
-def plan(request):
+def plan(request: pytest.FixtureRequest) -> Any:
     return make_plan(request.param, plant(0.05, [150.0, 150.0]))
 
 
-def test_a_plan_survives_its_file_bit_for_bit(plan, tmp_path):
+def test_a_plan_survives_its_file_bit_for_bit(plan: Any, tmp_path: Path) -> None:
     save_plan(plan, tmp_path / "plan.yaml")
     loaded = load_plan(tmp_path / "plan.yaml")
     for name in ("position", "velocity", "effort", "state"):
@@ -30,7 +32,7 @@ def test_a_plan_survives_its_file_bit_for_bit(plan, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["plan.yaml"]
 
 
-def test_hash_sees_every_array_and_the_request(plan):
+def test_hash_sees_every_array_and_the_request(plan: Any) -> None:
     seen = {plan_hash(plan)}
     for name in ("position", "velocity"):
         array = getattr(plan, name).copy()
@@ -41,7 +43,7 @@ def test_hash_sees_every_array_and_the_request(plan):
     assert len(seen) == 5
 
 
-def altered(plan, path, change):
+def altered(plan: Any, path: Any, change: Any) -> Any:
     save_plan(plan, path)
     content = yaml.safe_load(path.read_text())
     change(content)
@@ -49,7 +51,7 @@ def altered(plan, path, change):
     return path
 
 
-def set_first(content):
+def set_first(content: Any) -> None:
     content["position"][0][0] += 1e-9
 
 
@@ -65,7 +67,7 @@ def set_first(content):
         (lambda c: c.update(joint_names=3), "wrong kinds"),
     ],
 )
-def test_an_altered_file_is_refused_by_name(tmp_path, change, words):
+def test_an_altered_file_is_refused_by_name(tmp_path: Path, change: Any, words: str) -> None:
     path = altered(make_plan(NoPlan(), plant(0.05, [1.0, 1.0])), tmp_path / "p.yaml", change)
     with pytest.raises(BadInput, match=words) as caught:
         load_plan(path)
@@ -73,17 +75,17 @@ def test_an_altered_file_is_refused_by_name(tmp_path, change, words):
 
 
 @pytest.mark.parametrize("text", ["{", "[1, 2]", "", "\x00"])
-def test_what_is_no_plan_is_refused(tmp_path, text):
+def test_what_is_no_plan_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "p.yaml").write_text(text)
     with pytest.raises(BadInput, match=r"p\.yaml"):
         load_plan(tmp_path / "p.yaml")
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="No such file"):
         load_plan(tmp_path / "none.yaml")
 
 
-def test_an_unwritable_place_is_named(tmp_path):
+def test_an_unwritable_place_is_named(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="cannot be written"):
         save_plan(make_plan(NoPlan(), plant(0.05, [1.0, 1.0])), tmp_path / "none" / "p.yaml")

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from flexslew_plant.testbeds import TestbedSettings as Bed
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 
-def refusal(kind, values):
+def refusal(kind: Any, values: Any) -> Any:
     with pytest.raises(BadInput) as caught:
         validated(kind, values, "trial.yaml")
     text = str(caught.value)
@@ -68,52 +70,54 @@ def refusal(kind, values):
         (BenchSettings, {"testbed": {"parameters": {"lenght": 1}}}, ["did you mean length?"]),
     ],
 )
-def test_bad_values_are_told_in_one_line_with_key_value_and_what_is_allowed(kind, values, words):
+def test_bad_values_are_told_in_one_line_with_key_value_and_what_is_allowed(
+    kind: Any, values: Any, words: Any
+) -> None:
     text = refusal(kind, values)
     for word in words:
         assert word in text
 
 
-def test_a_key_of_another_testbed_is_not_offered():
+def test_a_key_of_another_testbed_is_not_offered() -> None:
     text = refusal(Bed, {"kind": "floating_oscillator", "variant": "printed"})
     assert "unknown key" in text
     assert "bending_stiffness" not in text
 
 
-def test_further_errors_are_counted():
+def test_further_errors_are_counted() -> None:
     text = refusal(Bed, {"modes": 0, "damping_ratio": -1.0})
     assert "(and 1 more)" in text
 
 
-def test_long_values_are_cut():
+def test_long_values_are_cut() -> None:
     assert len(refusal(BenchSettings, {"active": list(range(1000))})) < 200
 
 
-def test_settings_come_back_from_yaml():
+def test_settings_come_back_from_yaml() -> None:
     settings = validated(BenchSettings, {"testbed": {"modes": 2}, "fallback": ["a"]}, "here")
     text = yaml_text(plain(settings))
     assert validated(BenchSettings, load_yaml(text, "here"), "here") == settings
 
 
-def test_yaml_has_no_aliases():
+def test_yaml_has_no_aliases() -> None:
     shared = [1.0, 2.0]
     assert "&" not in yaml_text({"a": shared, "b": shared})
 
 
-def test_a_syntax_error_names_the_line():
+def test_a_syntax_error_names_the_line() -> None:
     with pytest.raises(BadInput, match=r"^trial\.yaml: line 3, column \d+ is not YAML"):
         load_yaml("a: 1\nb: [1, 2\nc: 3", "trial.yaml")
 
 
-def test_flat_settings_are_ros_parameters():
+def test_flat_settings_are_ros_parameters() -> None:
     values = {"a": {"b": 1, "c": {"d": [1.0, 2.0]}}, "e": None, "f": [], "g": [{"at": 1.0}]}
     assert flat(values) == {"a.b": 1, "a.c.d": [1.0, 2.0], "g": "[{at: 1.0}]\n"}
 
 
-def test_settings_cannot_be_changed():
+def test_settings_cannot_be_changed() -> None:
     bed = CsaTestbed()
     with pytest.raises(AttributeError):
-        bed.modes = 4
+        setattr(bed, "modes", 4)  # noqa: B010  # what a type checker would refuse
     assert np.isfinite(bed.parameters.length)
 
 
@@ -135,14 +139,14 @@ def test_settings_cannot_be_changed():
         (PerJoint, [], "[] is not allowed: at least 1 entry, here 0"),
     ],
 )
-def test_no_word_of_python_reaches_the_user(kind, values, words):
+def test_no_word_of_python_reaches_the_user(kind: Any, values: Any, words: str) -> None:
     text = refusal(kind, values)
     assert words in text
     for python in ("tuple", "dictionary", "instance", "_kind", "Input should", "argument", "class"):
         assert python not in text
 
 
-def test_a_single_number_serves_every_joint():
+def test_a_single_number_serves_every_joint() -> None:
     assert validated(PerJoint, 460, "t") == validated(PerJoint, [460.0], "t") == (460.0,)
     assert validated(PerJoint, [1.0, 2.0], "t") == (1.0, 2.0)
 
@@ -158,12 +162,12 @@ def test_a_single_number_serves_every_joint():
         ("- {x: 1}\n- {x: 1, y: {z: 1, 'z': 2}}", "the key z stands twice"),
     ],
 )
-def test_a_key_that_stands_twice_is_refused(text, words):
+def test_a_key_that_stands_twice_is_refused(text: str, words: str) -> None:
     with pytest.raises(BadInput) as caught:
         load_yaml(text, "trial.yaml")
     assert words in str(caught.value)
 
 
-def test_equal_keys_of_different_sections_and_merges_are_read():
+def test_equal_keys_of_different_sections_and_merges_are_read() -> None:
     text = "a: &a {x: 1, y: 2}\nb: {<<: *a, x: 3}\nc: [{x: 1}, {x: 1}]"
     assert load_yaml(text, "t")["b"] == {"x": 3, "y": 2}

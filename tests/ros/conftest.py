@@ -9,7 +9,7 @@ _PROFILE = Path(__file__).parents[2] / "setup" / "fastdds-loopback.xml"
 
 
 @pytest.fixture(autouse=True, scope="session")
-def _strict_loopback():
+def _strict_loopback() -> None:
     assert _PROFILE.is_file(), "without the profile DDS would use every network"
     kilted = os.environ.get("ROS_DISTRO", "kilted") == "kilted"
     variable = f"{'FASTDDS' if kilted else 'FASTRTPS'}_DEFAULT_PROFILES_FILE"

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,14 +28,21 @@ controllers: {{pd_feedforward: {{kp: [460.0, 460.0], kd: [920.0, 920.0]}}{more}}
 """
 
 
-def slew(duration: float = 6.0, rate: float = 0.0, more: str = "", extra: str = ""):
+def slew(duration: float = 6.0, rate: float = 0.0, more: str = "", extra: str = "") -> Any:
     return parse_trial(SLEW.format(duration=duration, rate=rate, more=more, extra=extra), "test")
 
 
 class Flight:
     """Flies a trial; at the tick `at` the method `act` is called once with the pids by name."""
 
-    def __init__(self, trial, folder: Path, at: int = -1, act=None, extra: list[NodeProcess] = ()):
+    def __init__(
+        self,
+        trial: Any,
+        folder: Path,
+        at: int = -1,
+        act: Any = None,
+        extra: Sequence[NodeProcess] = (),
+    ) -> None:
         self._at, self._act = at, act
         self.folder, self.bag = folder, folder / "bag"
         folder.mkdir(parents=True, exist_ok=True)
@@ -69,7 +77,7 @@ class Flight:
         return [event.kind for event in BagReader(self.bag).overview.events]
 
 
-def kill(name: str, strength: int = signal.SIGKILL):
+def kill(name: str, strength: int = signal.SIGKILL) -> Any:
     def act(pids: dict[str, int]) -> None:
         os.kill(pids[name], strength)
 

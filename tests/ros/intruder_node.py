@@ -1,6 +1,7 @@
 """A liar on `effort_command`: wrong sender, stale ticks, wrong sizes, no numbers."""
 
 from array import array
+from typing import Any
 
 from flexslew_msgs import msg
 
@@ -12,14 +13,14 @@ from flexslew_plant.ros.parameters import new_node
 
 
 class Intruder:
-    def __init__(self, loop):
+    def __init__(self, loop: Any) -> None:
         self.node = new_node("intruder")
         loop.add(self.node)
         self._lies = publisher(self.node, topics.EFFORT_COMMAND)
         heard = subscription(self.node, topics.MEASUREMENT, self._lie)
         self._watch = PlantWatch(loop, heard, True)
 
-    def _lie(self, question):
+    def _lie(self, question: Any) -> None:
         if question.tick % 20:
             return
         common = {"stamp": question.header.stamp, "epoch": question.epoch}
@@ -33,11 +34,11 @@ class Intruder:
         ):
             self._lies.publish(lie)
 
-    def poll(self):
+    def poll(self) -> float:
         self._watch.look()
         return 0.2
 
-    def close(self):
+    def close(self) -> None:
         self.node.destroy_node()
 
 

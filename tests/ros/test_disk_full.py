@@ -3,7 +3,9 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import rclpy
@@ -24,7 +26,7 @@ INSIDE = "FLEXSLEW_TEST_IN_NAMESPACE"
 
 
 @pytest.fixture
-def small_disk(tmp_path):
+def small_disk(tmp_path: Path) -> Iterator[Any]:
     """A file system of SIZE bytes; without the right to mount one, the test in a namespace."""
     folder = tmp_path / "run" / "bag"
     folder.mkdir(parents=True)
@@ -39,7 +41,7 @@ def small_disk(tmp_path):
 
 
 @pytest.fixture(autouse=True)
-def _in_a_namespace(request):
+def _in_a_namespace(request: pytest.FixtureRequest) -> None:
     """Run the test again as root of a namespace of its own where it is not root."""
     if os.geteuid() == 0 or INSIDE in os.environ:
         return
@@ -63,9 +65,12 @@ def hear(kind: str, pid: int) -> list[str]:
     found: list[str] = []
     try:
         events = qos(TOPICS[EVENTS])
-        node.create_subscription(
-            Event, "/events", lambda e: e.kind == kind and found.append(e.message), events
-        )
+
+        def listen(event: Event) -> None:
+            if event.kind == kind:
+                found.append(event.message)
+
+        node.create_subscription(Event, "/events", listen, events)
         while not found and Path(f"/proc/{pid}").exists():
             rclpy.spin_once(node, timeout_sec=0.2)
         return found
@@ -79,8 +84,8 @@ def wrong(bag: Path) -> dict[str, str]:
     return {f.what: f.detail for f in check_log(bag) if not f.ok}
 
 
-def test_a_full_disk_ends_the_recording_and_not_the_run(small_disk, tmp_path):
-    def listen(pids):
+def test_a_full_disk_ends_the_recording_and_not_the_run(small_disk: Any, tmp_path: Path) -> None:
+    def listen(pids: Any) -> None:
         heard.extend(hear("recording_stopped", pids["recorder"]))
 
     heard: list[str] = []

@@ -5,6 +5,8 @@ import json
 import os
 import socket
 import struct
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,7 +25,7 @@ pytest.importorskip("foxglove")
 class Client:
     """A WebSocket client that speaks as little as it can."""
 
-    def __init__(self, port: int):
+    def __init__(self, port: int) -> None:
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=20.0)
         key = base64.b64encode(os.urandom(16)).decode()
         self._socket.sendall(
@@ -36,7 +38,7 @@ class Client:
             reply += self._read(1)
         assert b" 101 " in reply, reply
 
-    def receive(self) -> bytes | dict:
+    def receive(self) -> Any:
         """Return the next message: JSON or binary."""
         first, size = self._read(2)
         if size == 126:
@@ -46,7 +48,7 @@ class Client:
         data = self._read(size)
         return json.loads(data) if first & 15 == 1 else data
 
-    def send(self, message: dict) -> None:
+    def send(self, message: dict[str, Any]) -> None:
         data, mask = json.dumps(message).encode(), os.urandom(4)
         masked = bytes(byte ^ mask[i % 4] for i, byte in enumerate(data))
         assert len(data) < 126  # else the length takes more bytes
@@ -64,7 +66,7 @@ class Client:
 def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+        return int(probe.getsockname()[1])
 
 
 def connected(port: int, supervisor: Supervisor) -> Client:
@@ -77,7 +79,7 @@ def connected(port: int, supervisor: Supervisor) -> Client:
     raise AssertionError("the server never opened")
 
 
-def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path):
+def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path: Path) -> None:
     run = tmp_path / "run"
     run_trial(slew(duration=6.0), "test", run, in_process=True, report=False)
     port = free_port()
@@ -95,7 +97,7 @@ def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path):
         supervisor = Supervisor(processes, parameters, log, domain, lambda tick, last: None)
         try:
             client = connected(port, supervisor)
-            channels = {}
+            channels: dict[Any, Any] = {}
             assert client.receive()["capabilities"] == ["time"]
             while not {"/truth", "/testbed"} <= {*channels}:
                 message = client.receive()

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -20,17 +21,17 @@ from .flight import Flight, slew
 
 
 @pytest.fixture(scope="module")
-def bag(tmp_path_factory):
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return Flight(slew(duration=3.0), tmp_path_factory.mktemp("flight")).bag
 
 
-def test_every_topic_but_the_static_frames_is_recorded(bag):
+def test_every_topic_but_the_static_frames_is_recorded(bag: Any) -> None:
     assert {*BagReader(bag).overview.counts} == {*TOPICS} - {"/tf_static"}
 
 
-def test_rosbags_reads_every_message_as_we_do(bag):
+def test_rosbags_reads_every_message_as_we_do(bag: Any) -> None:
     store = get_typestore(Stores.EMPTY)
-    read = Counter()
+    read: Counter[str] = Counter()
     with Reader(bag) as reader:
         for connection in reader.connections:
             store.register(get_types_from_msg(connection.msgdef.data, connection.msgtype))
@@ -43,7 +44,7 @@ def test_rosbags_reads_every_message_as_we_do(bag):
     assert read == Counter(m.topic for m in BagReader(bag).messages())
 
 
-def test_mcap_decodes_every_message(bag):
+def test_mcap_decodes_every_message(bag: Any) -> None:
     with next(bag.glob("*.mcap")).open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         decoded = [(channel.topic, ros) for _, channel, _, ros in reader.iter_decoded_messages()]
@@ -58,10 +59,13 @@ def test_mcap_decodes_every_message(bag):
     assert all(list(ros.name) == ["base_yaw", "hub_pitch"] for ros in joints)
 
 
-def test_pymcap_finds_no_fault(bag):
+def test_pymcap_finds_no_fault(bag: Any) -> None:
     doctor = [Path(sys.executable).with_name("pymcap-cli"), "doctor", "--format", "jsonl"]
     lines = subprocess.run(
-        [*doctor, next(bag.glob("*.mcap"))], capture_output=True, text=True, check=True
+        [*map(str, doctor), str(next(bag.glob("*.mcap")))],
+        capture_output=True,
+        text=True,
+        check=True,
     ).stdout
     summary = json.loads(lines.splitlines()[-1])
     assert (summary["errors"], summary["warnings"], summary["complete"]) == (0, 0, True)

@@ -22,7 +22,7 @@ schedule:
 """
 
 
-def test_three_joints_fly_over_ros_as_in_process(tmp_path):
+def test_three_joints_fly_over_ros_as_in_process(tmp_path: Path) -> None:
     trial = parse_trial(TRIAL, "own.yaml")
     flight = Flight(trial, tmp_path / "ros")
     assert flight.outcome.exit_code == 0, flight.log

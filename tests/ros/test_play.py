@@ -3,6 +3,7 @@
 import os
 from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from .flight import slew
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory):
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("flown") / "run"
     run_trial(slew(duration=6.0), "test", folder, in_process=True, report=False)
     return folder / "bag"
@@ -33,7 +34,7 @@ def flown(tmp_path_factory):
 class Playing:
     """The play node, named as the node whose end is the end of a run, and a recorder."""
 
-    def __init__(self, bag: Path, folder: Path, act=None, **settings):
+    def __init__(self, bag: Path, folder: Path, act: Any = None, **settings: Any) -> None:
         folder.mkdir()
         self.bag = folder / "bag"
         listeners = node_processes(slew(), folder, True, {})[-1].parameters["wait_for"]
@@ -58,7 +59,7 @@ class Playing:
         self.log = log.read_text()
 
 
-def by_topic(bag):
+def by_topic(bag: Any) -> Any:
     found = defaultdict(list)
     for message in BagReader(bag).messages():
         if b"recorder\0" not in message.data:  # its own words
@@ -67,7 +68,7 @@ def by_topic(bag):
     return found
 
 
-def test_played_and_recorded_again_every_message_is_the_same(flown, tmp_path):
+def test_played_and_recorded_again_every_message_is_the_same(flown: Any, tmp_path: Path) -> None:
     playing = Playing(flown, tmp_path / "again", rate=0.0)
     assert playing.outcome.exit_code == 0, playing.log
     original, again = by_topic(flown), by_topic(playing.bag)
@@ -78,7 +79,7 @@ def test_played_and_recorded_again_every_message_is_the_same(flown, tmp_path):
         assert again[topic] == messages, topic
 
 
-def call(kind, name, request):
+def call(kind: Any, name: Any, request: pytest.FixtureRequest) -> Any:
     rclpy.init()
     node = rclpy.create_node("operator")
     try:
@@ -92,14 +93,14 @@ def call(kind, name, request):
         rclpy.try_shutdown()
 
 
-def test_pause_step_seek_and_resume_over_services(flown, tmp_path):
-    def operate():
+def test_pause_step_seek_and_resume_over_services(flown: Any, tmp_path: Path) -> None:
+    def operate() -> None:
         answers.append(call(Seek, "/plant/seek", Seek.Request(time=Time(sec=7))))
         answers.append(call(Seek, "/plant/seek", Seek.Request(time=Time(sec=3))))
         answers.append(call(Step, "/plant/step", Step.Request(ticks=10)))
         answers.append(call(Trigger, "/plant/resume", Trigger.Request()))
 
-    answers = []
+    answers: list[Any] = []
     playing = Playing(
         flown, tmp_path / "again", operate, paused=True, rate=20.0,
         topics=["/truth", "/measurement"],
@@ -116,11 +117,12 @@ def test_pause_step_seek_and_resume_over_services(flown, tmp_path):
     assert ticks.tolist() == list(range(300, 601))
 
 
-def late_listener(expected):
+def late_listener(expected: Any) -> tuple[Any, Any]:
     """Return plans and events of a listener that comes now, once it has heard enough."""
     rclpy.init()
     node = rclpy.create_node("late")
-    plans, events = [], []
+    plans: list[Any] = []
+    events: list[Any] = []
     try:
         node.create_subscription(Plan, "/plan", plans.append, qos(TOPICS[EVENTS]))
         node.create_subscription(Event, "/events", events.append, qos(TOPICS[EVENTS]))
@@ -135,7 +137,9 @@ def late_listener(expected):
         rclpy.try_shutdown()
 
 
-def test_after_a_seek_a_late_listener_knows_what_was_known_there_and_no_more(tmp_path):
+def test_after_a_seek_a_late_listener_knows_what_was_known_there_and_no_more(
+    tmp_path: Path,
+) -> None:
     extra = "schedule: [{at: 1.0, until: 3.0, disturbance: {base_yaw: 1.0}}]"
     folder = tmp_path / "flown"
     run_trial(slew(duration=6.0, extra=extra), "test", folder, in_process=True, report=False)
@@ -144,14 +148,15 @@ def test_after_a_seek_a_late_listener_knows_what_was_known_there_and_no_more(tmp
         ("started", 0.0), ("disturbance", 1.0), ("disturbance", 3.0), ("finished", 6.0),
     ]  # fmt: skip
 
-    def operate():
+    def operate() -> None:
         for time in (5, 2, 4):
             answers.append(call(Seek, "/plant/seek", Seek.Request(time=Time(sec=time))))
             known = [event.kind for event in events if event.time < time]
             heard.append((late_listener(len(known)), (1, known)))
         answers.append(call(Trigger, "/plant/resume", Trigger.Request()))
 
-    answers, heard = [], []
+    answers: list[Any] = []
+    heard: list[Any] = []
     playing = Playing(folder / "bag", tmp_path / "again", operate, paused=True, rate=0.0)
     assert playing.outcome.exit_code == 0, playing.log
     assert [told for told, _ in heard] == [known for _, known in heard]
@@ -159,7 +164,7 @@ def test_after_a_seek_a_late_listener_knows_what_was_known_there_and_no_more(tmp
     assert ticks.tolist() == list(range(400, 601))
 
 
-def test_a_part_of_the_bag_with_a_clock_of_its_own(flown, tmp_path):
+def test_a_part_of_the_bag_with_a_clock_of_its_own(flown: Any, tmp_path: Path) -> None:
     playing = Playing(
         flown, tmp_path / "again", rate=20.0, start=1.0, duration=2.0, clock=1000.0,
         topics=["/truth", "/measurement"],

@@ -5,6 +5,7 @@ import shutil
 import signal
 from pathlib import Path
 from threading import Timer
+from typing import Any
 
 import pytest
 import rclpy
@@ -31,7 +32,7 @@ from flexslew_plant.ros.messages import stamp
 from .flight import Flight, slew
 
 
-def switch_controller(name, at, strict, max_effort_step):
+def switch_controller(name: Any, at: Any, strict: Any, max_effort_step: Any) -> Any:
     with connected(int(os.environ["ROS_DOMAIN_ID"])) as bench:
         return bench.switch(name, at, strict, max_effort_step)
 
@@ -39,11 +40,11 @@ def switch_controller(name, at, strict, max_effort_step):
 OTHERS = ", output_feedback: {mode: tracking_a}"
 
 
-def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path):
-    def by_hand(pids):
+def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -> None:
+    def by_hand(pids: Any) -> None:
         answers.append(switch_controller("output_feedback", 0.0, False, 1.0))
 
-    answers = []
+    answers: list[Any] = []
     flight = Flight(
         slew(duration=150.0, more=OTHERS, extra="display_rate: 0.0"), tmp_path, 1, by_hand
     )
@@ -56,8 +57,8 @@ def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path):
     assert again.hash == flight.metrics["trajectory_hash"]
 
 
-def test_late_answers_and_a_fallback_fly_again_to_the_same_hash(tmp_path):
-    def hold_up(pids):
+def test_late_answers_and_a_fallback_fly_again_to_the_same_hash(tmp_path: Path) -> None:
+    def hold_up(pids: Any) -> None:
         os.kill(pids["pd_feedforward"], signal.SIGSTOP)
         Timer(2.0, os.kill, (pids["pd_feedforward"], signal.SIGCONT)).start()  # and all is late
 
@@ -70,11 +71,11 @@ def test_late_answers_and_a_fallback_fly_again_to_the_same_hash(tmp_path):
     assert again.hash == flight.metrics["trajectory_hash"]
 
 
-def ask(*requests):
+def ask(*requests: Any) -> Any:
     """Return the bench's answers to requests typed one after another."""
     rclpy.init()
     node = rclpy.create_node("operator")
-    answers = []
+    answers: list[Any] = []
     try:
         for kind, name, values in requests:
             client = node.create_client(kind, name)
@@ -88,16 +89,16 @@ def ask(*requests):
         rclpy.try_shutdown()
 
 
-def swap(name, at=0.0, **more):
+def swap(name: Any, at: float = 0.0, **more: Any) -> tuple[Any, str, Any]:
     return SwitchController, "switch_controller", {"controller": name, "at": stamp(at), **more}
 
 
-def fault(text, at=0.0):
+def fault(text: Any, at: float = 0.0) -> tuple[Any, str, Any]:
     return InjectFault, "inject_fault", {"fault": text, "at": stamp(at), "who": "ann"}
 
 
-def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path):
-    def by_hand(pids):
+def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -> None:
+    def by_hand(pids: Any) -> None:
         answers.extend(
             ask(
                 swap("output_feedback", who="ann"),
@@ -121,7 +122,7 @@ def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path):
             )
         )
 
-    answers = []
+    answers: list[Any] = []
     trial = slew(
         duration=80.0, more=OTHERS, extra="display_rate: 0.0\nallow_faults: true\nmax_missed: 100"
     )
@@ -148,7 +149,7 @@ def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path):
     assert [finding for finding in check_log(flight.bag) if not finding.ok] == []
 
 
-def guest(name, law, **values):
+def guest(name: Any, law: Any, **values: Any) -> NodeProcess:
     """Return a controller that is not in the trial, with a law of the user's own."""
     return NodeProcess(
         name, "flexslew_control", "controller",
@@ -156,11 +157,11 @@ def guest(name, law, **values):
     )  # fmt: skip
 
 
-def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_path):
-    def by_hand(pids):
+def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_path: Path) -> None:
+    def by_hand(pids: Any) -> None:
         answers.extend(switch_controller(name, 0.0, False, 1.0) for name in ("own", "stiff"))
 
-    answers = []
+    answers: list[Any] = []
     file = tmp_path / "guest_law.py"
     shutil.copy(Path(__file__).parents[2] / "docs" / "examples" / "my_law.py", file)
     guests = [

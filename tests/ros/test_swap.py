@@ -1,5 +1,7 @@
 """Every law flies over DDS as in process, also across a swap."""
 
+from pathlib import Path
+
 from flexslew_lab.trial.run import run_trial
 
 from .flight import Flight, slew
@@ -15,7 +17,7 @@ schedule:
 """
 
 
-def test_five_laws_and_four_swaps_give_the_same_bits_over_dds(tmp_path):
+def test_five_laws_and_four_swaps_give_the_same_bits_over_dds(tmp_path: Path) -> None:
     trial = slew(duration=7.0, more=CREW, extra=SWAPS)
     alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
     flight = Flight(trial, tmp_path / "dds")

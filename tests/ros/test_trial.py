@@ -3,7 +3,9 @@
 import os
 import signal
 from collections import defaultdict
+from pathlib import Path
 from threading import Timer
+from typing import Any
 
 import pytest
 
@@ -18,13 +20,15 @@ DISPLAY = ("/clock", "/joint_states", "/appendage_states", "/tf", "/markers")
 
 
 @pytest.fixture(scope="module")
-def in_process_hash(tmp_path_factory):
+def in_process_hash(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("in_process") / "run"
     result = run_trial(slew(), "test", folder, in_process=True, report=False)
     return result.metrics["trajectory_hash"]
 
 
-def test_a_run_over_dds_is_bit_identical_to_the_one_in_process(tmp_path, in_process_hash):
+def test_a_run_over_dds_is_bit_identical_to_the_one_in_process(
+    tmp_path: Path, in_process_hash: Any
+) -> None:
     flight = Flight(slew(), tmp_path)
     assert flight.outcome == (0, "")
     metrics = flight.metrics
@@ -32,7 +36,9 @@ def test_a_run_over_dds_is_bit_identical_to_the_one_in_process(tmp_path, in_proc
     assert (metrics["ticks"], metrics["missed_ticks"], metrics["missing_ticks"]) == (600, 0, 0)
 
 
-def test_a_paced_run_without_a_miss_is_bit_identical_too(tmp_path, in_process_hash):
+def test_a_paced_run_without_a_miss_is_bit_identical_too(
+    tmp_path: Path, in_process_hash: Any
+) -> None:
     for attempt in range(3):
         metrics = Flight(slew(rate=1.0), tmp_path / str(attempt)).metrics
         if metrics["missed_ticks"] == 0:
@@ -41,14 +47,14 @@ def test_a_paced_run_without_a_miss_is_bit_identical_too(tmp_path, in_process_ha
     pytest.skip("this machine is too busy to answer within 10 ms")
 
 
-def test_nothing_is_lost_in_the_log(tmp_path):
+def test_nothing_is_lost_in_the_log(tmp_path: Path) -> None:
     from flexslew_lab.log.check import check_log
 
     flight = Flight(slew(duration=3.0, extra="display_rate: 50.0"), tmp_path)
     assert [finding for finding in check_log(flight.bag) if not finding.ok] == []
 
 
-def displayed(flight):
+def displayed(flight: Any) -> Any:
     """Return the stamps of all display messages by topic [ns]."""
     stamps = defaultdict(list)
     for m in BagReader(flight.bag).messages(DISPLAY):
@@ -56,7 +62,7 @@ def displayed(flight):
     return dict(stamps)
 
 
-def test_a_recorder_that_was_held_up_has_every_display_message(tmp_path):
+def test_a_recorder_that_was_held_up_has_every_display_message(tmp_path: Path) -> None:
     class Holding(Flight):
         """Stops the recorder from one report of progress to the next, half a second later."""
 
@@ -74,8 +80,8 @@ def test_a_recorder_that_was_held_up_has_every_display_message(tmp_path):
     assert displayed(flight) == {topic: [k * 20_000_000 for k in range(1501)] for topic in DISPLAY}
 
 
-def test_a_recorder_that_is_held_up_until_after_the_end_has_every_message(tmp_path):
-    def hold_up(pids):
+def test_a_recorder_that_is_held_up_until_after_the_end_has_every_message(tmp_path: Path) -> None:
+    def hold_up(pids: Any) -> None:
         os.kill(pids["recorder"], signal.SIGSTOP)
         Timer(2.5, os.kill, (pids["recorder"], signal.SIGCONT)).start()
 

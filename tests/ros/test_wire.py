@@ -1,6 +1,7 @@
 """The hand-packed bytes are what the middleware reads and writes."""
 
 from array import array
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ ARRAYS = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature"
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("sizes", [(2, 2, 2, 2, 2), (1, 1, 0, 0, 1), (3, 3, 1, 0, 3)])
-def test_a_measurement_has_the_bytes_of_the_message(name, sizes):
+def test_a_measurement_has_the_bytes_of_the_message(name: Any, sizes: Any) -> None:
     arrays = [np.arange(n) - 0.1 for n in sizes]
     question = Measurement(1234, 5, 12.34, name, *arrays)
     message = msg.Measurement(tick=1234, epoch=5, controller=name)
@@ -41,7 +42,7 @@ def test_a_measurement_has_the_bytes_of_the_message(name, sizes):
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("size", [0, 1, 2, 5])
-def test_a_command_has_the_bytes_of_the_message(name, size):
+def test_a_command_has_the_bytes_of_the_message(name: Any, size: int) -> None:
     effort = np.arange(size) * 0.3
     data = command_bytes(EffortCommand(7, 1, name, effort), Stamp(3, 4))
     message = deserialize_message(data, msg.EffortCommand)
@@ -52,7 +53,7 @@ def test_a_command_has_the_bytes_of_the_message(name, size):
     assert again.effort.tolist() == effort.tolist()
 
 
-def test_a_frame_in_the_header_shifts_nothing():
+def test_a_frame_in_the_header_shifts_nothing() -> None:
     message = msg.Measurement(tick=9, controller="x", joint_position=array("d", [1.0]))
     message.header.frame_id = "hub_frame"
     question, _ = measurement_from(bytes(serialize_message(message)), 0.01)

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,13 +28,14 @@ PLAN = Plan(
 class Counting(MeasuredJoints):
     """Keeps the keys of what it saw."""
 
-    def __init__(self):
-        self.seen, self.resets = [], []
+    def __init__(self) -> None:
+        self.seen: list[Any] = []
+        self.resets: list[Any] = []
 
-    def reset(self, measurement):
+    def reset(self, measurement: Any) -> None:
         self.resets.append((measurement.epoch, measurement.tick))
 
-    def update(self, measurement):
+    def update(self, measurement: Any) -> Any:
         self.seen.append((measurement.epoch, measurement.tick))
         return super().update(measurement)
 
@@ -41,23 +43,28 @@ class Counting(MeasuredJoints):
 class Integrating:
     """A law with a free state: it takes over without a step by itself."""
 
-    def __init__(self):
-        self.terms, self.updates, self._s = {}, 0, np.zeros(2)
+    def __init__(self) -> None:
+        self.terms: dict[str, Any] = {}
+        self.updates, self._s = 0, np.zeros(2)
 
-    def reset(self, measurement, estimate, reference, effort):
+    def reset(self, measurement: Any, estimate: Any, reference: Any, effort: Any) -> None:
         self._s = effort.copy()
 
-    def update(self, measurement, estimate, reference):
+    def update(self, measurement: Any, estimate: Any, reference: Any) -> Any:
         self.updates += 1
         return self._s
 
 
-def controller(law=None, handover_time=1.0, requires_plan=False, name="a"):
+def controller(
+    law: Any = None, handover_time: float = 1.0, requires_plan: bool = False, name: str = "a"
+) -> Controller:
     law = law or PdFeedforward(np.full(2, 460.0), np.full(2, 920.0))
     return Controller(name, Counting(), law, JOINTS, PERIOD, handover_time, requires_plan)
 
 
-def question(tick, who="a", epoch=0, applied=(0.0, 0.0), position=(0.0, 0.0)):
+def question(
+    tick: Any, who: str = "a", epoch: int = 0, applied: Any = (0.0, 0.0), position: Any = (0.0, 0.0)
+) -> Measurement:
     nothing = np.zeros(0)
     return Measurement(
         tick, epoch, tick * PERIOD, who, np.array(position), np.zeros(2), nothing, nothing,
@@ -65,20 +72,20 @@ def question(tick, who="a", epoch=0, applied=(0.0, 0.0), position=(0.0, 0.0)):
     )  # fmt: skip
 
 
-def test_the_answer_carries_the_question_and_the_name():
+def test_the_answer_carries_the_question_and_the_name() -> None:
     command = controller().observe(question(0)).command
     assert (command.tick, command.epoch, command.controller) == (0, 0, "a")
     assert command.effort.shape == (2,)
 
 
-def test_a_repeated_question_gets_the_same_answer():
+def test_a_repeated_question_gets_the_same_answer() -> None:
     one = controller(Integrating())
     first = one.observe(question(3))
     assert one.observe(question(3)) is first
     assert one._law.updates == 1
 
 
-def test_an_old_question_gets_none():
+def test_an_old_question_gets_none() -> None:
     one = controller()
     one.observe(question(3))
     assert one.observe(question(2)) is None
@@ -86,11 +93,11 @@ def test_an_old_question_gets_none():
     assert one.observe(question(4, epoch=0)) is None
 
 
-def test_a_question_to_somebody_else_gets_none():
+def test_a_question_to_somebody_else_gets_none() -> None:
     assert controller().observe(question(0, "b")) is None
 
 
-def test_the_estimator_sees_every_tick_once_in_charge_or_not():
+def test_the_estimator_sees_every_tick_once_in_charge_or_not() -> None:
     one = controller()
     for tick in range(10):
         who = "a" if tick in (4, 5) else "b"
@@ -101,7 +108,7 @@ def test_the_estimator_sees_every_tick_once_in_charge_or_not():
     assert one.last_tick == 9
 
 
-def test_a_gap_and_a_new_epoch_start_the_estimator_again():
+def test_a_gap_and_a_new_epoch_start_the_estimator_again() -> None:
     one = controller()
     for tick in (0, 1, 5, 6):
         one.observe(question(tick))
@@ -109,14 +116,14 @@ def test_a_gap_and_a_new_epoch_start_the_estimator_again():
     assert one._estimator.resets == [(0, 0), (0, 5), (1, 0)]
 
 
-def test_asked_again_about_the_same_tick_under_its_own_name_it_answers():
+def test_asked_again_about_the_same_tick_under_its_own_name_it_answers() -> None:
     one = controller()
     assert one.observe(question(7, "b")) is None
     assert one.observe(question(7, "a")) is not None
     assert one._estimator.seen == [(0, 7)]
 
 
-def takeover(one, applied):
+def takeover(one: Any, applied: Any) -> Any:
     """Return the efforts of the ticks from 50 on, at which it takes over."""
     for tick in range(50):
         one.observe(question(tick, "b", applied=applied))
@@ -127,7 +134,7 @@ def takeover(one, applied):
     return np.array(efforts)
 
 
-def test_a_law_without_a_free_state_is_blended_in():
+def test_a_law_without_a_free_state_is_blended_in() -> None:
     efforts = takeover(controller(), (30.0, -8.0))
     own = np.array([-460.0 * 0.1, 0.0])
     np.testing.assert_allclose(efforts[0], [30.0, -8.0], atol=1e-12)
@@ -136,18 +143,18 @@ def test_a_law_without_a_free_state_is_blended_in():
     assert np.abs(np.diff(efforts, axis=0)).max() < 1.0
 
 
-def test_a_law_with_a_free_state_takes_over_exactly():
+def test_a_law_with_a_free_state_takes_over_exactly() -> None:
     efforts = takeover(controller(Integrating()), (30.0, -8.0))
     np.testing.assert_array_equal(efforts, np.tile([30.0, -8.0], (150, 1)))
 
 
-def test_the_handover_takes_its_time():
+def test_the_handover_takes_its_time() -> None:
     efforts = takeover(controller(handover_time=0.2), (30.0, 0.0))
     np.testing.assert_allclose(efforts[20:, 0], -46.0)
     assert efforts[19, 0] > -46.0
 
 
-def test_the_blend_is_one_of_the_terms():
+def test_the_blend_is_one_of_the_terms() -> None:
     one = controller()
     one.observe(question(0, "b"))
     answer = one.observe(question(1, applied=(30.0, 0.0)))
@@ -155,14 +162,14 @@ def test_the_blend_is_one_of_the_terms():
     assert "handover" in answer.terms
 
 
-def test_at_the_first_tick_there_is_no_predecessor():
+def test_at_the_first_tick_there_is_no_predecessor() -> None:
     one = controller()
     one.adopt(replace(PLAN, start=0.0))
     answer = one.observe(question(0))
     np.testing.assert_allclose(answer.command.effort, 3.0 + 920.0)
 
 
-def test_after_a_plan_of_another_it_is_in_charge_again_without_a_step():
+def test_after_a_plan_of_another_it_is_in_charge_again_without_a_step() -> None:
     one = controller()
     one.observe(question(0))
     one.observe(question(1, "b", applied=(5.0, 5.0)))
@@ -170,7 +177,7 @@ def test_after_a_plan_of_another_it_is_in_charge_again_without_a_step():
     np.testing.assert_allclose(answer.command.effort, 9.0)
 
 
-def test_without_a_plan_it_holds_the_first_position():
+def test_without_a_plan_it_holds_the_first_position() -> None:
     one = controller()
     one.observe(question(0, position=(0.3, -0.1)))
     answer = one.observe(question(1, position=(0.4, -0.1)))
@@ -178,7 +185,7 @@ def test_without_a_plan_it_holds_the_first_position():
     np.testing.assert_allclose(answer.command.effort, [-46.0, 0.0])
 
 
-def test_a_plan_is_followed_from_its_start():
+def test_a_plan_is_followed_from_its_start() -> None:
     one = controller()
     assert one.adopt(PLAN) == ""
     references = [one.observe(question(tick)).reference for tick in range(200)]
@@ -193,7 +200,7 @@ def test_a_plan_is_followed_from_its_start():
         np.testing.assert_array_equal(references[tick].effort, 0.0)
 
 
-def test_one_that_needs_a_plan_is_not_ready_and_silent_without():
+def test_one_that_needs_a_plan_is_not_ready_and_silent_without() -> None:
     one = controller(requires_plan=True)
     assert one.reason
     assert one.observe(question(0)) is None
@@ -212,7 +219,7 @@ def test_one_that_needs_a_plan_is_not_ready_and_silent_without():
         ({"period": 0.02}, "ticks of 0.02 s"),
     ],
 )
-def test_a_plan_that_does_not_fit_is_refused_with_the_reason(changes, words):
+def test_a_plan_that_does_not_fit_is_refused_with_the_reason(changes: Any, words: str) -> None:
     one = controller()
     for tick in range(31):
         one.observe(question(tick))

@@ -1,4 +1,6 @@
 import copy
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,14 +20,14 @@ LAWS = [(name, values) for name in CONTROLLERS for values in ({}, *VARIANTS.get(
 every_law = pytest.mark.parametrize("law", LAWS, ids=str)
 
 
-def built(law):
+def built(law: Any) -> Any:
     """Return estimator and law of an entry of the table: a new entry cannot escape."""
     name, values = law
     kind = CONTROLLERS[name]
     return kind.build(validated(kind.settings, values, "test"), on_bench())
 
 
-def questions(seed=0, count=40):
+def questions(seed: int = 0, count: int = 40) -> Iterator[Any]:
     rng = np.random.default_rng(seed)
     for tick in range(count):
         small = 1e-3 * rng.standard_normal((6, 2))
@@ -37,7 +39,7 @@ def questions(seed=0, count=40):
         )
 
 
-def answers(controller):
+def answers(controller: Any) -> Any:
     estimator, law = controller
     found = []
     for measurement, reference in questions():
@@ -51,7 +53,7 @@ def answers(controller):
 
 
 @every_law
-def test_efforts_and_estimates_are_finite_and_of_the_right_shape(law):
+def test_efforts_and_estimates_are_finite_and_of_the_right_shape(law: Any) -> None:
     for effort, estimate, terms in answers(built(law)):
         assert effort.shape == (2,)
         assert effort.dtype == np.float64
@@ -64,14 +66,14 @@ def test_efforts_and_estimates_are_finite_and_of_the_right_shape(law):
 
 
 @every_law
-def test_the_terms_add_up_to_the_effort(law):
+def test_the_terms_add_up_to_the_effort(law: Any) -> None:
     for effort, _, terms in answers(built(law)):
         total = np.clip(sum(terms.values()), -LIMIT, LIMIT)
         np.testing.assert_allclose(np.clip(effort, -LIMIT, LIMIT), total, atol=1e-9)
 
 
 @every_law
-def test_two_runs_are_bit_identical(law):
+def test_two_runs_are_bit_identical(law: Any) -> None:
     for (effort, estimate, _), (again, once_more, _) in zip(
         answers(built(law)), answers(built(law)), strict=True
     ):
@@ -81,7 +83,7 @@ def test_two_runs_are_bit_identical(law):
 
 
 @every_law
-def test_inputs_are_not_changed_and_old_answers_stay_as_they_were(law):
+def test_inputs_are_not_changed_and_old_answers_stay_as_they_were(law: Any) -> None:
     estimator, it = built(law)
     kept = []
     for measurement, reference in questions():
@@ -103,7 +105,7 @@ def test_inputs_are_not_changed_and_old_answers_stay_as_they_were(law):
 
 
 @every_law
-def test_a_law_takes_over_without_a_step_or_does_not_look_at_the_effort_before(law):
+def test_a_law_takes_over_without_a_step_or_does_not_look_at_the_effort_before(law: Any) -> None:
     first = []
     for handed in (np.array([37.0, -21.5]), np.zeros(2)):
         estimator, it = built(law)
@@ -121,7 +123,7 @@ def test_a_law_takes_over_without_a_step_or_does_not_look_at_the_effort_before(l
 
 
 @every_law
-def test_a_reference_without_nominal_states_serves_too(law):
+def test_a_reference_without_nominal_states_serves_too(law: Any) -> None:
     estimator, it = built(law)
     measurement, _ = next(questions())
     estimator.reset(measurement)
@@ -131,7 +133,7 @@ def test_a_reference_without_nominal_states_serves_too(law):
     assert np.isfinite(it.update(measurement, estimate, held)).all()
 
 
-def test_nominal_states_of_other_models_are_cut_or_padded():
+def test_nominal_states_of_other_models_are_cut_or_padded() -> None:
     given = np.arange(1.0, 11.0)
     reference = Reference(np.zeros(2), np.zeros(2), np.zeros(2), given)
     np.testing.assert_array_equal(nominal_state(given, reference, 2, 1), [1, 2, 3, 6, 7, 8])

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -20,17 +22,17 @@ MODEL = CsaTestbed(modes=1).model()
 LINEAR = MODEL.linearise(np.array([0.0, 0.5, 0.0]))
 
 
-def held(_tick):
+def held(_tick: Any) -> Reference:
     state = np.zeros(6)
     return Reference(state[:2], np.zeros(2), np.zeros(2), state, state)
 
 
-def test_the_stationary_gain_is_the_limit_of_the_riccati_differential_equation():
+def test_the_stationary_gain_is_the_limit_of_the_riccati_differential_equation() -> None:
     p = scaled_problem(LINEAR, ScaledWeights())
     gain, found = regulator(p.a, p.b, p.q, p.effort_weight)
     inverse = np.linalg.inv(p.effort_weight)
 
-    def backward(_, flat):
+    def backward(_: Any, flat: Any) -> Any:
         s = flat.reshape(6, 6)
         return (s @ p.a + p.a.T @ s + p.q - s @ p.b @ inverse @ p.b.T @ s).ravel()
 
@@ -41,7 +43,7 @@ def test_the_stationary_gain_is_the_limit_of_the_riccati_differential_equation()
     assert np.linalg.eigvals(p.a - p.b @ gain).real.max() < 0.0
 
 
-def test_disturbance_gain_leaves_the_least_squares_remainder():
+def test_disturbance_gain_leaves_the_least_squares_remainder() -> None:
     rng = np.random.default_rng(1)
     b, d = rng.standard_normal((5, 2)), rng.standard_normal(5)
     effort = -disturbance_gain(b) @ d
@@ -49,7 +51,7 @@ def test_disturbance_gain_leaves_the_least_squares_remainder():
     np.testing.assert_allclose(b.T @ (b @ effort + d), 0.0, atol=1e-12)
 
 
-def test_a_matched_disturbance_leaves_no_error_and_without_minimisation_its_static_one():
+def test_a_matched_disturbance_leaves_no_error_and_without_minimisation_its_static_one() -> None:
     plant = CsaTestbed(modes=1)
     cancelled = closed_loop(plant, build(Lqr(), on_bench()), held, 80.0, disturbance=5.0)
     assert abs(cancelled.state[-1, 0]) < 1e-5
@@ -58,11 +60,11 @@ def test_a_matched_disturbance_leaves_no_error_and_without_minimisation_its_stat
     np.testing.assert_allclose(left.state[-1, 0], 5.0 / plain[1].gain[0, 0], rtol=0.01)
 
 
-def test_an_uncontrollable_set_point_is_refused_with_its_eigenvalue():
+def test_an_uncontrollable_set_point_is_refused_with_its_eigenvalue() -> None:
     with pytest.raises(BadInput, match=r"not controllable: eigenvalue .*0\.338329j.*mode 1"):
         build(Lqr(set_point={"hub_pitch": float(np.pi / 2)}), on_bench())
 
 
-def test_a_set_point_for_an_unknown_joint_is_refused():
+def test_a_set_point_for_an_unknown_joint_is_refused() -> None:
     with pytest.raises(BadInput, match="set_point: elbow is not a joint"):
         build(Lqr(set_point={"elbow": 0.1}), on_bench())

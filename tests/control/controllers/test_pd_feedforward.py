@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.plants import plant
@@ -15,19 +17,19 @@ from flexslew_plant.testbeds.csa import CsaTestbed
 LIMIT, NOTHING = np.array([150.0, 150.0]), np.zeros(0)
 
 
-def question(position, velocity):
+def question(position: Any, velocity: Any) -> Measurement:
     return Measurement(
         0, 0, 0.0, "a", np.array(position), np.array(velocity), NOTHING, NOTHING, np.zeros(2)
     )
 
 
-def effort(settings, position, velocity, reference):
+def effort(settings: Any, position: Any, velocity: Any, reference: Any) -> tuple[Any, Any]:
     estimator, law = build(settings, plant())
     now = question(position, velocity)
     return law.update(now, estimator.update(now), reference), law
 
 
-def test_equations_12_and_13():
+def test_equations_12_and_13() -> None:
     reference = Reference(
         np.array([0.3, 0.2]), np.array([0.1, 0.0]), np.array([5.0, -6.0]), NOTHING
     )
@@ -39,7 +41,7 @@ def test_equations_12_and_13():
     assert list(law.terms) == ["feedforward", "proportional", "derivative"]
 
 
-def test_on_the_reference_the_effort_is_the_feedforward():
+def test_on_the_reference_the_effort_is_the_feedforward() -> None:
     reference = Reference(
         np.array([0.3, 0.2]), np.array([0.1, 0.0]), np.array([5.0, -6.0]), NOTHING
     )
@@ -47,7 +49,7 @@ def test_on_the_reference_the_effort_is_the_feedforward():
     np.testing.assert_array_equal(found, [5.0, -6.0])
 
 
-def test_the_default_gains_are_those_of_the_paper_on_every_joint():
+def test_the_default_gains_are_those_of_the_paper_on_every_joint() -> None:
     reference = Reference(np.zeros(2), np.zeros(2), np.zeros(2), NOTHING)
     found, _ = effort(PdFeedforwardSettings(), (-1.0, 0.0), (0.0, -1.0), reference)
     np.testing.assert_array_equal(found, [460.0, 920.0])
@@ -62,17 +64,17 @@ def test_the_default_gains_are_those_of_the_paper_on_every_joint():
         ({"kq": [1.0]}, "kq: unknown key"),
     ],
 )
-def test_bad_gains_are_refused(values, words):
+def test_bad_gains_are_refused(values: Any, words: str) -> None:
     with pytest.raises(BadInput, match=words):
         validated(PdFeedforwardSettings, values, "trial.yaml")
 
 
-def test_gains_for_other_joints_are_refused():
+def test_gains_for_other_joints_are_refused() -> None:
     with pytest.raises(BadInput, match="kp"):
         build(PdFeedforwardSettings(kp=(1.0, 2.0, 3.0)), plant())
 
 
-def test_a_step_settles_on_the_bench_as_in_figure_5():
+def test_a_step_settles_on_the_bench_as_in_figure_5() -> None:
     bed = Bench(
         BenchSettings(
             testbed=CsaTestbed(variant="printed", modes=1), duration=130.0, active="pd_feedforward"

@@ -1,4 +1,5 @@
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,30 +18,33 @@ PAIRS = list(itertools.permutations(CONTROLLERS, 2))
 class Seen(Observer):
     """Everything that went over the topics."""
 
-    def __init__(self):
-        self.questions, self.answers, self.truths, self.events = [], [], [], []
+    def __init__(self) -> None:
+        self.questions: list[Any] = []
+        self.answers: list[Any] = []
+        self.truths: list[Any] = []
+        self.events: list[Any] = []
 
-    def question(self, question):
+    def question(self, question: Any) -> None:
         self.questions.append(question)
 
-    def answer(self, answer):
+    def answer(self, answer: Any) -> None:
         self.answers.append(answer)
 
-    def truth(self, truth):
+    def truth(self, truth: Any) -> None:
         self.truths.append(truth)
 
-    def event(self, event):
+    def event(self, event: Any) -> None:
         self.events.append(event)
 
-    def of(self, kind):
+    def of(self, kind: Any) -> list[Any]:
         return [event for event in self.events if event.kind == kind]
 
 
-def built(name):
+def built(name: Any) -> Any:
     return build_controller(name, name, {}, plant(0.01, LIMIT), "test")
 
 
-def swap(outgoing, incoming):
+def swap(outgoing: Any, incoming: Any) -> Any:
     values = {
         "testbed": {"modes": 1, "initial": {"hub_pitch": 0.1}},
         "duration": 2.5,
@@ -57,7 +61,7 @@ def swap(outgoing, incoming):
 
 
 @pytest.mark.parametrize(("outgoing", "incoming"), PAIRS)
-def test_a_swap_misses_no_tick_and_has_no_step(outgoing, incoming):
+def test_a_swap_misses_no_tick_and_has_no_step(outgoing: Any, incoming: Any) -> None:
     seen = swap(outgoing, incoming)
     (swapped,) = seen.of("switched")
     assert swapped.tick == TICK
@@ -74,7 +78,7 @@ def test_a_swap_misses_no_tick_and_has_no_step(outgoing, incoming):
 
 
 @pytest.mark.parametrize("incoming", CONTROLLERS)
-def test_only_a_law_without_a_free_state_is_blended_in(incoming):
+def test_only_a_law_without_a_free_state_is_blended_in(incoming: Any) -> None:
     outgoing = "lqr" if incoming == "pd_feedforward" else "pd_feedforward"
     answers = swap(outgoing, incoming).answers
     blends = [answer.terms.get("handover") for answer in answers]
@@ -87,7 +91,7 @@ def test_only_a_law_without_a_free_state_is_blended_in(incoming):
 
 
 @pytest.mark.parametrize("incoming", CONTROLLERS)
-def test_a_standby_is_as_warm_as_if_it_had_been_in_charge_all_along(incoming):
+def test_a_standby_is_as_warm_as_if_it_had_been_in_charge_all_along(incoming: Any) -> None:
     outgoing = "lqr" if incoming == "pd_feedforward" else "pd_feedforward"
     seen = swap(outgoing, incoming)
     alone = built(incoming)
@@ -98,7 +102,7 @@ def test_a_standby_is_as_warm_as_if_it_had_been_in_charge_all_along(incoming):
         assert np.array_equal(one, other)
 
 
-def test_a_swap_gives_the_same_run_again_to_the_bit():
+def test_a_swap_gives_the_same_run_again_to_the_bit() -> None:
     once, again = (swap("pd_feedforward", "output_feedback") for _ in range(2))
     assert once.truths[-1].energy == again.truths[-1].energy
     assert np.array_equal(once.truths[-1].position, again.truths[-1].position)

@@ -1,6 +1,7 @@
 from hashlib import sha256
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,18 +26,18 @@ MAX_MISSED = 5
 class Steady:
     """A law that does nothing wrong."""
 
-    def __init__(self, settings, period, effort_limit):
+    def __init__(self, settings: Any, period: Any, effort_limit: Any) -> None:
         self.settings, self.period, self.effort_limit = settings, period, effort_limit
         self.terms = {"steady": [1.0, 2.0], "wrong": "x"}
 
-    def update(self, measurement, estimate, reference):
+    def update(self, measurement: Any, estimate: Any, reference: Any) -> list[Any]:
         return [1.0, 2.0]
 
 
 class Broken(Steady):
     """A law that breaks at tick 20 as its settings say."""
 
-    def update(self, measurement, estimate, reference):
+    def update(self, measurement: Any, estimate: Any, reference: Any) -> Any:
         if measurement.tick < 20:
             return np.zeros(2)
         return {
@@ -49,15 +50,15 @@ class Broken(Steady):
         }[self.settings["how"]]()
 
     @staticmethod
-    def slow():
+    def slow() -> Any:
         return np.full(2, sum(0.0 for _ in range(200_000)))
 
 
 class BrokenEstimator:
-    def reset(self, measurement):
+    def reset(self, measurement: Any) -> None:
         pass
 
-    def update(self, measurement):
+    def update(self, measurement: Any) -> Estimate:
         if measurement.tick >= 20:
             raise RuntimeError("lost my\nbearings")
         none = np.zeros(0)
@@ -72,7 +73,7 @@ class Estimating(Steady):
 
 
 class Incomplete:
-    def __init__(self, settings, period, effort_limit):
+    def __init__(self, settings: Any, period: Any, effort_limit: Any) -> None:
         if settings:
             raise ValueError("kp must be positive")
 
@@ -88,11 +89,11 @@ REASONS = {
 }
 
 
-def controller(name, law, **values):
+def controller(name: Any, law: Any, **values: Any) -> Any:
     return build_controller(name, law, values, plant(0.01, LIMIT), "test")
 
 
-def flown(mine, duration=1.0, **more):
+def flown(mine: Any, duration: float = 1.0, **more: Any) -> tuple[Any, Any]:
     values = {
         "testbed": {"modes": 1, "initial": {"hub_pitch": 0.1}},
         "duration": duration,
@@ -106,12 +107,12 @@ def flown(mine, duration=1.0, **more):
     return bench, list(bench.events)
 
 
-def only(events, kind):
+def only(events: Any, kind: Any) -> Any:
     (event,) = [e for e in events if e.kind == kind]
     return event
 
 
-def test_the_documented_example_flies_as_the_built_in_law_to_the_bit():
+def test_the_documented_example_flies_as_the_built_in_law_to_the_bit() -> None:
     entries = [{"at": 0.1, "disturbance": {"base_yaw": 5.0}}]
     mine, events = flown(controller("mine", EXAMPLE), 5.0, schedule=entries)
     built_in, _ = flown(controller("mine", "pd_feedforward"), 5.0, schedule=entries)
@@ -120,7 +121,7 @@ def test_the_documented_example_flies_as_the_built_in_law_to_the_bit():
     assert not [e for e in events if e.level]
 
 
-def test_the_page_shows_the_example_as_it_is():
+def test_the_page_shows_the_example_as_it_is() -> None:
     page = (ROOT / "docs" / "own_controller.md").read_text()
     code = Path(EXAMPLE.removesuffix(":MyLaw")).read_text()
     lines = [line for line in code[code.index("class") :].splitlines() if '"""' not in line]
@@ -128,7 +129,7 @@ def test_the_page_shows_the_example_as_it_is():
     assert [line for line in shown.splitlines() if line] == [line for line in lines if line]
 
 
-def test_a_law_gets_its_settings_the_period_and_the_limits():
+def test_a_law_gets_its_settings_the_period_and_the_limits() -> None:
     built = controller("mine", HERE + "Steady", gain=3.0, handover_time=0.5, time_limit=1.0)
     law = built._law._built
     assert (law.settings, law.period) == ({"gain": 3.0}, 0.01)
@@ -146,7 +147,7 @@ def test_a_law_gets_its_settings_the_period_and_the_limits():
 
 
 @pytest.mark.parametrize("how", REASONS)
-def test_a_broken_law_is_named_replaced_and_the_run_goes_on(how):
+def test_a_broken_law_is_named_replaced_and_the_run_goes_on(how: Any) -> None:
     limit = {"time_limit": 1e-4} if how == "slow" else {}
     mine = controller("mine", HERE + "Broken", how=how, **limit)
     bench, events = flown(mine)
@@ -164,7 +165,7 @@ def test_a_broken_law_is_named_replaced_and_the_run_goes_on(how):
     assert mine.last_tick == 99  # it is still shown every tick
 
 
-def test_a_broken_estimator_is_named_too():
+def test_a_broken_estimator_is_named_too() -> None:
     mine = controller("mine", HERE + "Estimating")
     _, events = flown(mine)
     reason = only(events, "not_ready").data["reason"]
@@ -175,7 +176,7 @@ def test_a_broken_estimator_is_named_too():
 
 
 @pytest.mark.parametrize("law", ["pd_feedforward", "output_feedback", "proportional_integral"])
-def test_a_law_is_silent_while_a_sensor_reads_nan_and_is_back_after_it(law):
+def test_a_law_is_silent_while_a_sensor_reads_nan_and_is_back_after_it(law: str) -> None:
     fault = {"kind": "sensor_nan", "channel": "joint_position"}
     entries = [{"at": 0.2, "until": 0.23, "fault": fault}]
     mine = controller("mine", law)
@@ -188,7 +189,7 @@ def test_a_law_is_silent_while_a_sensor_reads_nan_and_is_back_after_it(law):
     assert np.isfinite(bench.truth().applied_effort).all()
 
 
-def test_a_sensor_that_reads_nan_is_not_held_against_a_users_law():
+def test_a_sensor_that_reads_nan_is_not_held_against_a_users_law() -> None:
     fault = {"kind": "sensor_nan", "channel": "joint_velocity"}
     entries = [{"at": 0.2, "until": 0.23, "fault": fault}]
     mine = controller("mine", EXAMPLE)
@@ -207,19 +208,21 @@ def test_a_sensor_that_reads_nan_is_not_held_against_a_users_law():
         (HERE + "Incomplete", "has no method update"),
     ],
 )
-def test_a_law_that_is_not_there_is_refused_with_the_reason(law, words):
+def test_a_law_that_is_not_there_is_refused_with_the_reason(law: Any, words: str) -> None:
     with pytest.raises(BadInput, match=f"test: .*{words}"):
         controller("mine", law)
 
 
-def test_a_law_that_refuses_its_settings_is_heard():
+def test_a_law_that_refuses_its_settings_is_heard() -> None:
     with pytest.raises(BadInput, match="cannot be built: ValueError: kp must be positive"):
         controller("mine", HERE + "Incomplete", kp=-1.0)
     with pytest.raises(BadInput, match="time_limit"):
         controller("mine", HERE + "Steady", time_limit=-1.0)
 
 
-def test_a_module_and_an_entry_point_serve_as_well(monkeypatch, tmp_path):
+def test_a_module_and_an_entry_point_serve_as_well(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     (tmp_path / "wheels_of_mine.py").write_text(Path(EXAMPLE.removesuffix(":MyLaw")).read_text())
     monkeypatch.syspath_prepend(str(tmp_path))
     point = EntryPoint("mine", "wheels_of_mine:MyLaw", LAWS)
@@ -232,11 +235,11 @@ def test_a_module_and_an_entry_point_serve_as_well(monkeypatch, tmp_path):
 class Counting(Steady):
     """A law whose answer depends on how often it was asked."""
 
-    def __init__(self, settings, period, effort_limit):
+    def __init__(self, settings: Any, period: Any, effort_limit: Any) -> None:
         super().__init__(settings, period, effort_limit)
         self.asked = 0
 
-    def update(self, measurement, estimate, reference):
+    def update(self, measurement: Any, estimate: Any, reference: Any) -> list[Any]:
         self.asked += 1
         HEARD.append(measurement.tick)
         if self.settings.get("raises"):
@@ -244,11 +247,11 @@ class Counting(Steady):
         return [float(self.asked), 0.0]
 
 
-HEARD = []
+HEARD: list[Any] = []
 
 
 @pytest.mark.parametrize("raises", [False, True])
-def test_a_controller_is_warm_without_having_moved(raises):
+def test_a_controller_is_warm_without_having_moved(raises: bool) -> None:
     mine = controller("mine", HERE + "Counting", raises=raises)
     mine.warm(2)
     assert mine.law._built.update.__globals__["HEARD"]

@@ -1,4 +1,5 @@
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,14 +15,14 @@ GOALS = {method: YAW if method == "time_optimal" else BOTH for method in PLANNER
 UNLIMITED = {"none", "reference_only"}  # without a feedforward that could be too large
 
 
-def planned(method, period=0.05, limit=(150.0, 150.0), **more):
+def planned(method: Any, period: float = 0.05, limit: Any = (150.0, 150.0), **more: Any) -> Any:
     values = {"method": method, "goal": GOALS[method], **more}
     return make_plan(plan_settings(values, "trial.yaml"), plant(period, limit))
 
 
 @pytest.mark.parametrize("method", PLANNERS)
-def test_every_planner_keeps_the_contract(method):
-    heard = []
+def test_every_planner_keeps_the_contract(method: Any) -> None:
+    heard: list[Any] = []
     settings = plan_settings({"method": method, "goal": GOALS[method], "start": 2.0}, "t")
     plan = make_plan(settings, plant(0.05, (150.0, 150.0)), progress=heard.append)
     assert plan.method == method == plan.request["method"]
@@ -40,7 +41,7 @@ def test_every_planner_keeps_the_contract(method):
 
 
 @pytest.mark.parametrize("method", PLANNERS)
-def test_every_plan_ends_at_rest_at_the_goal(method):
+def test_every_plan_ends_at_rest_at_the_goal(method: Any) -> None:
     plan = planned(method)
     goal = [GOALS[method].get(name, 0.0) for name in plan.joint_names]
     np.testing.assert_allclose(plan.position[-1], goal, atol=1e-6)
@@ -52,7 +53,7 @@ def test_every_plan_ends_at_rest_at_the_goal(method):
 
 
 @pytest.mark.parametrize("method", PLANNERS)
-def test_every_plan_can_be_asked_for_again(method):
+def test_every_plan_can_be_asked_for_again(method: Any) -> None:
     plan = planned(method)
     again = make_plan(plan_settings(plan.request, "trial.yaml"), plant(0.05, (150.0, 150.0)))
     np.testing.assert_array_equal(again.position, plan.position)
@@ -69,7 +70,7 @@ def test_every_plan_can_be_asked_for_again(method):
         ({"golf": 1}, "golf"),
     ],
 )
-def test_every_planner_refuses_a_bad_section_in_one_line(method, more, word):
+def test_every_planner_refuses_a_bad_section_in_one_line(method: Any, more: Any, word: str) -> None:
     with pytest.raises(BadInput, match=word) as caught:
         planned(method, **more)
     assert str(caught.value).startswith("trial.yaml")
@@ -77,14 +78,14 @@ def test_every_planner_refuses_a_bad_section_in_one_line(method, more, word):
 
 
 @pytest.mark.parametrize("method", PLANNERS)
-def test_every_planner_refuses_a_start_between_ticks(method):
+def test_every_planner_refuses_a_start_between_ticks(method: Any) -> None:
     with pytest.raises(BadInput, match=r"start: 0\.013") as caught:
         planned(method, start=0.013)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("method", sorted(set(PLANNERS) - UNLIMITED))
-def test_every_planner_refuses_more_effort_than_the_drives_have(method):
+def test_every_planner_refuses_more_effort_than_the_drives_have(method: Any) -> None:
     more = {"amplitude": 100.0} if method == "time_optimal" else {}
     with pytest.raises((BadInput, PlanFailed), match=r"limit") as caught:
         planned(method, limit=(1.0, 1.0), **more)
@@ -92,7 +93,7 @@ def test_every_planner_refuses_more_effort_than_the_drives_have(method):
 
 
 @pytest.mark.parametrize("method", ["optimized_feedforward", "robust_feedforward", "input_shaping"])
-def test_too_short_a_duration_is_refused_with_one_that_does(method):
+def test_too_short_a_duration_is_refused_with_one_that_does(method: str) -> None:
     with pytest.raises(PlanFailed, match=r"is enough; a rigid body takes 13\.72 s") as caught:
         planned(method, duration=8.0)
     enough = float(re.search(r"a duration of ([\d.]+) s \(now 8 s\)", str(caught.value))[1])
@@ -104,7 +105,7 @@ def test_too_short_a_duration_is_refused_with_one_that_does(method):
 
 @pytest.mark.parametrize("given", PLANNERS)
 @pytest.mark.parametrize("wanted", PLANNERS)
-def test_every_method_can_be_asked_for_the_manoeuvre_of_another(given, wanted):
+def test_every_method_can_be_asked_for_the_manoeuvre_of_another(given: Any, wanted: Any) -> None:
     goal = {"base_yaw": 0.7, "hub_pitch": 0.0}
     settings = plan_settings({"method": given, "goal": goal, "start": 3.0}, "trial.yaml")
     other = other_method(settings, wanted, "trial.yaml")
@@ -113,7 +114,7 @@ def test_every_method_can_be_asked_for_the_manoeuvre_of_another(given, wanted):
     assert plain(other)["goal"] == goal
 
 
-def test_a_goal_that_leaves_out_a_joint_leaves_it_where_it_is():
+def test_a_goal_that_leaves_out_a_joint_leaves_it_where_it_is() -> None:
     model = {"kind": "csa", "modes": 1, "variant": "printed", "initial": {"base_yaw": 0.2}}
     given = {"method": "time_optimal", "goal": {"base_yaw": 1.0}, "model": model}
     settings = plan_settings(given, "trial.yaml")
@@ -125,7 +126,7 @@ def test_a_goal_that_leaves_out_a_joint_leaves_it_where_it_is():
     assert plan.request["goal"] == {"base_yaw": 1.0, "hub_pitch": 0.0}
 
 
-def test_a_manoeuvre_that_a_method_does_not_know_is_refused_in_one_line():
+def test_a_manoeuvre_that_a_method_does_not_know_is_refused_in_one_line() -> None:
     settings = plan_settings({"method": "none"}, "trial.yaml")
     with pytest.raises(BadInput, match=r"trial\.yaml: method: wishing is not allowed: none, "):
         other_method(settings, "wishing", "trial.yaml")

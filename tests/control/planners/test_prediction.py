@@ -1,5 +1,7 @@
 """What plans promise is what flies: on the identical model, at any period, for every planner."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.plants import plant
@@ -13,7 +15,9 @@ from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed
 
 GAINS = Feedback(kp=(460.0,), kd=(920.0,))
-AT_REST = {  # the methods that promise rest at the goal, and how a campaign asks for them
+AT_REST: dict[
+    str, Any
+] = {  # the methods that promise rest at the goal, and how a campaign asks for them
     "optimized_feedforward": lambda rng: {"duration": float(rng.uniform(24.0, 32.0))},
     "input_shaping": lambda rng: {
         "duration": float(rng.uniform(16.0, 24.0)),
@@ -22,7 +26,7 @@ AT_REST = {  # the methods that promise rest at the goal, and how a campaign ask
     },
     "start_coast_stop": lambda rng: {"amplitude": float(rng.uniform(40.0, 100.0))},
 }
-OTHERS = {
+OTHERS: dict[str, Any] = {
     "none": {},
     "reference_only": {"duration": 25.0},
     "robust_feedforward": {"duration": 28.0},
@@ -33,22 +37,22 @@ OTHERS = {
 class Residual:
     """Largest tip deflection and joint errors from the plan's end on."""
 
-    def __init__(self, plan):
+    def __init__(self, plan: Any) -> None:
         self.plan, self.tip, self.joints = plan, 0.0, np.zeros(2)
 
-    def truth(self, truth):
+    def truth(self, truth: Any) -> None:
         if truth.time >= self.plan.end - 1e-9:
             self.tip = max(self.tip, float(np.abs(truth.tip_deflection).max()))
             away = np.abs(truth.position[:2] - self.plan.position[-1])
             self.joints = np.maximum(self.joints, away)
 
-    def question(self, question):
+    def question(self, question: Any) -> None:
         return
 
     answer = event = question
 
 
-def flown(plan, testbed, period):
+def flown(plan: Any, testbed: Any, period: Any) -> Any:
     duration = np.ceil(plan.end + 40.0)
     bench = Bench(BenchSettings(testbed=testbed, period=period, duration=duration))
     described = plant(period, testbed=testbed)
@@ -59,33 +63,35 @@ def flown(plan, testbed, period):
     return residual
 
 
-def asked(method, testbed, period, **more):
+def asked(method: Any, testbed: Any, period: Any, **more: Any) -> Any:
     settings = plan_settings({"method": method, **more}, "test")
     return make_plan(settings, plant(period, testbed=testbed), GAINS)
 
 
-def agree(plan, residual):
+def agree(plan: Any, residual: Any) -> None:
     promised = plan.summary["predicted_residual_tip_deflection"]
     joints = list(plan.summary["predicted_residual_attitude_error"].values())
     assert residual.tip == pytest.approx(promised, abs=1e-6)
     np.testing.assert_allclose(residual.joints, joints, atol=1e-7)
 
 
-def test_every_planner_is_in_one_of_the_campaigns():
+def test_every_planner_is_in_one_of_the_campaigns() -> None:
     assert {*AT_REST, *OTHERS} == set(PLANNERS)
 
 
 @pytest.mark.parametrize("method", AT_REST)
 @pytest.mark.parametrize("variant", ["printed", "complete"])
 @pytest.mark.parametrize("period", [0.001, 0.01, 0.05])
-def test_random_slews_leave_nothing_on_the_model_that_they_were_planned_on(method, variant, period):
+def test_random_slews_leave_nothing_on_the_model_that_they_were_planned_on(
+    method: Any, variant: str, period: float
+) -> None:
     rng = np.random.default_rng([len(method), len(variant), round(1000 * period)])
     done = 0
     while done < (1 if period < 0.01 else 3):
-        start, goal = rng.uniform(-0.8, 0.8, 2), rng.uniform(-0.8, 0.8, 2)
+        start, end = rng.uniform(-0.8, 0.8, 2), rng.uniform(-0.8, 0.8, 2)
         initial = CsaInitial(base_yaw=start[0], hub_pitch=start[1])
         testbed = CsaTestbed(variant=variant, modes=1, initial=initial)
-        goal = {"base_yaw": float(goal[0]), "hub_pitch": float(goal[1])}
+        goal = {"base_yaw": float(end[0]), "hub_pitch": float(end[1])}
         try:
             plan = asked(
                 method, testbed, period, goal=goal, start=10 * period, **AT_REST[method](rng)
@@ -100,20 +106,20 @@ def test_random_slews_leave_nothing_on_the_model_that_they_were_planned_on(metho
 
 
 @pytest.mark.parametrize("method", OTHERS)
-def test_what_is_left_on_purpose_is_predicted(method):
+def test_what_is_left_on_purpose_is_predicted(method: Any) -> None:
     testbed = CsaTestbed(modes=1)
     plan = asked(method, testbed, 0.02, **OTHERS[method])
     agree(plan, flown(plan, testbed, 0.02))
 
 
-def test_a_time_optimal_slew_ends_at_rest_with_efforts_held_over_its_switches():
+def test_a_time_optimal_slew_ends_at_rest_with_efforts_held_over_its_switches() -> None:
     testbed = CsaTestbed(modes=1)
     plan = asked("time_optimal", testbed, 0.05, goal={"base_yaw": 0.8})
     assert plan.summary["predicted_residual_tip_deflection"] < 1e-9
     assert np.abs(plan.effort).max() <= 150.0 * (1.0 + 1e-12)
 
 
-def test_the_reference_of_the_paper_leaves_what_its_page_says():
+def test_the_reference_of_the_paper_leaves_what_its_page_says() -> None:
     """One-mode M1: 7e-11 promised by the continuous loop, 3.2e-3 and 3.7 mm flown."""
     testbed = CsaTestbed(modes=1, variant="printed")
     more = {"goal": {"base_yaw": 1.0, "hub_pitch": 0.5}, "track": "reference"}
@@ -124,7 +130,7 @@ def test_the_reference_of_the_paper_leaves_what_its_page_says():
     assert residual.tip == pytest.approx(3.6e-3, abs=2e-4)
 
 
-def test_a_law_without_the_planned_gains_can_follow_the_planned_trajectory():
+def test_a_law_without_the_planned_gains_can_follow_the_planned_trajectory() -> None:
     testbed = CsaTestbed(modes=1)
     plan = asked("optimized_feedforward", testbed, 0.01)
     bench = Bench(BenchSettings(testbed=testbed, duration=60.0, active="lqr"))

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,7 @@ START, GOAL = np.array([0.2, -0.1]), np.array([1.0, 0.5])
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_starts_and_ends_at_rest_and_stays_there(profile):
+def test_starts_and_ends_at_rest_and_stays_there(profile: Any) -> None:
     times = np.array([-1.0, 0.0, 25.0, 30.0])
     r = rest_to_rest(profile, START, GOAL, 25.0, times)
     np.testing.assert_allclose(r.position, [START, START, GOAL, GOAL], atol=1e-15)
@@ -18,7 +20,7 @@ def test_starts_and_ends_at_rest_and_stays_there(profile):
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_velocity_and_acceleration_are_the_derivatives(profile):
+def test_velocity_and_acceleration_are_the_derivatives(profile: Any) -> None:
     t = np.linspace(0.1, 24.9, 101)
     h = 1e-4
     r = rest_to_rest(profile, START, GOAL, 25.0, t)
@@ -30,7 +32,7 @@ def test_velocity_and_acceleration_are_the_derivatives(profile):
     )
 
 
-def test_only_the_quintic_starts_and_ends_without_acceleration():
+def test_only_the_quintic_starts_and_ends_without_acceleration() -> None:
     ends = np.array([0.0, 25.0])
     assert np.all(rest_to_rest("quintic", START, GOAL, 25.0, ends).acceleration == 0.0)
     cubic = rest_to_rest("cubic", START, GOAL, 25.0, ends).acceleration
@@ -38,14 +40,14 @@ def test_only_the_quintic_starts_and_ends_without_acceleration():
 
 
 @given(st.floats(0.01, 100.0), st.sampled_from(sorted(PROFILES)))
-def test_moves_monotonously_on_a_straight_line(duration, profile):
+def test_moves_monotonously_on_a_straight_line(duration: Any, profile: Any) -> None:
     r = rest_to_rest(profile, START, GOAL, duration, np.linspace(0.0, duration, 50))
     share = (r.position - START) / (GOAL - START)
     np.testing.assert_allclose(share[:, 0], share[:, 1], atol=1e-12)
     assert np.all(np.diff(share[:, 0]) >= -1e-12)
 
 
-def test_a_number_is_rounded_up_to_what_a_message_prints():
+def test_a_number_is_rounded_up_to_what_a_message_prints() -> None:
     for value in 10.0 ** np.random.default_rng(4).uniform(-4.0, 6.0, 200):
         up = rounded_up(value)
         assert value <= up <= 1.01 * value

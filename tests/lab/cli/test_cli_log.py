@@ -2,6 +2,8 @@
 
 import json
 import sys
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,15 +24,15 @@ controllers: {pd_feedforward: {kp: [460.0, 460.0]}}
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory):
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("logged") / "run"
     run_trial(parse_trial(TRIAL, "test"), "test", folder, in_process=True, report=False)
     return folder
 
 
 @pytest.fixture
-def call(capfd, monkeypatch):
-    def run(*words):
+def call(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
+    def run(*words: Any) -> tuple[Any, Any, Any]:
         monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
         monkeypatch.setenv("COLUMNS", "200")
         with pytest.raises(SystemExit) as end:
@@ -42,14 +44,14 @@ def call(capfd, monkeypatch):
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_every_help_holds_an_example(call, words):
+def test_every_help_holds_an_example(call: Any, words: Any) -> None:
     code, out, _ = call(*words, "--help")
     assert code == 0
     assert "Example: " in out
     assert "./flexslew " in out.split("Example: ")[1]
 
 
-def test_info_says_what_is_in_the_bag(call, flown):
+def test_info_says_what_is_in_the_bag(call: Any, flown: Any) -> None:
     code, out, _ = call("log", "info", flown)
     assert code == 0
     assert "/truth" in out
@@ -59,7 +61,9 @@ def test_info_says_what_is_in_the_bag(call, flown):
     assert found["plans"][0]["method"] == "reference_only"
 
 
-def test_a_sound_bag_passes_and_a_cut_one_gives_exit_code_1(call, flown, tmp_path):
+def test_a_sound_bag_passes_and_a_cut_one_gives_exit_code_1(
+    call: Any, flown: Any, tmp_path: Path
+) -> None:
     assert call("log", "check", flown)[0] == 0
     whole = next((flown / "bag").glob("*.mcap")).read_bytes()
     cut = tmp_path / "cut.mcap"
@@ -69,7 +73,7 @@ def test_a_sound_bag_passes_and_a_cut_one_gives_exit_code_1(call, flown, tmp_pat
     assert not all(finding["ok"] for finding in json.loads(out))
 
 
-def test_recover_makes_a_cut_bag_whole(call, flown, tmp_path):
+def test_recover_makes_a_cut_bag_whole(call: Any, flown: Any, tmp_path: Path) -> None:
     whole = next((flown / "bag").glob("*.mcap")).read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) * 2 // 3])
@@ -83,7 +87,7 @@ def test_recover_makes_a_cut_bag_whole(call, flown, tmp_path):
     assert call("resim", tmp_path / "mended", "--partial")[0] == 0
 
 
-def test_export_writes_one_table_per_topic(call, flown, tmp_path):
+def test_export_writes_one_table_per_topic(call: Any, flown: Any, tmp_path: Path) -> None:
     words = ("log", "export", flown, "--out", tmp_path, "--format", "csv", "--topic", "/truth")
     code, out, _ = call(*words, "--json")
     assert code == 0
@@ -92,7 +96,9 @@ def test_export_writes_one_table_per_topic(call, flown, tmp_path):
     assert call("log", "export", flown, "--format", "xls")[0] == 2
 
 
-def test_every_run_is_exported_into_a_folder_of_its_own(call, flown, tmp_path, monkeypatch):
+def test_every_run_is_exported_into_a_folder_of_its_own(
+    call: Any, flown: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     for place in (flown, flown / "bag", next((flown / "bag").glob("*.mcap"))):
         code, out, _ = call("log", "export", place, "--topic", "/truth", "--json")
@@ -100,7 +106,7 @@ def test_every_run_is_exported_into_a_folder_of_its_own(call, flown, tmp_path, m
         assert json.loads(out)["files"] == {"/truth": f"export/{flown.name}/truth.parquet"}
 
 
-def test_resim_tells_the_same_hash(call, flown):
+def test_resim_tells_the_same_hash(call: Any, flown: Any) -> None:
     code, out, _ = call("resim", flown, "--json")
     found = json.loads(out)
     metrics = json.loads((flown / "metrics.json").read_text())
@@ -112,13 +118,15 @@ def test_resim_tells_the_same_hash(call, flown):
     assert found["hash"] in out
 
 
-def test_check_passes_the_recorded_controller(call, flown):
+def test_check_passes_the_recorded_controller(call: Any, flown: Any) -> None:
     code, out, _ = call("check", flown, "--json")
     assert code == 0
     assert json.loads(out)["first_divergence"] is None
 
 
-def test_check_of_another_gain_is_exit_code_1_with_tick_field_and_values(call, flown, tmp_path):
+def test_check_of_another_gain_is_exit_code_1_with_tick_field_and_values(
+    call: Any, flown: Any, tmp_path: Path
+) -> None:
     drawn = tmp_path / "differences.html"
     words = ("check", flown, "pd_feedforward", "--set", "kp=[460.001, 460.0]", "--figure", drawn)
     code, out, _ = call(*words)
@@ -138,14 +146,14 @@ def test_check_of_another_gain_is_exit_code_1_with_tick_field_and_values(call, f
     ],
     ids=" ".join,
 )  # fmt: skip
-def test_no_bag_is_bad_input_in_one_line(call, words, tmp_path):
+def test_no_bag_is_bad_input_in_one_line(call: Any, words: Any, tmp_path: Path) -> None:
     code, _, err = call(*words, tmp_path / "nothing")
     assert code == 2
     assert err.strip().startswith("error: ")
     assert len(err.strip().splitlines()) == 1
 
 
-def test_a_setting_that_is_none_is_told(call, flown):
+def test_a_setting_that_is_none_is_told(call: Any, flown: Any) -> None:
     code, _, err = call("check", flown, "--set", "kp")
     assert code == 2
     assert "not of the form key=value" in err

@@ -1,4 +1,5 @@
 import json
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -10,7 +11,7 @@ from flexslew_lab.report.metrics import metrics_of
 UNITS = {"base_yaw": "rad", "hub_pitch": "rad"}
 
 
-def test_the_headline_says_what_feedforward_is_worth():
+def test_the_headline_says_what_feedforward_is_worth() -> None:
     with_it, without = {"residual_tip_deflection": 0.01248}, {"residual_tip_deflection": 4.9712}
     words = "tip deflection after the manoeuvre: 0.0125 m"
     assert headline(with_it, without) == f"{words}, without feedforward 4.97 m"
@@ -19,7 +20,7 @@ def test_the_headline_says_what_feedforward_is_worth():
     assert headline(cut, {}) == "tip deflection up to 5.3 m; the run ends before its manoeuvre"
 
 
-def test_every_number_has_its_own_unit_and_row(bag):
+def test_every_number_has_its_own_unit_and_row(bag: Any) -> None:
     metrics = metrics_of(bag)
     rows = {key: (value, unit) for key, value, unit in metric_rows(metrics, UNITS)}
     assert rows["peak_effort.base_yaw"] == ("40", "N m")
@@ -30,7 +31,9 @@ def test_every_number_has_its_own_unit_and_row(bag):
     assert [unit for _, _, unit in mixed] == ["m", "rad"]
 
 
-def test_tables_fit_a_terminal_of_80_columns_and_keep_every_character(bag, capsys, monkeypatch):
+def test_tables_fit_a_terminal_of_80_columns_and_keep_every_character(
+    bag: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     rows = metric_rows(metrics_of(bag), UNITS)
     terminal.print_table(("metric [s]", "value", "unit"), [*rows, ("note", "[red]x[/red] [m]", "")])
@@ -41,7 +44,9 @@ def test_tables_fit_a_terminal_of_80_columns_and_keep_every_character(bag, capsy
 
 
 @pytest.mark.parametrize("words", ["[/nothing]", "[s] [rad]", "a [bold]b", json.dumps(["x"])])
-def test_what_is_said_is_said_as_it_is(words, monkeypatch, capsys):
+def test_what_is_said_is_said_as_it_is(
+    words: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(terminal, "screen", Console(stderr=True))
     terminal.say(words, head="error: ")
     assert capsys.readouterr().err == f"error: {words}\n"

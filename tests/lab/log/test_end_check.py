@@ -1,31 +1,33 @@
+from typing import Any
+
 from flexslew_lab.log.bag_reader import LoggedEvent
 from flexslew_lab.log.end_check import check_ends
 
 
-def event(kind, tick, epoch=0, source="plant", **data):
+def event(kind: Any, tick: Any, epoch: int = 0, source: str = "plant", **data: Any) -> LoggedEvent:
     known = {"tick": tick, "epoch": epoch, "source": source, "kind": kind, "data": data}
     values = {name: known.get(name, 0) for name in LoggedEvent._fields}
     return LoggedEvent(**values)
 
 
-def wrong(first, last, *events):
+def wrong(first: Any, last: Any, *events: Any) -> list[Any]:
     return [f.detail for f in check_ends(first, last, events) if not f.ok]
 
 
-def test_a_log_from_tick_0_to_the_plant_s_last_word_is_whole():
+def test_a_log_from_tick_0_to_the_plant_s_last_word_is_whole() -> None:
     assert wrong({0: 0}, {0: 500}, event("finished", 500)) == []
     assert wrong({0: 0}, {0: 123}, event("interrupted", 123)) == []
     resets = event("reset", 0, 1, from_tick=70), event("finished", 500, 1)
     assert wrong({0: 0, 1: 0}, {0: 70, 1: 500}, *resets) == []
 
 
-def test_ticks_before_the_recorder_came_are_counted():
+def test_ticks_before_the_recorder_came_are_counted() -> None:
     assert wrong({0: 42}, {0: 500}, event("finished", 500)) == [
         "42 ticks missing: epoch 0 begins at tick 42"
     ]
 
 
-def test_ticks_after_the_recorder_left_are_counted_where_the_plant_tells_them():
+def test_ticks_after_the_recorder_left_are_counted_where_the_plant_tells_them() -> None:
     late = event("finished", 500), event("finished", 500, source="recorder")
     assert wrong({0: 0}, {0: 460}, *late) == ["40 ticks missing: epoch 0 was flown to tick 500"]
     reset = event("reset", 0, 1, from_tick=70), event("finished", 5, 1)
@@ -34,7 +36,7 @@ def test_ticks_after_the_recorder_left_are_counted_where_the_plant_tells_them():
     ]
 
 
-def test_a_log_without_the_plant_s_last_word_says_so():
+def test_a_log_without_the_plant_s_last_word_says_so() -> None:
     assert wrong({0: 0}, {0: 460}, event("started", 0)) == [
         "the plant's last words are missing: it may have flown on from tick 460"
     ]

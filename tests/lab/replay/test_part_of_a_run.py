@@ -1,6 +1,7 @@
 """A comparison of a part says which part, and is not taken for the whole."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,7 +20,7 @@ controllers: {pd_feedforward: {}}
 
 
 @pytest.fixture(scope="module")
-def bag(tmp_path_factory):
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("part") / "run"
     run_trial(parse_trial(TRIAL, "test"), "test", folder, in_process=True, report=False)
     return folder / "bag"
@@ -34,11 +35,11 @@ def missing(bag: Path) -> str:
     return again.missing
 
 
-def test_a_whole_log_lacks_nothing(bag):
+def test_a_whole_log_lacks_nothing(bag: Any) -> None:
     assert missing(bag) == ""
 
 
-def test_a_cut_log_says_up_to_which_tick_and_of_how_many(bag, tmp_path):
+def test_a_cut_log_says_up_to_which_tick_and_of_how_many(bag: Any, tmp_path: Path) -> None:
     whole = next(bag.glob("*.mcap")).read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) // 2])
@@ -58,7 +59,7 @@ def test_a_cut_log_says_up_to_which_tick_and_of_how_many(bag, tmp_path):
     ],
     ids=["gap", "end"],
 )
-def test_a_log_that_lacks_ticks_says_so(bag, tmp_path, kept, words):
+def test_a_log_that_lacks_ticks_says_so(bag: Any, tmp_path: Path, kept: Any, words: str) -> None:
     reader = BagReader(bag)
     with BagWriter(tmp_path / "bag", reader.metadata) as writer:
         for topic, kind, stamp, _, data in reader.messages():

@@ -2,6 +2,8 @@
 
 import math
 from math import inf
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,11 +18,11 @@ from flexslew_plant.errors import BadInput
 END = 5.0  # of the synthetic bag [s]
 
 
-def player(bag, **settings):
+def player(bag: Any, **settings: Any) -> Player:
     return Player(PlaySettings(bag=str(bag), **settings))
 
 
-def everything(it, now=0.0):
+def everything(it: Any, now: float = 0.0) -> Any:
     found = []
     while not it.done:
         found += it.due(now)
@@ -28,20 +30,20 @@ def everything(it, now=0.0):
     return found
 
 
-def in_bag(bag):
+def in_bag(bag: Any) -> list[Any]:
     return [(m.topic, m.type, m.stamp, m.data) for m in BagReader(bag).messages()]
 
 
-def test_as_fast_as_it_goes_everything_comes_in_the_order_of_the_bag(bag):
+def test_as_fast_as_it_goes_everything_comes_in_the_order_of_the_bag(bag: Any) -> None:
     assert [tuple(m) for m in everything(player(bag, rate=0.0))] == in_bag(bag)
 
 
-def test_paced_everything_comes_too_byte_for_byte(bag):
+def test_paced_everything_comes_too_byte_for_byte(bag: Any) -> None:
     assert [tuple(m) for m in everything(player(bag, rate=10.0))] == in_bag(bag)
 
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 20.0])
-def test_nothing_comes_before_its_time_and_everything_at_it(bag, rate):
+def test_nothing_comes_before_its_time_and_everything_at_it(bag: Any, rate: float) -> None:
     it = player(bag, rate=rate)
     it.due(100.0)  # the clock of the wall starts anywhere
     for wall in (0.105, 0.255, 0.305):
@@ -50,13 +52,13 @@ def test_nothing_comes_before_its_time_and_everything_at_it(bag, rate):
     assert it.wait(100.0 + 0.305 / rate) == pytest.approx(0.005 / rate, rel=1e-3)
 
 
-def test_a_lot_is_not_larger_than_asked_for(bag):
+def test_a_lot_is_not_larger_than_asked_for(bag: Any) -> None:
     it = player(bag, rate=0.0)
     assert len(it.due(0.0, most=7)) == 7
     assert it.wait(0.0) == 0.0
 
 
-def test_a_start_brings_what_is_latched_before_it(bag):
+def test_a_start_brings_what_is_latched_before_it(bag: Any) -> None:
     found = everything(player(bag, rate=0.0, start=2.0))
     early = [m.topic for m in found if m.stamp < 2_000_000_000]
     assert early == ["/testbed", "/plan", "/events"]
@@ -66,12 +68,12 @@ def test_a_start_brings_what_is_latched_before_it(bag):
     assert len(truths) == 301
 
 
-def test_a_duration_ends_it(bag):
+def test_a_duration_ends_it(bag: Any) -> None:
     found = everything(player(bag, rate=0.0, start=2.0, duration=1.0))
     assert max(m.stamp for m in found) == pytest.approx(3.0e9, abs=1e3)
 
 
-def test_a_pause_is_not_caught_up(bag):
+def test_a_pause_is_not_caught_up(bag: Any) -> None:
     it = player(bag)
     it.due(0.0)
     it.due(1.005, most=100_000)
@@ -84,7 +86,7 @@ def test_a_pause_is_not_caught_up(bag):
     assert it.time == pytest.approx(1.12, abs=1e-6)
 
 
-def test_it_may_begin_paused_and_be_stepped(bag):
+def test_it_may_begin_paused_and_be_stepped(bag: Any) -> None:
     it = player(bag, paused=True, topics=("truth",))
     assert it.due(0.0) == []
     assert len(it.step(0.0055)) == 1
@@ -93,7 +95,7 @@ def test_it_may_begin_paused_and_be_stepped(bag):
 
 
 @pytest.mark.parametrize("to", [3.0, 0.0, END, 1.234])
-def test_a_seek_goes_both_ways(bag, to):
+def test_a_seek_goes_both_ways(bag: Any, to: Any) -> None:
     it = player(bag, topics=("/truth",), rate=0.0)
     it.due(0.0, most=250)
     assert it.seek(to) == pytest.approx(to, abs=0.01)
@@ -104,7 +106,9 @@ def test_a_seek_goes_both_ways(bag, to):
 
 
 @pytest.mark.parametrize("to", [-0.001, END + 0.001, 99.0])
-def test_a_seek_out_of_the_bag_is_refused_with_its_range_and_changes_nothing(bag, to):
+def test_a_seek_out_of_the_bag_is_refused_with_its_range_and_changes_nothing(
+    bag: Any, to: Any
+) -> None:
     it = player(bag, topics=("/truth",), rate=0.0)
     it.due(0.0, most=250)
     with pytest.raises(BadInput, match="is outside of the bag, which is played from 0 s to 5 s"):
@@ -113,13 +117,13 @@ def test_a_seek_out_of_the_bag_is_refused_with_its_range_and_changes_nothing(bag
     assert len(it.due(0.0)) == 251
 
 
-def test_a_seek_behind_the_duration_is_refused(bag):
+def test_a_seek_behind_the_duration_is_refused(bag: Any) -> None:
     it = player(bag, start=1.0, duration=2.0)
     with pytest.raises(BadInput, match="to 3 s"):
         it.seek(4.0)
 
 
-def test_a_seek_in_a_pause_tells_at_once_what_is_latched_there(bag):
+def test_a_seek_in_a_pause_tells_at_once_what_is_latched_there(bag: Any) -> None:
     it = player(bag, paused=True)
     it.seek(4.0)
     told = it.due(0.0)
@@ -131,7 +135,7 @@ def test_a_seek_in_a_pause_tells_at_once_what_is_latched_there(bag):
     assert it.time == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_seek_in_a_loop_plays_to_the_end_and_begins_at_the_start(bag):
+def test_a_seek_in_a_loop_plays_to_the_end_and_begins_at_the_start(bag: Any) -> None:
     it = player(bag, rate=0.0, topics=("truth",), start=2.0, loop=True)
     it.seek(4.0)
     assert len(it.due(0.0)) == 101
@@ -139,7 +143,7 @@ def test_a_seek_in_a_loop_plays_to_the_end_and_begins_at_the_start(bag):
     assert it.rounds == 1
 
 
-def test_a_paced_player_goes_on_from_where_it_was_sent(bag):
+def test_a_paced_player_goes_on_from_where_it_was_sent(bag: Any) -> None:
     it = player(bag, topics=("truth",))
     it.due(0.0)
     it.seek(3.0)
@@ -148,11 +152,11 @@ def test_a_paced_player_goes_on_from_where_it_was_sent(bag):
     assert it.time == pytest.approx(3.11, abs=1e-6)
 
 
-def test_a_jump_reads_the_chunks_behind_it_only(bag, monkeypatch):
+def test_a_jump_reads_the_chunks_behind_it_only(bag: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     read = []
     content = bag_index.chunk_content
 
-    def counted(*arguments):
+    def counted(*arguments: Any) -> Any:
         read.append(arguments)
         return content(*arguments)
 
@@ -167,7 +171,9 @@ def test_a_jump_reads_the_chunks_behind_it_only(bag, monkeypatch):
     assert len(read) == 1
 
 
-def test_a_bag_without_its_end_is_played_and_sought_in_the_same_way(tmp_path, bag, write_bag):
+def test_a_bag_without_its_end_is_played_and_sought_in_the_same_way(
+    tmp_path: Path, bag: Any, write_bag: Any
+) -> None:
     cut = write_bag(tmp_path / "cut", close=False)
     it, whole = player(cut, rate=0.0), player(bag, rate=0.0)
     for one in (it, whole):
@@ -177,7 +183,7 @@ def test_a_bag_without_its_end_is_played_and_sought_in_the_same_way(tmp_path, ba
     assert found == everything(whole)[: len(found)]
 
 
-def test_a_damaged_chunk_stops_a_seek_and_nothing_else(tmp_path, write_bag):
+def test_a_damaged_chunk_stops_a_seek_and_nothing_else(tmp_path: Path, write_bag: Any) -> None:
     file = next(write_bag(tmp_path / "bag").glob("*.mcap"))
     data = bytearray(file.read_bytes())
     chunks = [r.offset for r in RecordStream(file) if r.opcode == CHUNK]
@@ -189,7 +195,9 @@ def test_a_damaged_chunk_stops_a_seek_and_nothing_else(tmp_path, write_bag):
     assert it.time == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_flipped_byte_gives_a_clear_refusal_or_the_messages_themselves(tmp_path, write_bag):
+def test_a_flipped_byte_gives_a_clear_refusal_or_the_messages_themselves(
+    tmp_path: Path, write_bag: Any
+) -> None:
     file = next(write_bag(tmp_path / "bag").glob("*.mcap"))
     whole, rng, original = file.read_bytes(), np.random.default_rng(3), in_bag(file)
     refused = 0
@@ -204,8 +212,10 @@ def test_a_flipped_byte_gives_a_clear_refusal_or_the_messages_themselves(tmp_pat
     assert refused > 50
 
 
-def test_of_every_controller_the_last_word_before_a_seek_is_told(tmp_path, write_bag):
-    def status(name, tick, reason=""):
+def test_of_every_controller_the_last_word_before_a_seek_is_told(
+    tmp_path: Path, write_bag: Any
+) -> None:
+    def status(name: Any, tick: Any, reason: str = "") -> tuple[str, Any, Any]:
         stamp = tick * 10_000_000
         message = {"stamp": stamp, "controller": name, "last_tick": tick, "reason": reason}
         return "/controller_status", encode("flexslew_msgs/msg/ControllerStatus", message), stamp
@@ -220,7 +230,7 @@ def test_of_every_controller_the_last_word_before_a_seek_is_told(tmp_path, write
     assert [m.data for m in it.due(0.0)] == [m[1] for m in said[98:100]]
 
 
-def test_a_loop_begins_again_and_never_ends(bag):
+def test_a_loop_begins_again_and_never_ends(bag: Any) -> None:
     it = player(bag, rate=0.0, topics=("truth",), start=4.0, loop=True)
     found = []
     while it.rounds < 3:
@@ -230,7 +240,7 @@ def test_a_loop_begins_again_and_never_ends(bag):
     assert found[:101] == found[101:202]
 
 
-def test_topics_are_chosen_and_renamed(bag):
+def test_topics_are_chosen_and_renamed(bag: Any) -> None:
     it = player(bag, rate=0.0, topics=("truth", "/plan"), remap=("/truth:=/recorded/truth",))
     assert it.topics == {
         "/plan": "flexslew_msgs/msg/Plan",
@@ -239,12 +249,12 @@ def test_topics_are_chosen_and_renamed(bag):
     assert {m.topic for m in everything(it)} == {*it.topics}
 
 
-def test_what_is_latched_stays_so_under_another_name(bag):
+def test_what_is_latched_stays_so_under_another_name(bag: Any) -> None:
     it = player(bag, remap=("/plan:=/recorded/plan",))
     assert it.latched == {"/testbed", "/recorded/plan", "/events"}
 
 
-def test_an_own_clock_leaves_the_recorded_one_out(bag):
+def test_an_own_clock_leaves_the_recorded_one_out(bag: Any) -> None:
     assert "/clock" not in player(bag, clock=100.0).topics
 
 
@@ -258,6 +268,6 @@ def test_an_own_clock_leaves_the_recorded_one_out(bag):
         ({"start": 6.0}, "behind the end"),
     ],
 )
-def test_wrong_wishes_are_told(bag, wrong, words):
+def test_wrong_wishes_are_told(bag: Any, wrong: Any, words: str) -> None:
     with pytest.raises(BadInput, match=words):
         player(bag, **wrong)

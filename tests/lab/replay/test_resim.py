@@ -1,6 +1,7 @@
 """The run again from its log: the demo with a fallback, wishes typed by hand, and a lie."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,14 +45,14 @@ allow_faults: true
 class Operated(Bench):
     """A bench with an operator at it."""
 
-    def advance(self):
+    def advance(self) -> None:
         for tick, wish in self.wishes:
             if tick == self.tick:
                 wish(self)
         super().advance()
 
 
-def record(folder: Path, wishes=()) -> Path:
+def record(folder: Path, wishes: Any = ()) -> Path:
     trial = parse_trial(TRIAL, "test")
     bench = Operated(bench_settings(trial))
     bench.wishes = wishes
@@ -66,11 +67,11 @@ def record(folder: Path, wishes=()) -> Path:
     return folder
 
 
-def switch(*request):
+def switch(*request: Any) -> Any:
     return lambda bench: bench.request_switch(SwitchRequest(*request))
 
 
-def test_the_swap_demo_flies_again_to_the_same_hash(tmp_path):
+def test_the_swap_demo_flies_again_to_the_same_hash(tmp_path: Path) -> None:
     demo = trial_path("swap_demo")
     result = run_trial(load_trial(demo), str(demo), tmp_path / "run", in_process=True, report=False)
     again = resim(tmp_path / "run" / "bag")
@@ -80,7 +81,7 @@ def test_the_swap_demo_flies_again_to_the_same_hash(tmp_path):
     assert again.ticks == 10_001
 
 
-def test_switches_faults_and_disturbances_by_hand_come_at_their_ticks(tmp_path):
+def test_switches_faults_and_disturbances_by_hand_come_at_their_ticks(tmp_path: Path) -> None:
     wishes = [
         (100, switch("output_feedback", 150)),
         (300, switch("lqr", 0, True, -1.0)),  # refused when it comes: any step is larger
@@ -100,13 +101,13 @@ def test_switches_faults_and_disturbances_by_hand_come_at_their_ticks(tmp_path):
     assert again.hash != resim(record(tmp_path / "undisturbed")).hash
 
 
-def test_nothing_is_planned_again(tmp_path, monkeypatch):
+def test_nothing_is_planned_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bag = record(tmp_path / "bag")
     monkeypatch.setattr("flexslew_lab.trial.trial.make_plan", None)
     assert resim(bag).identical
 
 
-def altered(bag: Path, folder: Path, topic: str, tick: int, change) -> Path:
+def altered(bag: Path, folder: Path, topic: str, tick: int, change: Any) -> Path:
     reader = BagReader(bag)
     with BagWriter(folder, {"trial": reader.trial_text}) as writer:
         for name, kind, stamp, _, data in reader.messages():
@@ -119,8 +120,8 @@ def altered(bag: Path, folder: Path, topic: str, tick: int, change) -> Path:
     return folder
 
 
-def test_one_bit_of_the_truth_is_found_with_its_tick_and_field(tmp_path):
-    def change(truth):
+def test_one_bit_of_the_truth_is_found_with_its_tick_and_field(tmp_path: Path) -> None:
+    def change(truth: Any) -> None:
         truth.velocity = np.array(truth.velocity)
         truth.velocity[1] = np.nextafter(truth.velocity[1], 1.0)
 
@@ -134,8 +135,8 @@ def test_one_bit_of_the_truth_is_found_with_its_tick_and_field(tmp_path):
     assert found.recorded == np.nextafter(found.ours, 1.0)
 
 
-def test_a_plan_that_is_not_the_one_that_was_flown_is_refused(tmp_path):
-    def change(plan):
+def test_a_plan_that_is_not_the_one_that_was_flown_is_refused(tmp_path: Path) -> None:
+    def change(plan: Any) -> None:
         plan.position = np.array(plan.position) * 1.1
 
     bag = altered(record(tmp_path / "a"), tmp_path / "b", "/plan", 0, change)
@@ -143,7 +144,7 @@ def test_a_plan_that_is_not_the_one_that_was_flown_is_refused(tmp_path):
         resim(bag)
 
 
-def test_a_log_without_truth_is_refused(tmp_path, write_bag, messages):
+def test_a_log_without_truth_is_refused(tmp_path: Path, write_bag: Any, messages: Any) -> None:
     bag = write_bag(tmp_path / "bag", [m for m in messages if m[0] == "/testbed"])
     with pytest.raises(BadInput, match="no truth"):
         resim(bag)

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -41,7 +42,7 @@ active: mine
 
 
 @pytest.fixture
-def own(tmp_path):
+def own(tmp_path: Path) -> tuple[Any, Any, Any]:
     """Return a log of a law from a file, the law's name, and the file that grows when it runs."""
     file, traces = tmp_path / "my_law.py", tmp_path / "traces"
     file.write_text(LAW.format(traces=str(traces), gain=10.0))
@@ -53,7 +54,9 @@ def own(tmp_path):
 
 
 @pytest.mark.parametrize("action", [resim, lambda bag: check(bag, "mine")], ids=["resim", "check"])
-def test_a_law_that_a_log_names_is_refused_with_its_path_and_hash(own, action):
+def test_a_law_that_a_log_names_is_refused_with_its_path_and_hash(
+    own: tuple[Any, Any, Any], action: Any
+) -> None:
     bag, law, traces = own
     with pytest.raises(Untrusted) as refused:
         action(bag)
@@ -67,7 +70,7 @@ def test_a_law_that_a_log_names_is_refused_with_its_path_and_hash(own, action):
 
 
 @pytest.mark.parametrize("trusted", ["its name", "all"])
-def test_a_trusted_law_runs(own, trusted):
+def test_a_trusted_law_runs(own: tuple[Any, Any, Any], trusted: str) -> None:
     bag, law, traces = own
     names = [law] if trusted == "its name" else ["all"]
     assert resim(bag, trusted=names).identical
@@ -75,14 +78,14 @@ def test_a_trusted_law_runs(own, trusted):
     assert traces.exists()
 
 
-def test_to_trust_another_name_is_not_enough(own):
+def test_to_trust_another_name_is_not_enough(own: tuple[Any, Any, Any]) -> None:
     bag, _, traces = own
     with pytest.raises(Untrusted):
         resim(bag, trusted=["other.py:MyLaw"])
     assert not traces.exists()
 
 
-def test_a_law_that_has_changed_is_said_before_and_after_it_runs(own):
+def test_a_law_that_has_changed_is_said_before_and_after_it_runs(own: tuple[Any, Any, Any]) -> None:
     bag, law, traces = own
     recorded = code_hash(law)
     file = file_of(law)
@@ -95,7 +98,7 @@ def test_a_law_that_has_changed_is_said_before_and_after_it_runs(own):
     assert check(bag, "mine", trusted=["all"]).changed_code == again.changed_code
 
 
-def test_the_log_holds_the_hash_in_its_trial_and_in_the_status(own):
+def test_the_log_holds_the_hash_in_its_trial_and_in_the_status(own: tuple[Any, Any, Any]) -> None:
     bag, law, _ = own
     reader = BagReader(bag)
     assert json.loads(reader.metadata["own_code"]) == {law: code_hash(law)}
@@ -103,7 +106,9 @@ def test_the_log_holds_the_hash_in_its_trial_and_in_the_status(own):
 
 
 @pytest.mark.parametrize("law", ["os.Popen", "antigravity.Any", "evil.py:Law"])
-def test_a_controller_that_is_not_in_the_trial_names_no_code_either(own, tmp_path, law):
+def test_a_controller_that_is_not_in_the_trial_names_no_code_either(
+    own: tuple[Any, Any, Any], tmp_path: Path, law: str
+) -> None:
     bag, mine, _ = own
     reader = BagReader(bag)
     kind = TOPICS["/controller_status"].type
@@ -116,7 +121,7 @@ def test_a_controller_that_is_not_in_the_trial_names_no_code_either(own, tmp_pat
         resim(tmp_path / "other", trusted=[mine])
 
 
-def test_a_testbed_of_the_readers_own_is_code_too(tmp_path):
+def test_a_testbed_of_the_readers_own_is_code_too(tmp_path: Path) -> None:
     text = "duration: 1.0\ntestbed: {kind: 'mine.py:Testbed'}\ncontrollers: {pd_feedforward: {}}\n"
     with BagWriter(tmp_path / "bag", {"trial": text}) as writer:
         kind = TOPICS["/clock"].type
@@ -125,7 +130,7 @@ def test_a_testbed_of_the_readers_own_is_code_too(tmp_path):
         resim(tmp_path / "bag")
 
 
-def test_blocks_of_trust_do_not_widen_each_other():
+def test_blocks_of_trust_do_not_widen_each_other() -> None:
     with only_trusted(["a.A"]), only_trusted(["all"]), pytest.raises(Untrusted):
         find_law("b.B", "test")
     path = Path(__file__)

@@ -1,4 +1,6 @@
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +23,7 @@ HUB = trial_path("time_optimal_hub")
 
 
 @pytest.fixture(scope="module")
-def yaw():
+def yaw() -> Any:
     heard = []
     found = compared(
         parse_trial(YAW, "yaw.yaml"), "yaw.yaml", lambda *at: heard.append(at), (-0.2, 0.0)
@@ -30,7 +32,7 @@ def yaw():
     return found
 
 
-def test_every_method_flies_the_same_yaw_slew(yaw):
+def test_every_method_flies_the_same_yaw_slew(yaw: Any) -> None:
     flown = {entry.name: entry for entry in yaw.flown}
     assert {name.partition(",")[0] for name in flown} == set(PLANNERS)
     assert next(iter(flown)) == "optimized_feedforward"
@@ -42,13 +44,13 @@ def test_every_method_flies_the_same_yaw_slew(yaw):
         assert np.all(entry.nominal.peak_effort <= 150.0)
 
 
-def test_the_rigid_body_is_the_lower_bound(yaw):
+def test_the_rigid_body_is_the_lower_bound(yaw: Any) -> None:
     assert yaw.lower_bound == pytest.approx(2.0 * np.sqrt((4000.0 + 3972.0) / 150.0))
     planned = [entry.plan.duration for entry in yaw.flown if entry.plan.duration > 0.0]
     assert min(planned) > yaw.lower_bound
 
 
-def test_feedforward_is_worth_something_and_robust_is_robust(yaw):
+def test_feedforward_is_worth_something_and_robust_is_robust(yaw: Any) -> None:
     rows = {row["method"]: row for row in yaw.rows()}
     assert rows["optimized_feedforward"]["residual_tip"] < 0.02
     assert rows["reference_only"]["residual_tip"] > 1.0
@@ -66,7 +68,7 @@ def test_feedforward_is_worth_something_and_robust_is_robust(yaw):
     assert worst["input_shaping, zvd"] < worst["input_shaping"]
 
 
-def test_another_testbed_says_what_does_not_apply(tmp_path):
+def test_another_testbed_says_what_does_not_apply(tmp_path: Path) -> None:
     trial = replace(load_trial(HUB), period=0.02)
     found = compared(trial, "hub.yaml", errors=(0.0, 0.1))
     page = write_comparison(found, tmp_path / "deep" / "hub.html")
@@ -83,7 +85,7 @@ def test_another_testbed_says_what_does_not_apply(tmp_path):
     assert all("\n" not in entry.refused for entry in found.entries)
 
 
-def test_what_cannot_be_compared_is_said_in_one_line(tmp_path):
+def test_what_cannot_be_compared_is_said_in_one_line(tmp_path: Path) -> None:
     trial = parse_trial(YAW, "yaw.yaml")
     with pytest.raises(BadInput, match=r"yaw\.yaml: plan: is missing"):
         compared(replace(trial, plan=None), "yaw.yaml")
@@ -91,7 +93,7 @@ def test_what_cannot_be_compared_is_said_in_one_line(tmp_path):
         compared(trial, "yaw.yaml", errors=(-1.0,))
 
 
-def test_the_swing_of_every_joint_is_told(yaw):
+def test_the_swing_of_every_joint_is_told(yaw: Any) -> None:
     rows = {row["method"]: row for row in yaw.rows()}
     for row in rows.values():
         assert set(row["overshoot"]) == {"base_yaw", "hub_pitch"}

@@ -22,7 +22,7 @@ class _Both(MetricsObserver):
     """Measures and writes a bag of the same run."""
 
     def __init__(self, bench: Bench, plan: object, bag: BagObserver) -> None:
-        super().__init__(bench, plan)  # type: ignore[arg-type]
+        super().__init__(bench, plan)
         self._bag = bag
 
     def truth(self, truth: Truth) -> None:
@@ -30,8 +30,8 @@ class _Both(MetricsObserver):
         self._bag.truth(truth)
 
     def event(self, event: object) -> None:
-        super().event(event)  # type: ignore[arg-type]
-        self._bag.event(event)  # type: ignore[arg-type]
+        super().event(event)
+        self._bag.event(event)
 
 
 PLAN = {"method": "none", "goal": {"base_yaw": 0.2, "hub_pitch": 0.1}, "start": 1.0}

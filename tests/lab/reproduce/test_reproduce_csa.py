@@ -1,4 +1,6 @@
 from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
 import plotly.graph_objects as go
 import pytest
@@ -11,37 +13,37 @@ KEYS = ["item", "paper", "reference", "ours", "tolerance", "ok"]
 rows = lru_cache(csa_rows)
 
 
-def test_every_number_is_reproduced():
+def test_every_number_is_reproduced() -> None:
     assert [row for row in rows() if not row["ok"]] == []
 
 
-def test_every_number_of_the_page_has_its_row():
+def test_every_number_of_the_page_has_its_row() -> None:
     items = {row["item"] for row in rows()}
     assert len(items) == len(rows()) >= 60
     for word in ("J_a", "K_qq 3", "psi = 1.25", "Figure 4", "step: theta", "M8", "EI -20 %"):
         assert any(word in item for item in items), word
 
 
-def test_rows_are_plain_data():
+def test_rows_are_plain_data() -> None:
     for row in rows():
         assert list(row) == KEYS
         assert [type(row[key]) for key in KEYS] == [str, str, float, float, float, bool]
 
 
-def test_the_figures_are_those_of_the_paper():
+def test_the_figures_are_those_of_the_paper() -> None:
     figures = csa_figures()
     assert list(figures) == ["figure_3", "figure_4", "figure_5", "figure_7"]
     assert all(isinstance(figure, go.Figure) and figure.data for figure in figures.values())
 
 
 @pytest.mark.parametrize("name", REPRODUCTIONS)
-def test_every_reproduction_can_be_found(name):
+def test_every_reproduction_can_be_found(name: Any) -> None:
     assert callable(REPRODUCTIONS[name].rows)
     figures = REPRODUCTIONS[name].figures
     assert figures is None or callable(figures)
 
 
-def test_the_figures_are_written_as_one_page(tmp_path):
+def test_the_figures_are_written_as_one_page(tmp_path: Path) -> None:
     page = tmp_path / "csa.html"
     write_figures("csa", page)
     text = page.read_text()
@@ -50,7 +52,7 @@ def test_the_figures_are_written_as_one_page(tmp_path):
     assert 'src="http' not in text
 
 
-def test_figures_of_a_paper_without_any_are_refused(tmp_path):
+def test_figures_of_a_paper_without_any_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="pi has no figures; allowed: csa"):
         write_figures("pi", tmp_path / "pi.html")
     with pytest.raises(BadInput, match="cannot be written"):

@@ -10,15 +10,15 @@ rows = lru_cache(time_optimal_rows)
 figures = lru_cache(time_optimal_figures)
 
 
-def test_every_number_is_reproduced():
+def test_every_number_is_reproduced() -> None:
     assert [row for row in rows() if not row["ok"]] == []
 
 
-def test_every_slew_is_checked_by_the_gradient_method_too():
+def test_every_slew_is_checked_by_the_gradient_method_too() -> None:
     assert len([row for row in rows() if "STO" in row["item"]]) == 6
 
 
-def test_every_figure_that_is_no_sketch_is_drawn():
+def test_every_figure_that_is_no_sketch_is_drawn() -> None:
     drawn = figures()
     numbers = {int(name.removeprefix("figure_").rstrip("ab")) for name in drawn}
     assert numbers == {2, 3, 4, 5, 8, 9, 10, 11, 12, 13, 14}
@@ -27,13 +27,13 @@ def test_every_figure_that_is_no_sketch_is_drawn():
         assert all(np.isfinite(np.array(trace.y, dtype=float)).all() for trace in figure.data)
 
 
-def test_efforts_of_the_figures_switch_where_they_should():
+def test_efforts_of_the_figures_switch_where_they_should() -> None:
     for name, switches in (("figure_4", 3), ("figure_5", 5), ("figure_12", 3), ("figure_13", 5)):
         effort = np.array(figures()[name].data[0].y)
         assert np.count_nonzero(np.diff(np.sign(effort[:-1]))) == switches
 
 
-def test_the_robust_slew_leaves_less_in_figure_14():
+def test_the_robust_slew_leaves_less_in_figure_14() -> None:
     hub_plain, tip_plain, hub_robust, tip_robust = (t.y for t in figures()["figure_14"].data)
     middle = slice(11, 25)  # 0.92 to 1.18 of the stiffness
     at_nominal = 15
@@ -44,7 +44,7 @@ def test_the_robust_slew_leaves_less_in_figure_14():
 
 
 @pytest.mark.parametrize(("name", "factor", "left"), [("oscillator, robust", 0.9, 0.0119410)])
-def test_the_figures_show_the_published_residual(name, factor, left):
+def test_the_figures_show_the_published_residual(name: str, factor: float, left: float) -> None:
     ticks = np.linspace(0.0, 12.0, 6001)
     after = flown(name, factor, ticks)[ticks > 5.87]
     assert np.abs(after[:, 1]).max() == pytest.approx(left, rel=1e-4)

@@ -48,7 +48,7 @@ def killed_at(moment: int, work: Callable[[], object]) -> None:
 
         return counted
 
-    store_module.os.fsync = tick(os.fsync)  # type: ignore[attr-defined]
+    store_module.os.fsync = tick(os.fsync)
     Path.rename = tick(Path.rename)  # type: ignore[method-assign]
     work()
     os._exit(0)

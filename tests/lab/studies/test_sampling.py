@@ -40,7 +40,7 @@ def test_every_family_is_the_inverse_of_its_distribution(family: str) -> None:
 
 @pytest.mark.parametrize("method", ["random", "lhs", "sobol", "grid", "saltelli"])
 def test_the_same_seed_draws_the_same_samples_and_another_one_others(method: str) -> None:
-    s = Sampling(method=method, n=16)  # type: ignore[arg-type]
+    s = Sampling(method=method, n=16)
     first, again, other = (drawn(s, [UNIT] * 3, seed) for seed in (5, 5, 6))
     assert np.array_equal(first.unit, again.unit)
     assert method == "grid" or not np.array_equal(first.unit, other.unit)
@@ -87,9 +87,7 @@ def test_saltelli_exchanges_one_column_after_the_other() -> None:
 
 def test_sobol_is_more_even_than_random() -> None:
     each = {
-        method: qmc.discrepancy(
-            drawn(Sampling(method=method, n=256, **more), [UNIT] * 2, 1).unit  # type: ignore[arg-type]
-        )
+        method: qmc.discrepancy(drawn(Sampling(method=method, n=256, **more), [UNIT] * 2, 1).unit)
         for method, more in (("random", {}), ("sobol", {"replicates": 1}))
     }
     assert each["sobol"] < 0.1 * each["random"]

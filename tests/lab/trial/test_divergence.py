@@ -1,5 +1,8 @@
 """A trial that diverges: exit 3, one line, a whole log up to there, and resim repeats it."""
 
+from pathlib import Path
+from typing import Any
+
 import pytest
 
 from flexslew_control.controllers import CONTROLLERS
@@ -21,7 +24,7 @@ schedule: [{{at: 1.0, disturbance: {{base_yaw: 5.0}}}}]
 
 
 @pytest.mark.parametrize("law", CONTROLLERS)
-def test_a_trial_that_diverges_has_its_log_and_metrics(tmp_path, law):
+def test_a_trial_that_diverges_has_its_log_and_metrics(tmp_path: Path, law: Any) -> None:
     trial = parse_trial(TRIAL.format(law=law), "test")
     result = run_trial(trial, "test", tmp_path / "run", in_process=True, report=False)
     assert result.exit_code == 3

@@ -1,4 +1,5 @@
 import os
+from pathlib import Path
 
 import pytest
 
@@ -8,13 +9,13 @@ from flexslew_plant.errors import BadInput, FlexslewError
 
 
 @pytest.fixture(autouse=True)
-def alone(tmp_path, monkeypatch):
+def alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep the locks of other runs out of sight."""
     monkeypatch.setattr(domain, "_folder", lambda: tmp_path)
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
 
 
-def test_a_run_leaves_its_domain_for_those_who_look_for_it():
+def test_a_run_leaves_its_domain_for_those_who_look_for_it() -> None:
     assert domain.domains_in_use() == {}
     assert operate.bench_domain() == (0, False)
     with domain.own_domain("m1") as first:
@@ -28,7 +29,7 @@ def test_a_run_leaves_its_domain_for_those_who_look_for_it():
     assert domain.domains_in_use() == {}
 
 
-def test_the_users_own_domain_wins(monkeypatch):
+def test_the_users_own_domain_wins(monkeypatch: pytest.MonkeyPatch) -> None:
     with domain.own_domain("m1") as first:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(first + 1))
         assert operate.bench_domain() == (first + 1, False)
@@ -38,13 +39,13 @@ def test_the_users_own_domain_wins(monkeypatch):
 
 
 @pytest.mark.parametrize("wanted", ["x", "-1", "233", "1.5"])
-def test_a_domain_that_is_none_is_told(monkeypatch, wanted):
+def test_a_domain_that_is_none_is_told(monkeypatch: pytest.MonkeyPatch, wanted: str) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", wanted)
     with pytest.raises(BadInput, match="ROS_DOMAIN_ID: "), domain.own_domain():
         pass
 
 
-def test_a_lock_of_a_run_that_was_killed_counts_no_more(tmp_path):
+def test_a_lock_of_a_run_that_was_killed_counts_no_more(tmp_path: Path) -> None:
     (tmp_path / "flexslew_domain_7.lock").write_text("gone")
     assert domain.domains_in_use() == {}
     with domain.own_domain("m1") as number:

@@ -1,4 +1,6 @@
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,14 +15,14 @@ ENDS = {HUB: 6.01986708, OSCILLATOR: 5.86595844}  # [s]
 JOINTS = {HUB: "hub", OSCILLATOR: "mass"}
 
 
-def flown(trial, folder):
+def flown(trial: Any, folder: Any) -> Any:
     result = run_trial(trial, "trial.yaml", folder / "run", in_process=True, report=False)
     assert result.exit_code == 0, result.message
     return result.metrics
 
 
 @pytest.mark.parametrize("path", ENDS)
-def test_the_time_optimal_trials_end_at_rest_at_the_goal(path, tmp_path):
+def test_the_time_optimal_trials_end_at_rest_at_the_goal(path: Any, tmp_path: Path) -> None:
     metrics = flown(load_trial(path), tmp_path)
     joint = JOINTS[path]
     assert metrics["manoeuvre_end"] == pytest.approx(ENDS[path], abs=1e-6)
@@ -30,12 +32,12 @@ def test_the_time_optimal_trials_end_at_rest_at_the_goal(path, tmp_path):
     assert metrics["missed_ticks"] == 0
 
 
-def test_the_robust_slew_keeps_its_promise_under_feedback(tmp_path):
+def test_the_robust_slew_keeps_its_promise_under_feedback(tmp_path: Path) -> None:
     text = OSCILLATOR.read_text().replace(
         "kind: floating_oscillator   #",
         "kind: floating_oscillator\n  parameters: {stiffness: 1.1} #",
     )
-    robust = parse_trial(text, "trial.yaml")
+    robust: Any = parse_trial(text, "trial.yaml")
     assert robust.testbed.parameters.stiffness == 1.1
     plain = replace(robust, plan=replace(robust.plan, robust=False))
     residual = [
@@ -45,22 +47,22 @@ def test_the_robust_slew_keeps_its_promise_under_feedback(tmp_path):
     assert residual[0] < 0.3 * residual[1]
 
 
-def test_a_robust_hub_slew_flies_too(tmp_path):
-    trial = load_trial(HUB)
+def test_a_robust_hub_slew_flies_too(tmp_path: Path) -> None:
+    trial: Any = load_trial(HUB)
     metrics = flown(replace(trial, plan=replace(trial.plan, robust=True)), tmp_path)
     assert metrics["manoeuvre_end"] == pytest.approx(6.38158246, abs=1e-6)
     assert metrics["residual_tip_deflection"] < 1e-5
 
 
-def test_a_plan_for_other_joints_is_refused_before_anything_is_written(tmp_path):
+def test_a_plan_for_other_joints_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     trial = replace(load_trial(HUB), plan=load_trial(OSCILLATOR).plan)
     with pytest.raises(BadInput, match="mass"):
         flown(trial, tmp_path)
     assert not list(tmp_path.iterdir())
 
 
-def test_the_drive_limits_what_is_planned():
-    trial = load_trial(HUB)
+def test_the_drive_limits_what_is_planned() -> None:
+    trial: Any = load_trial(HUB)
     plan = plan_of_trial(trial)
     assert np.abs(plan.effort).max() == pytest.approx(trial.testbed.effort_limit[0])
     more = replace(trial, plan=replace(trial.plan, amplitude=3.0))

@@ -3,6 +3,7 @@
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,28 +31,28 @@ LAWS = {
 
 
 @pytest.fixture(autouse=True)
-def in_the_checkout(monkeypatch):
+def in_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
 
 
-def trial(**changes):
+def trial(**changes: Any) -> Any:
     lines = [line for line in EXAMPLE.splitlines() if line.split(":")[0] not in changes]
     lines = [line for line in lines if not (line.startswith("  ") and "controllers" in changes)]
     return parse_trial("\n".join([*lines, *(f"{k}: {v}" for k, v in changes.items())]), "own.yaml")
 
 
-def flown(wanted, folder, report=False):
+def flown(wanted: Any, folder: Any, report: bool = False) -> Any:
     result = run_trial(wanted, "own.yaml", folder, in_process=True, report=report)
     assert result.exit_code == 0, result.message
     return result.metrics
 
 
-def test_the_laws_of_this_file_are_those_of_the_table():
+def test_the_laws_of_this_file_are_those_of_the_table() -> None:
     assert set(LAWS) == set(CONTROLLERS)
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_every_law_flies_it_to_its_goal(law, tmp_path):
+def test_every_law_flies_it_to_its_goal(law: Any, tmp_path: Path) -> None:
     damped = f"{{kind: {KIND}, modes: 1, damping_ratio: 0.02}}"
     wanted = trial(controllers=f"{{{law}: {LAWS[law]}}}", active=law, testbed=damped)
     metrics = flown(wanted, tmp_path / "run")
@@ -76,12 +77,12 @@ REFUSED = {
 }
 
 
-def test_the_plans_of_this_file_are_those_of_the_table():
+def test_the_plans_of_this_file_are_those_of_the_table() -> None:
     assert {*PLANS, *REFUSED} == set(PLANNERS)
 
 
 @pytest.mark.parametrize("method", PLANS)
-def test_every_planner_plans_it_and_the_plan_flies(method, tmp_path):
+def test_every_planner_plans_it_and_the_plan_flies(method: Any, tmp_path: Path) -> None:
     wanted = trial(plan=PLANS[method], testbed=f"{{kind: {KIND}, modes: 1}}", duration=60.0)
     plan = plan_of_trial(wanted)
     assert plan.joint_names == ("base", "arm", "wrist")
@@ -92,14 +93,14 @@ def test_every_planner_plans_it_and_the_plan_flies(method, tmp_path):
 
 
 @pytest.mark.parametrize("method", REFUSED)
-def test_what_a_planner_cannot_do_with_it_is_refused_in_one_line(method):
+def test_what_a_planner_cannot_do_with_it_is_refused_in_one_line(method: Any) -> None:
     section, words = REFUSED[method]
     with pytest.raises(BadInput, match=words) as caught:
         plan_of_trial(trial(plan=section))
     assert "\n" not in str(caught.value)
 
 
-def test_its_run_is_recorded_reported_and_flown_again_from_the_log(tmp_path):
+def test_its_run_is_recorded_reported_and_flown_again_from_the_log(tmp_path: Path) -> None:
     wanted = trial(
         controllers=f"{{pd_feedforward: {GAINS}, lqr: {LAWS['lqr']}}}",
         schedule="[{at: 6.0, switch: lqr}, {at: 20.0, until: 21.0, disturbance: {arm: 2.0}}]",

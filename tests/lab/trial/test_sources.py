@@ -1,6 +1,8 @@
 """Trials by name or file, single values changed, saved plans flown."""
 
 import json
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,7 +14,7 @@ from flexslew_plant.errors import BadInput
 
 
 @pytest.mark.parametrize("shipped", shipped_trials(), ids=lambda trial: trial.name)
-def test_every_shipped_trial_is_known_by_its_name_and_says_what_it_is(shipped):
+def test_every_shipped_trial_is_known_by_its_name_and_says_what_it_is(shipped: Any) -> None:
     trial, source = read_trial(shipped.name)
     assert trial.name == shipped.name
     assert source == str(shipped.path)
@@ -20,19 +22,21 @@ def test_every_shipped_trial_is_known_by_its_name_and_says_what_it_is(shipped):
     assert parse_trial(trial_text(trial), "again") == trial
 
 
-def test_no_name_is_m1_and_a_file_wins_over_a_shipped_name(tmp_path, monkeypatch):
+def test_no_name_is_m1_and_a_file_wins_over_a_shipped_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert read_trial(None)[0].name == "m1"
     monkeypatch.chdir(tmp_path)
     (tmp_path / "m1").write_text("{name: mine}")
     assert read_trial("m1")[0].name == "mine"
 
 
-def test_an_unknown_name_is_told_with_the_known_ones():
+def test_an_unknown_name_is_told_with_the_known_ones() -> None:
     with pytest.raises(BadInput, match=r"swap_dem: is neither .* did you mean swap_demo\? .*m1"):
         trial_path("swap_dem")
 
 
-def test_values_are_changed_by_their_path_and_read_as_yaml():
+def test_values_are_changed_by_their_path_and_read_as_yaml() -> None:
     changes = ["testbed.modes=5", "plan.goal.hub_pitch=0.8", "controllers.pd_feedforward.kp=[1, 2]"]
     trial, source = read_trial("m1", changes)
     assert trial.testbed.modes == 5
@@ -53,13 +57,13 @@ def test_values_are_changed_by_their_path_and_read_as_yaml():
         ("plan.model.modes=0", "modes: 0"),
     ],
 )
-def test_a_wrong_change_is_refused_in_one_line(change, words):
+def test_a_wrong_change_is_refused_in_one_line(change: str, words: str) -> None:
     with pytest.raises(BadInput, match=words) as caught:
         plan_of_trial(read_trial("m1", [change])[0])
     assert "\n" not in str(caught.value)
 
 
-def test_a_saved_plan_flies_as_the_plan_it_was_saved_from(tmp_path):
+def test_a_saved_plan_flies_as_the_plan_it_was_saved_from(tmp_path: Path) -> None:
     trial = read_trial("m1", ["duration=30.0", "testbed.modes=1"])[0]
     save_plan(plan_of_trial(trial), tmp_path / "my.plan")
     changed = [f"plan={json.dumps({'file': str(tmp_path / 'my.plan')})}"]
@@ -71,7 +75,7 @@ def test_a_saved_plan_flies_as_the_plan_it_was_saved_from(tmp_path):
     assert hashes[0] == hashes[1]
 
 
-def test_a_saved_plan_for_another_bench_is_refused(tmp_path):
+def test_a_saved_plan_for_another_bench_is_refused(tmp_path: Path) -> None:
     trial = read_trial("m1")[0]
     save_plan(plan_of_trial(trial), tmp_path / "my.plan")
     plan = f"plan={json.dumps({'file': str(tmp_path / 'my.plan')})}"

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 
 from flexslew_lab.trial.sources import trial_path
@@ -11,7 +13,7 @@ plan: {method: time_optimal, goal: {hub: 1.0}, robust: false}
 """
 
 
-def test_a_plan_starts_where_the_testbed_rests():
+def test_a_plan_starts_where_the_testbed_rests() -> None:
     plan = plan_of_trial(parse_trial(HUB, "hub.yaml"))
     assert plan.duration == pytest.approx(6.01986708, abs=1e-6)  # physics/time_optimal
     turned = HUB.replace("appendages}", "appendages, initial: {hub: 0.5}}").replace("1.0}", "1.5}")
@@ -20,7 +22,7 @@ def test_a_plan_starts_where_the_testbed_rests():
     assert again.duration == pytest.approx(plan.duration, abs=1e-9)
 
 
-def test_a_plan_believes_in_the_bench_unless_it_says_otherwise():
+def test_a_plan_believes_in_the_bench_unless_it_says_otherwise() -> None:
     text = """
     testbed: {parameters: {bending_stiffness: 1200.0}, initial: {hub_pitch: 0.2}}
     plan: {method: optimized_feedforward, goal: {base_yaw: 0.5}, duration: 30.0}
@@ -47,13 +49,13 @@ def test_a_plan_believes_in_the_bench_unless_it_says_otherwise():
         ),
     ],
 )
-def test_a_plan_says_what_it_believes_differently_from_the_bench(plan, words):
+def test_a_plan_says_what_it_believes_differently_from_the_bench(plan: str, words: str) -> None:
     text = f"plan: {{method: optimized_feedforward, duration: 40.0, {plan}}}"
     assert plan_of_trial(parse_trial(text, "csa.yaml")).summary["believes"] == words
 
 
 @pytest.mark.parametrize("name", ["m1", "swap_demo", "time_optimal_hub", "time_optimal_oscillator"])
-def test_every_trial_that_comes_along_is_sound(name):
+def test_every_trial_that_comes_along_is_sound(name: str) -> None:
     trial = load_trial(trial_path(name))
     assert trial.name == name
 
@@ -67,13 +69,13 @@ def test_every_trial_that_comes_along_is_sound(name):
         ("testbed: {kind: hub_with_appendages, length: 3}\nplan: {method: time_optimal}", "length"),
     ],
 )
-def test_what_is_wrong_is_named(text, word):
+def test_what_is_wrong_is_named(text: str, word: str) -> None:
     with pytest.raises(BadInput, match=rf"t\.yaml: .*{word}") as caught:
         parse_trial(text, "t.yaml")
     assert "\n" not in str(caught.value)
 
 
-def test_an_entry_after_the_end_is_refused(tmp_path):
+def test_an_entry_after_the_end_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "t.yaml"
     text = "duration: 10.0\nschedule: [{at: AT, disturbance: {base_yaw: 1.0}}]"
     path.write_text(text.replace("AT", "9.99"))

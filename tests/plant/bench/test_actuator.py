@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -7,18 +9,18 @@ from flexslew_plant.bench.actuator import Actuator, ActuatorSettings
 LIMIT, PERIOD = np.array([150.0, 100.0]), 0.01
 
 
-def actuator(**settings):
+def actuator(**settings: Any) -> Actuator:
     return Actuator(ActuatorSettings(**settings), LIMIT, PERIOD)
 
 
-def test_by_default_the_demand_is_the_effort():
+def test_by_default_the_demand_is_the_effort() -> None:
     demand = np.array([12.5, -33.25])
     motor = actuator()
     np.testing.assert_array_equal(motor.apply(demand), demand)
     assert motor.saturated is False
 
 
-def test_the_limit_of_each_joint_holds_and_is_told():
+def test_the_limit_of_each_joint_holds_and_is_told() -> None:
     motor = actuator()
     np.testing.assert_array_equal(motor.apply(np.array([400.0, -400.0])), [150.0, -100.0])
     assert motor.saturated is True
@@ -26,7 +28,7 @@ def test_the_limit_of_each_joint_holds_and_is_told():
     assert motor.saturated is False
 
 
-def test_the_slew_rate_bounds_every_change():
+def test_the_slew_rate_bounds_every_change() -> None:
     motor = actuator(slew_rate=500.0)
     efforts = np.array([motor.apply(np.array([12.0, -12.0])) for _ in range(4)])
     np.testing.assert_allclose(efforts[:, 0], [5.0, 10.0, 12.0, 12.0])
@@ -34,7 +36,7 @@ def test_the_slew_rate_bounds_every_change():
 
 
 @pytest.mark.parametrize("periods", [0.1, 0.3, 1.0, 5.0, 30.0, 100.0])
-def test_the_impulse_of_every_tick_is_that_of_the_continuous_lag(periods):
+def test_the_impulse_of_every_tick_is_that_of_the_continuous_lag(periods: float) -> None:
     demands = np.random.default_rng(3).uniform(-90.0, 90.0, (60, 2))
     lag = periods * PERIOD
     motor, torque = actuator(lag=lag), np.zeros(2)
@@ -46,31 +48,31 @@ def test_the_impulse_of_every_tick_is_that_of_the_continuous_lag(periods):
 
 
 @pytest.mark.parametrize("lag", [0.001, 0.005, 0.05, 1.0])
-def test_a_lag_delays_a_step_by_its_time_constant(lag):
+def test_a_lag_delays_a_step_by_its_time_constant(lag: float) -> None:
     motor, step = actuator(lag=lag), np.array([10.0, -10.0])
     ticks = max(10, round(40.0 * lag / PERIOD))
     missing = sum(step - motor.apply(step) for _ in range(ticks)) * PERIOD
     np.testing.assert_allclose(missing / step, lag, rtol=1e-12)
 
 
-def test_torques_are_multiples_of_the_quantum():
+def test_torques_are_multiples_of_the_quantum() -> None:
     motor = actuator(quantisation=0.5)
     np.testing.assert_allclose(motor.apply(np.array([1.3, -7.1])), [1.5, -7.0])
 
 
-def test_a_coarse_quantum_does_not_stop_a_slow_ramp():
+def test_a_coarse_quantum_does_not_stop_a_slow_ramp() -> None:
     motor = actuator(quantisation=1.0, slew_rate=20.0)  # 0.2 N m a tick
     for _ in range(200):
         effort = motor.apply(np.array([3.0, 3.0]))
     np.testing.assert_allclose(effort, 3.0)
 
 
-def test_quantised_torques_stay_within_the_limit():
+def test_quantised_torques_stay_within_the_limit() -> None:
     motor = Actuator(ActuatorSettings(quantisation=4.0), np.array([11.0, 11.0]), PERIOD)
     np.testing.assert_array_equal(motor.apply(np.array([30.0, -30.0])), [8.0, -8.0])
 
 
-def test_reset_forgets():
+def test_reset_forgets() -> None:
     motor = actuator(lag=0.05, slew_rate=100.0)
     fresh = [motor.apply(np.array([5.0, 5.0])).copy() for _ in range(3)]
     motor.reset()
@@ -79,7 +81,7 @@ def test_reset_forgets():
 
 
 @pytest.mark.parametrize("settings", [{}, {"lag": 0.1}, {"slew_rate": 50.0}])
-def test_the_demand_is_left_alone(settings):
+def test_the_demand_is_left_alone(settings: Any) -> None:
     demand = np.array([300.0, 20.0])
     actuator(**settings).apply(demand)
     np.testing.assert_array_equal(demand, [300.0, 20.0])

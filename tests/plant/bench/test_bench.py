@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,29 +12,29 @@ from flexslew_plant.testbeds import TESTBEDS
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed
 
 
-def bench(**more):
+def bench(**more: Any) -> Bench:
     return Bench(BenchSettings(**({"active": "a"} | more)))
 
 
-def tick(bed, effort=(0.0, 0.0)):
+def tick(bed: Any, effort: Any = (0.0, 0.0)) -> None:
     question = bed.question
     command = EffortCommand(question.tick, question.epoch, question.controller, np.array(effort))
     assert bed.offer(command)
     bed.advance()
 
 
-def flown(bed, ticks, seed=2):
+def flown(bed: Any, ticks: Any, seed: int = 2) -> Any:
     rng = np.random.default_rng(seed)
     for _ in range(ticks):
         tick(bed, rng.normal(0.0, 30.0, bed.model.joints))
     return bed.truth()
 
 
-def bits(truth):
+def bits(truth: Any) -> Any:
     return truth.position.tobytes() + truth.velocity.tobytes() + truth.applied_effort.tobytes()
 
 
-def test_the_first_question_is_the_rest_at_the_start():
+def test_the_first_question_is_the_rest_at_the_start() -> None:
     bed = bench(testbed=CsaTestbed(initial=CsaInitial(base_yaw=0.1, hub_pitch=-0.2)))
     question = bed.question
     assert (question.tick, question.epoch, question.time, question.controller) == (0, 0, 0.0, "a")
@@ -42,7 +44,7 @@ def test_the_first_question_is_the_rest_at_the_start():
     assert bed.truth().energy == 0.0
 
 
-def test_a_tick_integrates_the_held_effort_over_the_period():
+def test_a_tick_integrates_the_held_effort_over_the_period() -> None:
     bed = bench()
     before = bed.truth()
     tick(bed, (20.0, -5.0))
@@ -53,14 +55,14 @@ def test_a_tick_integrates_the_held_effort_over_the_period():
     np.testing.assert_array_equal(bed.question.applied_effort, [20.0, -5.0])
 
 
-def test_time_is_the_tick_times_the_period_without_drift():
+def test_time_is_the_tick_times_the_period_without_drift() -> None:
     bed = bench(period=0.1)
     for _ in range(1000):
         tick(bed)
     assert bed.time == 1000 * 0.1
 
 
-def test_the_limit_holds_and_saturated_ticks_are_counted():
+def test_the_limit_holds_and_saturated_ticks_are_counted() -> None:
     bed = bench()
     tick(bed, (400.0, 0.0))
     tick(bed, (10.0, 0.0))
@@ -68,7 +70,7 @@ def test_the_limit_holds_and_saturated_ticks_are_counted():
     np.testing.assert_array_equal(bed.truth().applied_effort, [10.0, 0.0])
 
 
-def test_it_is_done_after_its_duration():
+def test_it_is_done_after_its_duration() -> None:
     bed = bench(duration=0.05)
     for k in range(5):
         assert not bed.done, k
@@ -76,13 +78,13 @@ def test_it_is_done_after_its_duration():
     assert bed.done
 
 
-def test_without_a_duration_it_is_never_done():
+def test_without_a_duration_it_is_never_done() -> None:
     bed = bench()
     tick(bed)
     assert not bed.done
 
 
-def test_two_runs_have_the_same_bits_and_so_has_the_second_epoch():
+def test_two_runs_have_the_same_bits_and_so_has_the_second_epoch() -> None:
     one, two = bench(), bench()
     first = bits(flown(one, 200))
     assert first == bits(flown(two, 200))
@@ -91,7 +93,7 @@ def test_two_runs_have_the_same_bits_and_so_has_the_second_epoch():
     assert first == bits(flown(one, 200))
 
 
-def test_a_truth_that_was_taken_stays_as_it_was():
+def test_a_truth_that_was_taken_stays_as_it_was() -> None:
     bed = bench()
     tick(bed, (50.0, 20.0))
     kept, question = bed.truth(), bed.question
@@ -103,14 +105,14 @@ def test_a_truth_that_was_taken_stays_as_it_was():
 
 
 @pytest.mark.parametrize("kind", TESTBEDS)
-def test_every_testbed_ticks(kind):
+def test_every_testbed_ticks(kind: Any) -> None:
     bed = Bench(validated(BenchSettings, {"testbed": {"kind": kind}, "active": "a"}, "here"))
     state = flown(bed, 20)
     assert np.isfinite(state.position).all()
     assert len(bed.question.tip_deflection) == len(bed.appendages.names)
 
 
-def test_tips_of_the_two_beams_are_opposite():
+def test_tips_of_the_two_beams_are_opposite() -> None:
     bed = bench()
     flown(bed, 100)
     left, right = bed.question.tip_deflection
@@ -118,7 +120,7 @@ def test_tips_of_the_two_beams_are_opposite():
     assert left == pytest.approx(bed.truth().position[2:].sum(), rel=1e-12)
 
 
-def test_a_disturbance_acts_from_its_time_to_its_end_and_is_told():
+def test_a_disturbance_acts_from_its_time_to_its_end_and_is_told() -> None:
     entry = ScheduleEntry(at=0.02, until=0.05, disturbance={"hub_pitch": 7.0})
     bed = bench(schedule=(entry,))
     seen = []
@@ -131,7 +133,7 @@ def test_a_disturbance_acts_from_its_time_to_its_end_and_is_told():
     np.testing.assert_array_equal(bed.truth().applied_effort, 0.0)
 
 
-def test_disturbances_add_up():
+def test_disturbances_add_up() -> None:
     entries = [
         ScheduleEntry(at=0.0, disturbance={"base_yaw": 2.0}),
         ScheduleEntry(at=0.0, disturbance={"base_yaw": 3.0, "hub_pitch": 1.0}),
@@ -141,7 +143,7 @@ def test_disturbances_add_up():
     np.testing.assert_array_equal(bed.truth().disturbance, [5.0, 1.0])
 
 
-def test_a_scheduled_switch_names_the_newcomer_at_its_tick():
+def test_a_scheduled_switch_names_the_newcomer_at_its_tick() -> None:
     bed = bench(schedule=(ScheduleEntry(at=0.03, switch="b"),))
     in_charge = []
     for _ in range(5):
@@ -153,7 +155,7 @@ def test_a_scheduled_switch_names_the_newcomer_at_its_tick():
     assert result.tick == 3
 
 
-def test_a_schedule_serves_every_epoch():
+def test_a_schedule_serves_every_epoch() -> None:
     bed = bench(schedule=(ScheduleEntry(at=0.01, switch="b"),))
     for _ in range(2):
         tick(bed)
@@ -162,7 +164,7 @@ def test_a_schedule_serves_every_epoch():
         assert bed.question.controller == "a"
 
 
-def test_a_switch_in_the_past_happens_at_the_next_tick():
+def test_a_switch_in_the_past_happens_at_the_next_tick() -> None:
     bed = bench()
     tick(bed)
     assert bed.request_switch(SwitchRequest("b", 0)) is None
@@ -171,14 +173,14 @@ def test_a_switch_in_the_past_happens_at_the_next_tick():
     assert bed.question.controller == "b"
 
 
-def test_a_switch_to_who_is_in_charge_or_twice_at_a_tick_is_refused():
+def test_a_switch_to_who_is_in_charge_or_twice_at_a_tick_is_refused() -> None:
     bed = bench()
     assert "already in charge" in (bed.request_switch(SwitchRequest("a", 3)) or "")
     assert bed.request_switch(SwitchRequest("b", 3)) is None
     assert "another switch" in (bed.request_switch(SwitchRequest("c", 3)) or "")
 
 
-def test_friction_slows_the_joint():
+def test_friction_slows_the_joint() -> None:
     plain, rough = bench(), bench(actuator=ActuatorSettings(viscous_friction=50.0))
     for _ in range(100):
         tick(plain, (100.0, 0.0))

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -7,11 +9,11 @@ from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 
-def bench(**more):
+def bench(**more: Any) -> Bench:
     return Bench(BenchSettings(testbed=CsaTestbed(modes=1), **({"active": "a"} | more)))
 
 
-def tick(bed, silent=(), effort=(1.0, -1.0)):
+def tick(bed: Any, silent: Any = (), effort: Any = (1.0, -1.0)) -> Any:
     """Fly one tick in which everybody answers but those who are silent; return who was asked."""
     asked = bed.question.controller
     if asked and asked not in silent:
@@ -20,15 +22,15 @@ def tick(bed, silent=(), effort=(1.0, -1.0)):
     return asked
 
 
-def asked(bed, ticks, silent=()):
+def asked(bed: Any, ticks: Any, silent: Any = ()) -> list[Any]:
     return [tick(bed, silent) for _ in range(ticks)]
 
 
-def kinds(bed, *wanted):
+def kinds(bed: Any, *wanted: Any) -> list[Any]:
     return [event.kind for event in bed.events if event.kind in wanted]
 
 
-def test_a_newcomer_that_never_answers_gives_the_bench_back_to_the_one_before_it():
+def test_a_newcomer_that_never_answers_gives_the_bench_back_to_the_one_before_it() -> None:
     bed = bench(fallback=("c",), max_missed=2)
     bed.request_switch(SwitchRequest("b", 1))
     assert asked(bed, 5, silent=("b",)) == ["a", "b", "b", "a", "a"]
@@ -38,7 +40,7 @@ def test_a_newcomer_that_never_answers_gives_the_bench_back_to_the_one_before_it
     assert bed.faulted
 
 
-def test_a_newcomer_from_the_brake_that_never_answers_leaves_the_brake_on():
+def test_a_newcomer_from_the_brake_that_never_answers_leaves_the_brake_on() -> None:
     bed = bench(max_missed=1)
     assert asked(bed, 2, silent=("a",)) == ["a", ""]
     bed.request_switch(SwitchRequest("b", 3))
@@ -47,7 +49,7 @@ def test_a_newcomer_from_the_brake_that_never_answers_leaves_the_brake_on():
     assert result.message == "b never answered; the brake is in charge"
 
 
-def test_a_fallback_serves_as_often_as_it_is_needed():
+def test_a_fallback_serves_as_often_as_it_is_needed() -> None:
     bed = bench(fallback=("b",), max_missed=1)
     assert asked(bed, 2, silent=("a",)) == ["a", "b"]
     bed.request_switch(SwitchRequest("c", 3))
@@ -56,18 +58,18 @@ def test_a_fallback_serves_as_often_as_it_is_needed():
     assert kinds(bed, "fallback", "brake") == ["fallback", "fallback"]
 
 
-def test_fallbacks_that_are_not_ready_are_passed_over():
+def test_fallbacks_that_are_not_ready_are_passed_over() -> None:
     bed = bench(fallback=("b", "c"), max_missed=1)
     bed.note_readiness("b", "no plan yet")
     assert asked(bed, 3, silent=("a",)) == ["a", "c", "c"]
 
 
-def test_mute_fallbacks_do_not_take_turns_for_ever():
+def test_mute_fallbacks_do_not_take_turns_for_ever() -> None:
     bed = bench(fallback=("b", "c"), max_missed=1)
     assert asked(bed, 5, silent=("a", "b", "c")) == ["a", "b", "c", "", ""]
 
 
-def test_a_switch_is_checked_when_it_is_due():
+def test_a_switch_is_checked_when_it_is_due() -> None:
     bed = bench()
     assert bed.request_switch(SwitchRequest("b", 3)) is None
     bed.note_readiness("b", "it gives no sign of life")
@@ -82,7 +84,7 @@ def test_a_switch_is_checked_when_it_is_due():
     assert asked(bed, 2) == ["a", "b"]
 
 
-def test_a_switch_to_who_is_in_charge_when_it_is_due_is_dropped():
+def test_a_switch_to_who_is_in_charge_when_it_is_due_is_dropped() -> None:
     bed = bench()
     bed.request_switch(SwitchRequest("b", 2))
     bed.request_switch(SwitchRequest("b", 4))
@@ -95,7 +97,9 @@ def test_a_switch_to_who_is_in_charge_when_it_is_due_is_dropped():
     ("act", "reason"),
     [(Bench.reset, "the bench was reset"), (lambda bed: asked(bed, 20), "the run is over")],
 )
-def test_a_switch_that_cannot_happen_any_more_is_dropped_with_the_reason(act, reason):
+def test_a_switch_that_cannot_happen_any_more_is_dropped_with_the_reason(
+    act: Any, reason: str
+) -> None:
     bed = bench(duration=0.1, schedule=(ScheduleEntry(at=5.0, switch="c"),))
     bed.request_switch(SwitchRequest("b", 9))
     asked(bed, 3)
@@ -109,13 +113,13 @@ def test_a_switch_that_cannot_happen_any_more_is_dropped_with_the_reason(act, re
     assert kinds(bed, "switch_dropped") == ["switch_dropped"] * 2
 
 
-def test_a_switch_behind_the_end_is_refused():
+def test_a_switch_behind_the_end_is_refused() -> None:
     bed = bench(duration=0.1)
     assert bed.request_switch(SwitchRequest("b", 9)) is None
     assert "ends at tick 10" in (bed.request_switch(SwitchRequest("b", 10)) or "")
 
 
-def test_strict_with_zero_allows_no_step_at_all():
+def test_strict_with_zero_allows_no_step_at_all() -> None:
     bed = bench()
     asked(bed, 2)
     bed.request_switch(SwitchRequest("b", 3, strict=True, max_effort_step=0.0))
@@ -126,7 +130,7 @@ def test_strict_with_zero_allows_no_step_at_all():
     assert "a stays in charge" in bed.switch_results[0].message
 
 
-def test_the_latched_brake_holds_until_it_is_released_on_purpose():
+def test_the_latched_brake_holds_until_it_is_released_on_purpose() -> None:
     bed = bench(fallback=("b",))
     asked(bed, 3)
     bed.request_switch(SwitchRequest("b", 8))
@@ -149,7 +153,7 @@ def test_the_latched_brake_holds_until_it_is_released_on_purpose():
     assert not bed.faulted
 
 
-def test_the_brake_in_the_middle_of_a_handover_answers_the_switch():
+def test_the_brake_in_the_middle_of_a_handover_answers_the_switch() -> None:
     bed = bench()
     bed.request_switch(SwitchRequest("b", 1))
     asked(bed, 1)
@@ -161,10 +165,11 @@ def test_the_brake_in_the_middle_of_a_handover_answers_the_switch():
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_every_switch_gets_one_result_whatever_happens(seed):
+def test_every_switch_gets_one_result_whatever_happens(seed: Any) -> None:
     rng = np.random.default_rng(seed)
     bed = bench(fallback=("b", "c"), max_missed=2, duration=3.0)
-    wanted, silent = 0, set()
+    wanted = 0
+    silent: set[Any] = set()
     for _ in range(300):
         if bed.done:
             break

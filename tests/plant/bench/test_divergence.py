@@ -1,6 +1,7 @@
 """A state that is lost ends the run: the tick, the coordinate and the likely cause are told."""
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.dynamics import STAGE_WEIGHTS, STEP_WEIGHTS
 
 
-def flown(bed, gain=0.0, most=2000):
+def flown(bed: Any, gain: float = 0.0, most: int = 2000) -> None:
     """Fly to the end of the run; a positive gain feeds the rates back the wrong way."""
     rng = np.random.default_rng(2)
     for _ in range(most):
@@ -27,16 +28,16 @@ def flown(bed, gain=0.0, most=2000):
     raise AssertionError("it never ends")
 
 
-def too_slow():
+def too_slow() -> Bench:
     return Bench(BenchSettings(active="a", period=0.1, testbed=CsaTestbed(modes=12)))
 
 
-def pushed():
+def pushed() -> Bench:
     entry = ScheduleEntry(at=0.5, disturbance={"hub_pitch": 1e22})
     return Bench(BenchSettings(active="a", schedule=(entry,)))
 
 
-def unstable():
+def unstable() -> Bench:
     strong = CsaTestbed(modes=1, effort_limit=(1e18, 1e18))
     return Bench(BenchSettings(active="a", testbed=strong))
 
@@ -49,7 +50,9 @@ def unstable():
         (unstable, 1e5, r"a does not hold it, the motion grows without bound"),
     ],
 )
-def test_the_run_ends_at_its_last_finite_tick_and_says_why(build, gain, cause):
+def test_the_run_ends_at_its_last_finite_tick_and_says_why(
+    build: Any, gain: float, cause: str
+) -> None:
     bed = build()
     flown(bed, gain)
     words = rf"the state is not finite after tick {bed.tick} \(.* s\), .* was .* before; "
@@ -62,7 +65,7 @@ def test_the_run_ends_at_its_last_finite_tick_and_says_why(build, gain, cause):
     assert np.isfinite(np.concatenate((*numbers, state.tip_deflection, [state.energy]))).all()
 
 
-def test_the_truth_stays_what_was_told_before():
+def test_the_truth_stays_what_was_told_before() -> None:
     bed = pushed()
     for _ in range(50):
         bed.advance()
@@ -74,7 +77,7 @@ def test_the_truth_stays_what_was_told_before():
         np.testing.assert_array_equal(value, same, err_msg=name)
 
 
-def test_a_reset_begins_anew():
+def test_a_reset_begins_anew() -> None:
     bed = pushed()
     flown(bed)
     bed.reset()
@@ -83,15 +86,15 @@ def test_a_reset_begins_anew():
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, -2.0 * FARTHEST])
 @pytest.mark.parametrize("place", [0, 3])
-def test_what_cannot_be_told_is_lost(value, place):
+def test_what_cannot_be_told_is_lost(value: Any, place: int) -> None:
     state = np.ones(4)
     assert not is_lost(state)
     state[place] = value
     assert is_lost(state)
 
 
-def test_the_stable_turn_is_where_the_method_begins_to_amplify():
-    def amplification(turn):
+def test_the_stable_turn_is_where_the_method_begins_to_amplify() -> None:
+    def amplification(turn: Any) -> Any:
         identity, ones = np.eye(len(STEP_WEIGHTS)), np.ones(len(STEP_WEIGHTS))
         stages = np.linalg.solve(identity - 1j * turn * STAGE_WEIGHTS, ones)
         return abs(1.0 + 1j * turn * STEP_WEIGHTS @ stages)

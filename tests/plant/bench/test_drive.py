@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,17 +11,17 @@ from flexslew_plant.testbeds.csa import CsaTestbed
 GOOD = np.array([20.0, -10.0])
 
 
-def bench(**more):
+def bench(**more: Any) -> Bench:
     return Bench(BenchSettings(testbed=CsaTestbed(modes=1), **({"active": "a"} | more)))
 
 
-def command(bed, effort=GOOD, **changes):
+def command(bed: Any, effort: Any = GOOD, **changes: Any) -> Any:
     question = bed.question
     answer = EffortCommand(question.tick, question.epoch, question.controller, effort)
     return answer._replace(**changes)
 
 
-def answered_once(**more):
+def answered_once(**more: Any) -> Any:
     """Return a bench that holds GOOD and asks its second question."""
     bed = bench(**more)
     assert bed.offer(command(bed))
@@ -37,7 +39,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("kind", WRONG)
-def test_a_wrong_answer_is_rejected_counted_and_told_and_the_last_effort_held(kind):
+def test_a_wrong_answer_is_rejected_counted_and_told_and_the_last_effort_held(kind: Any) -> None:
     bed = answered_once()
     assert not bed.offer(command(bed, **WRONG[kind]))
     assert bed.drive.rejected == {kind: 1}
@@ -50,7 +52,7 @@ def test_a_wrong_answer_is_rejected_counted_and_told_and_the_last_effort_held(ki
     assert bed.drive.missed == 1
 
 
-def test_an_answer_of_an_earlier_epoch_is_stale():
+def test_an_answer_of_an_earlier_epoch_is_stale() -> None:
     bed = bench()
     old = command(bed)
     bed.reset()
@@ -59,13 +61,13 @@ def test_an_answer_of_an_earlier_epoch_is_stale():
 
 
 @pytest.mark.parametrize("effort", [np.array([np.inf, 0.0]), np.array([0.0, -np.inf])])
-def test_infinite_efforts_are_not_finite(effort):
+def test_infinite_efforts_are_not_finite(effort: Any) -> None:
     bed = bench()
     assert not bed.offer(command(bed, effort))
     assert bed.drive.rejected["finite"] == 1
 
 
-def test_a_right_answer_after_a_wrong_one_counts():
+def test_a_right_answer_after_a_wrong_one_counts() -> None:
     bed = answered_once()
     bed.offer(command(bed, controller="b"))
     assert bed.offer(command(bed, 2.0 * GOOD))
@@ -74,7 +76,7 @@ def test_a_right_answer_after_a_wrong_one_counts():
     assert bed.drive.missed == 0
 
 
-def test_a_flood_of_wrong_answers_stays_readable():
+def test_a_flood_of_wrong_answers_stays_readable() -> None:
     bed = bench()
     for _ in range(1000):
         bed.offer(command(bed, controller="b"))
@@ -82,7 +84,7 @@ def test_a_flood_of_wrong_answers_stays_readable():
     assert len(bed.events) == 10
 
 
-def test_the_second_answer_is_ignored():
+def test_the_second_answer_is_ignored() -> None:
     bed = bench()
     assert bed.offer(command(bed))
     assert not bed.offer(command(bed, 3.0 * GOOD))
@@ -91,7 +93,7 @@ def test_the_second_answer_is_ignored():
     assert not bed.drive.rejected
 
 
-def test_silence_goes_to_the_fallbacks_in_turn_and_then_to_the_brake():
+def test_silence_goes_to_the_fallbacks_in_turn_and_then_to_the_brake() -> None:
     bed = bench(fallback=("b", "c"), max_missed=3)
     in_charge = []
     for _ in range(10):
@@ -107,7 +109,7 @@ def test_silence_goes_to_the_fallbacks_in_turn_and_then_to_the_brake():
     ]  # fmt: skip
 
 
-def test_a_repeated_answer_is_no_wrong_one():
+def test_a_repeated_answer_is_no_wrong_one() -> None:
     bed = bench()
     again = command(bed)
     for _ in range(3):
@@ -119,7 +121,7 @@ def test_a_repeated_answer_is_no_wrong_one():
     assert not bed.events
 
 
-def test_an_answer_in_between_starts_the_count_anew():
+def test_an_answer_in_between_starts_the_count_anew() -> None:
     bed = bench(max_missed=3)
     for tick in range(20):
         if tick % 3 == 2:
@@ -129,7 +131,7 @@ def test_an_answer_in_between_starts_the_count_anew():
     assert not bed.faulted
 
 
-def test_nobody_may_answer_while_the_brake_is_on():
+def test_nobody_may_answer_while_the_brake_is_on() -> None:
     bed = bench(max_missed=1)
     bed.advance()
     assert bed.question.controller == ""
@@ -137,7 +139,7 @@ def test_nobody_may_answer_while_the_brake_is_on():
     assert bed.drive.rejected["sender"] == 1
 
 
-def test_the_brake_brings_the_bench_to_rest():
+def test_the_brake_brings_the_bench_to_rest() -> None:
     bed = bench(max_missed=1)
     for _ in range(500):  # 5 s of push
         bed.offer(command(bed))
@@ -150,7 +152,7 @@ def test_the_brake_brings_the_bench_to_rest():
     assert np.abs(still.velocity).max() < 1e-4
 
 
-def test_the_brake_never_adds_energy():
+def test_the_brake_never_adds_energy() -> None:
     bed = bench(max_missed=1)
     for _ in range(300):
         bed.offer(command(bed))
@@ -163,7 +165,7 @@ def test_the_brake_never_adds_energy():
     assert np.diff(energies).max() < 1e-9 * energies[0]
 
 
-def test_a_strict_switch_whose_step_is_too_large_gives_the_bench_back():
+def test_a_strict_switch_whose_step_is_too_large_gives_the_bench_back() -> None:
     bed = answered_once()
     assert bed.request_switch(SwitchRequest("b", 2, strict=True, max_effort_step=5.0)) is None
     bed.offer(command(bed))
@@ -182,7 +184,7 @@ def test_a_strict_switch_whose_step_is_too_large_gives_the_bench_back():
     assert not bed.faulted
 
 
-def test_a_strict_switch_with_a_small_step_goes_through_and_tells_it():
+def test_a_strict_switch_with_a_small_step_goes_through_and_tells_it() -> None:
     bed = answered_once()
     bed.request_switch(SwitchRequest("b", 2, strict=True, max_effort_step=5.0))
     bed.offer(command(bed))
@@ -195,7 +197,7 @@ def test_a_strict_switch_with_a_small_step_goes_through_and_tells_it():
     assert bed.events[-1].kind == "switched"
 
 
-def test_a_newcomer_that_never_answers_counts_as_missed():
+def test_a_newcomer_that_never_answers_counts_as_missed() -> None:
     bed = answered_once(fallback=("a",), max_missed=2)
     bed.request_switch(SwitchRequest("b", 2))
     bed.offer(command(bed))

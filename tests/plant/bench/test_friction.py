@@ -1,5 +1,8 @@
 """Friction: stable at any period, of second order, it holds, and it never gives energy."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -13,7 +16,9 @@ OSCILLATOR = FloatingOscillatorTestbed().model()  # masses of 1 kg, a spring of 
 CSA = CsaTestbed(modes=2).model()
 
 
-def flown(model, x, period, ticks, effort=lambda time: 0.0, **actuator):
+def flown(
+    model: Any, x: Any, period: Any, ticks: Any, effort: Any = lambda time: 0.0, **actuator: Any
+) -> Any:
     """Return the states at the ticks, (ticks + 1, 2 n), without a bench around."""
     friction = Friction(ActuatorSettings(**actuator), period)
     m, n = model.joints, model.coordinates
@@ -22,14 +27,14 @@ def flown(model, x, period, ticks, effort=lambda time: 0.0, **actuator):
         now, u = states[-1], np.broadcast_to(effort(k * period), m).astype(float)
         mobility = model.jacobian(now, u)[1][n : n + m]
 
-        def step(total, now=now):
+        def step(total: Any, now: Any = now) -> Any:
             return model.advance(now, total, period)
 
         states.append(friction.advance(now, u, mobility, step))
     return np.array(states)
 
 
-def test_a_joint_slides_as_the_closed_forms_say():
+def test_a_joint_slides_as_the_closed_forms_say() -> None:
     viscous = slid(0.7, 0.3, 4.0, 0.0, 1e-4, 0.5)
     assert viscous == pytest.approx(0.075 + (0.7 - 0.075) * np.exp(-2.0), rel=1e-12)
     for v, coulomb, speed, dt in ((0.3, 0.2, 0.1, 1.0), (-2e-4, 0.05, 1e-4, 0.01)):
@@ -43,14 +48,21 @@ def test_a_joint_slides_as_the_closed_forms_say():
     assert slid(3.0, 0.05, 0.0, 0.1, 1e-4, 1e4) == pytest.approx(creep, rel=1e-6)
 
 
-def test_a_joint_slides_as_a_stiff_solver_says():
+def test_a_joint_slides_as_a_stiff_solver_says() -> None:
     rng = np.random.default_rng(4)
     for _ in range(20):
         speed, dt = 10.0 ** rng.uniform(-4, 0), 10.0 ** rng.uniform(-3, 0)
         v, g = rng.normal(0.0, 20.0 * speed), rng.normal(0.0, 3.0)
         viscous, coulomb = 10.0 ** rng.uniform(-2, 3), abs(rng.normal(0.0, 2.0))
 
-        def rate(t, s, g=g, viscous=viscous, coulomb=coulomb, speed=speed):
+        def rate(
+            t: Any,
+            s: Any,
+            g: Any = g,
+            viscous: Any = viscous,
+            coulomb: Any = coulomb,
+            speed: Any = speed,
+        ) -> Any:
             return g / speed - viscous * s - coulomb / speed * np.tanh(s)
 
         exact = solve_ivp(rate, (0.0, dt), [v / speed], "Radau", rtol=1e-9, atol=1e-9).y[0, -1]
@@ -58,7 +70,7 @@ def test_a_joint_slides_as_a_stiff_solver_says():
         assert found == pytest.approx(exact * speed, rel=1e-6, abs=1e-5 * speed)
 
 
-def test_the_friction_of_many_coupled_joints_is_in_balance():
+def test_the_friction_of_many_coupled_joints_is_in_balance() -> None:
     rng = np.random.default_rng(6)
     for _ in range(20):
         half = rng.normal(size=(4, 4))
@@ -73,7 +85,7 @@ def test_the_friction_of_many_coupled_joints_is_in_balance():
 
 
 @pytest.mark.parametrize(("period", "end"), [(0.001, 2.0), (0.01, 20.0), (0.1, 20.0)])
-def test_dry_friction_holds_half_of_its_force(period, end):
+def test_dry_friction_holds_half_of_its_force(period: float, end: float) -> None:
     ticks, start = round(end / period), np.zeros(4)
     states = flown(OSCILLATOR, start, period, ticks, lambda t: 0.05, coulomb_friction=0.1)
     rate = 1e-4 * np.arctanh(0.5)  # where F tanh(v / v_c) = 0.05 N: 1.1 mm in 20 s
@@ -98,14 +110,16 @@ def test_dry_friction_holds_half_of_its_force(period, end):
         ),
     ],
 )
-def test_the_error_falls_with_the_square_of_the_period(model, start, effort, friction):
+def test_the_error_falls_with_the_square_of_the_period(
+    model: Any, start: Any, effort: Any, friction: Any
+) -> None:
     hold, end = 0.4, 2.0  # the effort is held, so that every period flies the same
     n, m = model.coordinates, model.joints
 
-    def held(time):
+    def held(time: Any) -> Any:
         return effort(np.floor(time / hold + 1e-9) * hold)
 
-    def smooth(t, x, u):
+    def smooth(t: Any, x: Any, u: Any) -> Any:
         v = x[n : n + m]
         c, f, speed = friction.values()
         return model.derivative(x, u - c * v - f * np.tanh(v / speed))
@@ -122,7 +136,7 @@ def test_the_error_falls_with_the_square_of_the_period(model, start, effort, fri
     np.testing.assert_allclose([errors[0] / errors[1], errors[1] / errors[2]], 4.0, atol=0.1)
 
 
-def campaign():
+def campaign() -> Iterator[Any]:
     rng = np.random.default_rng(8)
     for number in range(24):
         model = (OSCILLATOR, CSA)[number % 2]
@@ -142,7 +156,9 @@ def campaign():
 
 
 @pytest.mark.parametrize(("model", "start", "period", "friction"), list(campaign()))
-def test_no_period_and_no_friction_ever_gives_energy(model, start, period, friction):
+def test_no_period_and_no_friction_ever_gives_energy(
+    model: Any, start: Any, period: Any, friction: Any
+) -> None:
     states = flown(model, start, period, 150, **friction)
     energies = np.array([model.energy(x) for x in states])
     assert np.diff(energies).max() <= 1e-12 * energies[0]
@@ -151,6 +167,6 @@ def test_no_period_and_no_friction_ever_gives_energy(model, start, period, frict
     assert later <= abs(start[n:]).max() + np.sqrt(2.0 * energies[0])
 
 
-def test_what_rests_stays_at_rest():
+def test_what_rests_stays_at_rest() -> None:
     states = flown(CSA, np.zeros(8), 0.01, 20, coulomb_friction=3.0, viscous_friction=2.0)
     np.testing.assert_array_equal(states, 0.0)

@@ -1,54 +1,56 @@
+from typing import Any
+
 import pytest
 
 from flexslew_plant.bench.pacing import REPEAT_AFTER, Pacing
 
 
-def paced(rate_factor=2.0):
+def paced(rate_factor: float = 2.0) -> Any:
     pacing = Pacing(0.01, rate_factor, 2.0)
     pacing.start(100.0)
     return pacing
 
 
-def fast():
+def fast() -> Any:
     pacing = Pacing(0.01, 0.0, 2.0)
     pacing.start(100.0)
     return pacing
 
 
-def test_as_fast_as_it_goes_the_answer_ends_the_tick():
+def test_as_fast_as_it_goes_the_answer_ends_the_tick() -> None:
     pacing = fast()
     assert not pacing.paced
     assert pacing.tick_over(100.0, True, 0)
     assert not pacing.tick_over(100.0, False, 0)
 
 
-def test_silence_for_the_timeout_ends_the_tick():
+def test_silence_for_the_timeout_ends_the_tick() -> None:
     pacing = fast()
     assert not pacing.tick_over(101.99, False, 0)
     assert pacing.tick_over(102.0, False, 0)
 
 
-def test_who_was_silent_is_not_waited_for_as_long_again():
+def test_who_was_silent_is_not_waited_for_as_long_again() -> None:
     pacing = fast()
     assert not pacing.tick_over(100.0 + 0.9 * REPEAT_AFTER, False, 1)
     assert pacing.tick_over(100.0 + 1.01 * REPEAT_AFTER, False, 1)
 
 
-def test_a_paced_tick_ends_with_its_period_whether_answered_or_not():
+def test_a_paced_tick_ends_with_its_period_whether_answered_or_not() -> None:
     pacing = paced()
     for answered in (True, False):
         assert not pacing.tick_over(100.0049, answered, 0)
         assert pacing.tick_over(100.0051, answered, 0)
 
 
-def test_every_question_has_its_full_period_however_late_it_was_asked():
+def test_every_question_has_its_full_period_however_late_it_was_asked() -> None:
     pacing = paced()
     pacing.asked(100.009)  # the second, 4 ms late
     assert not pacing.tick_over(100.0139, False, 0)
     assert pacing.tick_over(100.0141, False, 0)
 
 
-def test_a_stall_of_the_plant_counts_against_nobody():
+def test_a_stall_of_the_plant_counts_against_nobody() -> None:
     pacing = paced()
     wait = pacing.wait(100.001)
     assert pacing.look(100.001 + wait + 3.0) == pytest.approx(3.0)
@@ -56,7 +58,7 @@ def test_a_stall_of_the_plant_counts_against_nobody():
     assert pacing.tick_over(103.0051, False, 0)
 
 
-def test_a_stall_as_fast_as_it_goes_is_no_silence():
+def test_a_stall_as_fast_as_it_goes_is_no_silence() -> None:
     pacing = fast()
     pacing.wait(100.0)
     pacing.look(110.0)
@@ -64,7 +66,7 @@ def test_a_stall_as_fast_as_it_goes_is_no_silence():
     assert pacing.tick_over(112.0, False, 0)
 
 
-def test_too_far_behind_a_new_schedule_begins_instead_of_a_burst():
+def test_too_far_behind_a_new_schedule_begins_instead_of_a_burst() -> None:
     pacing = paced()
     assert pacing.fall_behind(100.03) == 0.0  # 25 ms: caught up
     late = pacing.fall_behind(100.505)
@@ -74,7 +76,7 @@ def test_too_far_behind_a_new_schedule_begins_instead_of_a_burst():
     assert pacing.tick_over(100.5101, True, 0)
 
 
-def test_another_rate_counts_from_its_change_on():
+def test_another_rate_counts_from_its_change_on() -> None:
     pacing = paced()
     pacing.set_rate(0.5, 100.002)
     assert not pacing.tick_over(100.0219, True, 0)
@@ -83,14 +85,14 @@ def test_another_rate_counts_from_its_change_on():
     assert pacing.tick_over(100.023, True, 0)
 
 
-def test_paced_ticks_do_not_drift_when_one_is_late():
+def test_paced_ticks_do_not_drift_when_one_is_late() -> None:
     pacing = paced()
     pacing.asked(100.009)  # the first was 4 ms late
     assert not pacing.tick_over(100.0099, True, 0)
     assert pacing.tick_over(100.0101, True, 0)
 
 
-def test_a_pause_is_not_caught_up():
+def test_a_pause_is_not_caught_up() -> None:
     pacing = paced()
     pacing.asked(100.005)
     pacing.start(500.0)
@@ -98,7 +100,7 @@ def test_a_pause_is_not_caught_up():
     assert pacing.tick_over(500.0051, True, 0)
 
 
-def test_a_question_is_repeated_at_its_interval():
+def test_a_question_is_repeated_at_its_interval() -> None:
     pacing = fast()
     assert not pacing.repeat_due(100.0 + 0.5 * REPEAT_AFTER)
     assert pacing.repeat_due(100.0 + 1.01 * REPEAT_AFTER)
@@ -108,7 +110,7 @@ def test_a_question_is_repeated_at_its_interval():
 
 
 @pytest.mark.parametrize("pacing", [paced(), fast()])
-def test_the_wait_ends_when_something_is_due(pacing):
+def test_the_wait_ends_when_something_is_due(pacing: Any) -> None:
     wait = pacing.wait(100.001)
     assert 0.0 < wait <= REPEAT_AFTER
     later = 100.001 + wait + 1e-9

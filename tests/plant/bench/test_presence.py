@@ -3,7 +3,7 @@ from flexslew_plant.bench.presence import SILENT_AFTER, Beat, Presence
 OLD, YOUNG = Beat("a", "controller", 5, 100), Beat("a", "controller", 4, 200)
 
 
-def test_who_beats_is_alive_and_who_stops_is_silent_within_a_second():
+def test_who_beats_is_alive_and_who_stops_is_silent_within_a_second() -> None:
     presence = Presence()
     assert not presence.silent("a", 0.0)  # never heard is not silent
     presence.hear(OLD, 10.0)
@@ -13,14 +13,14 @@ def test_who_beats_is_alive_and_who_stops_is_silent_within_a_second():
     assert not presence.silent("a", 12.5)
 
 
-def test_the_silence_of_a_listener_that_did_not_listen_counts_against_nobody():
+def test_the_silence_of_a_listener_that_did_not_listen_counts_against_nobody() -> None:
     presence = Presence()
     presence.hear(OLD, 10.0)
     presence.excuse(30.0)
     assert not presence.silent("a", 40.5)
 
 
-def test_of_two_with_one_name_the_younger_steps_back():
+def test_of_two_with_one_name_the_younger_steps_back() -> None:
     presence = Presence()
     presence.hear(OLD, 0.0)
     presence.hear(YOUNG, 0.0)
@@ -31,7 +31,7 @@ def test_of_two_with_one_name_the_younger_steps_back():
     assert presence.elder(YOUNG, 5.0) is None  # the older one has gone
 
 
-def test_two_plants_are_rivals_under_any_name():
+def test_two_plants_are_rivals_under_any_name() -> None:
     presence = Presence()
     first, second = Beat("plant", "plant", 1, 1), Beat("testbed", "plant", 2, 2)
     presence.hear(first, 0.0)
@@ -39,7 +39,7 @@ def test_two_plants_are_rivals_under_any_name():
     assert presence.elder(Beat("b", "controller", 3, 3), 0.1) is None
 
 
-def test_who_is_silent_for_long_is_lost_and_a_stranger_is_not():
+def test_who_is_silent_for_long_is_lost_and_a_stranger_is_not() -> None:
     presence = Presence()
     presence.hear(OLD, 0.0)
     assert presence.lost(["a", "stranger"], 5.0, 4.0) == set()

@@ -1,20 +1,22 @@
+from typing import Any
+
 import pytest
 
 from flexslew_plant.bench.run_state import FINISHED, PAUSED, RUNNING, WAITING, RunState
 
 
-def running():
+def running() -> Any:
     run = RunState(autostart=True)
     run.begin(10.0)
     return run
 
 
-def test_it_waits_or_rests_at_the_start():
+def test_it_waits_or_rests_at_the_start() -> None:
     assert RunState(autostart=True).state == WAITING
     assert RunState(autostart=False).state == PAUSED
 
 
-def test_what_is_refused_says_the_state_and_changes_nothing():
+def test_what_is_refused_says_the_state_and_changes_nothing() -> None:
     run = running()
     assert run.start() == (False, "already running")
     assert run.step(3) == (False, "not paused but running; call pause first")
@@ -24,7 +26,7 @@ def test_what_is_refused_says_the_state_and_changes_nothing():
     assert run.state == FINISHED
 
 
-def test_steps_are_counted_and_then_it_rests():
+def test_steps_are_counted_and_then_it_rests() -> None:
     run = RunState(autostart=False)
     assert run.step(3).ok
     run.begin(0.0)
@@ -34,7 +36,7 @@ def test_steps_are_counted_and_then_it_rests():
 
 
 @pytest.mark.parametrize("act", ["pause", "start", "reset"])
-def test_what_is_left_of_a_step_is_forgotten(act):
+def test_what_is_left_of_a_step_is_forgotten(act: str) -> None:
     run = RunState(autostart=False)
     run.step(100)
     run.begin(0.0)
@@ -47,7 +49,7 @@ def test_what_is_left_of_a_step_is_forgotten(act):
     assert not any(run.ticked(0.4) for _ in range(1000))
 
 
-def test_the_wall_time_is_that_of_the_run_without_its_pauses():
+def test_the_wall_time_is_that_of_the_run_without_its_pauses() -> None:
     run = running()
     run.pause(13.0)
     assert run.wall_time(100.0) == 3.0

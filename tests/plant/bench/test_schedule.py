@@ -1,3 +1,5 @@
+from typing import Any
+
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings
@@ -6,11 +8,11 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import validated
 
 
-def read(*entries):
+def read(*entries: Any) -> Any:
     return validated(Schedule, list(entries), "trial.yaml")
 
 
-def test_entries_are_read_in_their_order():
+def test_entries_are_read_in_their_order() -> None:
     first, second = read(
         {"at": 40.0, "switch": "other"},
         {"at": 60.0, "until": 80.0, "disturbance": {"base_yaw": 5.0}},
@@ -33,14 +35,14 @@ def test_entries_are_read_in_their_order():
         ({"at": 1.0, "swich": "a"}, "did you mean switch"),
     ],
 )
-def test_a_wrong_entry_is_refused_in_one_line(entry, words):
+def test_a_wrong_entry_is_refused_in_one_line(entry: Any, words: str) -> None:
     with pytest.raises(BadInput, match=words) as caught:
         read(entry)
     assert str(caught.value).startswith("trial.yaml: 0")
     assert "\n" not in str(caught.value)
 
 
-def test_a_disturbance_of_an_unknown_joint_is_refused():
+def test_a_disturbance_of_an_unknown_joint_is_refused() -> None:
     schedule = read({"at": 1.0, "disturbance": {"base_yav": 1.0}})
     with pytest.raises(BadInput, match=r"base_yav is not a joint.*base_yaw, hub_pitch"):
         Bench(BenchSettings(schedule=schedule))

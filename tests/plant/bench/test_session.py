@@ -1,5 +1,7 @@
 """A run against a wall clock that the test moves."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -16,22 +18,26 @@ ZERO = np.zeros(2)
 class Lab:
     """A session, controllers that answer at once or not at all, and the time."""
 
-    def __init__(self, rate=0.0, controllers=("a", "b"), **settings):
+    def __init__(self, rate: float = 0.0, controllers: Any = ("a", "b"), **settings: Any) -> None:
         values = {"active": "a", "testbed": CsaTestbed(modes=1)} | settings
-        self.now, self.dead, self.stopped = 100.0, set(), set()
+        self.now = 100.0
+        self.dead: set[Any] = set()
+        self.stopped: set[Any] = set()
         self.waiting: list[EffortCommand] = []
-        self.questions, self.truths, self.events = [], [], []
+        self.questions: list[Any] = []
+        self.truths: list[Any] = []
+        self.events: list[Any] = []
         bench = Bench(BenchSettings(**values))
         self.it = Session(bench, (), rate, 2.0, True, lambda: [], self.arrived)
         self.names, self.next_beat = controllers, 0.0
         for name in controllers:
             self.it.reasons[name] = ""
 
-    def arrived(self):
+    def arrived(self) -> Any:
         waiting, self.waiting = self.waiting, []
         return waiting
 
-    def beat(self):
+    def beat(self) -> None:
         if self.now >= self.next_beat:
             self.next_beat = self.now + BEAT_EVERY
             for number, name in enumerate(self.names):
@@ -39,7 +45,7 @@ class Lab:
                     role = "recorder" if name == "recorder" else "controller"
                     self.it.presence.hear(Beat(name, role, number, number), self.now)
 
-    def poll(self):
+    def poll(self) -> None:
         """Let the session work once and the time pass until it wants to work again."""
         self.beat()
         for command in self.arrived():
@@ -48,7 +54,7 @@ class Lab:
         self.send()
         self.now += max(min(wait, 0.05, 1e-3 if self.waiting else 1.0), 1e-4)
 
-    def send(self):
+    def send(self) -> None:
         """Take what the session says; questions are answered by those who live."""
         while self.it.outbox:
             record = self.it.outbox.popleft()
@@ -61,7 +67,7 @@ class Lab:
             else:
                 (self.truths if isinstance(record, Truth) else self.events).append(record)
 
-    def die(self, name):
+    def die(self, name: Any) -> None:
         """Let a second pass in which it is not heard; the bench waits for an answer meanwhile."""
         self.dead.add(name)
         self.stopped |= {*self.names}
@@ -70,18 +76,18 @@ class Lab:
             self.poll()
         self.stopped.clear()
 
-    def until(self, tick):
+    def until(self, tick: Any) -> Any:
         for _ in range(100_000):
             if self.it.bench.tick >= tick:
                 return self
             self.poll()
         raise AssertionError(f"stuck at tick {self.it.bench.tick}")
 
-    def kinds(self, *wanted):
+    def kinds(self, *wanted: Any) -> list[Any]:
         return [e.kind for e in self.events if isinstance(e, Event) and e.kind in wanted]
 
 
-def test_it_runs_to_the_end_asks_every_tick_and_says_how_long_it_took():
+def test_it_runs_to_the_end_asks_every_tick_and_says_how_long_it_took() -> None:
     lab = Lab(rate=1.0, duration=0.5).until(50)
     assert [q.tick for q in lab.questions] == list(range(50))
     assert [t.tick for t in lab.truths] == list(range(51))
@@ -90,7 +96,7 @@ def test_it_runs_to_the_end_asks_every_tick_and_says_how_long_it_took():
     assert done.data["wall_time"] == pytest.approx(0.5, abs=0.01)
 
 
-def test_a_dead_controller_is_not_ready_within_a_second_and_a_switch_to_it_is_refused():
+def test_a_dead_controller_is_not_ready_within_a_second_and_a_switch_to_it_is_refused() -> None:
     lab = Lab(rate=1.0).until(10)
     lab.dead.add("b")
     died = lab.now
@@ -108,7 +114,7 @@ def test_a_dead_controller_is_not_ready_within_a_second_and_a_switch_to_it_is_re
     assert lab.kinds("not_ready", "ready") == ["not_ready", "ready"]
 
 
-def test_a_switch_to_one_that_died_in_between_is_dropped_and_nothing_is_missed():
+def test_a_switch_to_one_that_died_in_between_is_dropped_and_nothing_is_missed() -> None:
     lab = Lab(rate=1.0).until(10)
     assert lab.it.switch(SwitchRequest("b", 200), lab.now) is None
     lab.dead.add("b")
@@ -118,7 +124,7 @@ def test_a_switch_to_one_that_died_in_between_is_dropped_and_nothing_is_missed()
     assert not result.ok
 
 
-def test_as_fast_as_it_goes_one_that_is_due_and_held_up_is_waited_for():
+def test_as_fast_as_it_goes_one_that_is_due_and_held_up_is_waited_for() -> None:
     lab = Lab().until(10)
     assert lab.it.switch(SwitchRequest("b", 200), lab.now) is None
     lab.die("b")
@@ -137,7 +143,7 @@ def test_as_fast_as_it_goes_one_that_is_due_and_held_up_is_waited_for():
 
 @pytest.mark.parametrize("stall", [0.1, 1.0, 30.0])
 @pytest.mark.parametrize("rate", [0.0, 1.0, 10.0])
-def test_a_stall_of_the_plant_misses_nothing(stall, rate):
+def test_a_stall_of_the_plant_misses_nothing(stall: float, rate: float) -> None:
     lab = Lab(rate=rate, max_missed=3).until(20)
     lab.stopped.add("a")
     lab.poll()
@@ -153,7 +159,7 @@ def test_a_stall_of_the_plant_misses_nothing(stall, rate):
         assert late[0].data["late"] == pytest.approx(stall, rel=0.1)
 
 
-def test_after_a_stall_the_controller_has_a_full_period_even_if_it_was_held_up_too():
+def test_after_a_stall_the_controller_has_a_full_period_even_if_it_was_held_up_too() -> None:
     lab = Lab(rate=1.0).until(20)
     lab.stopped.add("a")
     lab.poll()
@@ -162,7 +168,7 @@ def test_after_a_stall_the_controller_has_a_full_period_even_if_it_was_held_up_t
     assert lab.it.bench.drive.missed == 0
 
 
-def test_the_recorder_s_death_is_an_event_within_two_seconds_and_nobody_waits_for_it():
+def test_the_recorder_s_death_is_an_event_within_two_seconds_and_nobody_waits_for_it() -> None:
     lab = Lab(controllers=("a", "recorder")).until(10)
     lab.it.backlog.heard("recorder", 0, 0)
     lab.dead.add("recorder")
@@ -177,7 +183,7 @@ def test_the_recorder_s_death_is_an_event_within_two_seconds_and_nobody_waits_fo
     assert lab.kinds("recorder_lost", "recorder_back") == ["recorder_lost", "recorder_back"]
 
 
-def test_what_an_operator_does_is_an_event_with_its_tick_and_who_asked():
+def test_what_an_operator_does_is_an_event_with_its_tick_and_who_asked() -> None:
     lab = Lab(rate=1.0, faults_enabled=True).until(10)
     it = lab.it
     it.note(" the beam rings ", "ann")
@@ -201,7 +207,7 @@ def test_what_an_operator_does_is_an_event_with_its_tick_and_who_asked():
 
 
 @pytest.mark.parametrize("rate", [-1.0, float("nan"), float("inf")])
-def test_a_rate_that_is_none_is_refused(rate):
+def test_a_rate_that_is_none_is_refused(rate: Any) -> None:
     lab = Lab()
     reply = lab.it.set_rate(rate, lab.now)
     assert not reply.ok
@@ -209,11 +215,11 @@ def test_a_rate_that_is_none_is_refused(rate):
     assert not lab.it.pacing.paced
 
 
-def test_an_empty_remark_is_refused():
+def test_an_empty_remark_is_refused() -> None:
     assert not Lab().it.note("  ").ok
 
 
-def test_the_rate_changes_in_flight_without_a_miss():
+def test_the_rate_changes_in_flight_without_a_miss() -> None:
     lab = Lab(rate=1.0).until(20)
     for rate in (10.0, 0.1, 0.0, 1.0):
         lab.it.set_rate(rate, lab.now)
@@ -224,7 +230,7 @@ def test_the_rate_changes_in_flight_without_a_miss():
     assert lab.kinds("missed", "late") == []
 
 
-def test_repeated_questions_make_no_rejections_in_a_healthy_run():
+def test_repeated_questions_make_no_rejections_in_a_healthy_run() -> None:
     lab = Lab().until(10)
     lab.stopped.add("a")
     for _ in range(20):

@@ -1,5 +1,7 @@
 """Every fault of the table keeps the contract: a new one cannot escape."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
@@ -16,13 +18,13 @@ EXAMPLES = {"joint": "right", "channel": "joint_position", "of": "left", "gain":
 EXAMPLES |= {"bias": 0.1, "controller": "first", "effort": 3.0}
 
 
-def example(kind):
+def example(kind: Any) -> Any:
     keys = TypeAdapter(FAULTS[kind]).json_schema()["properties"]
     values = {key: EXAMPLES[key] for key in keys if key in EXAMPLES}
     return validated(FaultSettings, {"kind": kind, **values}, "here")
 
 
-def observed(kind, ticks=12, start=3, end=7):
+def observed(kind: Any, ticks: int = 12, start: int = 3, end: int = 7) -> Any:
     """Return what passes a fault at every tick: readings, fate, demand, effort, late answers."""
     faults = Faults(NAMES, 1, 0, (Timed(example(kind), start, end),))
     rng, seen = np.random.default_rng(5), []
@@ -49,7 +51,7 @@ every_fault = pytest.mark.parametrize("kind", FAULTS)
 
 
 @every_fault
-def test_a_fault_acts_between_its_ticks_and_leaves_nothing_behind(kind):
+def test_a_fault_acts_between_its_ticks_and_leaves_nothing_behind(kind: Any) -> None:
     seen = observed(kind)
     assert all(untouched for untouched, *_ in seen[:3])
     assert all(untouched for untouched, *_ in seen[7:])
@@ -58,12 +60,12 @@ def test_a_fault_acts_between_its_ticks_and_leaves_nothing_behind(kind):
 
 
 @every_fault
-def test_the_same_seed_gives_the_same_fault(kind):
+def test_the_same_seed_gives_the_same_fault(kind: Any) -> None:
     assert observed(kind) == observed(kind)
 
 
 @every_fault
-def test_a_section_survives_being_written_out_and_its_kind_is_its_name(kind):
+def test_a_section_survives_being_written_out_and_its_kind_is_its_name(kind: Any) -> None:
     fault = example(kind)
     assert fault.kind == kind
     assert validated(FaultSettings, plain(fault), "again") == fault
@@ -71,7 +73,7 @@ def test_a_section_survives_being_written_out_and_its_kind_is_its_name(kind):
 
 
 @every_fault
-def test_a_name_that_the_testbed_lacks_is_refused_with_the_known_ones(kind):
+def test_a_name_that_the_testbed_lacks_is_refused_with_the_known_ones(kind: Any) -> None:
     fault = example(kind)
     check_fault(fault, NAMES, "schedule.0.fault")
     if fault.subject(NAMES) is not None:

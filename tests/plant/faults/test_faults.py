@@ -1,4 +1,5 @@
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ AT_TICK, UNTIL_TICK = 200, 400
 MAX_MISSED = 5
 
 
-def pd(name):
-    def law(question):
+def pd(name: Any) -> Any:
+    def law(question: Any) -> EffortCommand | None:
         if question.controller != name:
             return None
         effort = KP * (GOAL - question.joint_position) - KD * question.joint_velocity
@@ -26,7 +27,7 @@ def pd(name):
     return law
 
 
-def settings(*faults, **more):
+def settings(*faults: Any, **more: Any) -> Any:
     schedule = [{"at": AT, "until": UNTIL, "fault": fault} for fault in faults]
     values = {
         "testbed": {"damping_ratio": 0.1, "modes": 1},
@@ -43,7 +44,7 @@ def settings(*faults, **more):
 class Run:
     """A bench flown to its end by plain functions, with everything that happened."""
 
-    def __init__(self, bench_settings, laws=None, meanwhile=None):
+    def __init__(self, bench_settings: Any, laws: Any = None, meanwhile: Any = None) -> None:
         self.bench = bench = Bench(bench_settings)
         self.laws = laws or {"first": pd("first"), "second": pd("second")}
         self.events, self.questions, self.truths = [], [], []
@@ -59,22 +60,22 @@ class Run:
             bench.advance()
         self.events = list(bench.events)
 
-    def of(self, kind):
+    def of(self, kind: Any) -> list[Any]:
         return [event for event in self.events if event.kind == kind]
 
-    def applied(self, tick):
+    def applied(self, tick: Any) -> Any:
         return self.truths[tick + 1].applied_effort
 
     @property
-    def states(self):
+    def states(self) -> Any:
         return np.array([np.concatenate((t.position, t.velocity)) for t in self.truths])
 
-    def ends_at_rest(self):
+    def ends_at_rest(self) -> Any:
         return np.abs(self.truths[-1].velocity[:2]).max() < 1e-3  # joints [rad/s]
 
 
 @pytest.fixture(scope="module")
-def healthy():
+def healthy() -> Run:
     return Run(settings())
 
 
@@ -105,17 +106,19 @@ SILENCES = {
 
 
 @cache
-def with_fault(kind):
+def with_fault(kind: Any) -> Run:
     return Run(settings(FAULTS[kind]))
 
 
 @cache
-def with_silence(kind):
+def with_silence(kind: Any) -> Run:
     return Run(settings(SILENCES[kind]))
 
 
 @pytest.mark.parametrize("kind", FAULTS)
-def test_a_passing_fault_is_logged_changes_only_its_ticks_and_ends_at_rest(kind, healthy):
+def test_a_passing_fault_is_logged_changes_only_its_ticks_and_ends_at_rest(
+    kind: Any, healthy: Run
+) -> None:
     run = with_fault(kind)
     on, off = run.of("fault")
     assert (on.tick, off.tick) == (AT_TICK, UNTIL_TICK)
@@ -129,13 +132,13 @@ def test_a_passing_fault_is_logged_changes_only_its_ticks_and_ends_at_rest(kind,
 
 
 @pytest.mark.parametrize("kind", ["command_late", "sensor_dropout"])
-def test_a_fault_by_chance_is_the_same_in_every_run_of_its_seed(kind):
+def test_a_fault_by_chance_is_the_same_in_every_run_of_its_seed(kind: str) -> None:
     first, again = with_fault(kind), Run(settings(FAULTS[kind]))
     assert np.array_equal(first.states, again.states)
     assert first.events == again.events
 
 
-def test_another_seed_loses_other_commands():
+def test_another_seed_loses_other_commands() -> None:
     lost = FAULTS["command_lost"]
     ticks = [
         [event.tick for event in Run(one).of("missed")]
@@ -147,7 +150,7 @@ def test_another_seed_loses_other_commands():
 
 
 @pytest.mark.parametrize("kind", SILENCES)
-def test_a_silence_is_found_within_max_missed_ticks_and_somebody_else_takes_over(kind):
+def test_a_silence_is_found_within_max_missed_ticks_and_somebody_else_takes_over(kind: Any) -> None:
     run = with_silence(kind)
     missed, handed = run.of("missed"), run.of("fallback")
     assert missed[0].tick == AT_TICK
@@ -159,7 +162,7 @@ def test_a_silence_is_found_within_max_missed_ticks_and_somebody_else_takes_over
 
 
 @pytest.mark.parametrize("kind", ["command_lost", "command_late", "command_reordered"])
-def test_a_dead_cable_ends_on_the_brake_at_rest(kind):
+def test_a_dead_cable_ends_on_the_brake_at_rest(kind: str) -> None:
     run = with_silence(kind)
     (brake,) = run.of("brake")
     assert brake.tick == AT_TICK + 2 * MAX_MISSED - 1
@@ -167,20 +170,20 @@ def test_a_dead_cable_ends_on_the_brake_at_rest(kind):
     assert run.ends_at_rest()
 
 
-def test_the_fallback_flies_on_to_the_goal_when_one_controller_is_silent():
+def test_the_fallback_flies_on_to_the_goal_when_one_controller_is_silent() -> None:
     run = with_silence("controller_silent")
     assert not run.of("brake")
     assert run.bench.drive.active == "second"
     assert run.states[-1][:2] == pytest.approx(GOAL, abs=5e-3)
 
 
-def test_a_missed_tick_holds_the_last_effort():
+def test_a_missed_tick_holds_the_last_effort() -> None:
     run = with_silence("command_lost")
     for tick in range(AT_TICK, AT_TICK + MAX_MISSED):
         assert np.array_equal(run.applied(tick), run.applied(AT_TICK - 1))
 
 
-def test_a_stuck_motor_holds_what_it_is_told_or_what_it_had():
+def test_a_stuck_motor_holds_what_it_is_told_or_what_it_had() -> None:
     stuck = {"kind": "actuator_stuck", "joint": "hub_pitch"}
     told, kept = Run(settings({**stuck, "effort": 2.0})), Run(settings(stuck))
     for tick in (AT_TICK, UNTIL_TICK - 1):
@@ -189,14 +192,14 @@ def test_a_stuck_motor_holds_what_it_is_told_or_what_it_had():
     assert kept.applied(UNTIL_TICK)[1] != kept.applied(UNTIL_TICK - 1)[1]
 
 
-def test_a_gain_error_scales_one_motor():
+def test_a_gain_error_scales_one_motor() -> None:
     run = with_fault("actuator_gain")
     question = run.questions[AT_TICK]
     asked = KP * (GOAL - question.joint_position) - KD * question.joint_velocity
     assert run.applied(AT_TICK) == pytest.approx(asked * [0.5, 1.0], rel=1e-12)
 
 
-def test_a_delay_moves_the_effort_by_its_ticks_without_a_missed_tick():
+def test_a_delay_moves_the_effort_by_its_ticks_without_a_missed_tick() -> None:
     run = with_fault("command_delay")
     for tick in range(AT_TICK + 10, UNTIL_TICK):
         question = run.questions[tick - 10]
@@ -209,7 +212,9 @@ def test_a_delay_moves_the_effort_by_its_ticks_without_a_missed_tick():
     ("kind", "missed"),
     [("command_late", True), ("command_duplicated", False), ("command_reordered", True)],
 )
-def test_an_answer_out_of_its_tick_is_rejected_as_stale(kind, missed, healthy):
+def test_an_answer_out_of_its_tick_is_rejected_as_stale(
+    kind: str, missed: bool, healthy: Run
+) -> None:
     run = with_fault(kind)
     assert run.bench.drive.rejected["stale"] > 30
     assert run.of("rejected")[0].data["reason"] == "stale"
@@ -217,7 +222,7 @@ def test_an_answer_out_of_its_tick_is_rejected_as_stale(kind, missed, healthy):
     assert np.array_equal(run.states, healthy.states) is not missed
 
 
-def test_broken_sensors_lie_to_the_question_and_not_to_the_truth():
+def test_broken_sensors_lie_to_the_question_and_not_to_the_truth() -> None:
     frozen = with_fault("sensor_freeze")
     first = frozen.questions[AT_TICK].joint_velocity
     for tick in (AT_TICK + 1, UNTIL_TICK - 1):
@@ -232,7 +237,7 @@ def test_broken_sensors_lie_to_the_question_and_not_to_the_truth():
     assert 15 < sum(zeros) < 70
 
 
-def test_a_second_fault_does_not_thaw_a_frozen_sensor():
+def test_a_second_fault_does_not_thaw_a_frozen_sensor() -> None:
     entries = [
         {"at": AT, "until": UNTIL, "fault": FAULTS["sensor_freeze"]},
         {"at": 3.0, "fault": {"kind": "actuator_gain", "joint": "base_yaw", "gain": 0.9}},
@@ -251,8 +256,8 @@ LIARS = {
 
 
 @pytest.mark.parametrize("lie", LIARS)
-def test_a_lying_controller_is_named_and_replaced(lie):
-    def liar(question):
+def test_a_lying_controller_is_named_and_replaced(lie: Any) -> None:
+    def liar(question: Any) -> Any:
         command = pd("first")(question)
         return LIARS[lie](command) if command and question.tick >= AT_TICK else command
 
@@ -262,8 +267,8 @@ def test_a_lying_controller_is_named_and_replaced(lie):
     assert run.ends_at_rest()
 
 
-def test_a_crashed_controller_without_fallback_leaves_the_brake_at_rest():
-    def crashed(question):
+def test_a_crashed_controller_without_fallback_leaves_the_brake_at_rest() -> None:
+    def crashed(question: Any) -> Any:
         return pd("first")(question) if question.tick < 30 else None
 
     run = Run(settings(fallback=[]), {"first": crashed})
@@ -272,7 +277,7 @@ def test_a_crashed_controller_without_fallback_leaves_the_brake_at_rest():
     assert run.ends_at_rest()
 
 
-def test_a_swap_whose_first_answers_are_lost_is_still_reported():
+def test_a_swap_whose_first_answers_are_lost_is_still_reported() -> None:
     entries = [
         {"at": AT, "switch": "second"},
         {"at": AT, "until": AT + 0.03, "fault": {"kind": "command_lost"}},
@@ -283,19 +288,19 @@ def test_a_swap_whose_first_answers_are_lost_is_still_reported():
     assert not run.of("fallback")
 
 
-def test_a_newcomer_that_never_answers_is_reported_as_refused():
+def test_a_newcomer_that_never_answers_is_reported_as_refused() -> None:
     run = Run(settings(), {"first": pd("first")}, switch_to_nobody)
     (result,) = run.bench.switch_results
     assert not result.ok
     assert "nobody" in result.message
 
 
-def switch_to_nobody(bench):
+def switch_to_nobody(bench: Any) -> None:
     if bench.tick == 10:
         bench.request_switch(SwitchRequest("nobody", 11))
 
 
-def test_disturbances_have_the_shape_and_the_mean_of_their_formula():
+def test_disturbances_have_the_shape_and_the_mean_of_their_formula() -> None:
     sine = {"sine": {"amplitude": 3.0, "frequency": 0.25, "phase": 0.5}}
     pulse = {"pulse": {"amplitude": -2.0, "width": 0.5, "every": 1.0}}
     entries = [
@@ -315,12 +320,12 @@ def test_disturbances_have_the_shape_and_the_mean_of_their_formula():
     assert run.of("disturbance")[1].data["hub_pitch"]["pulse"]["amplitude"] == -2.0
 
 
-def test_an_injected_fault_does_what_a_scheduled_one_does():
-    def inject(bench):
+def test_an_injected_fault_does_what_a_scheduled_one_does() -> None:
+    def inject(bench: Any) -> None:
         if bench.tick == 150:
             answers.append(bench.inject("{kind: command_lost, probability: 0.3, until: 4.0}", 200))
 
-    answers = []
+    answers: list[Any] = []
     run, scheduled = Run(settings(), meanwhile=inject), with_fault("command_lost")
     assert answers[0] == (True, "command_lost 0 at tick 200", 200, 0)
     assert np.array_equal(run.states, scheduled.states)
@@ -329,7 +334,7 @@ def test_an_injected_fault_does_what_a_scheduled_one_does():
     assert [event for event in run.events if event is not wish] == scheduled.events
 
 
-def test_an_injected_disturbance_begins_at_the_next_tick():
+def test_an_injected_disturbance_begins_at_the_next_tick() -> None:
     bench = Bench(settings())
     assert bench.inject("disturbance: {base_yaw: 4.0}") == (True, "disturbance 0 at tick 1", 1, 0)
     bench.advance()
@@ -338,7 +343,7 @@ def test_an_injected_disturbance_begins_at_the_next_tick():
     assert bench.truth().disturbance.tolist() == [4.0, 0.0]
 
 
-def test_what_acts_can_be_ended_by_its_number_and_ends_with_the_next_tick():
+def test_what_acts_can_be_ended_by_its_number_and_ends_with_the_next_tick() -> None:
     bench = Bench(settings(FAULTS["actuator_gain"], max_missed=100))
     bench.inject("disturbance: {base_yaw: 4.0}")
     bench.inject("{kind: command_lost}")
@@ -368,7 +373,7 @@ def test_what_acts_can_be_ended_by_its_number_and_ends_with_the_next_tick():
     assert [e.data["who"] for e in bench.events if e.kind == "fault_ended"] == ["me"] * 3
 
 
-def test_a_reset_forgets_what_was_injected_and_keeps_what_was_scheduled():
+def test_a_reset_forgets_what_was_injected_and_keeps_what_was_scheduled() -> None:
     bench = Bench(settings(FAULTS["actuator_gain"]))
     bench.inject("{kind: command_lost}")
     bench.reset()
@@ -395,7 +400,7 @@ def test_a_reset_forgets_what_was_injected_and_keeps_what_was_scheduled():
         ("{", "YAML"),
     ],
 )
-def test_a_wrong_fault_is_refused_in_one_line_and_changes_nothing(text, word):
+def test_a_wrong_fault_is_refused_in_one_line_and_changes_nothing(text: str, word: str) -> None:
     bench = Bench(settings())
     ok, message, *_ = bench.inject(text)
     assert not ok
@@ -405,7 +410,7 @@ def test_a_wrong_fault_is_refused_in_one_line_and_changes_nothing(text, word):
     assert [event.kind for event in bench.events] == ["missed"]
 
 
-def test_nothing_breaks_unless_the_trial_allows_it():
+def test_nothing_breaks_unless_the_trial_allows_it() -> None:
     with pytest.raises(BadInput, match=r"schedule\.0\.fault.*allow_faults: true"):
         Bench(settings(FAULTS["command_lost"], faults_enabled=False))
     answer = Bench(settings(faults_enabled=False)).inject("{kind: command_lost}")
@@ -413,7 +418,7 @@ def test_nothing_breaks_unless_the_trial_allows_it():
     assert "allow_faults: true" in answer.message
 
 
-def test_settings_with_faults_survive_yaml():
+def test_settings_with_faults_survive_yaml() -> None:
     sine = {"base_yaw": {"sine": {"amplitude": 1.0, "frequency": 2.0}}, "hub_pitch": 3}
     entries = [{"at": 1.0, "fault": fault} for fault in {**FAULTS, **SILENCES}.values()]
     given = settings(schedule=[*entries, {"at": 2.0, "disturbance": sine}])
@@ -421,7 +426,7 @@ def test_settings_with_faults_survive_yaml():
     assert again == given
 
 
-def test_the_plant_holds_back_for_a_slow_controller_but_not_for_a_dead_one():
+def test_the_plant_holds_back_for_a_slow_controller_but_not_for_a_dead_one() -> None:
     backlog = Backlog(patience=2.0)
     backlog.heard("slow", 0, 0)
     assert backlog.slow(1000, 0, now=0.0) == []
@@ -435,7 +440,7 @@ def test_the_plant_holds_back_for_a_slow_controller_but_not_for_a_dead_one():
     assert backlog.reason("slow", 1101, 0) == ""
 
 
-def test_a_paced_plant_does_not_wait_but_says_who_is_behind():
+def test_a_paced_plant_does_not_wait_but_says_who_is_behind() -> None:
     backlog = Backlog(paced=True)
     backlog.heard("slow", 10, 0)
     assert backlog.slow(5000, 0, now=0.0) == []

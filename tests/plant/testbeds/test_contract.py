@@ -1,7 +1,9 @@
 """Every testbed of the table, and one of a user's own, keeps the contract."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,18 +28,18 @@ FROZEN = {"varying_oscillator": np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])}
 every_kind = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.rpartition(":")[2])
 
 
-def bed(kind, **more):
+def bed(kind: Any, **more: Any) -> Any:
     return read_testbed({"kind": kind, **more}, "here")
 
 
-def states(model, count=5, size=0.2):
+def states(model: Any, count: int = 5, size: float = 0.2) -> Iterator[Any]:
     rng = np.random.default_rng(7)
     for _ in range(count):
         yield size * rng.standard_normal(2 * model.coordinates), rng.standard_normal(model.efforts)
 
 
 @every_kind
-def test_names_units_and_limits_belong_together(kind):
+def test_names_units_and_limits_belong_together(kind: Any) -> None:
     testbed = bed(kind)
     model = testbed.model()
     assert len(set(model.joint_names)) == len(model.joint_units) == model.joints
@@ -51,13 +53,15 @@ def test_names_units_and_limits_belong_together(kind):
 
 
 @every_kind
-def test_a_section_survives_being_written_out(kind):
+def test_a_section_survives_being_written_out(kind: Any) -> None:
     testbed = bed(kind, damping_ratio=0.02)
     assert read_testbed(plain(testbed), "again") == testbed
 
 
 @every_kind
-def test_the_mass_matrix_is_symmetric_and_positive_and_the_motion_solves_the_equations(kind):
+def test_the_mass_matrix_is_symmetric_and_positive_and_the_motion_solves_the_equations(
+    kind: Any,
+) -> None:
     model = bed(kind).model()
     for x, effort in states(model):
         q, v = model.split(x)
@@ -70,7 +74,7 @@ def test_the_mass_matrix_is_symmetric_and_positive_and_the_motion_solves_the_equ
 
 
 @every_kind
-def test_the_jacobian_is_that_of_the_motion(kind):
+def test_the_jacobian_is_that_of_the_motion(kind: Any) -> None:
     model = bed(kind, damping_ratio=0.03).model()
     for x, effort in states(model):
         dx, du = model.jacobian(x, effort)
@@ -84,7 +88,7 @@ def test_the_jacobian_is_that_of_the_motion(kind):
             np.testing.assert_allclose(found, np.array(columns).T, atol=2e-7 * abs(found).max())
 
 
-def drifted(model, x):
+def drifted(model: Any, x: Any) -> Any:
     """Return the state after 5 s without effort."""
     still = np.zeros(model.efforts)
     found = solve_ivp(
@@ -94,7 +98,7 @@ def drifted(model, x):
 
 
 @every_kind
-def test_energy_changes_by_the_power_of_the_efforts_alone(kind):
+def test_energy_changes_by_the_power_of_the_efforts_alone(kind: Any) -> None:
     model = bed(kind).model()
     if model.time_varying:
         model = replace(model, packed=model.packed * FROZEN[kind])
@@ -108,7 +112,7 @@ def test_energy_changes_by_the_power_of_the_efforts_alone(kind):
 
 
 @every_kind
-def test_the_linear_model_is_the_derivative_at_rest(kind):
+def test_the_linear_model_is_the_derivative_at_rest(kind: Any) -> None:
     testbed = bed(kind, damping_ratio=0.01)
     model = testbed.model()
     rest = model.rest(testbed.set_point)
@@ -120,7 +124,7 @@ def test_the_linear_model_is_the_derivative_at_rest(kind):
 
 
 @every_kind
-def test_stiffness_scales_the_squares_of_the_clamped_frequencies(kind):
+def test_stiffness_scales_the_squares_of_the_clamped_frequencies(kind: Any) -> None:
     testbed = bed(kind, damping_ratio=0.02)
     stiffer = testbed.scaled(stiffness=1.21).model()
     np.testing.assert_allclose(
@@ -137,7 +141,7 @@ def test_stiffness_scales_the_squares_of_the_clamped_frequencies(kind):
 
 
 @every_kind
-def test_a_planner_believes_in_the_testbed_but_for_what_is_simplified(kind):
+def test_a_planner_believes_in_the_testbed_but_for_what_is_simplified(kind: Any) -> None:
     testbed = bed(kind, damping_ratio=0.02)
     seen = believed(testbed, None, "plan")
     assert seen == varied(testbed, testbed.simplified, "plan")
@@ -148,7 +152,7 @@ def test_a_planner_believes_in_the_testbed_but_for_what_is_simplified(kind):
 
 
 @every_kind
-def test_it_can_be_drawn_at_rest_and_bent(kind):
+def test_it_can_be_drawn_at_rest_and_bent(kind: Any) -> None:
     testbed = bed(kind)
     scene, q = testbed.scene(), testbed.model().split(initial_state(testbed))[0]
     straight, frames = scene.lines(q), {frame.child for frame in scene.frames(q)}
@@ -158,7 +162,7 @@ def test_it_can_be_drawn_at_rest_and_bent(kind):
     assert all(not np.allclose(a, b) for a, b in zip(straight, bent, strict=True))
 
 
-def test_three_decoupled_joints_move_as_three_bodies():
+def test_three_decoupled_joints_move_as_three_bodies() -> None:
     """The elimination is right for any number of joints, not only for one and two."""
     model = bed(OWN, inertias=[40.0, 20.0, 15.0]).model()
     effort = np.array([3.0, 2.0, 1.0])
@@ -167,7 +171,7 @@ def test_three_decoupled_joints_move_as_three_bodies():
     np.testing.assert_allclose(a, np.linalg.solve(mass, np.append(effort, [0.0, 0.0])), rtol=1e-12)
 
 
-def test_a_schematic_draws_any_testbed():
+def test_a_schematic_draws_any_testbed() -> None:
     scene = schematic("mine", ("a", "b", "c"), ("left", "right"), np.array([[1.0], [-1.0]]))
     q = np.array([0.1, 0.2, 0.3, 0.05])
     assert [frame.child for frame in scene.frames(q)] == ["a_link", "b_link", "c_link"]
@@ -185,12 +189,12 @@ def test_a_schematic_draws_any_testbed():
         ("no_such_package.Bed", "cannot be loaded: ModuleNotFoundError"),
     ],
 )
-def test_a_kind_that_is_not_there_is_refused_in_one_line(kind, words):
+def test_a_kind_that_is_not_there_is_refused_in_one_line(kind: Any, words: str) -> None:
     with pytest.raises(BadInput, match=words) as caught:
         bed(kind)
     assert "\n" not in str(caught.value)
 
 
-def test_a_wrong_key_of_ones_own_testbed_is_named():
+def test_a_wrong_key_of_ones_own_testbed_is_named() -> None:
     with pytest.raises(BadInput, match=r"inertiaz: unknown key; did you mean inertias\?"):
         bed(OWN, inertiaz=[1.0, 1.0, 1.0])

@@ -1,4 +1,5 @@
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,18 +11,18 @@ VARIANTS = ("printed", "complete")
 MODES = 2  # of the symbolic derivation
 
 
-def model_of(variant, modes=3, **more):
+def model_of(variant: Any, modes: int = 3, **more: Any) -> Any:
     return CsaTestbed(variant=variant, modes=modes, **more).model()
 
 
-def random_state(seed, modes=3):
+def random_state(seed: Any, modes: int = 3) -> Any:
     rng = np.random.default_rng(seed)
     joints, rates = rng.uniform(-1.4, 1.4, 2), rng.normal(0.0, 0.3, 2)
     return np.concatenate((joints, rng.normal(0.0, 0.5, modes), rates, rng.normal(0.0, 0.4, modes)))
 
 
 @lru_cache
-def derived(variant):
+def derived(variant: Any) -> Any:
     """Return M(q) and h(q, v) as functions of the symbols, by Lagrange from T and U.
 
     T is the integral of the velocity of the points (xi, y, 0) of the beams, pitched and then
@@ -29,7 +30,8 @@ def derived(variant):
     """
     t = sp.Symbol("t")
     xi, m, m_qq = sp.Symbol("xi"), sp.symbols(f"m:{MODES}"), sp.symbols(f"M:{MODES}")
-    k_qq, j_1, i_2, j_a = sp.symbols(f"k:{MODES}"), *sp.symbols("J_1 I_2 J_a")
+    k_qq = sp.symbols(f"k:{MODES}")
+    j_1, i_2, j_a = sp.symbols("J_1 I_2 J_a")
     q = [sp.Function(name)(t) for name in ("theta", "psi", *(f"q{j}" for j in range(MODES)))]
     theta, psi, bend = q[0], q[1], q[2:]
     y = sp.Function("y")(t)
@@ -68,7 +70,7 @@ def derived(variant):
     return sp.lambdify([constants, flat_q, flat_rates], (mass, bias[:, 0]), "numpy")
 
 
-def symbolic(variant, q, v):
+def symbolic(variant: Any, q: Any, v: Any) -> tuple[Any, Any]:
     p, b = CsaParameters(), beam(CsaTestbed(modes=MODES))
     mu, a = p.linear_density, p.hub_radius
     j_a = 2.0 * mu * ((p.length + a) ** 3 - a**3) / 3.0
@@ -82,7 +84,7 @@ def symbolic(variant, q, v):
 
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("seed", range(5))
-def test_mass_matrix_and_bias_follow_from_lagrange(variant, seed):
+def test_mass_matrix_and_bias_follow_from_lagrange(variant: Any, seed: Any) -> None:
     q, v = np.split(random_state(seed, MODES), 2)
     model = model_of(variant, MODES)
     mass, bias = symbolic(variant, q, v)
@@ -90,7 +92,7 @@ def test_mass_matrix_and_bias_follow_from_lagrange(variant, seed):
     np.testing.assert_allclose(model.bias(q, v), bias, rtol=1e-11, atol=1e-9)
 
 
-def test_the_variants_differ_only_by_the_term_left_out():
+def test_the_variants_differ_only_by_the_term_left_out() -> None:
     q, v = np.split(random_state(3), 2)
     printed, complete = (model_of(variant) for variant in VARIANTS)
     sway = complete.mass_matrix(np.zeros(5))[0, 2:] @ q[2:]
@@ -100,7 +102,7 @@ def test_the_variants_differ_only_by_the_term_left_out():
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_mass_matrix_is_symmetric_and_positive(variant):
+def test_mass_matrix_is_symmetric_and_positive(variant: Any) -> None:
     model = model_of(variant)
     for seed in range(20):
         mass = model.mass_matrix(random_state(seed)[:5])
@@ -109,7 +111,7 @@ def test_mass_matrix_is_symmetric_and_positive(variant):
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_energy_and_yaw_momentum_stay_over_100_seconds_of_ticks(variant):
+def test_energy_and_yaw_momentum_stay_over_100_seconds_of_ticks(variant: Any) -> None:
     model, free = model_of(variant), np.zeros(2)
     x = np.array([0.1, 0.3, 0.5, 0.02, -0.01, 0.2, -0.1, 0.1, 0.05, 0.02])
     energy, momentum = model.energy(x), model.momentum(x)[0]
@@ -123,14 +125,14 @@ def test_energy_and_yaw_momentum_stay_over_100_seconds_of_ticks(variant):
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_power_is_effort_times_rate(variant):
+def test_power_is_effort_times_rate(variant: Any) -> None:
     model, effort, h = model_of(variant), np.array([30.0, -20.0]), 1e-3
     x = random_state(4)
     gain = model.energy(model.advance(x, effort, h)) - model.energy(model.advance(x, effort, -h))
     assert gain / (2.0 * h) == pytest.approx(effort @ x[5:7], rel=1e-5)
 
 
-def test_damping_takes_energy_at_the_modal_rate():
+def test_damping_takes_energy_at_the_modal_rate() -> None:
     free, damped = (model_of("complete", 1, damping_ratio=zeta) for zeta in (0.0, 0.01))
     np.testing.assert_array_equal(free.packed[:-1], damped.packed[:-1])
     linear = damped.linearise(np.zeros(3))
@@ -140,7 +142,7 @@ def test_damping_takes_energy_at_the_modal_rate():
 
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("modes", [1, 3])
-def test_jacobian_is_the_limit_of_differences(variant, modes):
+def test_jacobian_is_the_limit_of_differences(variant: Any, modes: int) -> None:
     model = model_of(variant, modes, damping_ratio=0.01)
     x, effort, h = random_state(7, modes), np.array([20.0, -40.0]), 1e-6
     dx, du = model.jacobian(x, effort)
@@ -152,14 +154,14 @@ def test_jacobian_is_the_limit_of_differences(variant, modes):
         np.testing.assert_allclose(du[:, j], rise, atol=1e-13)
 
 
-def test_both_variants_have_the_same_linear_motions():
+def test_both_variants_have_the_same_linear_motions() -> None:
     rest = np.array([0.2, 0.7, 0.0, 0.0, 0.0])
     printed, complete = (model_of(variant).linearise(rest) for variant in VARIANTS)
     np.testing.assert_array_equal(complete.mass, printed.mass)
     np.testing.assert_array_equal(complete.stiffness, printed.stiffness)
 
 
-def test_a_stiffer_beam_is_the_same_as_a_scaled_model():
+def test_a_stiffer_beam_is_the_same_as_a_scaled_model() -> None:
     stiff = CsaTestbed(damping_ratio=0.02, parameters=CsaParameters(bending_stiffness=1800.0))
     scaled = CsaTestbed(damping_ratio=0.02).model().with_stiffness(1.2)
     np.testing.assert_allclose(scaled.packed, stiff.model().packed, rtol=1e-12)

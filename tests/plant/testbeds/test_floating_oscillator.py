@@ -8,12 +8,12 @@ from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbe
 OSCILLATOR = FloatingOscillatorTestbed()
 
 
-def test_the_frequency_is_the_root_of_two_k_over_m():
+def test_the_frequency_is_the_root_of_two_k_over_m() -> None:
     model = OSCILLATOR.model()
     assert model.linearise(np.zeros(2)).frequencies == pytest.approx([np.sqrt(2.0)], abs=1e-14)
 
 
-def test_equations_8_and_9_hold():
+def test_equations_8_and_9_hold() -> None:
     model = OSCILLATOR.model()
     x = np.array([0.3, -0.2, 0.5, 0.7])
     rate = model.derivative(x, np.array([0.4]))
@@ -22,7 +22,7 @@ def test_equations_8_and_9_hold():
     assert rate[2] + rate[3] == pytest.approx(-(x2 - x1), abs=1e-15)
 
 
-def test_a_step_of_effort_moves_it_as_the_closed_form_does():
+def test_a_step_of_effort_moves_it_as_the_closed_form_does() -> None:
     model = OSCILLATOR.model()
     x = model.advance(np.zeros(4), np.array([1.0]), 3.0, 60)
     w = np.sqrt(2.0)
@@ -30,7 +30,7 @@ def test_a_step_of_effort_moves_it_as_the_closed_form_does():
     assert x[0] + x[1] / 2 == pytest.approx(3.0**2 / 4, abs=1e-13)
 
 
-def test_without_effort_energy_and_momentum_stay():
+def test_without_effort_energy_and_momentum_stay() -> None:
     model = OSCILLATOR.model()
     x = np.array([0.0, 0.4, 0.1, -0.3])
     after = model.advance(x, np.zeros(1), 50.0, 1000)
@@ -38,11 +38,11 @@ def test_without_effort_energy_and_momentum_stay():
     assert model.momentum(after)[0] == pytest.approx(model.momentum(x)[0], rel=1e-12)
 
 
-def test_a_stiffer_spring_is_the_same_as_a_scaled_model():
+def test_a_stiffer_spring_is_the_same_as_a_scaled_model() -> None:
     stiff = read_testbed({"kind": OSCILLATOR.kind, "parameters": {"stiffness": 1.2}}, "here")
     assert OSCILLATOR.model().with_stiffness(1.2).packed == pytest.approx(stiff.model().packed)
 
 
-def test_a_second_mode_is_refused():
+def test_a_second_mode_is_refused() -> None:
     with pytest.raises(BadInput, match="modes: 2"):
         read_testbed({"kind": "floating_oscillator", "modes": 2}, "trial.yaml")

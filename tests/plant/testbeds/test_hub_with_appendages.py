@@ -12,7 +12,7 @@ from flexslew_plant.testbeds.hub_with_appendages import (
 STATE = np.array([0.3, 0.05, 0.8, -0.4])
 
 
-def test_the_integrated_mode_gives_the_published_coefficients():
+def test_the_integrated_mode_gives_the_published_coefficients() -> None:
     e = energy_coefficients(HubParameters())
     assert e[:8] == pytest.approx(
         (18.09815, -8.902248, 18.278027, 13.152322, 17.930085, 17.653088, 73.112108, 170.310339),
@@ -21,19 +21,19 @@ def test_the_integrated_mode_gives_the_published_coefficients():
     assert HubParameters().bending_stiffness == pytest.approx(74.598524, abs=1e-6)
 
 
-def test_the_frequency_with_the_hub_free_is_the_published_one():
+def test_the_frequency_with_the_hub_free_is_the_published_one() -> None:
     model = HubTestbed().model()
     assert model.linearise(np.zeros(2)).frequencies == pytest.approx([6.486746], abs=1e-6)
 
 
-def test_energy_stays_without_effort_and_momentum_too():
+def test_energy_stays_without_effort_and_momentum_too() -> None:
     model = HubTestbed().model()
     after = model.advance(STATE, np.zeros(1), 10.0, 2000)
     assert model.energy(after) == pytest.approx(model.energy(STATE), rel=1e-12)
     assert model.momentum(after)[0] == pytest.approx(model.momentum(STATE)[0], rel=1e-12)
 
 
-def test_power_is_effort_times_rate():
+def test_power_is_effort_times_rate() -> None:
     model = HubTestbed().model()
     effort, h = np.array([1.5]), 1e-4
     gain = model.energy(model.advance(STATE, effort, h)) - model.energy(
@@ -42,7 +42,7 @@ def test_power_is_effort_times_rate():
     assert gain / (2 * h) == pytest.approx(effort[0] * STATE[2], rel=1e-6)
 
 
-def test_the_jacobian_is_the_derivative_of_the_derivative():
+def test_the_jacobian_is_the_derivative_of_the_derivative() -> None:
     model = HubTestbed(damping_ratio=0.02).model()
     effort, h = np.array([1.5]), 1e-6
     dx, _ = model.jacobian(STATE, effort)
@@ -52,14 +52,14 @@ def test_the_jacobian_is_the_derivative_of_the_derivative():
         assert dx[:, j] == pytest.approx((ahead - behind) / (2 * h), abs=1e-6)
 
 
-def test_stiffness_scales_alone():
+def test_stiffness_scales_alone() -> None:
     model = HubTestbed().model()
     stiffer = model.with_stiffness(1.21)
     assert stiffer.linearise(np.zeros(2)).frequencies == pytest.approx([1.1 * 6.486746], abs=2e-6)
     assert stiffer.mass_matrix(STATE[:2]) == pytest.approx(model.mass_matrix(STATE[:2]))
 
 
-def test_a_misspelt_key_is_named():
+def test_a_misspelt_key_is_named() -> None:
     with pytest.raises(BadInput, match="did you mean tip_mass"):
         read_testbed(
             {"kind": "hub_with_appendages", "parameters": {"tip_mas": 1.0}},

@@ -1,3 +1,4 @@
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -8,12 +9,12 @@ from flexslew_plant.testbeds import TESTBEDS, TestbedSettings
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 
-def section_of(kind):
+def section_of(kind: Any) -> Any:
     return validated(TestbedSettings, {"kind": kind}, "here")
 
 
 @pytest.mark.parametrize("kind", TESTBEDS)
-def test_the_description_is_a_tree_whose_moving_joints_are_the_testbeds(kind):
+def test_the_description_is_a_tree_whose_moving_joints_are_the_testbeds(kind: Any) -> None:
     robot = ElementTree.fromstring(section_of(kind).scene().robot_description)
     assert robot.tag == "robot"
     moving = {j.get("name") for j in robot.findall("joint") if j.get("type") != "fixed"}
@@ -28,7 +29,7 @@ def test_the_description_is_a_tree_whose_moving_joints_are_the_testbeds(kind):
 
 
 @pytest.mark.parametrize("kind", TESTBEDS)
-def test_prismatic_and_revolute_joints_have_limits(kind):
+def test_prismatic_and_revolute_joints_have_limits(kind: Any) -> None:
     robot = ElementTree.fromstring(section_of(kind).scene().robot_description)
     for joint in robot.findall("joint"):
         if joint.get("type") in ("prismatic", "revolute"):
@@ -36,7 +37,7 @@ def test_prismatic_and_revolute_joints_have_limits(kind):
 
 
 @pytest.mark.parametrize("kind", TESTBEDS)
-def test_frames_are_those_of_the_description_and_quaternions_are_unit(kind):
+def test_frames_are_those_of_the_description_and_quaternions_are_unit(kind: Any) -> None:
     scene, joints = section_of(kind).scene(), section_of(kind).model().joints
     frames = scene.frames(np.array([2.3, -0.7])[:joints])
     assert [(f.parent, f.child) for f in frames] == [("world", "base"), ("base", "hub")]
@@ -44,13 +45,13 @@ def test_frames_are_those_of_the_description_and_quaternions_are_unit(kind):
         assert np.linalg.norm(frame.rotation) == pytest.approx(1.0, abs=1e-15)
 
 
-def test_yaw_turns_about_z_and_pitch_about_y():
+def test_yaw_turns_about_z_and_pitch_about_y() -> None:
     base, hub = CsaTestbed().scene().frames(np.array([0.8, -0.3]))
     np.testing.assert_allclose(base.rotation, [0.0, 0.0, np.sin(0.4), np.cos(0.4)])
     np.testing.assert_allclose(hub.rotation, [0.0, np.sin(-0.15), 0.0, np.cos(0.15)])
 
 
-def test_beams_start_at_the_hub_and_end_at_the_tip_deflection():
+def test_beams_start_at_the_hub_and_end_at_the_tip_deflection() -> None:
     bed = CsaTestbed(modes=3)
     modes = np.array([0.4, -0.05, 0.02])
     tips = bed.model().appendages.tip @ modes
@@ -61,7 +62,7 @@ def test_beams_start_at_the_hub_and_end_at_the_tip_deflection():
         np.testing.assert_allclose(beam[-1], [side * 31.0, tip, 0.0], atol=1e-13)
 
 
-def test_curvature_at_the_root_is_that_of_the_drawn_beam():
+def test_curvature_at_the_root_is_that_of_the_drawn_beam() -> None:
     bed = CsaTestbed(modes=1)
     drawn = bed.scene().lines(np.array([0.0, 0.0, 1.0]))[0]
     step = drawn[1, 0] - drawn[0, 0]
@@ -71,7 +72,7 @@ def test_curvature_at_the_root_is_that_of_the_drawn_beam():
 
 
 @pytest.mark.parametrize("kind", TESTBEDS)
-def test_every_appendage_of_a_testbed_reads_something(kind):
+def test_every_appendage_of_a_testbed_reads_something(kind: Any) -> None:
     bed = section_of(kind)
     found = bed.model().appendages
     assert found.tip.shape == found.curvature.shape == (len(found.names), bed.modes)

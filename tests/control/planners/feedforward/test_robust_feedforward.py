@@ -1,6 +1,7 @@
 import json
 from functools import lru_cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,36 +21,37 @@ ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)
 PLAIN_WORST = 0.641  # largest residual of the plain M1 plan at -20 % EI [m] (csa_testbed)
 
 
-def plan(limit=150.0, method="robust_feedforward", **more):
+def plan(limit: float = 150.0, method: str = "robust_feedforward", **more: Any) -> Any:
     return made(json.dumps({"method": method, **more}), limit)
 
 
 @lru_cache
-def made(section, limit):
+def made(section: Any, limit: Any) -> Any:
     return make_plan(plan_settings(json.loads(section), "trial.yaml"), plant(0.02, (limit, limit)))
 
 
-def residual_tip(flown, error, payload=0.0, modes=1):
+def residual_tip(flown: Any, error: Any, payload: float = 0.0, modes: int = 1) -> float:
     """Return the largest tip deflection in 75 s after the slew [m], on the complete model."""
     hub = 2000.0 * (1.0 + payload)
     parameters = CsaParameters(hub_inertia_1=hub, hub_inertia_2=hub)
     model = CsaTestbed(modes=modes, parameters=parameters).model().with_stiffness(1.0 + error)
-    x, path = np.zeros(model.coordinates * 2), []
+    x = np.zeros(model.coordinates * 2)
+    states: list[Any] = []
     for k in range(flown.ticks + round(75.0 / flown.period)):
         r = flown.reference(k)
         joints, rates = x[:2], x[model.coordinates :][:2]
         effort = r.effort + KP * (r.position - joints) + KD * (r.velocity - rates)
         x = model.advance(x, effort, flown.period, 1)
-        path.append(x)
-    path, edges = np.array(path), flown.period * np.arange(1, len(path) + 1)
+        states.append(x)
+    path, edges = np.array(states), flown.period * np.arange(1, len(states) + 1)
     return float(np.abs(path[edges >= flown.duration, 2 : 2 + modes].sum(axis=1)).max())
 
 
-def plain_plan():
+def plain_plan() -> Any:
     return plan(method="optimized_feedforward")
 
 
-def test_in_equal_time_it_leaves_a_third_of_the_plain_plan_within_the_torque_limit():
+def test_in_equal_time_it_leaves_a_third_of_the_plain_plan_within_the_torque_limit() -> None:
     robust, plain = plan(), plain_plan()
     assert robust.duration == plain.duration == 25.0
     errors = np.linspace(-0.2, 0.2, 9)
@@ -62,7 +64,7 @@ def test_in_equal_time_it_leaves_a_third_of_the_plain_plan_within_the_torque_lim
     assert residual_tip(plain, 0.0) < 0.01 < residual_tip(robust, 0.0) < 0.06
 
 
-def test_an_ensemble_with_payload_errors_suits_both():
+def test_an_ensemble_with_payload_errors_suits_both() -> None:
     errors = {"stiffness_errors": (-0.2, 0.0, 0.2), "payload_errors": (-0.2, 0.0, 0.2)}
     corners = list(product((-0.2, 0.0, 0.2), (-0.2, 0.0, 0.2)))
     before = max(residual_tip(plain_plan(), *corner) for corner in corners)
@@ -72,22 +74,22 @@ def test_an_ensemble_with_payload_errors_suits_both():
 
 
 @pytest.mark.parametrize("modes", [1, 3])
-def test_it_holds_on_three_modes_however_many_the_planner_knows(modes):
+def test_it_holds_on_three_modes_however_many_the_planner_knows(modes: int) -> None:
     robust = plan(model={"modes": modes})
     worst = max(residual_tip(robust, error, modes=3) for error in np.linspace(-0.2, 0.2, 9))
     assert worst < PLAIN_WORST / 3.0
 
 
 @pytest.mark.parametrize("basis", ["constant", "cubic", "trigonometric"])
-def test_every_basis_keeps_to_the_torque_limit(basis):
+def test_every_basis_keeps_to_the_torque_limit(basis: str) -> None:
     assert np.max(plan(basis=basis).summary["worst_peak_effort"]) < 150.0
 
 
-def test_the_joints_are_near_the_goal_at_the_end():
+def test_the_joints_are_near_the_goal_at_the_end() -> None:
     assert np.abs(plan().state[-1, :2] - [1.0, 0.5]).max() < 0.006
 
 
-def test_the_summary_tells_the_residual_of_every_member():
+def test_the_summary_tells_the_residual_of_every_member() -> None:
     found = plan().summary
     assert [member["stiffness_error"] for member in found["members"]] == list(ERRORS)
     for member in found["members"]:
@@ -96,7 +98,7 @@ def test_the_summary_tells_the_residual_of_every_member():
     assert found["worst_residual"] == max(member["residual"] for member in found["members"])
 
 
-def test_dearer_torque_leaves_more_and_more_time_or_torque_leaves_less():
+def test_dearer_torque_leaves_more_and_more_time_or_torque_leaves_less() -> None:
     dear, longer, stronger = plan(rho=4e-7), plan(duration=40.0), plan(limit=300.0)
     worst = [p.summary["worst_residual"] for p in (dear, plan(), stronger)]
     assert worst == sorted(worst, reverse=True)
@@ -104,27 +106,27 @@ def test_dearer_torque_leaves_more_and_more_time_or_torque_leaves_less():
     assert np.max(dear.summary["worst_peak_effort"]) < np.max(plan().summary["worst_peak_effort"])
 
 
-def test_the_reserve_is_left_to_the_feedback():
+def test_the_reserve_is_left_to_the_feedback() -> None:
     found = plan(reserve=0.3).summary
     assert np.max(found["worst_peak_effort"]) == pytest.approx(0.7 * 150.0, rel=0.01)
 
 
-def members(settings):
+def members(settings: Any) -> Any:
     return ensemble(settings, slew_of(settings, plant()))
 
 
-def problem(settings, limit):
+def problem(settings: Any, limit: Any) -> Problem:
     basis = Basis(settings.basis, settings.functions, settings.duration)
     return Problem(members(settings), basis, settings.rho, np.full(2, limit))
 
 
 @pytest.mark.parametrize("limit", [1000.0, 142.5])
-def test_the_weights_are_the_best_ones(limit):
+def test_the_weights_are_the_best_ones(limit: float) -> None:
     asked = problem(RobustFeedforward(rho=1e-8), limit)
     u, last = limited_gauss_newton(asked, 60, 1e-9, lambda update: None)[-1]
     maps = asked.maps
 
-    def objective(weights):
+    def objective(weights: Any) -> Any:
         value = asked.rho * weights @ weights
         for member, at in zip(asked.members, maps, strict=True):
             value += np.sum((member.weight @ at.terminal_error(weights)) ** 2) / len(maps)
@@ -138,7 +140,7 @@ def test_the_weights_are_the_best_ones(limit):
         assert objective(u + 0.5 * rng.standard_normal(u.size)) > objective(u)
 
 
-def test_the_efforts_and_their_sensitivities_are_those_of_the_flight():
+def test_the_efforts_and_their_sensitivities_are_those_of_the_flight() -> None:
     asked = problem(RobustFeedforward(), 150.0)
     member, at = asked.members[0], asked.maps[0]
     weights = 30.0 * np.random.default_rng(0).standard_normal(18)
@@ -156,7 +158,7 @@ def test_the_efforts_and_their_sensitivities_are_those_of_the_flight():
         np.testing.assert_allclose(slopes[:, :, k], (ahead - behind) / 2e-3, atol=1e-8)
 
 
-def test_the_weight_is_the_mean_vibration_after_the_end():
+def test_the_weight_is_the_mean_vibration_after_the_end() -> None:
     member = members(RobustFeedforward())[2]
     slew = member.manoeuvre
     y = 1e-4 * np.array([1.0, -2.0, 30.0, 0.5, 0.2, 10.0])
@@ -168,7 +170,7 @@ def test_the_weight_is_the_mean_vibration_after_the_end():
     assert np.sum((member.weight @ y) ** 2) == pytest.approx(mean, rel=1e-3)
 
 
-def test_every_pair_of_errors_is_a_member():
+def test_every_pair_of_errors_is_a_member() -> None:
     settings = RobustFeedforward(stiffness_errors=(-0.1, 0.1), payload_errors=(0.0, 0.3))
     found = members(settings)
     pairs = [(m.stiffness_error, m.payload_error) for m in found]
@@ -177,16 +179,17 @@ def test_every_pair_of_errors_is_a_member():
     assert inertia[2] - inertia[0] == pytest.approx(0.3 * 2000.0)
 
 
-def test_one_exact_member_is_left_at_rest_like_the_plain_plan():
+def test_one_exact_member_is_left_at_rest_like_the_plain_plan() -> None:
     alone = plan(stiffness_errors=(0.0,), rho=4e-12)
     assert residual_tip(alone, 0.0) < 0.01
 
 
-def test_what_cannot_be_is_said_in_one_line():
+def test_what_cannot_be_is_said_in_one_line() -> None:
     with pytest.raises(PlanFailed, match=r"needs \d+\.?\d* N m on base_yaw \(EI .* limit is 40"):
         plan(limit=40.0, duration=12.0)
     with pytest.raises(PlanFailed, match="did not settle after 1 updates"):
         plan(max_iterations=1)
+    wrong: dict[str, Any]
     for wrong in (
         {"stiffness_errors": []},
         {"stiffness_errors": [-1.0]},

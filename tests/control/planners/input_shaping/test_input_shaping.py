@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.plants import plant
@@ -11,13 +13,13 @@ from flexslew_plant.testbeds.csa import CsaTestbed
 LIMIT = np.array([150.0, 150.0])
 
 
-def planned(limit=LIMIT, **more):
+def planned(limit: Any = LIMIT, **more: Any) -> Any:
     settings = validated(InputShaping, more, "trial.yaml")
     return make_plan(settings, plant(0.01, limit))
 
 
 @pytest.mark.parametrize("command", ["cubic", "quintic", "sin2", "bang_bang"])
-def test_commands_are_their_own_derivatives_and_reach_one(command):
+def test_commands_are_their_own_derivatives_and_reach_one(command: str) -> None:
     s = np.linspace(0.013, 0.983, 971)
     h = 1e-6
     _, rate, slope = command_profile(command, s)
@@ -30,7 +32,9 @@ def test_commands_are_their_own_derivatives_and_reach_one(command):
 
 @pytest.mark.parametrize("variant", ["printed", "complete"])
 @pytest.mark.parametrize("command", ["cubic", "quintic", "sin2", "bang_bang"])
-def test_the_modes_end_at_rest_and_the_joints_at_the_goal_while_both_move(command, variant):
+def test_the_modes_end_at_rest_and_the_joints_at_the_goal_while_both_move(
+    command: str, variant: str
+) -> None:
     plan = planned(duration=20.0, command=command, model={"variant": variant, "modes": 2})
     assert plan.state[-1] == pytest.approx([1.0, 0.5, *np.zeros(6)], abs=1e-5)
     smooth = command in ("quintic", "sin2")
@@ -39,7 +43,7 @@ def test_the_modes_end_at_rest_and_the_joints_at_the_goal_while_both_move(comman
 
 @pytest.mark.parametrize("variant", ["printed", "complete"])
 @pytest.mark.parametrize("command", ["quintic", "bang_bang"])
-def test_the_effort_flies_the_model_along_the_plan(command, variant):
+def test_the_effort_flies_the_model_along_the_plan(command: str, variant: str) -> None:
     plan = planned(duration=20.0, command=command, model={"variant": variant, "modes": 1})
     model = CsaTestbed(variant=variant, modes=1).model()
     x = plan.state[0]
@@ -49,7 +53,7 @@ def test_the_effort_flies_the_model_along_the_plan(command, variant):
     assert x == pytest.approx(plan.state[-1], abs=1e-5)
 
 
-def test_the_bench_keeps_within_millimetres_with_modes_nobody_shaped():
+def test_the_bench_keeps_within_millimetres_with_modes_nobody_shaped() -> None:
     plan = planned(duration=18.0, command="sin2", goal={"base_yaw": np.pi / 6, "hub_pitch": 0.5})
     model, x, tip = CsaTestbed(modes=3).model(), np.zeros(10), 0.0
     for k in range(4000):
@@ -61,17 +65,17 @@ def test_the_bench_keeps_within_millimetres_with_modes_nobody_shaped():
     assert tip < 0.004  # the page's case; 0.308 m with theta' shaped instead
 
 
-def test_damped_modes_end_at_rest():
+def test_damped_modes_end_at_rest() -> None:
     plan = planned(duration=20.0, damping=0.05, model={"damping_ratio": 0.05})
     assert np.abs(plan.state[-1] - [1.0, 0.5, 0, 0, 0, 0]).max() < 1e-9
 
 
-def test_pitch_where_yaw_moves_no_appendage_is_refused():
+def test_pitch_where_yaw_moves_no_appendage_is_refused() -> None:
     with pytest.raises(BadInput, match=r"goal: hub_pitch: 1\.6 is not allowed"):
         planned(goal={"base_yaw": 1.0, "hub_pitch": 1.6})
 
 
-def test_what_cannot_be_shaped_is_said_in_one_line():
+def test_what_cannot_be_shaped_is_said_in_one_line() -> None:
     with pytest.raises(PlanFailed, match=r"needs .* N m on base_yaw"):
         planned(duration=1.0)
     with pytest.raises(BadInput, match="negative: true"):

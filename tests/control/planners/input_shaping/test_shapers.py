@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ W = 0.468949
 
 @pytest.mark.parametrize("name", ["zv", "zvd", "zvdd"])
 @pytest.mark.parametrize("damping", [0.0, 0.02, 0.3])
-def test_no_vibration_is_left_at_the_nominal_frequency(name, damping):
+def test_no_vibration_is_left_at_the_nominal_frequency(name: str, damping: float) -> None:
     shaper = make_shaper(name, W, damping)
     assert shaper.residual(W, damping)[0] < 1e-12
     assert shaper.amplitudes.sum() == pytest.approx(1.0, abs=1e-15)
@@ -26,7 +28,9 @@ def test_no_vibration_is_left_at_the_nominal_frequency(name, damping):
         ("ei_two_hump", 0.726, 2e-3),
     ],
 )
-def test_the_width_at_five_percent_is_the_published_one(name, width, digits):
+def test_the_width_at_five_percent_is_the_published_one(
+    name: str, width: Any, digits: float
+) -> None:
     errors = np.linspace(-0.6, 0.6, 120001)
     good = make_shaper(name, W).residual(W * (1.0 + errors)) <= 0.05 + 1e-9
     middle = errors.size // 2
@@ -38,7 +42,7 @@ def test_the_width_at_five_percent_is_the_published_one(name, width, digits):
     assert errors[high] - errors[low] == pytest.approx(width, abs=digits)
 
 
-def test_zero_vibration_leaves_an_exact_mode_at_rest():
+def test_zero_vibration_leaves_an_exact_mode_at_rest() -> None:
     shaper, w, t = make_shaper("zv", W), W, 40.0
     x = sum(
         a * (1 - np.cos(w * (t - s))) for a, s in zip(shaper.amplitudes, shaper.times, strict=True)
@@ -48,13 +52,13 @@ def test_zero_vibration_leaves_an_exact_mode_at_rest():
     assert v == pytest.approx(0.0, abs=1e-9)
 
 
-def test_several_modes_are_shaped_by_convolution():
+def test_several_modes_are_shaped_by_convolution() -> None:
     both = convolved([make_shaper("zv", 0.34), make_shaper("zvd", 2.12, 0.01)])
     assert both.residual(0.34)[0] < 1e-12
     assert both.residual(2.12, 0.01)[0] < 1e-12
 
 
-def test_a_shaped_command_stays_within_the_bounds_and_reaches_the_end():
+def test_a_shaped_command_stays_within_the_bounds_and_reaches_the_end() -> None:
     generator = np.random.default_rng(5)
     command = generator.uniform(-1.0, 2.0, 200)
     for name in ("zv", "zvd", "zvdd", "ei", "ei_two_hump"):
@@ -64,7 +68,7 @@ def test_a_shaped_command_stays_within_the_bounds_and_reaches_the_end():
         assert shaped[-1] == command[-1]
 
 
-def test_delays_are_exact_between_the_ticks():
+def test_delays_are_exact_between_the_ticks() -> None:
     ramp = np.arange(101) * 0.01
     shaper = make_shaper("zv", 3.3)
     shaped = shaper.shape(ramp, 0.01)
@@ -73,7 +77,7 @@ def test_delays_are_exact_between_the_ticks():
     assert shaped == pytest.approx(exact, abs=1e-13)
 
 
-def test_negative_impulses_must_be_asked_for():
+def test_negative_impulses_must_be_asked_for() -> None:
     with pytest.raises(BadInput, match="negative: true"):
         make_shaper("um_zv", W)
     for damping in (0.0, 0.1):
@@ -82,7 +86,7 @@ def test_negative_impulses_must_be_asked_for():
         assert shaper.duration < make_shaper("zv", W, damping).duration
 
 
-def test_numbers_out_of_range_are_refused():
+def test_numbers_out_of_range_are_refused() -> None:
     for frequency, damping in ((0.0, 0.0), (-1.0, 0.0), (1.0, 1.0), (1.0, -0.1)):
         with pytest.raises(BadInput, match="is not allowed"):
             make_shaper("zv", frequency, damping)

@@ -1,4 +1,5 @@
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,26 +20,26 @@ PERIOD = 0.01
 GOAL = {"base_yaw": float(np.pi / 6), "hub_pitch": 0.5}
 
 
-def planned(pitch=0.0, limit=(150.0, 150.0), **changes):
+def planned(pitch: float = 0.0, limit: Any = (150.0, 150.0), **changes: Any) -> Any:
     testbed = CsaTestbed(variant="printed", initial=CsaInitial(hub_pitch=pitch))
     return make_plan(StartCoastStop(**{"goal": GOAL, **changes}), plant(PERIOD, limit, testbed))
 
 
-def test_pulses_turn_a_rigid_body_by_the_angle():
+def test_pulses_turn_a_rigid_body_by_the_angle() -> None:
     motion = pulses(0.5, 100.0, 0.4, 7000.0)
     t = np.linspace(0.0, motion.duration, 20001)
     np.testing.assert_allclose(np.trapezoid(motion.rate(t), t), 0.5, rtol=1e-8)
     np.testing.assert_allclose(motion.rate(t).max(), 100.0 * motion.length / 14000.0)
 
 
-def test_a_short_turn_weakens_the_pulses_instead_of_overlapping_them():
+def test_a_short_turn_weakens_the_pulses_instead_of_overlapping_them() -> None:
     motion = pulses(-0.01, 100.0, 0.4, 7000.0)
     t = np.linspace(0.0, motion.duration, 20001)
     assert motion.stop == pytest.approx(motion.length)
     np.testing.assert_allclose(np.trapezoid(motion.rate(t), t), -0.01, rtol=1e-6)
 
 
-def test_two_impulses_cancel_a_damped_mode():
+def test_two_impulses_cancel_a_damped_mode() -> None:
     a1, a2, delay = two_impulses(0.7, 0.1)
     pole = -0.1 * 0.7 + 1j * 0.7 * np.sqrt(1.0 - 0.01)
     assert abs(a1 + a2 * np.exp(-pole * delay)) < 1e-12
@@ -46,7 +47,7 @@ def test_two_impulses_cancel_a_damped_mode():
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.5])
-def test_the_nominal_motion_reaches_the_goal_and_rests(pitch):
+def test_the_nominal_motion_reaches_the_goal_and_rests(pitch: float) -> None:
     plan = planned(pitch)
     np.testing.assert_allclose(plan.state[-1, :2], [np.pi / 6, 0.5], atol=1e-12)
     np.testing.assert_allclose(plan.state[-1, 2:], 0.0, atol=1e-8)
@@ -55,12 +56,12 @@ def test_the_nominal_motion_reaches_the_goal_and_rests(pitch):
     np.testing.assert_allclose(velocity, middle, atol=1e-6)
 
 
-def test_an_unshaped_reference_rings():
+def test_an_unshaped_reference_rings() -> None:
     plan = planned(shaper="none")
     assert abs(plan.state[-1, [2, 5]]).max() > 0.05
 
 
-def test_the_feedforward_drives_the_model_along_the_nominal_states():
+def test_the_feedforward_drives_the_model_along_the_nominal_states() -> None:
     plan = planned()
     model = CsaTestbed(variant="printed", modes=1).model()
     x = plan.state[0]
@@ -69,17 +70,17 @@ def test_the_feedforward_drives_the_model_along_the_nominal_states():
     np.testing.assert_allclose(x, plan.state[-1], atol=2e-4)
 
 
-def test_a_goal_that_is_reached_already_is_refused():
+def test_a_goal_that_is_reached_already_is_refused() -> None:
     with pytest.raises(BadInput, match="there already"):
         planned(0.5, goal={"base_yaw": 0.0, "hub_pitch": 0.5})
 
 
-def test_a_feedforward_above_the_limit_fails():
+def test_a_feedforward_above_the_limit_fails() -> None:
     with pytest.raises(PlanFailed, match="above the limit"):
         planned(limit=(20.0, 150.0))
 
 
-def test_a_given_duration_is_kept_and_takes_the_least_amplitude():
+def test_a_given_duration_is_kept_and_takes_the_least_amplitude() -> None:
     plan = planned(duration=30.0)
     assert plan.duration == pytest.approx(30.0, abs=1e-12)
     assert plan.position[-1] == pytest.approx([np.pi / 6, 0.5])
@@ -92,7 +93,7 @@ def test_a_given_duration_is_kept_and_takes_the_least_amplitude():
         planned(duration=30.0, amplitude=50.0)
 
 
-def test_a_tip_that_swings_on_after_the_end_is_warned_of():
+def test_a_tip_that_swings_on_after_the_end_is_warned_of() -> None:
     assert "warning" not in planned().summary
     system = planned(shaper="system").summary
     assert system["tip_left_swinging"] > 1.0
@@ -103,7 +104,7 @@ def test_a_tip_that_swings_on_after_the_end_is_warned_of():
     assert "warning" not in planned(shaper="system", feedforward="rigid").summary
 
 
-def test_the_time_that_two_pulses_lack_is_enough():
+def test_the_time_that_two_pulses_lack_is_enough() -> None:
     for duration in (8.1, 9.7, 12.34):
         with pytest.raises(PlanFailed, match="do not fit") as caught:
             planned(duration=duration)

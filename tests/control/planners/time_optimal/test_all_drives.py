@@ -1,5 +1,6 @@
 import signal
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,11 +15,11 @@ from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbe
 
 
 @pytest.fixture
-def one_start(monkeypatch):
+def one_start(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(all_drives, "_STARTS", 1)
 
 
-def planned(goal, variant="complete", heard=None, **more):
+def planned(goal: Any, variant: str = "complete", heard: Any = None, **more: Any) -> Any:
     values = {
         "method": "time_optimal",
         "model": {"kind": "csa", "modes": 1, "variant": variant},
@@ -32,8 +33,8 @@ def planned(goal, variant="complete", heard=None, **more):
     return make_plan(settings, bench, progress=None if heard is None else heard.append)
 
 
-def test_pitching_on_the_way_turns_faster_than_yaw_alone():
-    heard = []
+def test_pitching_on_the_way_turns_faster_than_yaw_alone() -> None:
+    heard: list[Any] = []
     plan = planned({"base_yaw": 1.0}, "printed", heard, drives="all")
     assert plan.duration == pytest.approx(19.050509, abs=1e-6)  # physics/time_optimal
     assert plan.duration < 19.190624  # yaw alone
@@ -45,7 +46,7 @@ def test_pitching_on_the_way_turns_faster_than_yaw_alone():
     assert heard[-1].objective == pytest.approx(plan.duration, rel=1e-3)
 
 
-def test_both_joints_of_m1_arrive_at_once(one_start):
+def test_both_joints_of_m1_arrive_at_once(one_start: None) -> None:
     plan = planned({"base_yaw": 1.0, "hub_pitch": 0.5})
     assert plan.summary["optimal"]
     assert plan.duration > plan.summary["rigid_duration"]
@@ -55,7 +56,7 @@ def test_both_joints_of_m1_arrive_at_once(one_start):
     assert (np.abs(np.diff(signs, axis=0)).sum(axis=1) == 2.0).all()  # one drive at a time
 
 
-def test_efforts_that_hardly_matter_are_kept_as_the_programme_found_them(one_start):
+def test_efforts_that_hardly_matter_are_kept_as_the_programme_found_them(one_start: None) -> None:
     plan = planned({"hub_pitch": 0.5})
     assert not plan.summary["optimal"]
     assert plan.summary["optimality"].startswith("the optimum of a transcription on 100 intervals")
@@ -64,7 +65,7 @@ def test_efforts_that_hardly_matter_are_kept_as_the_programme_found_them(one_sta
 
 @pytest.mark.parametrize("variant", ["printed", "complete"])
 @pytest.mark.parametrize("modes", [1, 3])
-def test_the_symbolic_model_is_the_testbed(variant, modes):
+def test_the_symbolic_model_is_the_testbed(variant: str, modes: int) -> None:
     casadi = pytest.importorskip("casadi")
     testbed = CsaTestbed(variant=variant, modes=modes, damping_ratio=0.02)
     model = testbed.model()
@@ -76,7 +77,9 @@ def test_the_symbolic_model_is_the_testbed(variant, modes):
         assert ours == pytest.approx(model.derivative(x, effort), rel=1e-10, abs=1e-12)
 
 
-def test_what_cannot_be_done_is_said_in_one_line(monkeypatch, one_start):
+def test_what_cannot_be_done_is_said_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, one_start: None
+) -> None:
     with pytest.raises(BadInput, match="robust: true is not allowed: a slew by all drives"):
         planned({"base_yaw": 1.0, "hub_pitch": 0.5}, robust=True)
     with pytest.raises(BadInput, match="drives: all is not allowed: there is one"):
@@ -88,17 +91,18 @@ def test_what_cannot_be_done_is_said_in_one_line(monkeypatch, one_start):
         planned({"base_yaw": 1.0, "hub_pitch": 0.5})
 
 
-def test_an_interrupt_inside_the_solver_ends_the_planning(monkeypatch):
+def test_an_interrupt_inside_the_solver_ends_the_planning(monkeypatch: pytest.MonkeyPatch) -> None:
     iterations, check = [], Interrupt.check
 
-    def interrupted_at_the_third(self, iteration=0):
+    def interrupted_at_the_third(self: Any, iteration: int = 0) -> None:
         iterations.append(iteration)
         if len(iterations) == 3:
             signal.raise_signal(signal.SIGINT)
         check(self, iteration)
 
     monkeypatch.setattr(Interrupt, "check", interrupted_at_the_third)
-    heard, before = [], signal.getsignal(signal.SIGINT)
+    heard: list[Any] = []
+    before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
         planned({"base_yaw": 1.0, "hub_pitch": 0.5}, heard=heard)
     assert heard == []  # no other start was tried
@@ -106,8 +110,8 @@ def test_an_interrupt_inside_the_solver_ends_the_planning(monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_an_interrupt_reaches_the_handler_that_was_there_before():
-    heard = []
+def test_an_interrupt_reaches_the_handler_that_was_there_before() -> None:
+    heard: list[Any] = []
     before = signal.signal(signal.SIGINT, lambda number, frame: heard.append(number))
     try:
         with pytest.raises(KeyboardInterrupt), interruptible(Interrupt()):

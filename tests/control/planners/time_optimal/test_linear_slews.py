@@ -1,5 +1,7 @@
 """The closed forms against Newton's method from many random starts."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import root
@@ -8,7 +10,7 @@ from flexslew_control.planners.time_optimal.linear_multistart import linear_slew
 from flexslew_control.planners.time_optimal.linear_switching import five_switches, three_switches
 
 
-def five_switch_equations(z, a):
+def five_switch_equations(z: Any, a: Any) -> list[Any]:
     t, t1, t2 = z
     return [
         t**2 / 2 - t2**2 + t1**2 - a / 2,
@@ -17,7 +19,7 @@ def five_switch_equations(z, a):
     ]
 
 
-def ringing(durations, damping):
+def ringing(durations: Any, damping: Any) -> tuple[Any, Any, Any, Any]:
     """Return the end of a mode of frequency 1 and of its derivative by the frequency, and the way.
 
     The mode starts at rest and is pushed by +-1; computed from the exact step response.
@@ -33,7 +35,7 @@ def ringing(durations, damping):
 
 
 @pytest.mark.parametrize("a", 10.0 ** np.random.default_rng(1).uniform(-3.0, 3.5, 8))
-def test_no_antisymmetric_five_switch_slew_is_shorter(a):
+def test_no_antisymmetric_five_switch_slew_is_shorter(a: Any) -> None:
     rng = np.random.default_rng(2)
     found = five_switches(a)
     assert (np.diff(found[:, 0]) >= 0.0).all()
@@ -51,7 +53,9 @@ def test_no_antisymmetric_five_switch_slew_is_shorter(a):
 
 @pytest.mark.parametrize("switches", [3, 5])
 @pytest.mark.parametrize("seed", range(5))
-def test_slews_of_the_damped_mode_end_at_rest_and_none_is_found_shorter_elsewhere(switches, seed):
+def test_slews_of_the_damped_mode_end_at_rest_and_none_is_found_shorter_elsewhere(
+    switches: int, seed: Any
+) -> None:
     rng = np.random.default_rng(seed)
     a, damping = 10.0 ** rng.uniform(-2.0, 2.5), rng.uniform(0.0, 0.3)
     slews = linear_slews(a, damping, switches, 1.0)
@@ -65,14 +69,14 @@ def test_slews_of_the_damped_mode_end_at_rest_and_none_is_found_shorter_elsewher
     assert slews[0].sum() == pytest.approx(linear_slews(a, damping, switches)[0].sum(), abs=1e-9)
 
 
-def test_an_undamped_slew_needs_no_asymmetry_with_three_switches():
+def test_an_undamped_slew_needs_no_asymmetry_with_three_switches() -> None:
     for a in 10.0 ** np.random.default_rng(3).uniform(-2.0, 3.0, 10):
         t, t1 = three_switches(a)
         best = linear_slews(a, 0.0, 3)[0]
         assert best == pytest.approx([t - t1, t1, t1, t - t1], abs=1e-6)
 
 
-def test_an_overdamped_mode_has_its_slews_too():
+def test_an_overdamped_mode_has_its_slews_too() -> None:
     rest, slope, rate, way = ringing(linear_slews(3.0, 1.2, 5)[0], 1.2)
     assert max(rest, slope, abs(rate)) < 1e-8
     assert way == pytest.approx(3.0)

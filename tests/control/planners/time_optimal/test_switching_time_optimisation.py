@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -31,13 +33,15 @@ PUBLISHED = [
 ]
 
 
-def slew(testbed, amplitude, robust, distance=1.0):
+def slew(testbed: Any, amplitude: Any, robust: Any, distance: float = 1.0) -> BangBang:
     model = testbed.model()
     return BangBang(model, 0, np.zeros(2 * model.coordinates), distance, amplitude, robust)
 
 
 @pytest.mark.parametrize(("testbed", "amplitude", "robust", "times"), PUBLISHED)
-def test_it_finds_the_published_switch_times_from_elsewhere(testbed, amplitude, robust, times):
+def test_it_finds_the_published_switch_times_from_elsewhere(
+    testbed: Any, amplitude: Any, robust: Any, times: Any
+) -> None:
     of = slew(testbed, amplitude, robust)
     wrong = 1.0 + 0.03 * np.cos(np.arange(len(times)))
     found = switch_time_optimisation(of, linear_durations(of) * wrong)
@@ -45,11 +49,11 @@ def test_it_finds_the_published_switch_times_from_elsewhere(testbed, amplitude, 
     assert found.residual <= 1e-9
 
 
-def five_switches(of):
+def five_switches(of: Any) -> Any:
     return of.rigid_duration / 2.0 * np.array([0.6, 0.02, 0.4, 0.4, 0.02, 0.6])
 
 
-def test_it_shortens_a_slew_with_more_switches_than_end_conditions():
+def test_it_shortens_a_slew_with_more_switches_than_end_conditions() -> None:
     of = slew(HubTestbed(), 10.0 * FOOT_POUND, False, 2.0)
     found = switch_time_optimisation(of, five_switches(of))
     assert found.durations.sum() == pytest.approx(3.80453683, abs=1e-6)
@@ -57,7 +61,7 @@ def test_it_shortens_a_slew_with_more_switches_than_end_conditions():
 
 
 @pytest.mark.parametrize("robust", [False, True])
-def test_gradients_by_costates_are_those_by_forward_sensitivities(robust):
+def test_gradients_by_costates_are_those_by_forward_sensitivities(robust: bool) -> None:
     of = slew(HubTestbed(), 2.0 * FOOT_POUND, robust)
     d = linear_durations(of)
     by_duration = of.linearised(d)[1]
@@ -66,7 +70,7 @@ def test_gradients_by_costates_are_those_by_forward_sensitivities(robust):
     assert gradients(of, d) == pytest.approx(by_switch, abs=1e-5)
 
 
-def test_what_it_cannot_do_is_said_in_one_line():
+def test_what_it_cannot_do_is_said_in_one_line() -> None:
     of = slew(HubTestbed(), 2.0 * FOOT_POUND, False)
     with pytest.raises(PlanFailed, match="no arcs that end at the goal"):
         switch_time_optimisation(of, np.array([0.5, 0.5]))

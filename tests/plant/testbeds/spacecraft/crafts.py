@@ -46,7 +46,7 @@ def random_appendage(rng: np.random.Generator, hinge: int, name: str) -> Appenda
     modes = int(rng.integers(0, 5))
     points = random_points(rng, modes)
     half = rng.standard_normal((modes, modes))
-    manoeuvres = ()
+    manoeuvres: tuple[Manoeuvre, ...] = ()
     if hinge == at.PRESCRIBED:
         manoeuvres = (
             Manoeuvre(0.1, 1.3, rng.uniform(-2, 2), direction(rng), at.SMOOTH),

@@ -1,5 +1,7 @@
 """Prescribed hinge motions: their rates are the derivatives of their angles."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.plant.testbeds.spacecraft.crafts import random_axes
@@ -83,7 +85,7 @@ def test_the_profiles_peak_accelerations(profile: int) -> None:
     np.testing.assert_allclose(prescribed(p, block, 0.75)[2], [peak, 0, 0], rtol=1e-12)
 
 
-def integrals_of_one():
+def integrals_of_one() -> Any:
     from tests.plant.testbeds.spacecraft.crafts import random_points
 
     return integrals_of(random_points(np.random.default_rng(1), 0))
