@@ -2,7 +2,9 @@
 
 import os
 import signal
+from pathlib import Path
 from threading import Timer
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +30,7 @@ schedule: [{at: 1.0, disturbance: {base_yaw: 5.0}}]
 """
 
 
-def test_a_killed_controller_ends_in_the_brake_and_a_bench_at_rest(tmp_path):
+def test_a_killed_controller_ends_in_the_brake_and_a_bench_at_rest(tmp_path: Path) -> None:
     flight = Flight(slew(duration=100.0), tmp_path, 100, kill("pd_feedforward"))
     assert flight.outcome.exit_code == 3
     assert "brake" in flight.events
@@ -38,7 +40,7 @@ def test_a_killed_controller_ends_in_the_brake_and_a_bench_at_rest(tmp_path):
     assert end < 0.05 * moving
 
 
-def test_a_fallback_takes_over_from_a_killed_controller(tmp_path):
+def test_a_fallback_takes_over_from_a_killed_controller(tmp_path: Path) -> None:
     trial = slew(
         duration=60.0,
         more=", second: {law: pd_feedforward}",
@@ -51,14 +53,14 @@ def test_a_fallback_takes_over_from_a_killed_controller(tmp_path):
     assert flight.metrics["ticks"] == 6000
 
 
-def test_a_killed_planner_disturbs_nobody_in_flight(tmp_path):
+def test_a_killed_planner_disturbs_nobody_in_flight(tmp_path: Path) -> None:
     flight = Flight(slew(duration=60.0), tmp_path, 100, kill("planner"))
     assert flight.outcome.exit_code == 3
     assert "planner" in flight.outcome.message
     assert flight.metrics["missed_ticks"] == 0
 
 
-def test_a_killed_recorder_leaves_a_readable_log_and_the_run_goes_on(tmp_path):
+def test_a_killed_recorder_leaves_a_readable_log_and_the_run_goes_on(tmp_path: Path) -> None:
     flight = Flight(slew(duration=60.0), tmp_path, 1000, kill("recorder"))
     assert flight.outcome.exit_code == 3
     assert "6000 ticks" in flight.log
@@ -68,8 +70,8 @@ def test_a_killed_recorder_leaves_a_readable_log_and_the_run_goes_on(tmp_path):
     assert metrics["ticks"] > 100
 
 
-def test_an_interrupt_ends_everything_and_leaves_a_whole_log(tmp_path):
-    def interrupt(pids):
+def test_an_interrupt_ends_everything_and_leaves_a_whole_log(tmp_path: Path) -> None:
+    def interrupt(pids: Any) -> None:
         os.kill(os.getpid(), signal.SIGINT)
 
     flight = Flight(slew(duration=1000.0), tmp_path, 50, interrupt)
@@ -78,8 +80,10 @@ def test_an_interrupt_ends_everything_and_leaves_a_whole_log(tmp_path):
     assert "interrupted" in flight.events
 
 
-def test_an_interrupt_of_all_nodes_at_once_leaves_the_plant_s_last_words_in_the_log(tmp_path):
-    def interrupt(pids):
+def test_an_interrupt_of_all_nodes_at_once_leaves_the_plant_s_last_words_in_the_log(
+    tmp_path: Path,
+) -> None:
+    def interrupt(pids: Any) -> None:
         for pid in pids.values():
             os.kill(pid, signal.SIGINT)
 
@@ -88,8 +92,8 @@ def test_an_interrupt_of_all_nodes_at_once_leaves_the_plant_s_last_words_in_the_
     assert flight.metrics["log_complete"]
 
 
-def test_a_stall_of_the_plant_at_real_time_is_no_fault_of_the_controller(tmp_path):
-    def stall(pids):
+def test_a_stall_of_the_plant_at_real_time_is_no_fault_of_the_controller(tmp_path: Path) -> None:
+    def stall(pids: Any) -> None:
         kill("plant", signal.SIGSTOP)(pids)
         Timer(0.3, os.kill, (pids["plant"], signal.SIGCONT)).start()
 
@@ -99,7 +103,7 @@ def test_a_stall_of_the_plant_at_real_time_is_no_fault_of_the_controller(tmp_pat
     assert flight.metrics["ticks"] == 400
 
 
-def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path):
+def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path: Path) -> None:
     with own_domain() as domain:
         flown = {}
         for place in ("bench1", "bench2"):
@@ -127,7 +131,7 @@ def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path):
         assert all(frame.startswith(f"{place}/") for frame in frames)
 
 
-def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(tmp_path):
+def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(tmp_path: Path) -> None:
     intruder = NodeProcess("intruder", "tests.ros", "intruder", {})
     flight = Flight(slew(duration=20.0), tmp_path, extra=[intruder])
     assert flight.outcome.exit_code == 0
@@ -137,7 +141,7 @@ def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(tmp_path
     assert flight.metrics["missed_ticks"] == 0
 
 
-def test_bad_input_stops_before_a_folder_is_made(tmp_path):
+def test_bad_input_stops_before_a_folder_is_made(tmp_path: Path) -> None:
     import subprocess
     import sys
 
@@ -154,7 +158,7 @@ def test_bad_input_stops_before_a_folder_is_made(tmp_path):
     assert not (tmp_path / "run").exists()
 
 
-def test_a_run_whose_state_is_lost_ends_in_order(tmp_path):
+def test_a_run_whose_state_is_lost_ends_in_order(tmp_path: Path) -> None:
     trial = parse_trial(LOST, "test")
     alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
     flight = Flight(trial, tmp_path / "ros")

@@ -15,12 +15,10 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 
 def commands(page: Path) -> list[list[str]]:
     """Return the words of each `./flexslew ...` of a page, in blocks and between backticks."""
-    text = page.read_text()
-    found = [
-        line
-        for block in re.findall(r"```(?:sh)?\n(.*?)```", text, re.S)
-        for line in block.splitlines()
-    ]
+    prose, *fenced = page.read_text().split("```")
+    blocks, between = fenced[::2], [prose, *fenced[1::2]]
+    found = [line for block in blocks for line in block.splitlines()]
+    text = "\n".join(between)
     found += re.findall(r"`([^`\n]+)`", text)
     lines = [
         line.partition("./flexslew ")[2].partition(" # ")[0]

@@ -61,10 +61,8 @@ values = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(words, inner, max_size=3),
     max_leaves=6,
 )
-keys = (
-    "wall_time", "ticks", "rejected", "effort_step", "text", "start", "controller", "tick",
-    "max_effort_step", "strict", "from", "to", "hash", "in_a_row",
-)  # fmt: skip
+keys = ("wall_time", "ticks", "rejected", "effort_step", "text", "start", "controller", "tick")
+keys += ("max_effort_step", "strict", "from", "to", "hash", "in_a_row")
 data = st.one_of(
     st.dictionaries(st.sampled_from(keys), values, max_size=6).map(json.dumps),
     values.map(json.dumps),

@@ -1,3 +1,5 @@
+from typing import Any
+
 import pytest
 
 from flexslew_lab.trial.launch_arguments import ARGUMENTS, launch_values
@@ -6,14 +8,14 @@ from flexslew_plant.errors import BadInput
 DEFAULTS = {name: default for name, (default, _) in ARGUMENTS.items()}
 
 
-def test_the_defaults_fly_the_default_trial_with_log_and_report():
+def test_the_defaults_fly_the_default_trial_with_log_and_report() -> None:
     values = launch_values(DEFAULTS, [*DEFAULTS, "ros_namespace"])
     assert (values.rate, values.out, values.controllers) == (None, None, ())
     assert values.record
     assert values.report
 
 
-def test_what_is_given_is_taken():
+def test_what_is_given_is_taken() -> None:
     given = {"rate": "2", "controllers": "lqr, pd_feedforward", "record": "False", "out": "x"}
     values = launch_values(DEFAULTS | given)
     assert (values.rate, values.record, str(values.out)) == (2.0, False, "x")
@@ -28,11 +30,11 @@ def test_what_is_given_is_taken():
         ({"record": "maybe"}, "record: maybe is not allowed: true or false"),
     ],
 )
-def test_a_wrong_value_is_told_in_one_line(given, words):
+def test_a_wrong_value_is_told_in_one_line(given: Any, words: str) -> None:
     with pytest.raises(BadInput, match=words):
         launch_values(DEFAULTS | given)
 
 
-def test_an_unknown_argument_is_refused():
+def test_an_unknown_argument_is_refused() -> None:
     with pytest.raises(BadInput, match="ratte: unknown argument; allowed: trial, out, rate"):
         launch_values(DEFAULTS, [*DEFAULTS, "ratte"])

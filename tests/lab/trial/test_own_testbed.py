@@ -114,7 +114,9 @@ def test_its_run_is_recorded_reported_and_flown_again_from_the_log(tmp_path: Pat
         assert word in page
 
 
-def test_the_report_of_a_log_runs_no_code_that_is_not_trusted(tmp_path, monkeypatch, capsys):
+def test_the_report_of_a_log_runs_no_code_that_is_not_trusted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     marker, own = tmp_path / "was_run", tmp_path / "own_bed.py"
     code = (ROOT / "docs/examples/three_joints.py").read_text()
     own.write_text(code)
