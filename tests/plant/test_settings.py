@@ -7,6 +7,7 @@ from flexslew_plant.bench.bench import BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import PerJoint, flat, load_yaml, plain, validated, yaml_text
 from flexslew_plant.testbeds import TestbedSettings as Bed
+from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 
@@ -171,3 +172,10 @@ def test_a_key_that_stands_twice_is_refused(text: str, words: str) -> None:
 def test_equal_keys_of_different_sections_and_merges_are_read() -> None:
     text = "a: &a {x: 1, y: 2}\nb: {<<: *a, x: 3}\nc: [{x: 1}, {x: 1}]"
     assert load_yaml(text, "t")["b"] == {"x": 3, "y": 2}
+
+
+@pytest.mark.parametrize(("kind", "drives"), [("csa", 2), ("floating_oscillator", 1)])
+def test_a_single_effort_limit_serves_every_drive(kind, drives):
+    found = read_testbed({"kind": kind, "effort_limit": 7}, "t")
+    assert found.effort_limit == (7.0,) * drives
+    assert "effort_limit.0: -7 is not allowed" in refusal(Bed, {"kind": kind, "effort_limit": -7})

@@ -7,7 +7,7 @@ group flexslew.testbeds.
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-from pydantic import Discriminator, PlainValidator, Tag
+from pydantic import BeforeValidator, Discriminator, PlainValidator, Tag
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -39,13 +39,29 @@ def _kind(values: Any) -> str:
     return name if name in TESTBEDS else "own"
 
 
+def _limited(values: Any) -> Any:
+    """Return a section of a shipped kind with one limit per drive."""
+    kind = TESTBEDS.get(_kind(values))
+    return values if kind is None or not isinstance(values, dict) else _for_all(kind, values)
+
+
+def _for_all(kind: type[Any], values: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of a section with a single `effort_limit` given to every drive."""
+    limit = values.get("effort_limit")
+    if not isinstance(limit, int | float) or isinstance(limit, bool):
+        return values
+    field = getattr(kind, "__dataclass_fields__", {}).get("effort_limit")
+    drives = len(field.default) if field is not None and isinstance(field.default, tuple) else 1
+    return {**values, "effort_limit": [limit] * drives}
+
+
 def _own(values: Any) -> Any:
     """Return a section of the user's own class."""
     if not isinstance(values, dict):
         return values
     try:
         found = find_class(str(values["kind"]), GROUP, "testbed", "kind", tuple(TESTBEDS))
-        return validated(found, values, str(values["kind"]))
+        return validated(found, _for_all(found, values), str(values["kind"]))
     except BadInput as error:
         raise ValueError(str(error)) from None
 
@@ -61,6 +77,7 @@ else:
         | Annotated[VaryingOscillatorTestbed, Tag("varying_oscillator")]
         | Annotated[Any, PlainValidator(_own), Tag("own")],
         Discriminator(_kind),
+        BeforeValidator(_limited),
     ]
 
 
