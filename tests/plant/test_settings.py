@@ -175,7 +175,7 @@ def test_equal_keys_of_different_sections_and_merges_are_read() -> None:
 
 
 @pytest.mark.parametrize(("kind", "drives"), [("csa", 2), ("floating_oscillator", 1)])
-def test_a_single_effort_limit_serves_every_drive(kind, drives):
+def test_a_single_effort_limit_serves_every_drive(kind: str, drives: int) -> None:
     found = read_testbed({"kind": kind, "effort_limit": 7}, "t")
     assert found.effort_limit == (7.0,) * drives
     assert "effort_limit.0: -7 is not allowed" in refusal(Bed, {"kind": kind, "effort_limit": -7})
