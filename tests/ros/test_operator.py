@@ -268,33 +268,6 @@ def test_planning_is_cancelled_in_any_method_and_bad_goals_have_words(operator):
     client.destroy()
 
 
-def test_the_command_line_operates_the_bench(operator, monkeypatch, capsys):
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["flexslew", *words])
-        with pytest.raises(SystemExit) as end:
-            main()
-        said = capsys.readouterr()
-        return end.value.code, (said.out + said.err).strip()
-
-    rclpy.shutdown()  # a command is a process of its own
-    try:
-        call("start")
-        assert call("pause")[0] == 0
-        code, words = call("pause")
-        assert (code, words) == (1, "not running but paused")
-        assert call("step", "3")[0] == 0
-        code, words = call("controllers", "--json")
-        assert code == 0
-        assert {c["controller"] for c in json.loads(words)["controllers"]} >= {"second"}
-        assert call("inject", "{kind: command_lost}")[0] == 1  # faults are off
-        assert "nobody" in call("switch", "nobody")[1]
-        assert call("brake")[0] == 0
-        assert call("brake", "--release")[0] == 0
-        assert call("reset")[0] == 0
-    finally:
-        rclpy.init()
-
-
 def test_a_second_plant_leaves_with_words_and_a_second_controller_steps_back(operator):
     plant = subprocess.Popen(
         [sys.executable, "-m", "flexslew_plant.ros.plant_node", "--ros-args", "-r", "__node:=two"],
@@ -332,3 +305,30 @@ def test_a_dead_controller_is_not_ready_and_no_switch_to_it_is_taken(operator):
     reply = operator.call(srv.SwitchController, "switch_controller", controller="second")
     assert reply.message == "second is not ready: it gives no sign of life"
     assert (reply.ok, reply.active) == (False, "pd_feedforward")
+
+
+def test_the_command_line_operates_the_bench(operator, monkeypatch, capsys):
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["flexslew", *words])
+        with pytest.raises(SystemExit) as end:
+            main()
+        said = capsys.readouterr()
+        return end.value.code, (said.out + said.err).strip()
+
+    rclpy.shutdown()  # a command is a process of its own
+    try:
+        call("start")
+        assert call("pause")[0] == 0
+        code, words = call("pause")
+        assert (code, words) == (1, "not running but paused")
+        assert call("step", "3")[0] == 0
+        code, words = call("controllers", "--json")
+        assert code == 0
+        assert {c["controller"] for c in json.loads(words)["controllers"]} >= {"second"}
+        assert call("inject", "{kind: command_lost}")[0] == 1  # faults are off
+        assert "nobody" in call("switch", "nobody")[1]
+        assert call("brake")[0] == 0
+        assert call("brake", "--release")[0] == 0
+        assert call("reset")[0] == 0
+    finally:
+        rclpy.init()

@@ -1,6 +1,8 @@
 """Plans made in a process of their own, so that whoever asks can cancel at any moment."""
 
+import math
 import signal
+from collections.abc import Sequence
 from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -83,6 +85,16 @@ class Planning:
         self._process = context.Process(target=_work, args=(end,), daemon=True)
         self._process.start()
         end.close()
+
+
+def unusable(period: float, effort_limit: Sequence[float]) -> str:
+    """Return what is wrong with the numbers of a request, or an empty text."""
+    if not (math.isfinite(period) and period > 0.0):
+        return f"period: {period} is not allowed: a positive number of seconds"
+    limit = list(effort_limit)
+    if not limit or not all(math.isfinite(value) and value > 0.0 for value in limit):
+        return f"effort_limit: {limit} is not allowed: one positive number per joint"
+    return ""
 
 
 def _work(pipe: Connection) -> None:

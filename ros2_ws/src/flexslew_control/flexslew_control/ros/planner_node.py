@@ -1,6 +1,5 @@
 """The `planner` node: plans on request (action `plan_slew`) and what its parameters ask for."""
 
-import math
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -13,32 +12,23 @@ from rclpy.task import Future
 from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
-from flexslew_control.planning import Iteration, Planning, PlanRequest, Refusal
+from flexslew_control.planning import Iteration, Planning, PlanRequest, Refusal, unusable
+from flexslew_control.ros.bench_clock import BenchClock
+from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_plant import topics
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop, run_node
-from flexslew_plant.ros.messages import message_of, seconds_of, stamp
+from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
-from flexslew_plant.settings import NonNegative, load_yaml, section
+from flexslew_plant.settings import load_yaml
 
 _LOOK = 0.2  # between two looks at the graph [wall s]
 _PLANNING = 0.02  # between two looks at the planning process [wall s]
 _CANCELED = Refusal(False, "canceled by the client")
-
-
-@section
-class PlannerSettings:
-    """The parameters of the node."""
-
-    kp: tuple[NonNegative, ...] = ()  # gains of the controller in charge, if it has such gains
-    kd: tuple[NonNegative, ...] = ()
-    plan: str = ""  # `plan` section as YAML: planned as soon as the testbed is known; empty: none
-    file: str = ""  # a saved plan to publish instead; empty: none
-    exit_with_plant: bool = False  # end the process when the plant is gone
 
 
 class Planner:
@@ -53,13 +43,11 @@ class Planner:
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
         self._done: Future | None = None  # of the plan under way
         self._testbed = ""  # settings of what stands on the bench, YAML
-        self._bench = msg.BenchState()
-        self._heard = 0.0  # when that came [wall s]
+        self._clock = BenchClock(node)
         self._next_look = 0.0
         self._plan = publisher(node, topics.PLAN)
         self._events = EventLog(node)
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
-        subscription(node, topics.BENCH_STATE, self._on_bench)
         serve_changes(node, lambda changes: "")
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         self._server = ActionServer(
@@ -113,9 +101,6 @@ class Planner:
         if self._goal is None and isinstance(news, Plan):
             self._publish(news, "")
 
-    def _on_bench(self, message: msg.BenchState) -> None:
-        self._bench, self._heard = message, monotonic()
-
     def _request(self, values: Any, period: float, limit: tuple[float, ...]) -> PlanRequest:
         gains = self._settings.kp, self._settings.kd
         return PlanRequest(values, self._testbed, period, limit, *gains)
@@ -130,29 +115,22 @@ class Planner:
             self._ask(self._request(values, testbed.period, limit), None)
 
     def _publish(self, plan: Plan, who: str) -> msg.Plan:
-        now = self._now()
+        now = self._clock.now()
         message = message_of(msg.Plan, {"stamp": stamp(now), **plan_fields(plan)})
         self._plan.publish(message)
         words = f"{plan.method}: {plan.duration:g} s planned, hash {message.hash[:12]}"
         data = {"hash": message.hash, "method": plan.method, "who": who or "unnamed"}
         tick = round(now / plan.period)
-        event = Event(tick, now, self._bench.epoch, Level.INFO, "planner", "planned", words, data)
+        event = Event(tick, now, self._clock.epoch, Level.INFO, "planner", "planned", words, data)
         self._events.tell(event)
         return message
-
-    def _now(self) -> float:
-        """Return the simulated time [s]: as the plant told it, and what has passed since."""
-        known = seconds_of(self._bench.stamp)
-        running = self._bench.state == "running"
-        passed = (monotonic() - self._heard) * self._bench.rate_factor if running else 0.0
-        return known + passed
 
     async def _execute(self, goal: ServerGoalHandle) -> action.PlanSlew.Result:
         request, result = goal.request, action.PlanSlew.Result()
         outcome: Plan | Refusal
         if self._done is not None:
             outcome = Refusal(False, "another plan is being made; cancel it, or wait")
-        elif words := _unusable(request):
+        elif words := unusable(request.period, request.effort_limit):
             outcome = Refusal(True, words)
         else:
             try:
@@ -174,16 +152,6 @@ class Planner:
             result.error_code = result.BAD_INPUT if outcome.bad_input else result.FAILED
             goal.abort()
         return result
-
-
-def _unusable(request: Any) -> str:
-    """Return what is wrong with the numbers of a goal, or an empty text."""
-    if not (math.isfinite(request.period) and request.period > 0.0):
-        return f"period: {request.period} is not allowed: a positive number of seconds"
-    limit = list(request.effort_limit)
-    if not limit or not all(math.isfinite(value) and value > 0.0 for value in limit):
-        return f"effort_limit: {limit} is not allowed: one positive number per joint"
-    return ""
 
 
 def main() -> None:

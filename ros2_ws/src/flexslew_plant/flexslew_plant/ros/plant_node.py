@@ -8,26 +8,23 @@ from flexslew_msgs import msg
 
 from flexslew_plant import topics
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.events import Level
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.message_fields import testbed_fields, truth_fields
 from flexslew_plant.bench.run_state import FINISHED
 from flexslew_plant.bench.session import Session
 from flexslew_plant.bench.wire import command_from, measurement_bytes
-from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.diagnostics import Diagnostics
 from flexslew_plant.ros.display import Display
 from flexslew_plant.ros.event_log import EventLog
-from flexslew_plant.ros.graph import incompatible, unmatched
+from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
+from flexslew_plant.ros.plant_report import NOTICE, PlantReport
 from flexslew_plant.ros.plant_services import Services
 from flexslew_plant.ros.plant_settings import PlantSettings
 from flexslew_plant.settings import plain, yaml_text
-
-_NOTICE = 1.0  # for an older plant to hear of this one [wall s]
 
 
 class Plant:
@@ -53,10 +50,6 @@ class Plant:
         )
         self.session.presence = self._alive.presence
         self.statuses: dict[str, msg.ControllerStatus] = {}
-        self._next_progress = 0.0
-        self._met = 0.0  # an older plant [wall s]
-        self._told: list[str] = []  # whom it waits for, as logged
-        self._rivals: set[str] = set()  # younger plants
 
         self._measurement = publisher(node, topics.MEASUREMENT)
         self._truth = publisher(node, topics.TRUTH)
@@ -66,6 +59,8 @@ class Plant:
         self._commands = subscription(node, topics.EFFORT_COMMAND, self._on_command, raw=True)
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
+        heard = [self._measurement, self._truth]
+        self._report = PlantReport(node, self.session, self._alive, self._settings.progress, heard)
         self._services = Services(self, loop)
         self._diagnostics = Diagnostics(node, self.session)
         settings = yaml_text(plain(self._settings))
@@ -77,25 +72,13 @@ class Plant:
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
         now = monotonic()
-        if self._is_one_too_many(now):
-            return _NOTICE / 4
+        if self._report.one_too_many(now):
+            return NOTICE / 4
         wait = self.session.poll(now)
         self._send()
-        self._report(now)
+        self._report.poll(now)
         self._diagnostics.poll(now)
         return min(wait, self._services.poll(now))
-
-    def _is_one_too_many(self, now: float) -> bool:
-        """Return whether another plant was here before; leave as soon as it must have noticed.
-
-        Raises:
-            BadInput: it has had the time to.
-        """
-        elder = self._alive.elder
-        self._met = now if elder and not self._met else self._met
-        if elder and now - self._met > _NOTICE:
-            raise BadInput(f"{elder}; give this bench a namespace or a ROS_DOMAIN_ID of its own")
-        return bool(elder)
 
     def close(self) -> None:
         """Leave the graph."""
@@ -129,24 +112,6 @@ class Plant:
             message.header.stamp = stamp(truth.time)
             self._truth.publish(message)
         self._display.show(truth)
-
-    def _report(self, now: float) -> None:
-        """Print the progress, and log who is missing and who is one too many."""
-        session = self.session
-        if self._settings.progress and session.run.running and now >= self._next_progress:
-            print(f"tick {session.bench.tick} of {session.bench.last_tick}", flush=True)
-            self._next_progress = now + 0.5
-        rivals = {beat.node for beat in self._alive.presence.younger(self._alive.beat, now)}
-        for name in sorted(rivals - self._rivals):
-            words = f"another plant has come to this bench and must leave: {name}"
-            session.bench.say(Level.WARNING, "rival", words, {"node": name})
-        self._rivals = rivals
-        if session.waiting_for != self._told:
-            self._told = session.waiting_for
-            if self._told:
-                self.node.get_logger().info(f"waiting for {', '.join(self._told)}")
-                for who in incompatible(self.node, [self._measurement, self._truth]):
-                    self.node.get_logger().warning(f"asks for a QoS that is not offered: {who}")
 
     def _change(self, changes: dict[str, Any]) -> str:
         """Take parameters in flight; return why not, or an empty text."""

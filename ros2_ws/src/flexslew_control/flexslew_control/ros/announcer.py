@@ -1,0 +1,111 @@
+"""Who a controller is and whether it could take charge: the status that its node announces."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from flexslew_msgs import msg
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.subscription import Subscription
+
+from flexslew_control.controllers import settings_text
+from flexslew_control.controllers.host import ControllerHost
+from flexslew_plant import topics
+from flexslew_plant.ros.alive import Alive
+from flexslew_plant.ros.graph import publishers_of, unmatched
+from flexslew_plant.ros.messages import stamp
+from flexslew_plant.ros.offers import publisher
+
+_RENEW = 100  # ticks between two statuses
+
+
+class Announcer:
+    """Publishes a status whenever it changes, and while the controller works.
+
+    Args:
+        node: of the controller.
+        host: that holds it.
+        law: that it runs.
+        alive: signs of life, for others of its name.
+        said: what must be heard: the commands first, then the states.
+        heard: the questions, which tell who the plant is.
+        listeners: nodes that must hear what is said, besides the plant.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        host: ControllerHost,
+        law: str,
+        alive: Alive,
+        said: Sequence[Publisher[Any]],
+        heard: Subscription[Any],
+        listeners: Sequence[str],
+    ) -> None:
+        self._node, self._host, self._law, self._alive = node, host, law, alive
+        self._said, self._heard, self._listeners = said, heard, listeners
+        self._status = publisher(node, topics.CONTROLLER_STATUS)
+        self.plan_hash = ""  # of the newest plan
+        self.elder = ""  # why this one steps back for another one of its name
+        self.reason: str | None = None  # as announced; None: nothing yet
+        self._is_heard = False
+        self._settings = ""
+        self._tick = 0  # of the last status
+
+    def look(self) -> None:
+        """Look at the graph and announce what has changed.
+
+        While an older node of the same name is alive this one says nothing: the bench could not
+        tell whom it hears.
+        """
+        elder, self.elder = self.elder, self._alive.elder
+        if self.elder and not elder:
+            self._node.get_logger().error(f"{self.elder}; this one steps back")
+        self.announce()
+
+    def describe(self, another_bench: bool = False) -> None:
+        """Announce what is computed from the settings that hold now."""
+        host = self._host
+        self._is_heard = self._is_heard and not another_bench
+        if host.controller is not None:
+            self._settings = settings_text(host.controller, self._law, host.values)
+        self.announce(always=True)
+
+    def seen(self, tick: int) -> None:
+        """Announce now and then that it keeps up."""
+        if tick >= self._tick + _RENEW or tick == 0:
+            self.announce(always=True)
+
+    def announce(self, always: bool = False) -> None:
+        """Publish the status if it is another one than the last, or always."""
+        reason = self._reason()
+        if (reason == self.reason and not always) or self.elder:
+            return
+        host = self._host
+        self.reason, self._tick = reason, host.last_tick
+        period = host.controller.period if host.controller else 0.0
+        self._status.publish(
+            msg.ControllerStatus(
+                stamp=stamp(host.last_tick * period),
+                controller=host.name,
+                law=self._law,
+                ready=not reason,
+                reason=reason,
+                last_tick=host.last_tick,
+                epoch=host.epoch,
+                plan_hash=self.plan_hash,
+                settings=self._settings,
+            )
+        )
+
+    def _reason(self) -> str:
+        if self.elder or self._host.reason:
+            return self.elder or self._host.reason
+        if self._is_heard:
+            return ""
+        plant = publishers_of(self._node, self._heard)
+        missing = unmatched(self._node, self._said[:1], [*plant, *self._listeners])
+        missing += unmatched(self._node, self._said[1:], self._listeners)
+        self._is_heard = bool(plant) and not missing
+        unheard = ", ".join(sorted(set(missing))) or "a plant"
+        return "" if self._is_heard else f"not heard by {unheard}"

@@ -1,0 +1,37 @@
+"""The simulated time for nodes that do not hear every tick."""
+
+from time import monotonic
+
+from flexslew_msgs import msg
+from rclpy.node import Node
+
+from flexslew_plant import topics
+from flexslew_plant.ros.messages import seconds_of
+from flexslew_plant.ros.offers import subscription
+
+
+class BenchClock:
+    """Follows the state of the bench, which the plant tells now and then.
+
+    Args:
+        node: that listens.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._state = msg.BenchState()
+        self._heard = 0.0  # when it came [wall s]
+        subscription(node, topics.BENCH_STATE, self._on_state)
+
+    @property
+    def epoch(self) -> int:
+        """Counts resets."""
+        return int(self._state.epoch)
+
+    def now(self) -> float:
+        """Return the simulated time [s]: as told, and what has passed since where it is paced."""
+        running = self._state.state == "running"
+        passed = (monotonic() - self._heard) * self._state.rate_factor if running else 0.0
+        return seconds_of(self._state.stamp) + passed
+
+    def _on_state(self, message: msg.BenchState) -> None:
+        self._state, self._heard = message, monotonic()

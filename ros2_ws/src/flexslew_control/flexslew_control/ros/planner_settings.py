@@ -1,0 +1,14 @@
+"""The parameters of the planner node."""
+
+from flexslew_plant.settings import NonNegative, section
+
+
+@section
+class PlannerSettings:
+    """The parameters of the node."""
+
+    kp: tuple[NonNegative, ...] = ()  # gains of the controller in charge, if it has such gains
+    kd: tuple[NonNegative, ...] = ()
+    plan: str = ""  # `plan` section as YAML: planned as soon as the testbed is known; empty: none
+    file: str = ""  # a saved plan to publish instead; empty: none
+    exit_with_plant: bool = False  # end the process when the plant is gone

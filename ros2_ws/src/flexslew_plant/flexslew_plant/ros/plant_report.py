@@ -1,0 +1,72 @@
+"""What the plant node tells besides its topics: progress, who is missing, who is one too many."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from flexslew_plant.bench.events import Level
+from flexslew_plant.bench.session import Session
+from flexslew_plant.errors import BadInput
+from flexslew_plant.ros.alive import Alive
+from flexslew_plant.ros.graph import incompatible
+
+NOTICE = 1.0  # for an older plant to hear of a newer one [wall s]
+
+
+class PlantReport:
+    """Looks around now and then.
+
+    Args:
+        node: the plant.
+        session: that it runs.
+        alive: signs of life.
+        progress: print the tick twice a wall second.
+        heard: what must be heard.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        session: Session,
+        alive: Alive,
+        progress: bool,
+        heard: Sequence[Publisher[Any]],
+    ) -> None:
+        self._node, self._session, self._alive = node, session, alive
+        self._progress, self._heard = progress, heard
+        self._next = 0.0  # when to print again [wall s]
+        self._told: list[str] = []  # whom it waits for, as logged
+        self._rivals: set[str] = set()  # younger plants
+        self._met = 0.0  # an older plant [wall s]
+
+    def one_too_many(self, now: float) -> bool:
+        """Return whether another plant was here before; leave as soon as it must have noticed.
+
+        Raises:
+            BadInput: it has had the time to.
+        """
+        elder = self._alive.elder
+        self._met = now if elder and not self._met else self._met
+        if elder and now - self._met > NOTICE:
+            raise BadInput(f"{elder}; give this bench a namespace or a ROS_DOMAIN_ID of its own")
+        return bool(elder)
+
+    def poll(self, now: float) -> None:
+        """Print the progress, and log who is missing and who is one too many."""
+        session = self._session
+        if self._progress and session.run.running and now >= self._next:
+            print(f"tick {session.bench.tick} of {session.bench.last_tick}", flush=True)
+            self._next = now + 0.5
+        rivals = {beat.node for beat in self._alive.presence.younger(self._alive.beat, now)}
+        for name in sorted(rivals - self._rivals):
+            words = f"another plant has come to this bench and must leave: {name}"
+            session.bench.say(Level.WARNING, "rival", words, {"node": name})
+        self._rivals = rivals
+        if session.waiting_for != self._told:
+            self._told = session.waiting_for
+            if self._told:
+                self._node.get_logger().info(f"waiting for {', '.join(self._told)}")
+                for who in incompatible(self._node, self._heard):
+                    self._node.get_logger().warning(f"asks for a QoS that is not offered: {who}")
