@@ -14,6 +14,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planning import Iteration, Planning, PlanRequest, Refusal, unusable
 from flexslew_control.ros.bench_clock import BenchClock
+from flexslew_control.ros.plan_result import CANCELED, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_plant import topics
 from flexslew_plant.bench.events import Event, Level
@@ -28,7 +29,6 @@ from flexslew_plant.settings import load_yaml
 
 _LOOK = 0.2  # between two looks at the graph [wall s]
 _PLANNING = 0.02  # between two looks at the planning process [wall s]
-_CANCELED = Refusal(False, "canceled by the client")
 
 
 class Planner:
@@ -70,7 +70,7 @@ class Planner:
             self._take(news)
         if self._done is not None and self._goal is not None and self._goal.is_cancel_requested:
             self._planning.cancel()
-            self._take(_CANCELED)
+            self._take(CANCELED)
         return _PLANNING
 
     def close(self) -> None:
@@ -126,32 +126,25 @@ class Planner:
         return message
 
     async def _execute(self, goal: ServerGoalHandle) -> action.PlanSlew.Result:
-        request, result = goal.request, action.PlanSlew.Result()
-        outcome: Plan | Refusal
+        request = goal.request
+        outcome = await self._outcome(goal)
+        plan = self._publish(outcome, request.who) if isinstance(outcome, Plan) else None
+        return plan_result(goal, outcome, plan)
+
+    async def _outcome(self, goal: ServerGoalHandle) -> Plan | Refusal:
+        """Return what comes of a goal."""
+        request = goal.request
         if self._done is not None:
-            outcome = Refusal(False, "another plan is being made; cancel it, or wait")
-        elif words := unusable(request.period, request.effort_limit):
-            outcome = Refusal(True, words)
-        else:
-            try:
-                values = load_yaml(request.request, "request")
-            except BadInput as error:
-                outcome = Refusal(True, str(error))
-            else:
-                limit = tuple(request.effort_limit)
-                outcome = await self._ask(self._request(values, request.period, limit), goal)
-        if isinstance(outcome, Plan):
-            result.plan = self._publish(outcome, request.who)
-            goal.succeed()
-            return result
-        result.message = outcome.message
-        if outcome is _CANCELED:
-            result.error_code = result.CANCELED
-            goal.canceled()
-        else:
-            result.error_code = result.BAD_INPUT if outcome.bad_input else result.FAILED
-            goal.abort()
-        return result
+            return Refusal(False, "another plan is being made; cancel it, or wait")
+        if words := unusable(request.period, request.effort_limit):
+            return Refusal(True, words)
+        try:
+            values = load_yaml(request.request, "request")
+        except BadInput as error:
+            return Refusal(True, str(error))
+        wanted = self._request(values, request.period, tuple(request.effort_limit))
+        made: Plan | Refusal = await self._ask(wanted, goal)
+        return made
 
 
 def main() -> None:

@@ -5,18 +5,17 @@ from functools import partial
 from time import monotonic
 from typing import Any
 
-from flexslew_msgs import srv
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
-from std_srvs.srv import Trigger
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.replay.player import CLOCK, Outgoing, Player, PlaySettings
+from flexslew_lab.ros.play_services import PlayServices
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop, run_node, within
-from flexslew_plant.ros.messages import seconds_of, stamp
+from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import message_class, qos
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.topics import LOOP_DEPTH, Topic
@@ -44,17 +43,13 @@ class PlayNode:
         self._settings: PlaySettings = settings or settings_of(node, PlaySettings)
         if not self._settings.bag:
             raise BadInput("node play: bag: give the folder of a bag")
-        self._player = Player(self._settings)
-        self._period = self._player.period  # services count in ticks of the recorded bench
+        self.player = Player(self._settings)
         self._publishers: dict[str, Publisher[Any]] = {}
-        self._publish(set(self._player.topics))
+        self._publish(set(self.player.topics))
         self._clock: Publisher[Any] | None = None
         if self._settings.clock:
             self._clock = node.create_publisher(Clock, CLOCK, LOOP_DEPTH)
-        node.create_service(Trigger, "~/pause", self._on_pause)
-        node.create_service(Trigger, "~/resume", self._on_resume)
-        node.create_service(srv.Step, "~/step", self._on_step)
-        node.create_service(srv.Seek, "~/seek", self._on_seek)
+        self._services = PlayServices(self)
         self._waiting: list[str] | None = None  # for whom; None: not any more
         self._unheard = 0
         self._next_report = self._next_clock = 0.0
@@ -66,14 +61,14 @@ class PlayNode:
         if self._waiting is not None and not self._all_there():
             return 0.02
         now = monotonic()
-        self._send(self._player.due(now, _LOT))
+        self.send(self.player.due(now, _LOT))
         self._tell(now)
-        if self._player.done:
+        if self.player.done:
             self._hear_out()
-            self._report(self._player.time, self._player.last * 1e-9)
+            self._report(self.player.time, self.player.last * 1e-9)
             self.loop.stop(0)
             return 0.0
-        return min(self._player.wait(monotonic()), self._until_clock(), _LOOK)
+        return min(self.player.wait(monotonic()), self._until_clock(), _LOOK)
 
     def close(self) -> None:
         """Leave the graph."""
@@ -84,9 +79,9 @@ class PlayNode:
         for topic in topics:
             if topic in self._publishers:
                 self.node.destroy_publisher(self._publishers[topic])
-            kind = self._player.topics[topic]
+            kind = self.player.topics[topic]
             # deeper than the original: a second of playing may be a day of it
-            offer = Topic(topic, kind, LOOP_DEPTH, topic in self._player.latched)
+            offer = Topic(topic, kind, LOOP_DEPTH, topic in self.player.latched)
             self._publishers[topic] = self.node.create_publisher(
                 message_class(kind), TOPICS[topic].name if topic in TOPICS else topic, qos(offer)
             )
@@ -98,7 +93,8 @@ class PlayNode:
         self._waiting = missing or None
         return not missing
 
-    def _send(self, messages: Sequence[Outgoing]) -> None:
+    def send(self, messages: Sequence[Outgoing]) -> None:
+        """Publish messages."""
         for message in messages:
             self._publishers[message.topic].publish(message.data)
             self._unheard += 1
@@ -114,52 +110,22 @@ class PlayNode:
     def _tell(self, now: float) -> None:
         """Publish the clock and report the progress where they are due."""
         if self._clock is not None and now >= self._next_clock:
-            at = min(self._player.simulated(now) * 1e-9, self._player.time)
+            at = min(self.player.simulated(now) * 1e-9, self.player.time)
             self._clock.publish(Clock(clock=stamp(at)))
             self._next_clock = now + 1.0 / self._settings.clock
         if now >= self._next_report:
-            self._report(self._player.time, self._player.last * 1e-9)
+            self._report(self.player.time, self.player.last * 1e-9)
             self._next_report = now + 0.2
 
     def _until_clock(self) -> float:
         return max(0.0, self._next_clock - monotonic()) if self._clock is not None else 0.5
 
-    def _tick(self) -> int:
-        return round(self._player.time / self._period)
-
-    def _on_pause(self, _: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
-        self._player.pause()
-        reply.success, reply.message = True, f"paused at {self._player.time:.3f} s"
-        return reply
-
-    def _on_resume(self, _: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
-        self._player.resume()
-        reply.success, reply.message = True, f"going on from {self._player.time:.3f} s"
-        return reply
-
-    def _on_step(self, request: srv.Step.Request, reply: srv.Step.Response) -> srv.Step.Response:
-        if not self._player.paused:
-            reply.tick, reply.message = self._tick(), "not paused; call pause first"
-            return reply
-        until = (self._tick() + max(1, request.ticks)) * self._period
-        messages = self._player.step(until - 0.5 * self._period)
-        self._send(messages)
-        reply.ok, reply.tick = True, self._tick()
-        reply.message = f"{len(messages)} messages, next at {self._player.time:.3f} s"
-        return reply
-
-    def _on_seek(self, request: srv.Seek.Request, reply: srv.Seek.Response) -> srv.Seek.Response:
-        try:
-            time = self._player.seek(seconds_of(request.time))
-        except BadInput as error:
-            reply.message = str(error)
-            return reply
+    def sought(self) -> None:
+        """Offer the latched messages of another place."""
         self._hear_out()
-        self._publish(self._player.latched)
+        self._publish(self.player.latched)
         self._next_report = 0.0
         self.loop.hurry()
-        reply.ok, reply.message = True, f"next at {time:.3f} s"
-        return reply
 
 
 def play(

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from time import monotonic
-from typing import Any
 
 from flexslew_msgs import msg
 
@@ -20,7 +19,8 @@ from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
-from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
+from flexslew_plant.ros.parameters import new_node, settings_of
+from flexslew_plant.ros.plant_parameters import CHANGEABLE, PlantParameters
 from flexslew_plant.ros.plant_report import NOTICE, PlantReport
 from flexslew_plant.ros.plant_services import Services
 from flexslew_plant.ros.plant_settings import PlantSettings
@@ -34,9 +34,7 @@ class Plant:
         self.loop = loop
         self.node = node = new_node("plant")
         self._alive = loop.live(node, "plant")
-        self._settings: PlantSettings = settings_of(
-            node, PlantSettings, ("rate_factor", "display_rate")
-        )
+        self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
         bench = Bench(self._settings.bench)
         bench.truth()  # loads its machine code before a tick needs it
         self.session = Session(
@@ -55,7 +53,7 @@ class Plant:
         self._truth = publisher(node, topics.TRUTH)
         self._events = EventLog(node)
         self._testbed = publisher(node, topics.TESTBED)
-        self._display = Display(node, bench, self._settings.display_rate)
+        self.display = Display(node, bench, self._settings.display_rate)
         self._commands = subscription(node, topics.EFFORT_COMMAND, self._on_command, raw=True)
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
@@ -63,11 +61,10 @@ class Plant:
         self._report = PlantReport(node, self.session, self._alive, self._settings.progress, heard)
         self._services = Services(self, loop)
         self._diagnostics = Diagnostics(node, self.session)
+        self._parameters = PlantParameters(self)
         settings = yaml_text(plain(self._settings))
         announcement = {"stamp": stamp(0.0), **testbed_fields(bench, settings)}
         self._testbed.publish(message_of(msg.Testbed, announcement))
-
-        serve_changes(node, self._change)
 
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
@@ -111,19 +108,7 @@ class Plant:
             message = message_of(msg.PlantState, truth_fields(truth))
             message.header.stamp = stamp(truth.time)
             self._truth.publish(message)
-        self._display.show(truth)
-
-    def _change(self, changes: dict[str, Any]) -> str:
-        """Take parameters in flight; return why not, or an empty text."""
-        rate = changes.get("rate_factor", self.session.pacing.rate_factor)
-        if rate != self.session.pacing.rate_factor:
-            reply = self.session.set_rate(rate, monotonic(), "a ROS parameter")
-            if not reply.ok:
-                return reply.message
-        if "display_rate" in changes:
-            self._display.set_rate(changes["display_rate"])
-        self.loop.hurry()
-        return ""
+        self.display.show(truth)
 
     def _missing(self) -> list[str]:
         """Return who would not hear the first question."""
