@@ -9,12 +9,13 @@ import pytest
 import rclpy
 from flexslew_msgs import action, msg, srv
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
-from rclpy.action import ActionClient
+from rclpy.action import ActionClient, get_action_server_names_and_types_by_node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import Trigger
 
 from flexslew_lab.cli.main import main
 from flexslew_lab.trial.domain import own_domain
+from flexslew_plant.policies import OWN_SERVICES, OWN_TOPICS, ROLES
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import EVENTS, PLAN, TOPICS
@@ -266,6 +267,31 @@ def test_planning_is_cancelled_in_any_method_and_bad_goals_have_words(operator):
         assert "nan N m" not in result.message
     assert len(plans) == known
     client.destroy()
+
+
+def test_the_policies_name_what_is_on_the_graph_and_no_more(operator):
+    def absolute(names, node):
+        return {
+            f"/{node}/{n[2:]}" if n.startswith("~/") else n if n.startswith("/") else f"/{n}"
+            for n in names
+        }
+
+    def found(ask, node):
+        return {name for name, _ in ask(node, "/") if "/_action/" not in name}
+
+    node = operator.node
+    roles = {"plant": "plant", "second": "controller", "planner": "planner"}
+    for name, role in roles.items():
+        rights = ROLES[role]
+        said = found(node.get_publisher_names_and_types_by_node, name)
+        assert said == absolute((*rights.publish, *OWN_TOPICS), name)
+        heard = found(node.get_subscriber_names_and_types_by_node, name)
+        assert heard - {"/parameter_events"} == absolute(rights.subscribe, name)
+        served = found(node.get_service_names_and_types_by_node, name)
+        assert served <= absolute((*rights.reply, *OWN_SERVICES), name)
+        assert served >= absolute(rights.reply, name)
+    servers = get_action_server_names_and_types_by_node(node, "planner", "/")
+    assert [name for name, _ in servers] == ["/plan_slew"]
 
 
 def test_a_second_plant_leaves_with_words_and_a_second_controller_steps_back(operator):

@@ -1,0 +1,112 @@
+"""Who may say and hear what on the graph, as SROS 2 policies: no more than each node needs."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+from xml.sax.saxutils import quoteattr
+
+from flexslew_plant import topics as t
+
+
+class Rights(NamedTuple):
+    """What nodes of one role may do."""
+
+    publish: tuple[str, ...]
+    subscribe: tuple[str, ...]
+    reply: tuple[str, ...] = ()  # services offered
+    execute: tuple[str, ...] = ()  # actions offered
+    request: tuple[str, ...] = ()  # services called
+    call: tuple[str, ...] = ()  # actions called
+
+
+_DISPLAY = (t.CLOCK, t.JOINT_STATES, t.APPENDAGE_STATES, t.TF, t.MARKERS, t.ROBOT_DESCRIPTION)
+_OPERATE = (
+    t.START, t.PAUSE, t.RESET, t.BRAKE, t.RELEASE_BRAKE, t.OPERATE, t.STEP, t.SET_RATE, t.NOTE,
+    t.SWITCH_CONTROLLER, t.LIST_CONTROLLERS, t.INJECT_FAULT, t.END_FAULT,
+)  # fmt: skip
+_RECORDED = tuple(name for name in t.TOPICS if name not in t.NOT_RECORDED)
+
+ROLES: dict[str, Rights] = {
+    "plant": Rights(
+        publish=(t.MEASUREMENT, t.TRUTH, t.EVENTS, t.TESTBED, t.ALIVE, t.BENCH_STATE,
+                 t.DIAGNOSTICS, *_DISPLAY),
+        subscribe=(t.EFFORT_COMMAND, t.CONTROLLER_STATUS, t.RECORDER_STATUS, t.ALIVE),
+        reply=_OPERATE,
+    ),
+    "controller": Rights(
+        publish=(t.EFFORT_COMMAND, t.CONTROLLER_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.ALIVE),
+        subscribe=(t.MEASUREMENT, t.TESTBED, t.PLAN, t.ALIVE),
+        reply=(t.TUNE,),
+    ),
+    "planner": Rights(
+        publish=(t.PLAN, t.EVENTS, t.ALIVE),
+        subscribe=(t.TESTBED, t.BENCH_STATE, t.ALIVE),
+        execute=(t.PLAN_SLEW,),
+    ),
+    "recorder": Rights(publish=(t.EVENTS, t.RECORDER_STATUS, t.ALIVE), subscribe=(t.ALIVE,)),
+    "listener": Rights(publish=(), subscribe=_RECORDED),  # hidden, of the recorder
+    "operator": Rights(
+        publish=(), subscribe=(t.EVENTS, t.BENCH_STATE, t.TRUTH, t.PLAN),
+        request=_OPERATE, call=(t.PLAN_SLEW,),
+    ),
+}  # fmt: skip
+
+# What rclpy gives every node.
+OWN_TOPICS = ("/rosout", "/parameter_events")
+OWN_SERVICES = (
+    "~/describe_parameters", "~/get_parameter_types", "~/get_parameters", "~/list_parameters",
+    "~/set_parameters", "~/set_parameters_atomically", "~/get_type_description",
+)  # fmt: skip
+
+NODES: dict[str, str] = {
+    "plant": "plant",
+    "planner": "planner",
+    "recorder": "recorder",
+    "_recorder": "listener",
+    "operator": "operator",
+    **dict.fromkeys(
+        ("pd_feedforward", "output_feedback", "proportional_integral", "lqr", "collocated_pid"),
+        "controller",
+    ),
+}
+
+
+def policies(nodes: Mapping[str, str] | None = None, namespace: str = "/") -> str:
+    """Return a policy file of SROS 2 for these nodes.
+
+    Args:
+        nodes: role by name; none: those of the shipped laws.
+        namespace: of all of them.
+    """
+    enclaves = []
+    for node, role in (NODES if nodes is None else nodes).items():
+        rights = ROLES[role]
+        own = [f"{node}/{name.removeprefix('~/')}" for name in OWN_SERVICES]
+        reply = [f"{node}/{n[2:]}" if n.startswith("~/") else n for n in rights.reply]
+        parts = [
+            _part("topic", "publish", (*rights.publish, *OWN_TOPICS)),
+            _part("topic", "subscribe", rights.subscribe),
+            _part("service", "reply", (*reply, *own)),
+            _part("service", "request", rights.request),
+            _part("action", "execute", rights.execute),
+            _part("action", "call", rights.call),
+        ]
+        place = f"{namespace.rstrip('/')}/{node}"
+        enclaves.append(
+            f"    <enclave path={quoteattr(place)}>\n      <profiles>\n"
+            f"        <profile ns={quoteattr(namespace)} node={quoteattr(node)}>\n"
+            + "".join(parts)
+            + "        </profile>\n      </profiles>\n    </enclave>\n"
+        )
+    head = '<?xml version="1.0" encoding="UTF-8"?>\n<policy version="0.2.0">\n  <enclaves>\n'
+    return head + "".join(enclaves) + "  </enclaves>\n</policy>\n"
+
+
+def _part(kind: str, right: str, names: tuple[str, ...] | list[str]) -> str:
+    if not names:
+        return ""
+    lines = "".join(f"            <{kind}>{name}</{kind}>\n" for name in names)
+    return f'          <{kind}s {right}="ALLOW">\n{lines}          </{kind}s>\n'
+
+
+if __name__ == "__main__":
+    print(policies(), end="")
