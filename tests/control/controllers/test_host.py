@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+
+from flexslew_control.controllers import build_controller
+from flexslew_control.controllers.host import ControllerHost, merged
+from flexslew_control.law import PlantDescription
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+
+CSA = PlantDescription(CsaTestbed(modes=1), 0.01, np.array([150.0, 150.0]))
+OSCILLATOR = PlantDescription(FloatingOscillatorTestbed(), 0.01, np.array([1.0]))
+
+
+def standing(law="pd_feedforward", plant=CSA, **values):
+    host = ControllerHost("mine", values)
+    host.announce(builder(law, plant), 2)
+    return host
+
+
+def builder(law, plant):
+    return lambda values: build_controller("mine", law, values, plant, "test")
+
+
+def question(tick, epoch=0, joints=2, position=0.1, applied=0.0):
+    place = np.full(joints, position)
+    return Measurement(
+        tick, epoch, tick * 0.01, "mine", place, 0.0 * place, np.zeros(2), np.zeros(2),
+        np.full(joints, applied),
+    )  # fmt: skip
+
+
+def effort(host, tick, **more):
+    return host.observe(question(tick, **more)).command.effort
+
+
+def test_before_a_testbed_is_announced_it_is_not_ready_and_says_nothing():
+    host = ControllerHost("mine", {})
+    assert host.reason == "no testbed announced yet"
+    assert host.observe(question(0)) is None
+    assert not host.tune({"kp": [1.0, 1.0]}).ok
+
+
+def test_settings_that_fit_no_testbed_at_all_are_bad_input():
+    with pytest.raises(BadInput, match="kp"):
+        standing(kp=[1.0, 2.0, 3.0])
+
+
+def test_before_another_testbed_it_adapts_or_is_not_ready_with_the_reason():
+    host = standing(kp=[400.0, 500.0])
+    host.announce(builder("pd_feedforward", OSCILLATOR), 0)
+    assert host.reason.startswith("it does not fit this testbed: ")
+    assert host.observe(question(0, joints=1)) is None
+    host.announce(builder("pd_feedforward", CSA), 2)
+    assert host.reason == ""
+    free = standing(kp=[400.0])
+    free.announce(builder("pd_feedforward", OSCILLATOR), 0)
+    assert free.reason == ""
+    assert free.observe(question(0)) is None  # of the testbed before
+    assert effort(free, 0, joints=1).shape == (1,)
+
+
+def test_a_tuned_law_takes_over_at_its_tick_without_a_step():
+    host = standing(kp=[400.0, 400.0], kd=[0.0, 0.0], handover_time=0.05)
+    host.observe(question(0, position=0.0))  # where it holds
+    before = effort(host, 1)
+    np.testing.assert_allclose(before, -40.0)
+    done = host.tune({"kp": [800.0, 800.0]}, tick=5, who="ann")
+    assert (done.ok, done.tick) == (True, 5)
+    found = [effort(host, tick, applied=-40.0)[0] for tick in range(2, 12)]
+    np.testing.assert_allclose(found[:3], -40.0)
+    np.testing.assert_allclose(found[3:9], [-40.0, -48.0, -56.0, -64.0, -72.0, -80.0])
+    (event,) = host.events
+    assert (event.tick, event.kind, event.data["who"]) == (5, "tuned", "ann")
+    assert event.data["before"]["kp"] == [400.0, 400.0]
+    assert host.values["kp"] == [800.0, 800.0]
+
+
+@pytest.mark.parametrize("changes", [{}, {"kp": [-1.0]}, {"kq": [1.0]}])
+def test_a_change_that_cannot_be_made_is_refused_in_words_and_changes_nothing(changes):
+    host = standing()
+    host.observe(question(0))
+    refused = host.tune(changes)
+    assert not refused.ok
+    assert refused.message
+    assert host.values == {}
+    host.observe(question(1))
+    assert not host.events
+
+
+def test_an_estimator_of_the_same_size_keeps_what_it_knows():
+    host = standing("lqr")
+    for tick in range(20):
+        host.observe(question(tick, position=0.1))
+    known = host.controller._estimate
+    assert host.tune({"handover_time": 0.5}).ok
+    host.observe(question(20, position=0.1))
+    later = host.controller._estimate
+    assert np.diag(later.covariance).max() <= 1.1 * np.diag(known.covariance).max()
+    np.testing.assert_allclose(later.position, known.position, atol=1e-4)
+
+
+def test_a_reset_forgets_what_was_to_be_tuned():
+    host = standing()
+    host.observe(question(0))
+    host.tune({"kp": [500.0, 500.0]}, tick=10)
+    for tick in range(20):
+        host.observe(question(tick, epoch=1))
+    assert not host.events
+
+
+def test_nested_settings_are_merged():
+    old = {"filter": {"tip_sigma": 1.0, "rate_sigma": 2.0}, "kp": [1.0]}
+    assert merged(old, {"filter": {"rate_sigma": 3.0}}) == {
+        "filter": {"tip_sigma": 1.0, "rate_sigma": 3.0}, "kp": [1.0],
+    }  # fmt: skip
