@@ -1,9 +1,12 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
 from flexslew_control.controllers import build_controller
-from flexslew_control.controllers.host import ControllerHost, merged
+from flexslew_control.controllers.host import Build, ControllerHost, merged
 from flexslew_control.law import PlantDescription
+from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.csa import CsaTestbed
@@ -13,17 +16,21 @@ CSA = PlantDescription(CsaTestbed(modes=1), 0.01, np.array([150.0, 150.0]))
 OSCILLATOR = PlantDescription(FloatingOscillatorTestbed(), 0.01, np.array([1.0]))
 
 
-def standing(law="pd_feedforward", plant=CSA, **values):
+def standing(
+    law: str = "pd_feedforward", plant: PlantDescription = CSA, **values: Any
+) -> ControllerHost:
     host = ControllerHost("mine", values)
     host.announce(builder(law, plant), 2)
     return host
 
 
-def builder(law, plant):
+def builder(law: str, plant: PlantDescription) -> Build:
     return lambda values: build_controller("mine", law, values, plant, "test")
 
 
-def question(tick, epoch=0, joints=2, position=0.1, applied=0.0):
+def question(
+    tick: int, epoch: int = 0, joints: int = 2, position: float = 0.1, applied: float = 0.0
+) -> Measurement:
     place = np.full(joints, position)
     return Measurement(
         tick, epoch, tick * 0.01, "mine", place, 0.0 * place, np.zeros(2), np.zeros(2),
@@ -31,23 +38,25 @@ def question(tick, epoch=0, joints=2, position=0.1, applied=0.0):
     )  # fmt: skip
 
 
-def effort(host, tick, **more):
-    return host.observe(question(tick, **more)).command.effort
+def effort(host: ControllerHost, tick: int, **more: Any) -> Vector:
+    answer = host.observe(question(tick, **more))
+    assert answer is not None
+    return answer.command.effort
 
 
-def test_before_a_testbed_is_announced_it_is_not_ready_and_says_nothing():
+def test_before_a_testbed_is_announced_it_is_not_ready_and_says_nothing() -> None:
     host = ControllerHost("mine", {})
     assert host.reason == "no testbed announced yet"
     assert host.observe(question(0)) is None
     assert not host.tune({"kp": [1.0, 1.0]}).ok
 
 
-def test_settings_that_fit_no_testbed_at_all_are_bad_input():
+def test_settings_that_fit_no_testbed_at_all_are_bad_input() -> None:
     with pytest.raises(BadInput, match="kp"):
         standing(kp=[1.0, 2.0, 3.0])
 
 
-def test_before_another_testbed_it_adapts_or_is_not_ready_with_the_reason():
+def test_before_another_testbed_it_adapts_or_is_not_ready_with_the_reason() -> None:
     host = standing(kp=[400.0, 500.0])
     host.announce(builder("pd_feedforward", OSCILLATOR), 0)
     assert host.reason.startswith("it does not fit this testbed: ")
@@ -61,7 +70,7 @@ def test_before_another_testbed_it_adapts_or_is_not_ready_with_the_reason():
     assert effort(free, 0, joints=1).shape == (1,)
 
 
-def test_a_tuned_law_takes_over_at_its_tick_without_a_step():
+def test_a_tuned_law_takes_over_at_its_tick_without_a_step() -> None:
     host = standing(kp=[400.0, 400.0], kd=[0.0, 0.0], handover_time=0.05)
     host.observe(question(0, position=0.0))  # where it holds
     before = effort(host, 1)
@@ -78,7 +87,9 @@ def test_a_tuned_law_takes_over_at_its_tick_without_a_step():
 
 
 @pytest.mark.parametrize("changes", [{}, {"kp": [-1.0]}, {"kq": [1.0]}])
-def test_a_change_that_cannot_be_made_is_refused_in_words_and_changes_nothing(changes):
+def test_a_change_that_cannot_be_made_is_refused_in_words_and_changes_nothing(
+    changes: dict[str, Any],
+) -> None:
     host = standing()
     host.observe(question(0))
     refused = host.tune(changes)
@@ -89,10 +100,11 @@ def test_a_change_that_cannot_be_made_is_refused_in_words_and_changes_nothing(ch
     assert not host.events
 
 
-def test_an_estimator_of_the_same_size_keeps_what_it_knows():
+def test_an_estimator_of_the_same_size_keeps_what_it_knows() -> None:
     host = standing("lqr")
     for tick in range(20):
         host.observe(question(tick, position=0.1))
+    assert host.controller is not None
     known = host.controller._estimate
     assert host.tune({"handover_time": 0.5}).ok
     host.observe(question(20, position=0.1))
@@ -101,7 +113,7 @@ def test_an_estimator_of_the_same_size_keeps_what_it_knows():
     np.testing.assert_allclose(later.position, known.position, atol=1e-4)
 
 
-def test_a_reset_forgets_what_was_to_be_tuned():
+def test_a_reset_forgets_what_was_to_be_tuned() -> None:
     host = standing()
     host.observe(question(0))
     host.tune({"kp": [500.0, 500.0]}, tick=10)
@@ -110,7 +122,7 @@ def test_a_reset_forgets_what_was_to_be_tuned():
     assert not host.events
 
 
-def test_nested_settings_are_merged():
+def test_nested_settings_are_merged() -> None:
     old = {"filter": {"tip_sigma": 1.0, "rate_sigma": 2.0}, "kp": [1.0]}
     assert merged(old, {"filter": {"rate_sigma": 3.0}}) == {
         "filter": {"tip_sigma": 1.0, "rate_sigma": 3.0}, "kp": [1.0],
