@@ -1,15 +1,22 @@
-"""Time-optimal slews of the linearised model by linear programming: the structure of the arcs.
+"""Time-optimal slews of the linearised model by duality: the least duration and its switches.
 
-For a duration T the smallest |u| that meets the end conditions, u constant on each of N intervals,
-is a linear programme. The T at which it equals the amplitude is the least one, and the signs of u
-tell the switches, to about T/N. With the sensitivity s of a bench under the feedback,
+With the time tau before the end and c(tau) = C e^(A tau) B, an effort u ends at C x = goal where
+    integral of c(tau) u(tau) = goal,
+and the largest |u| that is needed in a duration T is, at the least,
+    max over mu of (mu . goal) / F(mu),    F = integral of |mu . c|.
+F is convex, so Newton's method finds its minimum on mu . goal = 1 from anywhere. T is least where
+that minimum equals 1/amplitude; the effort then is the sign of mu . c, and no slew of the linear
+model is faster. With the sensitivity s of a bench under the feedback,
     x' = A x + B u,    s' = (A - B K) s + (dA/dk) x,
 the robust slew is that of the state (x, s).
 """
 
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
 import numpy as np
 from scipy.linalg import expm
-from scipy.optimize import brentq, linprog
 
 from flexslew_control.planners.time_optimal.switching import BangBang
 from flexslew_plant.arrays import Matrix, Vector
@@ -17,44 +24,171 @@ from flexslew_plant.errors import PlanFailed
 
 _CHANGE = 1e-4  # of the stiffness, for dA/dk
 _LONGEST = 12.0  # searched, times the rigid duration and one period
+_STEP = 0.0125  # of the grid, as an angle of the fastest mode [rad]
+_ORDER = 4  # derivatives of c that are kept
+_ITERATIONS, _DURATIONS = 10, 20
+_TOUCHING = (1e-4, 1e-3)  # of the largest |mu . c|, where short arcs may be missed
+_FIRST_WIDTHS = (1.0, 0.3)  # as _Effort.widths, on the way to the first minimum
 
 
-def programmed_durations(slew: BangBang, intervals: int) -> Vector:
-    """Return the arcs of the linear slew, good to one interval [s].
+class _Effort(NamedTuple):
+    """How closely F is minimised."""
 
-    Args:
-        slew: its model is linearised at the start.
-        intervals: N; arcs shorter than one are not found.
+    stride: int  # samples of the grid to go on by, while it is smoothed
+    widths: tuple[float, ...]  # of the smoothing, relative to the mean of |mu . c|
+    exact: int  # Newton's iterations without smoothing
+
+
+_ROUGH = _Effort(4, (0.1, 0.03, 0.01), 0)
+_FINE = _Effort(1, (0.01, 3e-3, 1e-3, 3e-4, 1e-4), 10)
+
+
+class Structure(NamedTuple):
+    """The arcs of the fastest slew of the linear model."""
+
+    durations: Vector  # the first one with a positive effort [s]
+    curvature: Matrix  # of multipliers^T r by the durations, where dr/dd^T multipliers = 1 [1/s]
+
+
+class LinearOptimum(NamedTuple):
+    """What is known of the fastest slew of the linear model."""
+
+    duration: float  # no slew of the linear model is shorter [s]
+    structures: list[Structure]  # the likeliest first; others have short arcs that it may lack
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """c, its derivatives and its integral at tau = 0, h, 2 h, ..."""
+
+    step: float  # h [s]
+    values: Matrix  # c and its derivatives, shape (times, _ORDER, conditions)
+    integral: Matrix  # of c from 0, shape (times, conditions)
+
+    @cached_property
+    def end(self) -> float:
+        """Last tau [s]."""
+        return self.step * (len(self.values) - 1)
+
+    def integrated(self, tau: Vector) -> Matrix:
+        """Return the integral of c from 0 to every tau, shape (taus, conditions)."""
+        k = np.minimum((tau / self.step).astype(np.int64), len(self.values) - 1)
+        ahead, total = tau - self.step * k, self.integral[k]
+        share = np.ones(tau.size)
+        for order in range(_ORDER):
+            share = share * ahead / (order + 1.0)
+            total = total + share[:, None] * self.values[k, order]
+        return np.asarray(total)
+
+    def at(self, tau: Vector, order: int = 0) -> Matrix:
+        """Return c or a derivative of it at every tau, shape (taus, conditions)."""
+        k = np.minimum((tau / self.step).astype(np.int64), len(self.values) - 1)
+        ahead, total = tau - self.step * k, self.values[k, order]
+        share = np.ones(tau.size)
+        for more in range(order + 1, _ORDER):
+            share = share * ahead / float(more - order)
+            total = total + share[:, None] * self.values[k, more]
+        return np.asarray(total)
+
+    def zeros(self, mu: Vector, duration: float, touching: float = 0.0) -> Vector:
+        """Return where mu . c changes its sign before tau = duration, rising [s].
+
+        That can be twice in one interval, on either side of an extremum.
+
+        Args:
+            mu: multipliers, shape (conditions,).
+            duration: T [s].
+            touching: extrema so near to zero, relative to the largest, count as beyond it.
+        """
+        samples = self.values[: int(duration / self.step) + 2] @ mu  # mu . c and its derivatives
+        f, h = samples[:-1], self.step
+        signs, slopes = np.signbit(samples[:, 0]), np.signbit(samples[:, 1])
+        once = np.flatnonzero(signs[1:] != signs[:-1])
+        bent = np.flatnonzero((signs[1:] == signs[:-1]) & (slopes[1:] != slopes[:-1]))
+        top = -h * f[bent, 1] / (samples[bent + 1, 1] - f[bent, 1])
+        for _ in range(2):
+            top = np.clip(top - _series(f[bent], top, 1) / _series(f[bent], top, 2), 0.0, h)
+        near = touching * float(np.abs(samples[:, 0]).max())
+        height = np.where(signs[bent], -1.0, 1.0) * _series(f[bent], top) - near
+        bent, top, height = bent[height < 0.0], top[height < 0.0], height[height < 0.0]
+        apart = np.sqrt(2.0 * np.abs(height / _series(f[bent], top, 2)))
+        k = np.concatenate((once, bent, bent))
+        straight = -h * f[once, 0] / (samples[once + 1, 0] - f[once, 0])
+        ahead = np.concatenate((straight, top - apart, top + apart))
+        for _ in range(4 if touching == 0.0 else 0):
+            ahead = np.clip(ahead - _series(f[k], ahead) / _series(f[k], ahead, 1), 0.0, h)
+        tau = np.sort(h * k + ahead)
+        return np.asarray(tau[tau < duration])
+
+
+def _series(f: Matrix, ahead: Vector, order: int = 0) -> Vector:
+    """Return Taylor's series from f and its derivatives, or from those of a higher order."""
+    total, share = f[:, order], np.ones(ahead.size)
+    for more in range(order + 1, _ORDER):
+        share = share * ahead / float(more - order)
+        total = total + share * f[:, more]
+    return np.asarray(total)
+
+
+def linear_optimum(slew: BangBang) -> LinearOptimum:
+    """Return the time-optimal slew of the model linearised at the start.
 
     Raises:
-        PlanFailed: it takes too long.
+        PlanFailed: it takes too long, or starts with the effort against the way.
     """
-    a, b, conditions = _extended(slew)
-    goal = np.zeros(len(conditions))
-    goal[0] = abs(slew.distance) / slew.amplitude
-
-    def effort(duration: float) -> Vector:
-        return _least_effort(a, b, conditions, goal, duration / intervals, intervals)
-
-    period = 2.0 * np.pi / slew.model.linearise(slew.start[: slew.model.coordinates]).frequencies[0]
-    shortest = slew.rigid_duration
-    longest = shortest + period
-    while np.abs(effort(longest)).max() > 1.0:
+    a, b, conditions = extended(slew)
+    goal = abs(slew.distance) / slew.amplitude
+    linear = slew.model.linearise(slew.start[: slew.model.coordinates])
+    rigid = slew.rigid_duration
+    period = 2.0 * np.pi / float(linear.frequencies[0])
+    step, longest = _STEP / float(linear.frequencies[-1]), rigid + 2.0 * period
+    grid = _sampled(a, b, conditions, step, longest)
+    scale = np.abs(grid.values[:, 0]).max(axis=0)
+    mu = np.zeros(len(conditions))
+    mu[0] = 1.0 / goal
+    while True:
+        least, mu = _least(grid, mu, longest, scale, _ROUGH)
+        if least >= 1.0:
+            break
         longest *= 1.5
-        if longest > _LONGEST * (shortest + period):
+        if longest > _LONGEST * (rigid + period):
             raise PlanFailed(
-                f"no slew by {slew.distance:g} within {longest:.4g} s at {slew.amplitude:g} N m "
-                "was found; use a larger amplitude or another goal"
+                f"no slew by {slew.distance:g} within {longest:.4g} s at {slew.amplitude:g} was "
+                "found; use a larger amplitude or another goal"
             )
-    duration = brentq(
-        lambda duration: np.abs(effort(duration)).max() - 1.0, shortest, longest, rtol=1e-4
-    )
-    switched = np.flatnonzero(np.diff(np.sign(effort(duration)))) + 1.0
-    edges = np.concatenate(([0.0], switched, [float(intervals)]))
-    return np.asarray(np.diff(edges) * (duration / intervals))
+        grid = _sampled(a, b, conditions, step, longest)
+    duration = min(longest, rigid + 0.5 * period)
+    for effort, tolerance in ((_ROUGH, 1e-3), (_FINE, 1e-9)):
+        low, high = rigid, longest
+        for _ in range(_DURATIONS):
+            least, mu = _least(grid, mu, duration, scale, effort)
+            low, high = (duration, high) if least < 1.0 else (low, duration)
+            ahead = (1.0 - least) / abs(float(grid.at(np.array([duration]))[0] @ mu))
+            duration = duration + ahead if low < duration + ahead < high else 0.5 * (low + high)
+            if abs(ahead) < tolerance * duration:
+                break
+    if grid.at(np.array([duration]))[0] @ mu < 0.0:
+        raise PlanFailed("the fastest slew of the linear model starts against the way")
+    found = [_arcs(grid, mu, duration, touching) for touching in (0.0, *_TOUCHING)]
+    return LinearOptimum(duration, [arcs for arcs in found if arcs is not None])
 
 
-def _extended(slew: BangBang) -> tuple[Matrix, Vector, Matrix]:
+def _arcs(grid: _Grid, mu: Vector, duration: float, touching: float) -> Structure | None:
+    """Return the arcs of the effort sign(mu . c); None if they end with the wrong sign."""
+    zeros = grid.zeros(mu, duration, touching)
+    edges = np.concatenate(([0.0], zeros, [duration]))[::-1]
+    first = float(grid.at(edges[:1])[0] @ mu)
+    # a duration moves every edge before its end; by the edges the second derivatives are diagonal
+    jumps = np.append(1.0, 2.0 * (-1.0) ** np.arange(1, edges.size - 1))
+    by_edge = jumps * (grid.at(edges[:-1], 1) @ mu) / first
+    moved = np.triu(np.ones((by_edge.size, by_edge.size)))
+    durations = -np.diff(edges)
+    if durations.min() <= 0.0:
+        return None
+    return Structure(durations, moved.T @ (by_edge[:, None] * moved))
+
+
+def extended(slew: BangBang) -> tuple[Matrix, Vector, Matrix]:
     """Return A and B of the slew's state and its sensitivity, and the rows that must vanish."""
     n = slew.model.coordinates
     q, gains = slew.start[:n], np.zeros((2, slew.model.joints))
@@ -74,30 +208,99 @@ def _extended(slew: BangBang) -> tuple[Matrix, Vector, Matrix]:
     return whole, np.concatenate((b, np.zeros(2 * n))), np.eye(4 * n)[rows]
 
 
-def _least_effort(
-    a: Matrix, b: Vector, conditions: Matrix, goal: Vector, step: float, intervals: int
-) -> Vector:
-    """Return the efforts of the intervals, shape (N,), whose largest is smallest."""
+def _sampled(a: Matrix, b: Vector, conditions: Matrix, step: float, longest: float) -> _Grid:
+    """Return the grid up to the longest tau."""
     size = b.size
-    held = np.zeros((size + 1, size + 1))
-    held[:size, :size], held[:size, size] = a, b
-    held = expm(held * step)
-    column, columns = held[:size, size], []
-    for _ in range(intervals):
-        columns.append(conditions @ column)
-        column = held[:size, :size] @ column
-    reached = np.array(columns[::-1]).T
-    scale = np.abs(reached).max(axis=1, keepdims=True)
-    one = np.ones((intervals, 1))
-    found = linprog(
-        np.append(np.zeros(intervals), 1.0),
-        A_ub=np.block([[np.eye(intervals), -one], [-np.eye(intervals), -one]]),
-        b_ub=np.zeros(2 * intervals),
-        A_eq=np.column_stack((reached / scale, np.zeros(len(goal)))),
-        b_eq=goal / scale[:, 0],
-        bounds=[(None, None)] * (intervals + 1),
-        method="highs",
-    )
-    if found.x is None:
-        raise PlanFailed(f"the linear programme of a slew of {step * intervals:.4g} s failed")
-    return np.asarray(found.x[:-1])
+    whole = np.zeros((2 * size, 2 * size))  # of e^(A tau) B and its integral
+    whole[:size, :size], whole[size:, :size] = a, np.eye(size)
+    ahead = expm(whole * step)
+    states = np.concatenate((b, np.zeros(size)))[None]
+    while (len(states) - 3) * step < longest:
+        states = np.concatenate((states, states @ ahead.T))
+        ahead = ahead @ ahead
+    rows, orders = conditions, []
+    for _ in range(_ORDER):
+        orders.append(states[:, :size] @ rows.T)
+        rows = rows @ a
+    return _Grid(step, np.stack(orders, axis=1), states[:, size:] @ conditions.T)
+
+
+def _least(
+    grid: _Grid, mu: Vector, duration: float, scale: Vector, effort: _Effort
+) -> tuple[float, Vector]:
+    """Return the least F at this duration and its mu, by Newton's method with its first entry held.
+
+    Args:
+        grid: of c.
+        mu: to start from; its first entry alone: from the least squares.
+        duration: T [s].
+        scale: of c, shape (conditions,).
+        effort: how closely.
+    """
+    mu = _smoothed(grid, mu, duration, scale, effort)
+    value, slope, curvature = _integral(grid, mu, duration, scale)
+    for _ in range(effort.exact):
+        ridge = 1e-13 * np.trace(curvature) + 1e-300
+        step = -np.linalg.lstsq(curvature + ridge * np.eye(slope.size), slope, rcond=None)[0]
+        expected = float(-slope @ step)
+        if expected < 1e-15 * value:
+            break
+        share = 1.0
+        while share > 1e-3:
+            new = mu + np.append(0.0, share * step / scale[1:])
+            at = _integral(grid, new, duration, scale)
+            if at[0] <= value - 1e-4 * share * expected:
+                break
+            share *= 0.5
+        else:
+            break
+        mu, (value, slope, curvature) = new, at
+    return value, mu
+
+
+def _smoothed(grid: _Grid, mu: Vector, duration: float, scale: Vector, effort: _Effort) -> Vector:
+    """Return mu at the least integral of sqrt((mu . c)^2 + e^2) for an e that falls to little.
+
+    F itself has a curvature at zeros of mu . c alone, too few of them far from its minimum.
+    """
+    samples = grid.values[: int(duration / grid.step) + 1 : effort.stride, 0]
+    held, rest = mu[0] * samples[:, 0], samples[:, 1:] / scale[1:]
+    y = mu[1:] * scale[1:]
+    widths = effort.widths
+    if not y.any():
+        y = np.linalg.lstsq(rest, -held, rcond=None)[0]
+        widths = (*_FIRST_WIDTHS, *widths)
+    for width in widths:
+        e = width * float(np.abs(held + rest @ y).mean())
+        f = held + rest @ y
+        value = float(np.sqrt(f**2 + e**2).sum())
+        for _ in range(_ITERATIONS):
+            root = np.sqrt(f**2 + e**2)
+            slope = rest.T @ (f / root)
+            curvature = (rest.T * (e**2 / root**3)) @ rest
+            step = -np.linalg.lstsq(curvature, slope, rcond=1e-15)[0]
+            expected, share = float(-slope @ step), 1.0
+            if expected < 1e-9 * value:
+                break
+            while share > 1e-3:
+                new = held + rest @ (y + share * step)
+                least = float(np.sqrt(new**2 + e**2).sum())
+                if least <= value - 1e-4 * share * expected:
+                    break
+                share *= 0.5
+            y, f, value = y + share * step, new, least
+    return np.append(mu[0], y / scale[1:])
+
+
+def _integral(
+    grid: _Grid, mu: Vector, duration: float, scale: Vector
+) -> tuple[float, Vector, Matrix]:
+    """Return F and its derivatives by all entries of mu but the first, times their scales."""
+    zeros = grid.zeros(mu, duration)
+    edges = np.concatenate(([0.0], zeros, [duration]))
+    middle = grid.at(0.5 * (edges[1:] + edges[:-1])) @ mu
+    pieces = np.sign(middle) @ np.diff(grid.integrated(edges), axis=0)
+    there = grid.at(zeros)[:, 1:] / scale[1:]
+    slopes = np.abs(grid.at(zeros, 1) @ mu)
+    curvature = (2.0 / np.maximum(slopes, 1e-300) * there.T) @ there
+    return float(pieces @ mu), pieces[1:] / scale[1:], curvature

@@ -1,23 +1,26 @@
 """Bang-bang slews that are extremals: as many switches as the optimum has.
 
-The linear programme of the linearised model gives the structure. Newton's method on the conditions
-of Karush, Kuhn and Tucker for the shortest slew with that structure,
+The optimum of the linearised model gives the structure. Newton's method on the conditions of
+Karush, Kuhn and Tucker for the shortest slew with that structure,
     r(d) = 0,    (dr/dd)^T mu = 1,
 gives the arcs: then H = 1 on every arc and the switching function vanishes at every switch.
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.planners.time_optimal.linear_time_optimal import programmed_durations
+from flexslew_control.planners.time_optimal.linear_time_optimal import Structure, linear_optimum
 from flexslew_control.planners.time_optimal.pontryagin import Arcs, switching_function
-from flexslew_control.planners.time_optimal.switching import BangBang
+from flexslew_control.planners.time_optimal.switching import BangBang, linear
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import PlanFailed
 
-_INTERVALS = (160, 480)  # of the linear programme, until the optimum's arcs are found
 _CHANGE = 1e-6  # of an arc, for the second derivatives [s]
 _ITERATIONS = 25
+_FIXED_ITERATIONS = 60  # with second derivatives that stay as they are
+_LONGEST = 3.0  # of the iterates, times the guess
 _END, _SLOPE = 1e-11, 1e-8  # at which the two conditions hold, relative
 
 
@@ -28,27 +31,72 @@ def extremal_durations(slew: BangBang) -> Vector | None:
         PlanFailed: the linear model takes too long.
     """
     best = None
-    for intervals in _INTERVALS:
-        found = shortest_durations(slew, programmed_durations(slew, intervals))
-        if found is None and slew.robust and slew.insensitive == "state":
-            start = extremal_durations(replace(slew, insensitive="modes"))
-            found = None if start is None else shortest_durations(slew, start)
+    for structure in linear_optimum(slew).structures:
+        start = _rough(slew, structure)
+        found = None if start is None else shortest_durations(slew, start, structure.curvature)
+        if found is None:
+            found = shortest_durations(slew, structure.durations if start is None else start)
         if found is not None:
             if switching_function(slew, found).holds:
                 return found
-            if best is None or found.sum() < best.sum():
-                best = found
+            best = found if best is None or found.sum() < best.sum() else best
+    if best is None and slew.robust and slew.insensitive == "state":
+        start = extremal_durations(replace(slew, insensitive="modes"))
+        return None if start is None else shortest_durations(slew, start)
     return best
 
 
-def shortest_durations(slew: Arcs, guess: Vector) -> Vector | None:
-    """Return the arcs of the shortest slew with as many arcs near these; None if it fails."""
+class Faster(NamedTuple):
+    """What more switches are known to gain."""
+
+    duration: float  # [s]
+    switches: int | None  # of the slew; None: of a linear model, where no slew takes less
+
+
+def faster_slew(slew: BangBang, duration: float) -> Faster | None:
+    """Return how fast the optimum is, where that is known without solving for its exact arcs.
+
+    A rough slew d has r(d) = 0 and (dr/dd)^T mu = 1, so t_f of the exact one near it is
+    sum d - mu . r, to second order in what the exact r misses.
+
+    Args:
+        slew: what is turned.
+        duration: of the slew that is to be beaten [s].
+    """
+    try:
+        optimum = linear_optimum(slew)
+    except PlanFailed:
+        return None
+    for structure in optimum.structures:
+        d = _rough(slew, structure)
+        if d is not None:
+            slopes = replace(slew, rough=True).linearised(d)[1]
+            mu = np.linalg.lstsq(slopes.T, np.ones(d.size), rcond=None)[0]
+            faster = float(d.sum() - mu @ slew.residual(d))
+            return Faster(faster, d.size - 1) if faster < duration else None
+    if linear(slew) and optimum.duration < duration:
+        return Faster(optimum.duration, None)
+    return None
+
+
+def _rough(slew: BangBang, structure: Structure) -> Vector | None:
+    return shortest_durations(replace(slew, rough=True), structure.durations, structure.curvature)
+
+
+def shortest_durations(slew: Arcs, guess: Vector, curvature: Matrix | None = None) -> Vector | None:
+    """Return the arcs of the shortest slew with as many arcs near these; None if it fails.
+
+    Args:
+        slew: what is turned.
+        guess: durations to start from [s].
+        curvature: second derivatives of mu^T r to use everywhere; None: the exact ones.
+    """
     d, j = guess, slew.linearised(guess)[1]
     if d.size < len(j):
         return None
     scale = 1.0 / np.linalg.norm(j * d, axis=1)  # of the end conditions
     mu = np.linalg.lstsq((scale[:, None] * j).T, np.ones(d.size), rcond=None)[0]
-    for _ in range(_ITERATIONS):
+    for _ in range(_ITERATIONS if curvature is None else _FIXED_ITERATIONS):
         r, j = slew.linearised(d)
         r, j = scale * r, scale[:, None] * j
         slope = j.T @ mu - 1.0
@@ -56,13 +104,15 @@ def shortest_durations(slew: Arcs, guess: Vector) -> Vector | None:
             return None
         if np.abs(r).max() < _END and np.abs(slope).max() < _SLOPE:
             return np.asarray(d)
-        curvature = _curvature(slew, d, j, scale, mu)
-        matrix = np.block([[curvature, j.T], [j, np.zeros((len(r), len(r)))]])
+        bent = _curvature(slew, d, j, scale, mu) if curvature is None else curvature
+        matrix = np.block([[bent, j.T], [j, np.zeros((len(r), len(r)))]])
         step = -np.linalg.lstsq(matrix, np.concatenate((slope, r)), rcond=1e-14)[0]
         shrinking = step[: d.size] < 0.0
         room = np.min(-d[shrinking] / step[: d.size][shrinking], initial=np.inf)
         step = min(1.0, 0.5 * float(room)) * step
         d, mu = d + step[: d.size], mu + step[d.size :]
+        if d.sum() > _LONGEST * guess.sum():
+            return None
     return None
 
 

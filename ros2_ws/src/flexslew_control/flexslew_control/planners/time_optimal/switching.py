@@ -271,7 +271,7 @@ def continued_durations(slew: BangBang, antisymmetric: bool = True) -> Vector | 
         PlanFailed: the linear model has none.
     """
     guess = linear_candidates(slew, antisymmetric)[0]
-    if np.abs(slew.residual(guess)).max() < _LINEAR:
+    if _ends_at_goal(slew, guess):
         return solve_durations(slew, guess)
     candidates = linear_candidates(slew, antisymmetric, 2.0 * np.pi / slew.mode[0])
     rough = replace(slew, rough=slew.robust)
@@ -281,6 +281,15 @@ def continued_durations(slew: BangBang, antisymmetric: bool = True) -> Vector | 
     if best is None or not rough.rough:
         return best
     return solve_durations(slew, best, slopes=rough.linearised(best)[1])
+
+
+def linear(slew: BangBang) -> bool:
+    """Return whether the linear model's slew is that of the model."""
+    return _ends_at_goal(slew, linear_candidates(slew, True)[0])
+
+
+def _ends_at_goal(slew: BangBang, durations: Vector) -> bool:
+    return bool(np.abs(slew.residual(durations)).max() < _LINEAR)
 
 
 def _shortest(

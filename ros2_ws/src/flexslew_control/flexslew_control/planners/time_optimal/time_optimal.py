@@ -9,7 +9,11 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, tick_times
 from flexslew_control.planners.time_optimal.all_drives import AllDrives, fastest_slew
-from flexslew_control.planners.time_optimal.optimal_switching import extremal_durations
+from flexslew_control.planners.time_optimal.optimal_switching import (
+    Faster,
+    extremal_durations,
+    faster_slew,
+)
 from flexslew_control.planners.time_optimal.pontryagin import Arcs, Extremality, switching_function
 from flexslew_control.planners.time_optimal.switching import (
     STENCIL,
@@ -66,7 +70,9 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
             f"the slew takes {duration:.4f} s with {amplitude.max():g} N m, {settings.longest:g} s "
             f"allowed; rigid bound {slew.rigid_duration:.4f} s; about {needed:.4g} N m are needed"
         )
-    check = switching_function(slew, durations)
+    check, faster = switching_function(slew, durations), None
+    if isinstance(slew, BangBang) and _more_may_help(slew, check, settings.structure):
+        faster = faster_slew(slew, duration)
     ticks = tick_times(settings.start, duration, asked.period)
     state, effort = on_ticks(slew, durations, ticks)
     m, n = slew.model.joints, slew.model.coordinates
@@ -82,7 +88,8 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
         "rigid_duration": slew.rigid_duration,
         "optimal": check.holds,
         "switching_function_violation": check.violation,
-        "optimality": statement(slew, durations, check, settings.structure),
+        "optimality": statement(slew, durations, check, settings.structure, faster),
+        "optimal_duration": duration if check.holds else faster and faster.duration,
     }
     if isinstance(slew, BangBang):
         summary["joint_sensitivity"] = joint_sensitivity(slew, durations)
@@ -227,9 +234,10 @@ def statement(
     durations: Vector,
     check: Extremality,
     structure: Structure = "fewest",
+    faster: Faster | None = None,
 ) -> str:
     """Return in one sentence what is known of the slew's optimality."""
-    switches = durations.size - 1
+    switches, duration = durations.size - 1, float(durations.sum())
     if check.holds:
         return f"extremal with {switches} switches: Pontryagin's condition holds"
     if isinstance(slew, AllDrives) and slew.transcribed:
@@ -241,9 +249,20 @@ def statement(
         f"best of the {switches}-switch family, not time-optimal: the switching function has the "
         f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value)"
     )
-    if isinstance(slew, BangBang) and _closed_form(slew) and structure != "optimal":
+    if not _more_may_help(slew, check, structure):
+        return f"{said}; no extremal was found"
+    if faster is None:
         return f"{said}; structure: optimal looks for more switches"
-    return f"{said}; no extremal was found"
+    less = duration - faster.duration
+    if faster.switches is None:
+        return f"{said}; no slew takes more than {less:.3g} s less"
+    return f"{said}; structure: optimal takes {less:.3g} s less with {faster.switches} switches"
+
+
+def _more_may_help(slew: BangBang | AllDrives, check: Extremality, structure: Structure) -> bool:
+    """Return whether structure: optimal asks for something else."""
+    few = isinstance(slew, BangBang) and _closed_form(slew)
+    return few and not check.holds and structure != "optimal"
 
 
 def on_ticks(slew: Arcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
