@@ -4,7 +4,7 @@ setup(
     name="flexslew_plant",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"flexslew_plant": ["py.typed"]},
+    package_data={"flexslew_plant": ["py.typed", "testbeds/spacecraft/data/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/flexslew_plant"]),
         ("share/flexslew_plant", ["package.xml"]),

@@ -75,7 +75,9 @@ class Plan:
     def _after(self) -> Reference:
         """The last position, its nominal state with straight appendages at rest."""
         final = np.zeros(self.state.shape[1])
-        if final.size:
+        if 0 < final.size < 2 * len(self.joint_names):  # of a turn about one joint
+            final[0] = self.state[-1, 0]
+        elif final.size:
             final[: len(self.joint_names)] = self.position[-1]
         return self._at_rest(self.position[-1], final)
 

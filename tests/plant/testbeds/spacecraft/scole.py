@@ -65,7 +65,7 @@ class Scole:
             for axis in "xyz"
         } | {
             f"mast_tip_{axis}": ActuatorPlace(
-                kind="torque", on="mast", direction=unit[axis], limit=1e3
+                kind="torque", appendage="mast", direction=unit[axis], limit=1e3
             )
             for axis in "xyz"
         }

@@ -114,7 +114,7 @@ def progress(turn: Manoeuvre, s: float) -> float:
 def test_a_wheel_takes_the_momentum_that_the_platform_loses() -> None:
     craft = random_craft(2, 2, hinges=(at.FIXED,))
     p, x = packed(craft), random_state(craft, 2)
-    effort = np.array([0.05 if d.what == at.WHEEL else 0.0 for d in craft.drives])
+    effort = np.array([-0.05 if d.what == at.WHEEL else 0.0 for d in craft.drives])
     _, before = momenta(craft, p, 0.0, x)
     after = fly(p, 0.0, x, effort, craft.sizes[1], 0.01, 500)
     _, angular = momenta(craft, p, 5.0, after)
@@ -126,7 +126,7 @@ def test_a_wheel_at_its_speed_limit_takes_no_more() -> None:
     craft = random_craft(2, 0)
     wheel = craft.wheels[0]._replace(largest_speed=20.0)
     craft = replace(craft, wheels=(wheel,))
-    effort = np.array([0.05 if d.what == at.WHEEL else 0.0 for d in craft.drives])
+    effort = np.array([-0.05 if d.what == at.WHEEL else 0.0 for d in craft.drives])
     x = np.zeros(sum(craft.sizes))
     x[6] = 1.0
     after = fly(packed(craft), 0.0, x, effort, craft.sizes[1], 0.01, 4000)

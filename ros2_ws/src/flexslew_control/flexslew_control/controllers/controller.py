@@ -1,5 +1,6 @@
 """A controller: estimator, law and plan behind the one question of the bench."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import fields, is_dataclass
@@ -48,6 +49,8 @@ class Controller:
     ) -> None:
         self.name, self.joint_names, self.period = name, joint_names, period
         self._estimator, self._law = estimator, law
+        # told what the plan wants, where it makes use of that
+        self._expect: Callable[[Reference], None] | None = getattr(estimator, "expect", None)
         self._handover_ticks = max(1, round(handover_time / period))
         self._requires_plan = requires_plan
         self.plan: Plan | None = None
@@ -131,6 +134,8 @@ class Controller:
             follows = key == (self._key[0], self._key[1] + 1)
             self._key = key
             self._answer = None
+            if self._expect is not None:
+                self._expect(self.reference(tick))
             if not follows:
                 self._estimator.reset(measurement)
                 self._hold = self._at_rest(measurement.joint_position)

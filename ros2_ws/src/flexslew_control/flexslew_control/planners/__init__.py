@@ -23,6 +23,7 @@ from flexslew_control.planners.input_shaping.start_coast_stop import (
     StartCoastStop,
     plan_start_coast_stop,
 )
+from flexslew_control.planners.one_axis import one_axis
 from flexslew_control.planners.prediction import predicted
 from flexslew_control.planners.progress import Progress, Update
 from flexslew_control.planners.reference import (
@@ -150,6 +151,10 @@ def make_plan(
     if limit.ndim != 1 or not limit.size or not np.all(limit > 0.0):
         raise BadInput(f"effort_limit: {limit.tolist()} is not allowed: positive, one per actuator")
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
+    reduced = None if isinstance(settings, NoPlan) else one_axis(settings, plant, feedback)
+    if reduced is not None:
+        own = make_plan(reduced.settings, reduced.plant, reduced.feedback, progress)
+        return reduced.embedded(own)
     slew = slew_of(settings, plant, feedback)
     if limit.size != slew.goal.size:
         raise BadInput(

@@ -93,3 +93,29 @@ METRICS: dict[str, Metric] = {
         "checksum protects",
     ),
 }
+
+# more keys of a testbed whose appendages point somewhere; objects by appendage, actuator or wheel
+POINTING_METRICS: dict[str, Metric] = {
+    "pointing_error": Metric(
+        "rad",
+        False,
+        "by appendage, x y z: largest |attitude error + its tip's turn| after the manoeuvre's end",
+    ),
+    "residual_tip_rotation": Metric(
+        "rad", False, "by appendage, x y z: largest |turn of its tip| after the manoeuvre's end"
+    ),
+    "pointing_settled_at": Metric(
+        "s",
+        False,
+        "by appendage: last time with any component above the pointing tolerance; null: never",
+    ),
+    "control_effort_by_actuator": Metric(
+        "(N m)^2 s or N^2 s", False, "by actuator: integral of its squared effort"
+    ),
+    "peak_platform_attitude": Metric("rad", False, "x y z: largest |turn| from inertial axes"),
+    "peak_platform_position": Metric("m", False, "x y z: largest |place| of the body origin"),
+    "peak_tip_deflection": Metric("m", False, "by appendage: largest distance of its tip"),
+    "peak_wheel_momentum": Metric(
+        "N m s", False, "by wheel: largest momentum of its spin relative to the platform"
+    ),
+}

@@ -1,18 +1,22 @@
 """Metrics of a run, from its bag alone. Streaming: a day costs no more memory than a minute."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexslew_control.law import described
 from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.report.pointing_metrics import PointingMetrics
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
 BAND = 0.02  # settling band, of the way that the joint has to go [-]
 
@@ -76,6 +80,8 @@ class Running:
         self.terminal: float | None = None
         self.peak_effort, self.square_sum = np.zeros(joints), np.zeros(joints)
         self.integral, self.saturated = 0.0, 0.0
+        self.pointing: PointingMetrics | None = None
+        self.joints: Callable[[Vector], tuple[Vector, Vector]] | None = None  # of a state
 
     def add(self, columns: Mapping[str, Any]) -> None:
         """Take the next ticks."""
@@ -96,6 +102,8 @@ class Running:
         over = time >= self.manoeuvre.end - 1e-9
         if over.any():
             self.residual_tip = max(self.residual_tip, float(tip[over].max()))
+        if self.pointing is not None:
+            self.pointing.add(time, q, v, columns["applied_effort"])
         if self.manoeuvre.goal is not None:
             self._errors(time, over, q, v, self.manoeuvre.goal)
         self.seen_end = self.seen_end or bool(over.any())
@@ -104,7 +112,10 @@ class Running:
 
     def _errors(self, time: Vector, over: Any, q: Matrix, v: Matrix, goal: Vector) -> None:
         joints, way = self.residual.size, self.manoeuvre.way
-        error = q[:, :joints] - goal
+        where = q[:, :joints]
+        if self.joints is not None:
+            where = np.array([self.joints(x)[0] for x in np.hstack((q, v))])
+        error = where - goal
         if over.any():
             self.residual = np.maximum(self.residual, np.abs(error[over]).max(axis=0))
             if not self.seen_end:
@@ -161,6 +172,7 @@ def metrics_from(bag: BagReader) -> dict[str, Any]:
             if running is None or epoch > running.epoch:
                 joints = columns["applied_effort"].shape[1]
                 running = Running(int(epoch), joints, _manoeuvre(overview, joints), limit)
+                _point(running, overview, joints)
             running.add(columns)
     if running is None:
         raise BadInput(f"{bag.path}: holds no truth, so there is nothing to measure")
@@ -173,6 +185,32 @@ def metrics_from(bag: BagReader) -> dict[str, Any]:
         overview.unprotected,
     )
     return result_of(running, facts)
+
+
+def _point(running: Running, overview: Overview, joints: int) -> None:
+    """Let the testbed of the log say where its joints are and where it points."""
+    if overview.testbed is None:
+        return
+    try:
+        testbed = described(overview.testbed.settings, "the log").testbed
+    except BadInput:  # of a version that this one does not know
+        return
+    look_with(running, testbed, joint_names_of(overview, joints))
+
+
+def look_with(running: Running, testbed: Testbed, names: tuple[str, ...]) -> None:
+    """Let a testbed say where its joints are and where its appendages point.
+
+    Args:
+        running: before its first tick.
+        testbed: that is flown.
+        names: of its joints.
+    """
+    running.joints = testbed.model().reading
+    if isinstance(testbed, Pointing):
+        m = running.manoeuvre
+        goal = {} if m.goal is None else dict(zip(names, m.goal.tolist(), strict=True))
+        running.pointing = PointingMetrics(testbed, goal, m.end, names)
 
 
 def joint_names_of(overview: Overview, joints: int) -> tuple[str, ...]:
@@ -249,6 +287,7 @@ def result_of(r: Running, facts: Facts) -> dict[str, Any]:
         "missing_ticks": r.missing,
         "log_complete": facts.complete,
         "warnings": [f"a changed number is not found: {part}" for part in facts.unprotected],
+        **({} if r.pointing is None else r.pointing.result()),
     }
 
 

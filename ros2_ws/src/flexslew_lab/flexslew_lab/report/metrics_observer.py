@@ -7,7 +7,14 @@ from numpy.typing import NDArray
 
 from flexslew_control.plan import Plan
 from flexslew_lab.log.record_schema import LoggedEvent
-from flexslew_lab.report.metrics import Facts, Manoeuvre, Running, manoeuvre_of, result_of
+from flexslew_lab.report.metrics import (
+    Facts,
+    Manoeuvre,
+    Running,
+    look_with,
+    manoeuvre_of,
+    result_of,
+)
 from flexslew_lab.trial.in_process import Observer
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.events import Event
@@ -32,6 +39,7 @@ class MetricsObserver(Observer):
             aim = manoeuvre_of(plan.position, plan.start, plan.duration)
         self._names = tuple(bench.model.joint_names)
         self._running = Running(bench.epoch, joints, aim, bench.limit)
+        look_with(self._running, bench.settings.testbed, self._names)
         rates = bench.truth().velocity.size
         self._rows = 0
         self._columns: dict[str, NDArray[Any]] = {

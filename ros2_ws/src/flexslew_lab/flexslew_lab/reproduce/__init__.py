@@ -59,6 +59,12 @@ REPRODUCTIONS: dict[str, Reproduction] = {
         "time_optimal_rows",
         "time_optimal_figures",
     ),
+    "scole": Reproduction(
+        "SCOLE under output feedback control (Sung and Joo), in space",
+        "scole",
+        "scole_rows",
+        "scole_figures",
+    ),
     "ofc": Reproduction("output feedback control (Sung and Joo)", "laws", "ofc_rows"),
     "pi": Reproduction("PI control with an estimator (Kwak, 1989)", "laws", "pi_rows"),
 }

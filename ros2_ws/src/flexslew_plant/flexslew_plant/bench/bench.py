@@ -38,6 +38,8 @@ from flexslew_plant.faults.injection import Faults
 from flexslew_plant.settings import plain, yaml_text
 from flexslew_plant.testbeds import initial_state
 
+_RIGID_FREQUENCY = 0.1  # of the brake on what has no mode [rad/s]
+
 
 class Bench:
     """The tick machine.
@@ -60,8 +62,9 @@ class Bench:
         self._start = initial_state(settings.testbed)
         self.model.advance(self._start, 0.0 * self.limit, 0.0)  # compiled before tick 0
         free = self.model.linearise(self.model.split(self._start)[0])
-        brake = settings.brake_damping_ratio * free.frequencies[0] * np.diag(free.mass)
-        self.drive = Drive(settings.active, settings.max_missed, brake[: self.model.joints])
+        slowest = min(free.frequencies, default=_RIGID_FREQUENCY)
+        brake = settings.brake_damping_ratio * slowest * self.model.inertias(self._start)
+        self.drive = Drive(settings.active, settings.max_missed, brake)
         self.charge = Charge(self.drive, settings.fallback, self.say)
         self.actuator = Actuator(settings.actuator, self.limit, settings.period)
         self._friction = friction_of(settings.actuator, settings.period)
@@ -145,7 +148,7 @@ class Bench:
             v,
             self._applied,
             self._extra,
-            self.appendages.tip.dot(q[self.model.joints :]),
+            self.appendages.tip.dot(self.model.modal_state(self._x)[0]),
             self.model.energy(self._x, self.time),
         )
 
@@ -180,8 +183,7 @@ class Bench:
             self.drive.take(self._answer)
         elif self.drive.active:
             self.charge.missed()
-        n = self.model.coordinates
-        velocity = self._x[n : n + self.model.joints]
+        velocity = self.model.joint_state(self._x)[1]
         demand = self._faults.demand(self.drive.effort(velocity))
         applied = self._faults.effort(self.actuator.apply(demand))
         extra = self._disturbance_at(self.tick)
@@ -201,8 +203,7 @@ class Bench:
         x, model, period, now = self._x, self.model, self.settings.period, self.time
         if self._friction is None:
             return model.advance(x, effort, period, t=now)
-        n = model.coordinates
-        mobility = model.jacobian(x, effort)[1][n : n + model.joints]
+        mobility = model.mobility(x, effort, now)
         return self._friction.advance(
             x, effort, mobility, lambda total: model.advance(x, total, period, t=now)
         )
@@ -319,15 +320,13 @@ class Bench:
             self.say(Level.WARNING if on else Level.INFO, "fault", words, data)
         self.charge.begin(self.tick)
         self._answer, self._lost = None, False
-        n, m = self.model.coordinates, self.model.joints
-        modes = self._x[m:n]
+        position, velocity = self.model.joint_state(self._x)
+        modes, rates = self.model.modal_state(self._x)
+        tip = self.appendages.tip.dot(modes)
+        if self.appendages.rate is not None:
+            tip = tip + self.appendages.rate.dot(rates)
         readings = self._sensors.read(
-            Readings(
-                self._x[:m],
-                self._x[n : n + m],
-                self.appendages.tip.dot(modes),
-                self.appendages.curvature.dot(modes),
-            )
+            Readings(position, velocity, tip, self.appendages.curvature.dot(modes))
         )
         self.question = Measurement(
             self.tick,

@@ -36,14 +36,13 @@ def diagnosis(
         active: controller in charge; empty: the brake.
         period: one tick [s].
     """
-    n, m = model.coordinates, model.joints
-    q = (*model.joint_names, *(f"mode {j + 1}" for j in range(n - m)))
-    names = (*q, *(f"{name} rate" for name in q))
+    names = model.state_names
     lost = ~(np.abs(after) < FARTHEST)
     # where one is lost, soon all are: then the one that was largest is told
     first = int(np.argmax(np.abs(before) if lost.all() else lost))
     where = f"{names[first]} was {before[first]:.3g} before"
-    rest = np.concatenate((before[:m], np.zeros(n - m)))
+    q, modes = model.split(before)[0], model.modes
+    rest = np.concatenate((q[: q.size - modes], np.zeros(modes)))
     fastest = max(model.linearise(rest).frequencies, default=0.0)
     if period * fastest > STABLE_TURN:
         return where, (
@@ -54,7 +53,7 @@ def diagnosis(
     if beyond.any():
         joint = int(np.argmax(beyond))
         return where, (
-            f"a disturbance of {disturbance[joint]:.3g} on {names[joint]}, "
+            f"a disturbance of {disturbance[joint]:.3g} on {model.joint_names[joint]}, "
             f"whose drive gives {limit[joint]:.3g}"
         )
     return where, f"{active or 'the brake'} does not hold it, the motion grows without bound"

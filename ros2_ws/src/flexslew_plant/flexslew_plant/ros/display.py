@@ -1,5 +1,6 @@
 """The display side of the plant node: standard topics that RViz, Foxglove and PlotJuggler draw."""
 
+import numpy as np
 from flexslew_msgs.msg import AppendageState
 from geometry_msgs.msg import Point, TransformStamped
 from rclpy.node import Node
@@ -48,13 +49,14 @@ class Display:
         if not self._every or truth.tick % self._every:
             return
         model, appendages = self._bench.model, self._bench.appendages
-        m, at = model.joints, stamp(truth.time)
-        modes, rates = truth.position[m:], truth.velocity[m:]
+        at, x = stamp(truth.time), np.concatenate((truth.position, truth.velocity))
+        modes, rates = model.modal_state(x)
+        position, velocity = model.joint_state(x)
         self._clock.publish(Clock(clock=at))
         joints = JointState(
             name=list(model.joint_names),
-            position=doubles(truth.position[:m]),
-            velocity=doubles(truth.velocity[:m]),
+            position=doubles(position),
+            velocity=doubles(velocity),
             effort=doubles(truth.applied_effort),
         )
         joints.header.stamp = at

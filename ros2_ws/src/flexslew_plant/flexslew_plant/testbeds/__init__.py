@@ -19,6 +19,7 @@ from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbe
 from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
 from flexslew_plant.testbeds.model import Appendages as Appendages
 from flexslew_plant.testbeds.model import Model as Model
+from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 from flexslew_plant.testbeds.varying_oscillator import VaryingOscillatorTestbed
 
 GROUP = "flexslew.testbeds"  # of the entry points of installed packages
@@ -29,6 +30,7 @@ TESTBEDS: dict[str, type[Any]] = {
     "floating_oscillator": FloatingOscillatorTestbed,
     "hub_with_appendages": HubTestbed,
     "varying_oscillator": VaryingOscillatorTestbed,
+    "spacecraft": SpacecraftTestbed,
 }
 
 
@@ -75,6 +77,7 @@ else:
         | Annotated[FloatingOscillatorTestbed, Tag("floating_oscillator")]
         | Annotated[HubTestbed, Tag("hub_with_appendages")]
         | Annotated[VaryingOscillatorTestbed, Tag("varying_oscillator")]
+        | Annotated[SpacecraftTestbed, Tag("spacecraft")]
         | Annotated[Any, PlainValidator(_own), Tag("own")],
         Discriminator(_kind),
         BeforeValidator(_limited),

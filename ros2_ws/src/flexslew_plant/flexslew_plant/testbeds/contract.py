@@ -78,6 +78,33 @@ class Shaped(Protocol):
         """
 
 
+class RigidTurn(NamedTuple):
+    """The efforts that turn a rigid spacecraft about one axis, u = a rate' + b rate^2."""
+
+    inertia: float  # about the axis [kg m^2]
+    tangential: Vector  # a, (joints,)
+    centrifugal: Vector  # b, (joints,)
+
+
+@runtime_checkable
+class Turning(Protocol):
+    """A testbed with many joints that planners turn about one of them."""
+
+    def turning(self, joint: str, modes: int | None = None) -> "Testbed":
+        """Return the testbed with this joint alone, about whose axis it turns.
+
+        Args:
+            joint: a torque on the platform.
+            modes: how many, those that the turn drives most; None: all.
+
+        Raises:
+            BadInput: the joint does not turn the platform.
+        """
+
+    def rigid_turn(self, joint: str) -> RigidTurn:
+        """Return what all joints must do for the turn (papers/002, (44) to (46))."""
+
+
 @runtime_checkable
 class Symbolic(Protocol):
     """A testbed that gives its energies in symbols, for planners by collocation."""

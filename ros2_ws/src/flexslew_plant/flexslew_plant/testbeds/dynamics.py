@@ -144,6 +144,7 @@ class Bound(NamedTuple):
     residual_jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
     energy: Callable[[Vector, float, Vector], float]
     actuation: Callable[[Vector, float, Vector, Vector, Vector], None]
+    position_rates: Callable[[Vector, float, Vector, Vector], None]
 
 
 @lru_cache
@@ -194,7 +195,20 @@ def bound(kernels: Kernels, n: int, m: int) -> Bound:
     def actuation(p: Vector, t: float, x: Vector, effort: Vector, force: Vector) -> None:
         interface.actuation(kernels, p, t, x, effort, force)
 
-    return Bound(terms, derivative_, advance, jacobian_, residual_jacobian, energy_, actuation)
+    @compiled
+    def position_rates(p: Vector, t: float, x: Vector, rate: Vector) -> None:
+        interface.position_rates(kernels, p, t, x, rate)
+
+    return Bound(
+        terms,
+        derivative_,
+        advance,
+        jacobian_,
+        residual_jacobian,
+        energy_,
+        actuation,
+        position_rates,
+    )
 
 
 @compiled

@@ -61,7 +61,7 @@ class Kernels:
         """
         if self.extra_positions and self.kinematics is None:
             raise ValueError("extra_positions needs kinematics, which says how they change")
-        digest = hashlib.sha256()
+        digest = hashlib.sha256(f"{self.full_mass} {self.extra_positions}".encode())
         for path in sorted({_source(f) for f in self._functions().values()}):
             digest.update(path.read_bytes())
         name = f"{self.terms.__module__}.{self.terms.__qualname__}"

@@ -66,6 +66,7 @@ class Appendages(NamedTuple):
     names: tuple[str, ...]
     tip: Matrix  # (appendages, modes) [-]
     curvature: Matrix  # at the root, (appendages, modes) [1/m^2]
+    rate: Matrix | None = None  # of the modes' rates, added to the tip's reading [s]
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,9 @@ class Model:
         scale_stiffness: from packed and a factor to packed with all stiffness times the factor,
             damping ratios kept; None: it cannot be scaled.
         time_varying: whether M, h or B depend on time.
+        leading: how many entries of v stand before the modes; None: the joints.
+        reading: from a state to where each joint is and how fast; None: the first entries.
+        placed: from joint positions by name to q at rest; None: the first entries.
     """
 
     kernels: Kernels
@@ -94,6 +98,9 @@ class Model:
     actuators: int | None = None
     scale_stiffness: Callable[[Vector, float], Vector] | None = None
     time_varying: bool = False
+    leading: int | None = None
+    reading: Callable[[Vector], tuple[Vector, Vector]] | None = None
+    placed: Callable[[Mapping[str, float]], Vector] | None = None
 
     @cached_property
     def joints(self) -> int:
@@ -108,7 +115,12 @@ class Model:
     @cached_property
     def coordinates(self) -> int:
         """n, joints and modes together: the entries of v."""
-        return self.joints + self.modes
+        return self.before_modes + self.modes
+
+    @cached_property
+    def before_modes(self) -> int:
+        """How many entries of v stand before the modes."""
+        return self.joints if self.leading is None else self.leading
 
     @cached_property
     def positions(self) -> int:
@@ -117,7 +129,18 @@ class Model:
 
     @cached_property
     def _bound(self) -> dynamics.Bound:
-        return dynamics.bound(self.kernels, self.coordinates, self.joints)
+        return dynamics.bound(self.kernels, self.coordinates, self.before_modes)
+
+    @cached_property
+    def state_names(self) -> tuple[str, ...]:
+        """A name for each entry of [q, v]."""
+        q: tuple[str, ...] = self.joint_names
+        v = q
+        if self.leading is not None:
+            q = tuple(f"position {k + 1}" for k in range(self.positions - self.modes))
+            v = tuple(f"velocity {k + 1}" for k in range(self.before_modes))
+        modes = tuple(f"mode {j + 1}" for j in range(self.modes))
+        return (*q, *modes, *(f"{name} rate" for name in (*v, *modes)))
 
     def rest(self, positions: Mapping[str, float]) -> Vector:
         """Return q at rest with the joints named at these positions, all else zero, shape (n,).
@@ -132,6 +155,8 @@ class Model:
         if unknown:
             names = ", ".join(self.joint_names)
             raise BadInput(f"{unknown[0]} is not a joint of the testbed; allowed: {names}")
+        if self.placed is not None:
+            return self.placed(positions)
         rest = np.zeros(self.positions)
         rest[: self.joints] = [positions.get(name, 0.0) for name in self.joint_names]
         return rest
@@ -149,7 +174,7 @@ class Model:
 
     def _terms(self, q: Vector, v: Vector, t: float) -> tuple[Matrix, Vector]:
         n = self.coordinates
-        s = n if self.kernels.full_mass else self.joints
+        s = n if self.kernels.full_mass else self.before_modes
         joints, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
         bias = np.empty(n)
         x = np.concatenate((q, v))
@@ -192,9 +217,48 @@ class Model:
             raise BadInput("the stiffness of this testbed cannot be scaled")
         return replace(self, packed=self.scale_stiffness(self.packed, factor))
 
+    def position_rates(self, q: Vector, t: float = 0.0) -> Matrix:
+        """Return N of q' = N(q) v, shape (positions, n)."""
+        columns = []
+        for one in np.eye(self.coordinates):
+            rate = np.empty(self.positions)
+            self._bound.position_rates(self.packed, t, np.concatenate((q, one)), rate)
+            columns.append(rate)
+        return np.array(columns).T
+
     def split(self, x: Vector) -> tuple[Vector, Vector]:
         """Return q and v of a state."""
         return x[: self.positions], x[self.positions :]
+
+    def joint_state(self, x: Vector) -> tuple[Vector, Vector]:
+        """Return position and velocity of each joint, each of shape (joints,)."""
+        if self.reading is not None:
+            return self.reading(x)
+        q, v = self.split(x)
+        return q[: self.joints], v[: self.joints]
+
+    def modal_state(self, x: Vector) -> tuple[Vector, Vector]:
+        """Return the modal coordinates and their rates, each of shape (modes,)."""
+        q, v = self.split(x)
+        return q[self.positions - self.modes :], v[self.before_modes :]
+
+    def mobility(self, x: Vector, effort: Vector, t: float = 0.0) -> Matrix:
+        """Return how each effort accelerates each joint, shape (joints, actuators)."""
+        if self.leading is None:
+            n = self.coordinates
+            return self.jacobian(x, effort, t)[1][n : n + self.joints]
+        q, _ = self.split(x)
+        b = self.input_matrix(q, t)
+        moved: Matrix = b.T @ np.linalg.solve(self.mass_matrix(q, t), b)
+        return moved
+
+    def inertias(self, x: Vector) -> Vector:
+        """Return what each effort moves alone, shape (joints,) [kg m^2 or kg]."""
+        q, _ = self.split(x)
+        if self.leading is None:
+            return np.diag(self.mass_matrix(q))[: self.joints]
+        moved: Vector = 1.0 / np.diag(self.mobility(x, np.zeros(self.efforts)))
+        return moved
 
     def energy(self, x: Vector, t: float = 0.0) -> float:
         """Return T + U [J], constant without effort, damping and dependence on time."""
@@ -218,7 +282,9 @@ class Model:
             t: time at which the model is frozen [s].
         """
         n = self.coordinates
-        stiffness, damping = np.empty((n, n)), np.empty((n, n))
+        stiffness, damping = np.empty((n, self.positions)), np.empty((n, n))
         rest, still = np.concatenate((q, np.zeros(n))), np.zeros(n)
         self._bound.residual_jacobian(self.packed, t, rest, still, stiffness, damping)
+        if self.kernels.extra_positions:  # by motions along v
+            stiffness = stiffness @ self.position_rates(q, t)
         return Linearisation(self.mass_matrix(q, t), damping, stiffness, self.input_matrix(q, t))

@@ -21,13 +21,16 @@ def clamped_frequencies(model: Model) -> tuple[float, ...]:
     )
 
 
-def nominal_motion(slew: Slew, path: Vector, rate: Vector, h: float) -> tuple[Matrix, Matrix]:
+def nominal_motion(
+    slew: Slew, path: Vector, rate: Vector, h: float, equal: bool = False
+) -> tuple[Matrix, Matrix]:
     """Return positions and rates of joints and modes on the grid, each of shape (times, n).
 
     Args:
         slew: what is asked for.
         path, rate: the shaped command from 0 to 1 and its derivative, shape (times,).
         h: interval of the grid [s].
+        equal: whether every mode swings at the first one's frequency and damping.
 
     Raises:
         BadInput: the joints cannot move so.
@@ -38,8 +41,9 @@ def nominal_motion(slew: Slew, path: Vector, rate: Vector, h: float) -> tuple[Ma
     q[:, :m], v[:, :m] = motion.position, motion.velocity
     linear = model.linearise(np.zeros(model.coordinates))
     for j in range(m, model.coordinates):
-        mass = linear.mass[j, j]
-        spring, damper = linear.stiffness[j, j] / mass, linear.damping[j, j] / mass
+        mass, own = linear.mass[j, j], m if equal else j
+        spring = linear.stiffness[own, own] / linear.mass[own, own]
+        damper = linear.damping[own, own] / linear.mass[own, own]
         force = -(motion.drive @ linear.mass[:m, j]) / mass
         swing = _driven(spring, damper, force, h)
         q[:, j], v[:, j] = swing[:, 0], swing[:, 1]

@@ -40,7 +40,9 @@ class StartCoastStop:
     pulse_frequency: Positive = 0.4  # Omega of (47) [rad/s]
     shaper: Literal["clamped", "system", "none"] = "clamped"  # whose first frequency is shaped
     shaper_damping: float = Field(default=0.0, ge=0.0, lt=1.0)  # zeta [-]
-    feedforward: Literal["elastic", "rigid"] = "elastic"  # whether the effort moves q_d too
+    # whether the effort moves q_d too; zero_order: rigid, its value at each tick (44)
+    feedforward: Literal["elastic", "rigid", "zero_order"] = "elastic"
+    equal_frequencies: bool = False  # the tracking model's modes all swing as the first does
 
 
 @dataclass(frozen=True)
@@ -176,15 +178,19 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
     t: Vector = np.arange(FINE * (len(ticks) - 1) + 1, dtype=np.float64) * h
     rate = shape(motion.rate)(t)
     path = cumulative_simpson(rate, dx=h, initial=0.0)
+    path_scale = abs(float(path[-1]))
     path, rate = path / path[-1], rate / path[-1]
     try:
-        q, v = nominal_motion(slew, path, rate, h)
+        q, v = nominal_motion(slew, path, rate, h, settings.equal_frequencies)
     except BadInput as error:
         raise BadInput(f"plan: goal: {error}") from None
     q[-1, :joints], v[-1, :joints] = slew.goal, 0.0
     stiff = np.arange(model.coordinates) < joints
     moved = (q, v) if settings.feedforward == "elastic" else (q * stiff, v * stiff)
     effort = mean_efforts(model, *moved, h)
+    if settings.feedforward == "zero_order":
+        at = t[:-1:FINE]
+        effort[:, leader] = inertia * shape(motion.acceleration)(at) / path_scale * abs(way)
     peak = abs(effort).max(axis=0)
     if (peak > slew.effort_limit).any():
         raise PlanFailed(

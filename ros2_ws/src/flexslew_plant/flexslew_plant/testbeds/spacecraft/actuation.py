@@ -19,8 +19,8 @@ from flexslew_plant.testbeds.spacecraft.kernels import hinge_frame, offsets, put
 
 @called
 def _speed_limited(u: float, speed: float, limit: float) -> float:
-    """Return the torque of a wheel: none that would drive it beyond its limit."""
-    if abs(speed) >= limit and u * speed > 0.0:
+    """Return a wheel's torque on the platform: none that would drive it beyond its limit."""
+    if abs(speed) >= limit and u * speed < 0.0:
         return 0.0
     return u
 
@@ -93,7 +93,7 @@ def actuation(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> No
             continue
         if p[d + at.WHAT] == at.WHEEL:
             at_wheel = own_v + hinges + index
-            out[at_wheel] += _speed_limited(u, x[nq + at_wheel], p[d + at.BOUND])
+            out[at_wheel] -= _speed_limited(u, x[nq + at_wheel], p[d + at.BOUND])
             continue
         force, moment, about_hinge = _platform_force(p, t, x, d, u, own_q, own_v, nq)
         _platform_share(p, force, moment, out)

@@ -40,7 +40,7 @@ from flexslew_plant.testbeds.spacecraft.settings import (
 )
 from flexslew_plant.testbeds.spacecraft.settings import Beam as BeamSettings
 from flexslew_plant.testbeds.spacecraft.settings import Membrane as MembraneSettings
-from flexslew_plant.testbeds.spacecraft.shape import FlexibleShape, Spot
+from flexslew_plant.testbeds.spacecraft.shape import FlexibleShape, Placed, Spot
 from flexslew_plant.testbeds.spacecraft.units import UNITS, Units, UnitSystem
 
 _PROFILES = {"smooth": at.SMOOTH, "bang_bang": at.BANG_BANG, "table": at.TABLE}
@@ -51,11 +51,25 @@ _HINGES = {"fixed": at.FIXED, "prescribed": at.PRESCRIBED, "driven": at.DRIVEN}
 class Described(Protocol):
     """What of a `testbed` section the physics needs."""
 
-    units: UnitSystem
-    platform: Platform
-    appendages: dict[str, AppendageSettings]
-    wheels: dict[str, WheelSettings]
-    actuators: dict[str, ActuatorPlace]
+    @property
+    def units(self) -> UnitSystem:
+        """Of all its numbers."""
+
+    @property
+    def platform(self) -> Platform:
+        """The rigid platform."""
+
+    @property
+    def appendages(self) -> dict[str, AppendageSettings]:
+        """By name."""
+
+    @property
+    def wheels(self) -> dict[str, WheelSettings]:
+        """By name."""
+
+    @property
+    def actuators(self) -> dict[str, ActuatorPlace]:
+        """By name."""
 
 
 def spacecraft(described: Described) -> Spacecraft:
@@ -172,6 +186,12 @@ def _appendage(name: str, a: AppendageSettings, units: Units, key: str) -> Appen
     if a.shape is None and a.body is None:
         raise BadInput(f"{key}: has neither shape nor body; give one of them")
     shape = None if a.shape is None else _shape(a.shape, units, key)
+    if shape is not None and a.only_modes is not None:
+        if max(a.only_modes, default=0) > shape.modes:
+            raise BadInput(
+                f"{key}.only_modes: {max(a.only_modes)} is not allowed: 1 to {shape.modes}"
+            )
+        shape = chosen_modes(shape, [k - 1 for k in a.only_modes])
     n = 0 if shape is None else shape.modes
     integrals = _nothing(n) if shape is None else shape.integrals
     if a.body is not None:
@@ -185,8 +205,8 @@ def _appendage(name: str, a: AppendageSettings, units: Units, key: str) -> Appen
     manoeuvres = _manoeuvres(h, axis, f"{key}.hinge")
     kind = h.kind or ("prescribed" if manoeuvres else "fixed")
     modal_mass = np.zeros(0) if shape is None else shape.mass
-    stiffness = np.zeros(0) if shape is None else shape.stiffness
-    own = None if shape is None else shape.damping
+    stiffness = np.zeros(0) if shape is None else a.stiffness * shape.stiffness
+    own = None if shape is None or shape.damping is None else shape.damping * a.stiffness**0.5
     return Appendage(
         name,
         integrals if a.second_order else integrals.first_order(),
@@ -292,35 +312,45 @@ def _shape(shape: object, units: Units, key: str) -> FlexibleShape:
     kept = shape.modes  # type: ignore[attr-defined]
     if kept is not None and kept > found.modes:
         raise BadInput(f"{key}.shape.modes: {kept} is not allowed: the file has {found.modes}")
-    return found if kept is None else first_modes(found, kept)
+    return found if kept is None else chosen_modes(found, list(range(kept)))
 
 
-def first_modes(shape: FlexibleShape, n: int) -> FlexibleShape:
-    """Return a shape with its first n modes."""
+class _Chosen(NamedTuple):
+    """Places along a shape of which some modes count."""
+
+    along: Placed
+    modes: list[int]
+
+    def spot(self, s: float) -> Spot:
+        """Return what these modes do at the distance s."""
+        return _chosen(self.along.spot(s), self.modes)
+
+
+def _chosen(spot: Spot, n: list[int]) -> Spot:
+    return Spot(spot.place, spot.displacement[:, n], spot.turn[:, n], spot.curvature[:, n])
+
+
+def chosen_modes(shape: FlexibleShape, n: list[int]) -> FlexibleShape:
+    """Return a shape with some of its modes, counted from 0."""
     i = shape.integrals
     return FlexibleShape(
         Integrals(
             i.mass,
             i.first,
             i.second,
-            i.translation[:, :n],
-            i.rotation[:, :n],
-            i.second_1[:n],
-            i.second_2[:n, :n],
-            i.gyroscopic[:n, :n],
+            i.translation[:, n],
+            i.rotation[:, n],
+            i.second_1[n],
+            i.second_2[np.ix_(n, n)],
+            i.gyroscopic[np.ix_(n, n)],
         ),
-        shape.mass[:n],
-        shape.stiffness[:n],
-        Spot(
-            shape.tip.place,
-            shape.tip.displacement[:, :n],
-            shape.tip.turn[:, :n],
-            shape.tip.curvature[:, :n],
-        ),
+        shape.mass[n],
+        shape.stiffness[n],
+        _chosen(shape.tip, n),
         shape.line,
-        shape.line_shape[:, :, :n],
-        None,
-        None if shape.damping is None else shape.damping[:n, :n],
+        shape.line_shape[:, :, n],
+        None if shape.along is None else _Chosen(shape.along, n),
+        None if shape.damping is None else shape.damping[np.ix_(n, n)],
     )
 
 
@@ -328,11 +358,11 @@ class _Turned(NamedTuple):
     """Places along a beam, in appendage axes."""
 
     axes: Matrix  # beam to appendage
-    along: object
+    along: Placed
 
     def spot(self, s: float) -> Spot:
         """Return what the modes do at the distance s."""
-        return turned_spot(self.axes, self.along.spot(s))  # type: ignore[attr-defined]
+        return turned_spot(self.axes, self.along.spot(s))
 
 
 def turned_spot(r: Matrix, spot: Spot) -> Spot:
@@ -378,7 +408,7 @@ def _beam(b: BeamSettings, units: Units, key: str) -> FlexibleShape:
         turned_spot(r, shape.tip),
         shape.line @ r.T,
         np.einsum("ab,kbn->kan", r, shape.line_shape),
-        _Turned(r, shape.along),
+        None if shape.along is None else _Turned(r, shape.along),
         None,
     )
 
@@ -398,15 +428,17 @@ def _drives(described: Described, parts: tuple[Appendage, ...], units: Units) ->
         key = f"testbed.actuators.{name}"
         direction = _unit(d.direction, f"{key}.direction")
         limit = d.limit * (units.force if d.kind == "force" else units.torque)
-        if d.on is None:
+        if d.appendage is None:
             what = at.FORCE if d.kind == "force" else at.TORQUE
             empty = np.zeros((3, 0))
             spot = Spot(np.array(d.place) * units.length, empty, empty, np.zeros((2, 0)))
             found.append(Drive(name, what, -1, direction, spot, limit))
             continue
-        if d.on not in names:
-            raise BadInput(f"{key}.on: {d.on} is no appendage; allowed: {', '.join(names) or '-'}")
-        index = names.index(d.on)
+        if d.appendage not in names:
+            raise BadInput(
+                f"{key}.appendage: {d.appendage} is no appendage; allowed: {', '.join(names)}"
+            )
+        index = names.index(d.appendage)
         what = at.POINT_FORCE if d.kind == "force" else at.TIP_TORQUE
         found.append(Drive(name, what, index, direction, _spot(parts[index], d, units, key), limit))
     hinges = [(k, a) for k, a in enumerate(parts) if a.hinge == at.DRIVEN]

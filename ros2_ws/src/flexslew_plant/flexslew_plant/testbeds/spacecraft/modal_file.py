@@ -20,6 +20,7 @@ x,y,z,mass,mode_1_x,mode_1_y,mode_1_z,mode_2_x,...
 """
 
 import zipfile
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,7 @@ _KEYS = {
     "rotation",
     "rigid",
 }
+_SHIPPED = Path(str(resources.files("flexslew_plant.testbeds.spacecraft"))) / "data"
 _MASS_TOLERANCE = 0.02  # of the rigid sums that are given
 _ORTHOGONAL = 1e-3  # of the modal masses
 
@@ -61,6 +63,8 @@ def modal_shape(path: Path) -> FlexibleShape:
         BadInput: the file cannot be read, a number is missing, of the wrong shape or out of
             range, or its rigid sums contradict its points.
     """
+    if not path.exists() and (_SHIPPED / path).exists():
+        path = _SHIPPED / path
     data = _read(path)
     unknown = sorted(set(data) - _KEYS)
     if unknown:

@@ -259,7 +259,8 @@ def _drive(craft: Spacecraft, d: Drive, places: list[int]) -> Vector:
     spot = d.spot
     head[at.WHAT], head[at.WHOSE], head[at.BOUND] = d.what, -1, np.inf
     if d.what == at.WHEEL:
-        head[at.INDEX], head[at.BOUND] = d.owner, craft.wheels[d.owner].largest_speed
+        wheel = craft.wheels[d.owner]
+        head[at.INDEX], head[at.BOUND], direction = d.owner, wheel.largest_speed, wheel.axis
     elif d.what == at.HINGE:
         before = craft.appendages[: d.owner]
         head[at.INDEX] = sum(a.hinge == at.DRIVEN for a in before)

@@ -79,7 +79,7 @@ class Hinge:
     range: tuple[float, float] | None = None  # of its angle [rad]
     spring: NonNegative = 0.0  # of a driven hinge
     damper: NonNegative = 0.0
-    limit: Positive = 100.0  # of its motor
+    limit: Positive = 100.0  # of its motor; its joint is called <appendage>_hinge
     motion: Motion | tuple[Motion, ...] | None = None
 
 
@@ -152,6 +152,8 @@ class AppendageSettings:
     body: Body | None = None  # rigid, at the hinge
     damping: Damping = Damping()
     second_order: bool = True  # terms of second order in the deflections
+    only_modes: tuple[Annotated[int, Field(ge=1)], ...] | None = None  # that count; null: all
+    stiffness: Positive = 1.0  # factor on the modal stiffness [-]
 
 
 @section
@@ -172,6 +174,6 @@ class ActuatorPlace:
     kind: Literal["force", "torque"]
     direction: Triple  # in the axes of what it acts on
     limit: Positive
-    on: str | None = None  # appendage; left out: the platform
+    appendage: str | None = None  # left out: on the platform
     at: float | None = None  # along its beam; left out: its tip
     place: Triple = (0.0, 0.0, 0.0)  # on the platform

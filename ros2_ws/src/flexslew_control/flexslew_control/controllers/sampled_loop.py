@@ -1,0 +1,132 @@
+"""Whether a law stays stable when it is asked once per tick, on all modes of the bench."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import expm
+
+from flexslew_control.controllers.sliding_beliefs import OneAppendage, held_step
+from flexslew_control.controllers.sliding_surface import SlidingDesign
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import Model
+
+_CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
+_SHORTEST = 1e-3  # of the period: shorter ones are not looked at
+
+
+class LinearPlant:
+    """The small motions of a model about a rest, with the joints' and tips' readings.
+
+    Args:
+        model: equations of motion.
+        rest: q about which it is linear, shape (positions,).
+    """
+
+    def __init__(self, model: Model, rest: Vector) -> None:
+        linear = model.linearise(rest)
+        n, modes = model.coordinates, model.modes
+        self._a, self._b = linear.state_matrix, linear.state_input_matrix
+        still = np.zeros((model.joints, n))
+        self.position = np.hstack((linear.input_matrix.T, still))
+        self.velocity = np.hstack((still, linear.input_matrix.T))
+        tips = model.appendages
+        self.tip = np.zeros((len(tips.names), 2 * n))
+        self.tip[:, n - modes : n] = tips.tip
+        if tips.rate is not None:
+            self.tip[:, 2 * n - modes :] = tips.rate
+
+    def step(self, period: float) -> tuple[Matrix, Matrix]:
+        """Return F and G of x+ = F x + G u over a tick with u held."""
+        k, m = self._b.shape
+        both = np.zeros((k + m, k + m))
+        both[:k, :k], both[:k, k:] = self._a, self._b
+        both = expm(both * period)
+        return both[:k, :k], both[:k, k:]
+
+
+def collocated_loop(plant: LinearPlant, kp: Vector, kd: Vector, period: float) -> Matrix:
+    """Return the map of one tick under u = -kp position - kd velocity."""
+    f, g = plant.step(period)
+    closed: Matrix = f - g @ (kp[:, None] * plant.position + kd[:, None] * plant.velocity)
+    return closed
+
+
+def appendage_loop(
+    plant: LinearPlant, belief: OneAppendage, found: SlidingDesign, period: float
+) -> Matrix:
+    """Return the map of one tick of plant and observer under output feedback control."""
+    f, g = plant.step(period)
+    surface, gain, system = found.surface, found.observer_gain, belief.system
+    inverse = np.linalg.inv(surface @ system.b)
+    by_y = -inverse @ surface @ gain
+    by_z = -inverse @ surface @ (system.a - gain @ system.c)
+    by_z = by_z - found.reaching_rate * inverse @ surface
+    y = plant.tip[belief.rows]
+    own = np.zeros((belief.count, len(belief.joints)))
+    own[belief.joints, range(len(belief.joints))] = 1.0
+    held = np.where(own.any(axis=1), 0.0, 1.0)
+    platform = -(held * belief.stiffness)[:, None] * plant.position
+    platform = platform - (held * belief.damping)[:, None] * plant.velocity
+    k, m = system.b.shape
+    step = held_step(system, gain, period)
+    by_effort, by_output = step[:, k : k + m], step[:, k + m :]
+    return np.block(
+        [
+            [f + g @ (platform + own @ by_y @ y), g @ own @ by_z],
+            [(by_effort @ by_y + by_output) @ y, step[:, :k] + by_effort @ by_z],
+        ]
+    )
+
+
+def radius(closed: Matrix) -> float:
+    """Return the spectral radius."""
+    return float(abs(np.linalg.eigvals(closed)).max())
+
+
+def require_sampled_stability(
+    closed: Callable[[float], Matrix], period: float, what: str, remedy: str = ""
+) -> None:
+    """Check the map of one tick.
+
+    Args:
+        closed: from a period to the map of one tick.
+        period: of the trial [s].
+        what: is sampled, for the message.
+        remedy: what else to change.
+
+    Raises:
+        BadInput: gives the spectral radius and the longest period that works.
+    """
+    found = radius(closed(period))
+    if found <= 1.0 + _CLOSE:
+        return
+    works = _longest(closed, period)
+    if works is None:
+        advice = f"no period down to {_SHORTEST * period:.2g} s works"
+    else:
+        advice = f"the longest period that works is {works:.2g} s"
+    raise BadInput(
+        f"{what} is not stable with a period of {period:g} s: the spectral radius of one tick is "
+        f"{found:.4g}; {advice}{remedy}"
+    )
+
+
+def _longest(closed: Callable[[float], Matrix], period: float) -> float | None:
+    """Return the longest stable period below `period`, rounded down to two digits [s]."""
+    high = period
+    for _ in range(90):
+        low = 0.9 * high
+        if low < _SHORTEST * period:
+            return None
+        if radius(closed(low)) <= 1.0 + _CLOSE:
+            break
+        high = low
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        if radius(closed(middle)) <= 1.0 + _CLOSE:
+            low = middle
+        else:
+            high = middle
+    digits = 10.0 ** (np.floor(np.log10(low)) - 1.0)
+    return float(np.floor(low / digits + 1e-9) * digits)

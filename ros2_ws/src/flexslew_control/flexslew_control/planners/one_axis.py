@@ -1,0 +1,106 @@
+"""Planning for a spacecraft with many joints: it turns about one, and all of them fly the plan."""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.law import PlantDescription
+from flexslew_control.plan import Plan
+from flexslew_control.planners.slew import Feedback
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import believed, initial_positions
+from flexslew_plant.testbeds.contract import RigidTurn, Turning
+
+
+class OneAxis(NamedTuple):
+    """A manoeuvre reduced to the joint that moves, and the way back."""
+
+    settings: Any  # the `plan` section about that joint
+    plant: PlantDescription  # with that joint alone
+    feedback: Feedback | None
+    joint: int
+    names: tuple[str, ...]  # of all joints
+    start: Vector  # of all joints, (joints,) [rad or m]
+    rigid: RigidTurn
+
+    def embedded(self, plan: Plan) -> Plan:
+        """Return the plan for all joints: what stays at rest, and the efforts that hold it there.
+
+        The efforts are those of (44) to (46) in papers/002; the joint that moves has what the
+        plan gives it besides.
+        """
+        k, count = self.joint, len(self.names)
+        rest = np.tile(self.start, (len(plan.position), 1))
+        position, velocity = rest, np.zeros_like(rest)
+        position[:, k], velocity[:, k] = plan.position[:, 0], plan.velocity[:, 0]
+        rate = velocity[:, k]
+        if getattr(self.settings, "feedforward", "") == "zero_order":
+            acceleration, square = plan.effort[:, 0] / self.rigid.inertia, rate[:-1] ** 2
+        else:
+            acceleration = np.diff(rate) / plan.period
+            square = (0.5 * (rate[:-1] + rate[1:])) ** 2
+        effort = np.outer(acceleration, self.rigid.tangential)
+        effort += np.outer(square, self.rigid.centrifugal)
+        effort[:, k] += plan.effort[:, 0] - self.rigid.inertia * acceleration
+        peak = abs(effort).max(axis=0, initial=0.0)
+        summary = {**plan.summary, "peak_effort": [float(x) for x in peak]}
+        assert effort.shape[1] == count
+        return replace(
+            plan,
+            joint_names=self.names,
+            position=position,
+            velocity=velocity,
+            effort=effort,
+            summary=summary,
+        )
+
+
+def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) -> OneAxis | None:
+    """Return the manoeuvre about the one joint that moves; None where the bench plans for all.
+
+    Raises:
+        BadInput: none or more than one joint moves, or it does not turn the platform.
+    """
+    testbed = plant.testbed
+    if not isinstance(testbed, Turning) or len(plant.joint_names) == 1:
+        return None
+    names = plant.joint_names
+    first = initial_positions(testbed) | (getattr(settings, "initial", None) or {})
+    goal = getattr(settings, "goal", None) or {}
+    unknown = sorted(set(goal) - set(names))
+    if unknown:
+        raise BadInput(
+            f"plan: goal: {unknown[0]} is not a joint of the testbed; allowed: {', '.join(names)}"
+        )
+    moving = [name for name in names if goal.get(name, first[name]) != first[name]]
+    if len(moving) != 1:
+        raise BadInput(
+            f"plan: goal: {', '.join(moving) or 'nothing'} moves; a spacecraft is planned about "
+            "one axis at a time: give one joint"
+        )
+    k = names.index(moving[0])
+    changes = getattr(settings, "model", None)
+    whole: Any = believed(testbed, changes, "plan: model")
+    reduced = whole.turning(moving[0], None if changes is not None else 1)
+    about: dict[str, Any] = {"goal": {moving[0]: goal[moving[0]]}}
+    taken = {"model": None, "initial": {moving[0]: first[moving[0]]}}
+    about |= {key: value for key, value in taken.items() if hasattr(settings, key)}
+    if getattr(settings, "feedback", None) is not None:
+        about["feedback"] = _own(settings.feedback, k)
+    return OneAxis(
+        replace(settings, **about),
+        PlantDescription(reduced, plant.period, plant.effort_limit[k : k + 1]),
+        None if feedback is None else _own(feedback, k),
+        k,
+        names,
+        np.array([first[name] for name in names]),
+        whole.rigid_turn(moving[0]),
+    )
+
+
+def _own(feedback: Feedback, k: int) -> Feedback:
+    """Return the gains of one joint."""
+    kp, kd = ((g[k],) if len(g) > 1 else g for g in (feedback.kp, feedback.kd))
+    return Feedback(kp=kp, kd=kd)

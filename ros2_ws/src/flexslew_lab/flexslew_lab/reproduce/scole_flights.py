@@ -1,0 +1,147 @@
+"""The flights of SCOLE-S and the numbers of its table (papers/002, section 4)."""
+
+from functools import lru_cache
+from importlib import resources
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.planners import make_plan
+from flexslew_lab.report.pointing_metrics import PointingMetrics
+from flexslew_lab.trial.in_process import Observer, fly
+from flexslew_lab.trial.trial import (
+    SavedPlan,
+    Trial,
+    bench_settings,
+    build_controllers,
+    feedback_of,
+    plant_of,
+    trial_of_values,
+)
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.settings import load_yaml
+from flexslew_plant.testbeds.spacecraft.motions import Pointing
+from flexslew_plant.testbeds.spacecraft.units import UNITS
+
+UNIT = UNITS["slug_ft_lb"]
+PLATFORM = ("roll", "pitch", "yaw")
+TIP = ("mast_tip_x", "mast_tip_y", "mast_tip_z")
+FORCES = ("x", "y", "z")
+
+
+class Flight(NamedTuple):
+    """What a run shows, at every tick."""
+
+    time: Vector  # (k,) [s]
+    effort: Matrix  # held before each tick, (k, joints) [N m or N]
+    feedforward: Matrix  # of the plan, (ticks, joints) [N m or N]
+    names: tuple[str, ...]  # of the joints
+    roll: Matrix  # angle and rate about x, (k, 2) [rad, rad/s]
+    attitude: Matrix  # error from the goal, (k, 3) [rad]
+    turn: Matrix  # of the mast's tip, (k, 3) [rad]
+    end: float  # of the manoeuvre [s]
+    metrics: dict[str, Any]
+
+    def efforts(self, names: tuple[str, ...]) -> Vector:
+        """Return the growing integral of squared efforts (53), (k,) [(lb ft)^2 s or lb^2 s]."""
+        columns = [self.names.index(name) for name in names]
+        unit = UNIT.force if names == FORCES else UNIT.torque
+        square = (self.effort[:, columns] / unit) ** 2
+        held = np.diff(self.time, prepend=self.time[0])
+        growing: Vector = np.cumsum(square.sum(axis=1) * held)
+        return growing
+
+
+class _Collector(Observer):
+    def __init__(self) -> None:
+        self.rows: list[Truth] = []
+
+    def truth(self, truth: Truth) -> None:
+        """Keep the state."""
+        self.rows.append(truth)
+
+
+def shipped(name: str, changes: dict[str, Any] | None = None) -> Trial:
+    """Return a shipped trial with some of its keys changed, nested sections key by key."""
+    text = (resources.files("flexslew_lab") / "trials" / f"{name}.yaml").read_text()
+    values = load_yaml(text, name)
+    return trial_of_values(_merged(values, changes or {}), name)
+
+
+def _merged(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    out = dict(values)
+    for key, change in changes.items():
+        before = out.get(key)
+        nested = isinstance(before, dict) and isinstance(change, dict)
+        out[key] = _merged(before or {}, change) if nested else change
+    return out
+
+
+_NONE = {"damping": {"alpha": 0.0, "beta": 0.0}}
+_SOFT = {"testbed": {"appendages": {"mast": {"stiffness": 0.9}}}}
+_BELIEVED = {"appendages": {"mast": {"stiffness": 1.0}}}
+_UNDAMPED: dict[str, Any] = {
+    "testbed": {"appendages": {"mast": {**_NONE, "shape": {"modes": 6}}}},
+    "plan": {"shaper_damping": 0.0},
+}
+# name: trial and what is changed in it
+CASES: dict[str, tuple[str, dict[str, Any]]] = {
+    "tracking (a)": ("scole_s_a", {}),
+    "tracking (b)": ("scole_s_b", {}),
+    "rigid hold": ("scole_s_rigid", {}),
+    "open loop": ("scole_s_open", {}),
+    "no damping (a)": ("scole_s_a", _UNDAMPED),
+    "no damping (b)": ("scole_s_b", _UNDAMPED),
+    "EI -10 % (a)": (
+        "scole_s_a",
+        {
+            **_SOFT,
+            "plan": {"model": _BELIEVED},
+            "controllers": {"output_feedback": {"model": _BELIEVED}},
+        },
+    ),
+    "EI -10 % open": ("scole_s_open", {**_SOFT, "plan": {"model": _BELIEVED}}),
+    "second frequency kept (a)": ("scole_s_a", {"plan": {"equal_frequencies": False}}),
+}
+
+
+@lru_cache
+def flown(case: str) -> Flight:
+    """Return one of CASES, flown in process."""
+    name, changes = CASES[case]
+    return fly_trial(shipped(name, changes))
+
+
+def fly_trial(trial: Trial) -> Flight:
+    """Return the flight of a spacecraft's trial with a plan."""
+    assert trial.plan is not None
+    assert not isinstance(trial.plan, SavedPlan)
+    assert isinstance(trial.testbed, Pointing)
+    bench = Bench(bench_settings(trial))
+    controllers = build_controllers(trial, bench, trial.name)
+    plan = make_plan(trial.plan, plant_of(trial), feedback_of(trial))
+    for controller in controllers.values():
+        controller.adopt(plan)
+    seen = _Collector()
+    fly(bench, controllers, seen)
+    position = np.array([row.position for row in seen.rows])
+    velocity = np.array([row.velocity for row in seen.rows])
+    effort = np.array([row.applied_effort for row in seen.rows])
+    time = np.array([row.time for row in seen.rows])
+    names = bench.model.joint_names
+    goal = dict(zip(names, plan.position[-1].tolist(), strict=True))
+    metrics = PointingMetrics(trial.testbed, goal, plan.end, names)
+    metrics.add(time, position, velocity, effort)
+    motions = trial.testbed.motions(position, velocity, goal)
+    return Flight(
+        time,
+        effort,
+        plan.effort,
+        names,
+        np.column_stack((motions.turned[:, 0], velocity[:, 3])),
+        motions.attitude,
+        motions.turns["mast"],
+        plan.end,
+        metrics.result(),
+    )

@@ -1,0 +1,122 @@
+"""One appendage clamped to its platform, in numbers for a law: what moves it, what it shows."""
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.spacecraft import layout as at
+from flexslew_plant.testbeds.spacecraft.integrals import inertia_of
+from flexslew_plant.testbeds.spacecraft.packing import Spacecraft
+
+
+class Clamped(NamedTuple):
+    """An appendage of n modes on a platform, in body axes; joints are those of the bench.
+
+    Args:
+        mass, stiffness: diagonals of the modal matrices, shape (n,).
+        damping: modal damping matrix, shape (n, n).
+        first: where its modes begin among all.
+        joints: which joints are torques on it.
+        torque_input: Psi^T d of these, shape (n, m).
+        tip: Phi of its tip, shape (3, n).
+        rows: which tip readings are its displacements and rates.
+        tangential: C^T, modal force of minus the platform's angular acceleration, shape (n, 3).
+        centrifugal: modal force w^T N_j w of its rate, shape (n, 3, 3).
+        torque: platform torque of every joint's effort, shape (3, joints).
+        force: platform force of every joint's effort, shape (3, joints).
+        total_mass: of the spacecraft [kg].
+        first_moment: of the spacecraft about the body origin, shape (3,) [kg m].
+        inertia: of the spacecraft about the body origin, shape (3, 3) [kg m^2].
+    """
+
+    mass: Vector
+    stiffness: Vector
+    damping: Matrix
+    first: int
+    joints: list[int]
+    torque_input: Matrix
+    tip: Matrix
+    rows: list[int]
+    tangential: Matrix
+    centrifugal: Matrix
+    torque: Matrix
+    force: Matrix
+    total_mass: float
+    first_moment: Vector
+    inertia: Matrix
+
+
+@runtime_checkable
+class Carrying(Protocol):
+    """A testbed whose appendages a law may take one by one."""
+
+    def clamped(self, name: str) -> Clamped:
+        """Return an appendage clamped to the platform.
+
+        Raises:
+            BadInput: there is none of this name, or it is rigid.
+        """
+
+
+def platform_inputs(craft: Spacecraft) -> tuple[Matrix, Matrix]:
+    """Return the force and the torque of every joint's effort on the platform, (3, joints)."""
+    force, torque = np.zeros((3, len(craft.drives))), np.zeros((3, len(craft.drives)))
+    for k, d in enumerate(craft.drives):
+        if d.what == at.FORCE:
+            force[:, k] = d.direction
+            torque[:, k] = 0.0 if d.spot is None else np.cross(d.spot.place, d.direction)
+        elif d.what == at.TORQUE:
+            torque[:, k] = d.direction
+        elif d.what == at.WHEEL:
+            torque[:, k] = craft.wheels[d.owner].axis
+    return force, torque
+
+
+def clamped(craft: Spacecraft, name: str, tips: tuple[str, ...]) -> Clamped:
+    """Return an appendage clamped to the platform; see Carrying.
+
+    Args:
+        craft: the spacecraft.
+        name: of the appendage.
+        tips: names of the tip readings.
+
+    Raises:
+        BadInput: there is none of this name, or it is rigid.
+    """
+    names = [a.name for a in craft.appendages if a.modes]
+    if name not in names:
+        raise BadInput(
+            f"appendage: {name} is not a flexible appendage of the testbed; allowed: "
+            f"{', '.join(names) or 'none'}"
+        )
+    index = [a.name for a in craft.appendages].index(name)
+    a = craft.appendages[index]
+    assert a.shape is not None
+    seen = a.integrals.seen_from(a.place, a.axes)
+    force, torque = platform_inputs(craft)
+    joints, columns = [], []
+    for k, d in enumerate(craft.drives):
+        if d.what == at.TIP_TORQUE and d.owner == index and d.spot is not None:
+            joints.append(k)
+            columns.append(d.spot.turn.T @ d.direction)
+    readings = [f"{name}_{axis}" for axis in "xyz"] + [f"{name}_rate_{axis}" for axis in "xyz"]
+    mass, first, inertia = craft.rigid()
+    return Clamped(
+        a.mass,
+        a.stiffness,
+        a.damping,
+        craft.first_mode(index),
+        joints,
+        np.array(columns).reshape(-1, a.modes).T,
+        a.axes.T @ a.shape.tip.displacement,
+        [tips.index(reading) for reading in readings],
+        seen.rotation.T,
+        0.5 * inertia_of(seen.second_1),
+        torque,
+        force,
+        mass,
+        first,
+        inertia,
+    )

@@ -1,0 +1,96 @@
+"""What the platform and the tips do over a run, from its logged positions."""
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.spacecraft import layout as at
+from flexslew_plant.testbeds.spacecraft.packing import Spacecraft
+
+
+class Motions(NamedTuple):
+    """Motions at k times, in body axes.
+
+    Args:
+        attitude: turn from the goal's attitude, shape (k, 3) [rad].
+        turned: turn from the inertial attitude, shape (k, 3) [rad].
+        place: of the body origin in inertia space, shape (k, 3) [m].
+        tips: elastic displacement of each tip, by appendage, shape (k, 3) [m].
+        turns: elastic turn of each tip, by appendage, shape (k, 3) [rad].
+        wheels: momentum of each wheel's spin relative to the platform, by name, (k,) [N m s].
+    """
+
+    attitude: Matrix
+    turned: Matrix
+    place: Matrix
+    tips: dict[str, Matrix]
+    turns: dict[str, Matrix]
+    wheels: dict[str, Vector]
+
+
+@runtime_checkable
+class Pointing(Protocol):
+    """A testbed whose platform and appendages point somewhere."""
+
+    @property
+    def pointing_tolerance(self) -> float:
+        """Error of an appendage's direction that is good enough [rad]."""
+
+    def motions(self, position: Matrix, velocity: Matrix, goal: dict[str, float]) -> Motions:
+        """Return the motions of logged states.
+
+        Args:
+            position, velocity: q and v, shapes (k, positions) and (k, n).
+            goal: where the joints go, by name; empty: nowhere.
+        """
+
+
+def _turns(q: Matrix) -> Matrix:
+    """Return quaternions (k, 4) as axis times angle, (k, 3), the shorter way round."""
+    q = q * np.where(q[:, 3:] < 0.0, -1.0, 1.0)
+    size = np.linalg.norm(q[:, :3], axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(size, q[:, 3:])
+    turns: Matrix = q[:, :3] * np.where(size > 1e-12, angle / np.maximum(size, 1e-12), 2.0)
+    return turns
+
+
+def _from_goal(goal: Vector, q: Matrix) -> Matrix:
+    """Return the quaternions from the goal's attitude to q, shape (k, 4)."""
+    v, w = -goal[:3], goal[3]
+    vector = w * q[:, :3] + q[:, 3:] * v + np.cross(v, q[:, :3])
+    return np.hstack((vector, w * q[:, 3:] - q[:, :3] @ v[:, None]))
+
+
+def motions(craft: Spacecraft, position: Matrix, velocity: Matrix, goal: Vector) -> Motions:
+    """Return the motions of logged states; see Pointing.
+
+    Args:
+        craft: the spacecraft.
+        position, velocity: q and v, shapes (k, positions) and (k, n).
+        goal: q at the goal, shape (positions,).
+    """
+    k, modes = len(position), craft.modes
+    own = {at.FREE: 7, at.HELD: 0, at.PIVOT: 1}[craft.motion]
+    hinges = len(craft.hinged)
+    place = np.zeros((k, 3))
+    if craft.motion == at.FREE:
+        turned = _turns(position[:, 3:7])
+        attitude, place = _turns(_from_goal(goal[3:7], position[:, 3:7])), position[:, :3]
+    elif craft.motion == at.PIVOT:
+        turned = position[:, :1] * craft.pivot_axis
+        attitude = (position[:, :1] - goal[0]) * craft.pivot_axis
+    else:
+        turned = attitude = np.zeros((k, 3))
+    q = position[:, position.shape[1] - modes :]
+    tips, turns = {}, {}
+    for index, a in enumerate(craft.appendages):
+        if a.shape is None or not a.modes:
+            continue
+        own_q = q[:, craft.first_mode(index) :][:, : a.modes]
+        tips[a.name] = own_q @ (a.axes.T @ a.shape.tip.displacement).T
+        turns[a.name] = own_q @ (a.axes.T @ a.shape.tip.turn).T
+    rates = velocity[:, velocity.shape[1] - modes - len(craft.wheels) :]
+    wheels = {w.name: w.inertia * rates[:, i] for i, w in enumerate(craft.wheels)}
+    assert own + hinges + len(wheels) + modes == position.shape[1]
+    return Motions(attitude, turned, place, tips, turns, wheels)

@@ -1,0 +1,84 @@
+"""What the sensors at the actuators read: position and rate along each effort, and the attitude."""
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector, called, compiled
+from flexslew_plant.testbeds.spacecraft import layout as at
+from flexslew_plant.testbeds.spacecraft.geometry import Triple, cross, dot, plus, triple
+from flexslew_plant.testbeds.spacecraft.kernels import offsets, platform_velocity
+
+
+@called
+def turn_vector(p: Vector, x: Vector) -> Triple:
+    """Return the platform's turn as axis times angle along body axes [rad].
+
+    It grows without a jump through 180 deg, up to a whole turn, as the quaternion does.
+    """
+    if p[at.MOTION] == at.HELD:
+        return 0.0, 0.0, 0.0
+    if p[at.MOTION] == at.PIVOT:
+        a = triple(p, at.PIVOT_AXES + 3)
+        return x[0] * a[0], x[0] * a[1], x[0] * a[2]
+    size = np.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
+    ratio = 2.0
+    if size > 1e-9:
+        ratio = 2.0 * np.arctan2(size, x[6]) / size
+    return ratio * x[3], ratio * x[4], ratio * x[5]
+
+
+@called
+def _place(p: Vector, x: Vector) -> Triple:
+    """Return the body origin's place R along body axes [m]."""
+    if p[at.MOTION] != at.FREE:
+        return 0.0, 0.0, 0.0
+    r, v, w = triple(x, 0), triple(x, 3), x[6]
+    # A^T R = R - 2 w v x R + 2 v x (v x R)
+    once = cross(v, r)
+    twice = cross(v, once)
+    return (
+        r[0] - 2.0 * w * once[0] + 2.0 * twice[0],
+        r[1] - 2.0 * w * once[1] + 2.0 * twice[1],
+        r[2] - 2.0 * w * once[2] + 2.0 * twice[2],
+    )
+
+
+@compiled
+def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
+    """Write where each actuator stands and how fast it moves, both along its effort.
+
+    A force on the platform: place and velocity along it [m, m/s]; a torque or a wheel: the
+    platform's turn and rate [rad, rad/s]; a hinge: its angle and rate; a force or a torque on an
+    appendage: its elastic displacement or turn there and its rate.
+
+    Args:
+        p: packed spacecraft.
+        x: state [q, v].
+        position, velocity: out, shape (actuators,).
+    """
+    own_q, own_v, nq, _ = offsets(p)
+    before = int(p[at.HINGES]) + int(p[at.WHEELS])
+    speed, spin = platform_velocity(p, x, nq)
+    turn, place = turn_vector(p, x), _place(p, x)
+    table = int(p[at.ACTUATOR_TABLE])
+    for k in range(int(p[at.ACTUATORS])):
+        d = int(p[table + k])
+        what, direction = p[d + at.WHAT], triple(p, d + at.DIRECTION)
+        if what == at.FORCE:
+            arm = triple(p, d + at.AT)
+            position[k] = dot(direction, place)
+            velocity[k] = dot(direction, plus(speed, cross(spin, arm)))
+        elif what == at.TORQUE or what == at.WHEEL:
+            position[k] = dot(direction, turn)
+            velocity[k] = dot(direction, spin)
+        elif what == at.HINGE:
+            index = int(p[d + at.INDEX])
+            position[k], velocity[k] = x[own_q + index], x[nq + own_v + index]
+        else:
+            b = int(p[d + at.WHOSE])
+            n, first = int(p[b + at.COUNT]), int(p[b + at.START])
+            share = d + at.SHAPES + 3 * n
+            q, v = 0.0, 0.0
+            for i in range(n):
+                q += p[share + i] * x[own_q + before + first + i]
+                v += p[share + i] * x[nq + own_v + before + first + i]
+            position[k], velocity[k] = q, v

@@ -1,0 +1,336 @@
+"""The `testbed` section of kind spacecraft: what the bench, laws and planners ask of it.
+
+Joints of the bench are its actuators: the reading beside an effort is the place and the rate that
+the effort works on (readings.read), so any collocated law flies it. State: see layout.
+"""
+
+from collections.abc import Mapping
+from dataclasses import field, replace
+from functools import lru_cache
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import Positive, section
+from flexslew_plant.testbeds.contract import RigidTurn
+from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.model import Appendages, Model
+from flexslew_plant.testbeds.scene import Scene
+from flexslew_plant.testbeds.spacecraft import kernels
+from flexslew_plant.testbeds.spacecraft import layout as at
+from flexslew_plant.testbeds.spacecraft.actuation import actuation
+from flexslew_plant.testbeds.spacecraft.clamped import Clamped, clamped
+from flexslew_plant.testbeds.spacecraft.craft import spacecraft
+from flexslew_plant.testbeds.spacecraft.drawing import scene_of
+from flexslew_plant.testbeds.spacecraft.jacobian import residual_jacobian
+from flexslew_plant.testbeds.spacecraft.motions import Motions, motions
+from flexslew_plant.testbeds.spacecraft.packing import Drive, Spacecraft, packed
+from flexslew_plant.testbeds.spacecraft.readings import read
+from flexslew_plant.testbeds.spacecraft.settings import (
+    IDENTITY,
+    ActuatorPlace,
+    AppendageSettings,
+    Beam,
+    Body,
+    Inertia,
+    Platform,
+    WheelSettings,
+)
+from flexslew_plant.testbeds.spacecraft.turning import driven_most, rigid_turn, turning_point
+from flexslew_plant.testbeds.spacecraft.units import UNITS, UnitSystem
+
+
+@compiled
+def _grounded(
+    p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
+) -> None:
+    """Write M and h of a platform that is held or pivots; its q has as many entries as v."""
+    kernels.terms(p, t, x, joints, coupling, modal, bias)
+
+
+FLOATING = Kernels(
+    kernels.terms,
+    residual_jacobian,
+    kernels.potential,
+    actuation,
+    kernels.kinematics,
+    extra_positions=1,
+)
+GROUNDED = Kernels(_grounded, residual_jacobian, kernels.potential, actuation)
+
+
+def _torques(limit: float) -> dict[str, ActuatorPlace]:
+    """Return a torque about each body axis."""
+    axes = zip(("roll", "pitch", "yaw"), IDENTITY, strict=True)
+    return {name: ActuatorPlace(kind="torque", direction=axis, limit=limit) for name, axis in axes}
+
+
+@section
+class SpacecraftTestbed:
+    """The `testbed` section for kind spacecraft."""
+
+    kind: Literal["spacecraft"] = "spacecraft"
+    units: UnitSystem = "si"  # of all numbers of this section but `initial`
+    platform: Platform = Platform()
+    appendages: dict[str, AppendageSettings] = field(default_factory=dict)
+    wheels: dict[str, WheelSettings] = field(default_factory=dict)
+    actuators: dict[str, ActuatorPlace] = field(default_factory=lambda: _torques(100.0))
+    initial: dict[str, float] = field(default_factory=dict)  # by joint [rad or m]
+    pointing_tolerance: Positive = 3.490658503988659e-4  # of an appendage: .02 deg [rad]
+
+    set_point: ClassVar[dict[str, float]] = {}
+    typical_goal: ClassVar[dict[str, float]] = {"roll": 0.5}
+    simplified: ClassVar[dict[str, Any]] = {}
+
+    def __post_init__(self) -> None:
+        """Refuse what no spacecraft can be.
+
+        Raises:
+            ValueError: in words for the section's reader.
+        """
+        try:
+            craft = spacecraft(self)
+        except BadInput as error:
+            raise ValueError(str(error)) from None
+        if not craft.drives:
+            raise ValueError("testbed: has no actuators; give actuators, wheels or a driven hinge")
+
+    @property
+    def modes(self) -> int:
+        """How many modal coordinates."""
+        return self.craft.modes
+
+    @property
+    def effort_limit(self) -> tuple[float, ...]:
+        """Largest effort of each actuator [N m or N]."""
+        return tuple(float(d.limit) for d in self.craft.drives)
+
+    @property
+    def craft(self) -> Spacecraft:
+        """The spacecraft in SI."""
+        return _craft(_Same(self))
+
+    def model(self) -> Model:
+        """Return the equations of motion."""
+        return _model(_Same(self))
+
+    def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "SpacecraftTestbed":
+        """Return it with other stiffness and tip bodies, as factors [-].
+
+        Raises:
+            BadInput: another payload is asked for, and no appendage carries a tip body.
+        """
+        changed = {
+            name: replace(a, stiffness=a.stiffness * stiffness, shape=_loaded(a.shape, payload))
+            for name, a in self.appendages.items()
+        }
+        carries = any(isinstance(a.shape, Beam) and a.shape.tip_body for a in changed.values())
+        if payload != 1.0 and not carries:
+            raise BadInput(f"payload: {payload:g} is not allowed: no appendage has a tip_body")
+        return replace(self, appendages=changed)
+
+    def turning(self, joint: str, modes: int | None = None) -> "SpacecraftTestbed":
+        """Return the platform turning about a joint's axis, which is its only one.
+
+        The pivot is the body origin where forces can hold it there, else the centre of mass.
+        """
+        craft, axis = self.craft, self._axis(joint)
+        place = turning_point(craft)
+        units = UNITS[self.units]
+        inertia = craft.inertia.copy()
+        for w in craft.wheels:  # what spins freely about the axis does not turn along
+            inertia -= w.inertia * np.outer(w.axis, w.axis)
+        inertia /= units.torque
+        parts = dict(self.appendages)
+        if modes is not None:
+            parts = driven_most(craft, parts, axis, place, modes)
+        x, y, z = axis.tolist()
+        limit = next(d.limit for d in craft.drives if d.name == joint) / units.torque
+        return replace(
+            self,
+            platform=Platform(
+                motion="pivot",
+                mass=self.platform.mass,
+                centre=self.platform.centre,
+                inertia=Inertia(
+                    xx=inertia[0, 0],
+                    yy=inertia[1, 1],
+                    zz=inertia[2, 2],
+                    xy=inertia[0, 1],
+                    xz=inertia[0, 2],
+                    yz=inertia[1, 2],
+                ),
+                axis=(x, y, z),
+                place=tuple((place / units.length).tolist()),
+            ),
+            appendages=parts,
+            wheels={},
+            actuators={joint: ActuatorPlace(kind="torque", direction=(x, y, z), limit=limit)},
+            initial={k: v for k, v in self.initial.items() if k == joint},
+        )
+
+    def rigid_turn(self, joint: str) -> RigidTurn:
+        """Return what forces and torques turn the rigid spacecraft; see contract.Turning."""
+        return rigid_turn(self.craft, self._axis(joint))
+
+    def _axis(self, joint: str) -> Vector:
+        """Return the body axis about which a joint turns the platform, a unit vector."""
+        turns = {
+            d.name: self.craft.wheels[d.owner].axis if d.what == at.WHEEL else d.direction
+            for d in self.craft.drives
+            if d.what in (at.TORQUE, at.WHEEL)
+        }
+        if joint not in turns:
+            raise BadInput(
+                f"plan: goal: {joint} does not turn the platform; allowed: {', '.join(turns)}"
+            )
+        return turns[joint]
+
+    def motions(self, position: Matrix, velocity: Matrix, goal: dict[str, float]) -> Motions:
+        """Return what platform and tips do; see motions.Pointing."""
+        return motions(self.craft, position, velocity, self.model().rest(goal))
+
+    def clamped(self, name: str) -> Clamped:
+        """Return an appendage clamped to the platform; see clamped.Carrying."""
+        return clamped(self.craft, name, self.model().appendages.names)
+
+    def scene(self) -> Scene:
+        """Return how it is drawn."""
+        return scene_of(self.craft)
+
+
+class _Same:
+    """A section as a key of a cache: the same object is the same key."""
+
+    def __init__(self, testbed: SpacecraftTestbed) -> None:
+        self.testbed = testbed
+
+    def __hash__(self) -> int:
+        return hash(repr(self.testbed))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.testbed == other.testbed
+
+
+@lru_cache(maxsize=32)
+def _craft(same: _Same) -> Spacecraft:
+    return spacecraft(same.testbed)
+
+
+def _loaded(shape: Any, payload: float) -> Any:
+    """Return a shape whose tip body weighs `payload` times as much."""
+    if payload == 1.0 or not isinstance(shape, Beam) or shape.tip_body is None:
+        return shape
+    body = shape.tip_body
+    inertia = Inertia(**{key: payload * value for key, value in vars(body.inertia).items()})
+    return replace(
+        shape, tip_body=Body(mass=payload * body.mass, centre=body.centre, inertia=inertia)
+    )
+
+
+@lru_cache(maxsize=32)
+def _model(same: _Same) -> Model:
+    craft = same.testbed.craft
+    p = packed(craft)
+    drives = craft.drives
+    free = craft.motion == at.FREE
+    return Model(
+        FLOATING if free else GROUNDED,
+        p,
+        tuple(d.name for d in drives),
+        tuple(position_unit(d) for d in drives),
+        craft.modes,
+        _appendages(craft),
+        scale_stiffness=lambda packed_, factor: stiffened(craft, packed_, factor),
+        leading=craft.sizes[1] - craft.modes,
+        reading=lambda x: _read(p, x, len(drives)),
+        placed=lambda positions: placed(craft, positions),
+    )
+
+
+def position_unit(drive: Drive) -> str:
+    """Return the unit of the position beside an effort."""
+    return "m" if drive.unit == "N" else "rad"
+
+
+def _read(p: Vector, x: Vector, count: int) -> tuple[Vector, Vector]:
+    position, velocity = np.empty(count), np.empty(count)
+    read(p, x, position, velocity)
+    return position, velocity
+
+
+def placed(craft: Spacecraft, positions: Mapping[str, float]) -> Vector:
+    """Return q at rest with the platform placed and turned and the hinges at their angles.
+
+    Args:
+        craft: the spacecraft.
+        positions: along the actuators, by name [rad or m].
+    """
+    q = np.zeros(craft.sizes[0])
+    place, turn = np.zeros(3), np.zeros(3)
+    own = {at.FREE: 7, at.HELD: 0, at.PIVOT: 1}[craft.motion]
+    hinge = 0
+    for d in craft.drives:
+        value = positions.get(d.name, 0.0)
+        if d.what == at.FORCE:
+            place += value * d.direction
+        elif d.what in (at.TORQUE, at.WHEEL):
+            turn += value * (craft.wheels[d.owner].axis if d.what == at.WHEEL else d.direction)
+        elif d.what == at.HINGE:
+            q[own + hinge] = value
+        elif value:
+            raise BadInput(f"initial: {d.name}: {value:g} is not allowed: appendages start at rest")
+        hinge += d.what == at.HINGE
+    if craft.motion == at.PIVOT:
+        q[0] = turn @ craft.pivot_axis
+    if craft.motion == at.FREE:
+        angle = float(np.linalg.norm(turn))
+        half = np.sinc(angle / 2.0 / np.pi) / 2.0
+        q[3:6], q[6] = half * turn, np.cos(angle / 2.0)
+        v, w = q[3:6], q[6]
+        once = np.cross(v, place)
+        q[:3] = place + 2.0 * w * once + 2.0 * np.cross(v, once)
+    return q
+
+
+def stiffened(craft: Spacecraft, p: Vector, factor: float) -> Vector:
+    """Return packed numbers with the modes' stiffness times factor, damping ratios kept."""
+    out = p.copy()
+    table = int(p[at.APPENDAGE_TABLE])
+    for k in range(len(craft.appendages)):
+        b = int(p[table + k])
+        n = int(p[b + at.COUNT])
+        rest = b + at.SUMS + 3 * n + 9 * n * (n + 1)
+        out[rest + n : rest + 2 * n] *= factor
+        out[rest + 2 * n : rest + 2 * n + n * n] *= np.sqrt(factor)
+    return out
+
+
+def _appendages(craft: Spacecraft) -> Appendages:
+    """Return three displacements of each tip along body axes, then their rates."""
+    names: list[str] = []
+    tip, rate, curvature = [], [], []
+    for k, a in enumerate(craft.appendages):
+        if a.shape is None:
+            continue
+        n, first = a.modes, craft.first_mode(k)
+        rows = np.zeros((3, craft.modes))
+        rows[:, first : first + n] = a.axes.T @ a.shape.tip.displacement
+        bent = np.zeros((3, craft.modes))
+        if a.shape.along is not None:
+            bent[:2, first : first + n] = a.shape.along.spot(0.0).curvature
+        names += [f"{a.name}_{axis}" for axis in "xyz"]
+        names += [f"{a.name}_rate_{axis}" for axis in "xyz"]
+        still = np.zeros_like(rows)
+        tip += [rows, still]
+        rate += [still, rows]
+        curvature += [bent, still]
+    empty = np.zeros((0, craft.modes))
+    return Appendages(
+        tuple(names),
+        np.vstack([empty, *tip]),
+        np.vstack([empty, *curvature]),
+        np.vstack([empty, *rate]),
+    )

@@ -1,0 +1,85 @@
+"""A spacecraft that turns about one axis: its pivot, the modes that count, the efforts of all."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.testbeds.contract import RigidTurn
+from flexslew_plant.testbeds.spacecraft import layout as at
+from flexslew_plant.testbeds.spacecraft.clamped import platform_inputs
+from flexslew_plant.testbeds.spacecraft.packing import Spacecraft
+from flexslew_plant.testbeds.spacecraft.settings import AppendageSettings
+
+
+def turning_point(craft: Spacecraft) -> Vector:
+    """Return about which point it turns: the body origin if forces hold it, else the centre."""
+    if any(d.what == at.FORCE for d in craft.drives):
+        return np.zeros(3)
+    mass, first, _ = craft.rigid()
+    return first / mass
+
+
+def rigid_turn(craft: Spacecraft, axis: Vector) -> RigidTurn:
+    """Return what every joint does while the rigid spacecraft turns about an axis.
+
+    Force m (w' x c + w x (w x c)) and torque I w' + w x I w about the body origin, shared out by
+    least squares where there are more or fewer efforts than needed (papers/002, (44) to (46)).
+    """
+    mass, first, inertia = craft.rigid()
+    centre = turning_point(craft)
+    about = inertia - mass * (_square(first / mass) - _square(first / mass - centre))
+    offset = first - mass * centre
+    force, torque = platform_inputs(craft)
+    held = bool((force != 0.0).any())
+    rows = np.vstack((force, torque)) if held else torque
+    inverse = np.linalg.pinv(rows)
+
+    def efforts(push: Vector, turn: Vector) -> Vector:
+        wrench = np.concatenate((push, turn)) if held else turn
+        shared: Vector = inverse @ wrench
+        return shared
+
+    return RigidTurn(
+        float(axis @ about @ axis),
+        efforts(np.cross(axis, offset), about @ axis),
+        efforts(np.cross(axis, np.cross(axis, offset)), np.cross(axis, about @ axis)),
+    )
+
+
+def _square(r: Vector) -> Vector:
+    """Return r.r 1 - r r^T, shape (3, 3)."""
+    square: Vector = r @ r * np.eye(3) - np.outer(r, r)
+    return square
+
+
+def driven_most(
+    craft: Spacecraft,
+    parts: dict[str, AppendageSettings],
+    axis: Vector,
+    place: Vector,
+    modes: int,
+) -> dict[str, AppendageSettings]:
+    """Return the appendages with those modes alone that a turn about an axis deflects most.
+
+    Args:
+        craft: the spacecraft.
+        parts: its appendages, by name.
+        axis, place: of the turn, shape (3,).
+        modes: how many are kept altogether.
+    """
+    found = []
+    for a in craft.appendages:
+        seen = a.integrals.seen_from(a.place - place, a.axes)
+        pull = axis @ seen.rotation  # of the angular acceleration on each mode
+        deflection = abs(pull) / np.sqrt(a.mass) / np.where(a.stiffness > 0.0, a.stiffness, 1.0)
+        found += [
+            (size * mass, a.name, k + 1)
+            for k, (size, mass) in enumerate(zip(deflection, a.mass, strict=True))
+        ]
+    kept = sorted(found, reverse=True)[:modes]
+    out = {}
+    for name, part in parts.items():
+        own = tuple(sorted(k for _, n, k in kept if n == name))
+        out[name] = replace(part, only_modes=own)
+    return out
