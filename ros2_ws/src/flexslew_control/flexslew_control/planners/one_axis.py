@@ -64,7 +64,10 @@ def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) 
         BadInput: none or more than one joint moves, or it does not turn the platform.
     """
     testbed = plant.testbed
-    if not isinstance(testbed, Turning) or len(plant.joint_names) == 1:
+    if not isinstance(testbed, Turning):
+        return None
+    model = testbed.model()
+    if model.before_modes == model.joints and not model.kernels.extra_positions:
         return None
     names = plant.joint_names
     first = initial_positions(testbed) | (getattr(settings, "initial", None) or {})

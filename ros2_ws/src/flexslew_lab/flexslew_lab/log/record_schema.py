@@ -264,8 +264,9 @@ def check_truth(columns: dict[str, Any], source: str) -> None:
     """
     position, velocity = columns["position"], columns["velocity"]
     joints = columns["applied_effort"].shape[1]
-    shapes = position.shape == velocity.shape and columns["disturbance"].shape[1] == joints
-    if not (shapes and 0 < joints <= position.shape[1]):
+    extra = position.shape[1] - velocity.shape[1]  # one where q holds a quaternion
+    shapes = len(position) == len(velocity) and columns["disturbance"].shape[1] == joints
+    if not (shapes and extra in (0, 1) and joints > 0):
         raise BadInput(f"{source}: /truth: the lengths of its fields contradict each other")
     for name, column in columns.items():
         if column.dtype.kind != "f":
