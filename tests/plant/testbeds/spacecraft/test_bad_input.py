@@ -1,6 +1,7 @@
 """What no spacecraft can be is refused in one line with the numbers."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +11,20 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.spacecraft.modal_file import modal_shape
 
-BOOM = {"shape": {"kind": "beam", "length": 2.0, "linear_density": 0.5, "bending_stiffness": 9.0}}
+BOOM: dict[str, Any] = {
+    "shape": {"kind": "beam", "length": 2.0, "linear_density": 0.5, "bending_stiffness": 9.0}
+}
 
 
-def craft(**changes):
+def craft(**changes: Any) -> dict[str, Any]:
     return {"kind": "spacecraft", "appendages": {"boom": BOOM}, **changes}
+
+
+TORQUE = {"kind": "torque", "direction": [1.0, 0.0, 0.0], "limit": 1.0}
+
+
+def hinged(**hinge: Any) -> dict[str, Any]:
+    return {"appendages": {"boom": {**BOOM, "hinge": hinge}}}
 
 
 @pytest.mark.parametrize(
@@ -26,7 +36,7 @@ def craft(**changes):
             "1 \\+ 1 < 3",
         ),
         (
-            {"appendages": {"boom": {**BOOM, "hinge": {"axes": [[1, 0, 0], [0, 1, 0], [0, 0.1, 1]]}}}},
+            hinged(axes=[[1, 0, 0], [0, 1, 0], [0, 0.1, 1]]),
             "not orthonormal",
         ),
         (
@@ -38,7 +48,7 @@ def craft(**changes):
             "not positive definite",
         ),
         (
-            {"actuators": {"a": {"kind": "torque", "direction": [1, 0, 0], "limit": 1, "appendage": "sail"}}},
+            {"actuators": {"a": {**TORQUE, "appendage": "sail"}}},
             "sail is no appendage; allowed: boom",
         ),
         ({"appendages": {"boom": {**BOOM, "only_modes": [9]}}}, "9 is not allowed: 1 to 4"),
@@ -59,18 +69,18 @@ def craft(**changes):
             "before the last one ends at 3 s",
         ),
         (
-            {"appendages": {"boom": {**BOOM, "hinge": {"range": [-1, 1], "motion": {"to": 2.0, "duration": 3.0}}}}},
+            hinged(range=[-1, 1], motion={"to": 2.0, "duration": 3.0}),
             "outside of the range -1 to 1 rad",
         ),
     ],
-)  # fmt: skip
-def test_impossible_spacecraft_are_refused(changes, words):
+)
+def test_impossible_spacecraft_are_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(BadInput, match=words) as error:
         read_testbed(craft(**changes), "here")
     assert "\n" not in str(error.value)
 
 
-def panel():
+def panel() -> dict[str, Any]:
     return {
         "frequencies_hz": [0.6, 2.7],
         "rigid": {
@@ -84,7 +94,7 @@ def panel():
     }
 
 
-def test_a_modal_file_gives_its_masses_and_frequencies(tmp_path):
+def test_a_modal_file_gives_its_masses_and_frequencies(tmp_path: Path) -> None:
     path = tmp_path / "panel.yaml"
     path.write_text(yaml.safe_dump(panel()))
     found = modal_shape(path)
@@ -103,7 +113,10 @@ def test_a_modal_file_gives_its_masses_and_frequencies(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"shapes": [[[0, 0, 1.0]], [[0, 0, 1.0]]]}, "has shape \\(2, 1, 3\\); it must be 2 x 2 x 3"),
+        (
+            {"shapes": [[[0, 0, 1.0]], [[0, 0, 1.0]]]},
+            "has shape \\(2, 1, 3\\); it must be 2 x 2 x 3",
+        ),
         ({"shapes": [[[0, 0, 1], [0, 0, 1]], [[0, 0, 1], [0, 0, 0]]]}, "not orthogonal in mass"),
         ({"masses": [1.0, -1.0]}, "-1 is not positive"),
         ({"frequencies_hz": [0.6, 0.0]}, "0 is not positive"),
@@ -112,8 +125,10 @@ def test_a_modal_file_gives_its_masses_and_frequencies(tmp_path):
         ({"points": [[1000.0, 0, 0], [2000.0, 0, 0]]}, "in mm"),
         ({"colour": 1}, "unknown key"),
     ],
-)  # fmt: skip
-def test_wrong_modal_files_are_refused_with_the_numbers(tmp_path: Path, changes, words):
+)
+def test_wrong_modal_files_are_refused_with_the_numbers(
+    tmp_path: Path, changes: dict[str, Any], words: str
+) -> None:
     path = tmp_path / "panel.yaml"
     path.write_text(yaml.safe_dump({**panel(), **changes}))
     with pytest.raises(BadInput, match=words):
