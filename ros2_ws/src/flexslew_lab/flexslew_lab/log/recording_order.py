@@ -1,13 +1,14 @@
 """In which order a recorder writes what it hears: by epoch, then by simulated time."""
 
 import struct
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from operator import itemgetter
 from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.cdr import decode, stamp_of
+from flexslew_lab.log.open_ticks import PATIENCE, OpenTicks
 
 _TICK_AND_EPOCH = struct.Struct("<QI")
 _BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame
@@ -31,7 +32,8 @@ class RecordingOrder:
     """Sorts messages as they come; hands out what is surely complete.
 
     The topics of one tick do not arrive at one moment, so what is newer than the newest message of
-    the round before waits for the next one.
+    the round before waits for the next one; and a tick waits until its answer is there, or known to
+    be missed, or has been waited for long enough: see OpenTicks.
     """
 
     def __init__(self) -> None:
@@ -39,28 +41,50 @@ class RecordingOrder:
         self.tick = 0  # of that time
         self._displayed = dict.fromkeys(_DISPLAYED, (0, 0))  # epoch and time by topic
         self._waiting: list[Ordered] = []
+        self._open = OpenTicks()
+        self._plant = dict.fromkeys(_OF_PLANT, (0, -1))  # newest epoch and time by topic
+        self._slowest = 0, -1  # of these
+        self._moved_at = 0.0  # when it moved or was the newest [wall s]
 
-    def take(self, messages: Iterable[tuple[str, bytes]], last: bool = False) -> list[Ordered]:
+    def take(
+        self, messages: Iterable[tuple[str, bytes]], now: float, last: bool = False
+    ) -> list[Ordered]:
         """Return what can be written now.
 
         Args:
             messages: topic and CDR, as they came since the last round.
+            now: wall clock [s].
             last: nothing will come any more.
         """
-        horizon = self.newest
+        horizon = self._horizon(now)
         fresh = []
         for topic, data in messages:
-            at = stamp_of(TOPICS[topic].type, data, horizon[1])
+            at = stamp_of(TOPICS[topic].type, data, self.newest[1])
             fresh.append((topic, at, data))
             if topic in _OF_PLANT:
                 tick, epoch = tick_and_epoch(data)
+                self._plant[topic] = max(self._plant[topic], (epoch, at))
                 if (epoch, at) >= self.newest:
                     self.newest, self.tick = (epoch, at), tick
-        self._waiting += [Ordered(self._epoch(t, at, d), at, _RANK[t], t, d) for t, at, d in fresh]
+        for topic, at, data in fresh:
+            epoch = self._epoch(topic, at, data)
+            self._waiting.append(Ordered(epoch, at, _RANK[topic], topic, data))
+            self._open.hear(epoch, at, topic, data, now)
         self._waiting.sort(key=_by_time)
         ready = len(self._waiting) if last else bisect_right(self._waiting, horizon, key=_time)
+        unanswered = None if last else self._open.first(now)
+        if unanswered is not None:
+            ready = min(ready, bisect_left(self._waiting, unanswered, key=_time))
         done, self._waiting = self._waiting[:ready], self._waiting[ready:]
         return done
+
+    def _horizon(self, now: float) -> tuple[int, int]:
+        """Return up to which time the plant was heard on each of its topics, within patience."""
+        slowest, fastest = min(self._plant.values()), max(self._plant.values())
+        if slowest == fastest or slowest != self._slowest:
+            self._slowest, self._moved_at = slowest, now
+        behind = slowest != fastest and now - self._moved_at <= PATIENCE
+        return slowest if behind else self.newest
 
     def _epoch(self, topic: str, at: int, data: bytes) -> int:
         """Return the epoch to which a message belongs; the plant's newest one is known."""

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
 
@@ -27,7 +28,8 @@ from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 from flexslew_plant.settings import section
 
 _AFTER_PLANT = ("/effort_command", "/controller_state", "/plan")  # who leaves after the plant
-_REPORT_EVERY = 100  # ticks
+# A kill costs what the system does not have: at most this, and what is on the way to us.
+_FLUSH_AFTER, _FLUSH_TICKS = 0.5, 50  # [wall s], ticks
 _TAKE_EVERY = 0.01  # [wall s]
 _SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
 _LAST_WORDS = 3.0  # of a plant that is interrupted together with the recorder [wall s]
@@ -56,6 +58,8 @@ class Recorder:
         self._order = RecordingOrder()
         self._offset = 0, 0  # epoch that is written, and when it began in log time [ns]
         self._stopped = False
+        self._written = self._safe = 0, -1  # epoch and tick of what the chunk, the system has
+        self._next_flush = 0.0  # [wall s]
         self._leave_at: float | None = None  # interrupted: when to leave at the latest [wall s]
         self._next_look = 0.0
         self._heard = 0.0  # when something came [wall s]
@@ -99,8 +103,12 @@ class Recorder:
         return now < self._heard + _SILENCE and any(there)
 
     def _take(self, last: bool = False) -> None:
-        for message in self._order.take(self._arrived(), last):
+        now = monotonic()
+        for message in self._order.take(self._arrived(), now, last):
             self._write(message)
+        if now >= self._next_flush:
+            self._flush()
+            self._next_flush = now + _FLUSH_AFTER
 
     def _arrived(self) -> Iterator[tuple[str, bytes]]:
         for topic, data in self._listener.take():
@@ -114,26 +122,39 @@ class Recorder:
             self._offset = message.epoch, self._writer.last - message.at
         topic, at = message.topic, message.at + self._offset[1]
         if not self._stopped:
-            try:
+            with self._until_it_fails():
                 self._writer.write(topic, TOPICS[topic].type, message.data, at)
-            except RecordingStopped as error:
-                self._stopped = True
-                self._say(Level.FAULT, "recording_stopped", str(error))
-        if topic == "/measurement":  # also when stopped: the plant need not wait for us
-            self._report(*tick_and_epoch(message.data))
+        if topic == "/measurement":
+            tick, epoch = tick_and_epoch(message.data)
+            self._written = epoch, tick
+            if epoch > self._safe[0] or tick >= self._safe[1] + _FLUSH_TICKS:
+                self._flush()
 
-    def _report(self, tick: int, epoch: int) -> None:
-        """Tell the plant, which holds back rather than lose anything."""
-        if tick % _REPORT_EVERY == 0:
+    def _flush(self) -> None:
+        """Hand over what waits, and tell the plant, which holds back rather than lose anything."""
+        if not self._stopped:  # else the plant need not wait for us
+            with self._until_it_fails():
+                self._writer.flush()
+        if self._written != self._safe:
+            self._safe = self._written
             self._status.publish(
                 msg.RecorderStatus(
                     stamp=stamp(self._order.newest[1] * 1e-9),
                     recorder=self.node.get_name(),
-                    tick=tick,
-                    epoch=epoch,
+                    tick=self._safe[1],
+                    epoch=self._safe[0],
                     messages=self._writer.messages,
                 )
             )
+
+    @contextmanager
+    def _until_it_fails(self) -> Iterator[None]:
+        """Say it once when the disk takes no more; the run goes on."""
+        try:
+            yield
+        except RecordingStopped as error:
+            self._stopped = True
+            self._say(Level.FAULT, "recording_stopped", str(error))
 
     def _say(self, level: Level, kind: str, words: str) -> None:
         epoch, at = self._order.newest

@@ -2,11 +2,15 @@
 
 from dataclasses import dataclass, field
 
+# How far ahead of the disk the plant may be, not paced: what the kill of a recorder may cost
+RECORDED_WITHIN = 100  # [ticks]; one second at the default period
+
 
 @dataclass
 class _Heard:
     tick: int  # last measurement it has seen
     epoch: int
+    allowed: int  # ticks behind the plant
     held_since: float | None = None  # the plant has been waiting for it [wall s]
     lost: bool = False  # silent for so long that it is waited for no more
 
@@ -29,17 +33,18 @@ class Backlog:
     paced: bool = False
     _heard: dict[str, _Heard] = field(init=False, default_factory=dict)
 
-    def heard(self, name: str, tick: int, epoch: int) -> None:
+    def heard(self, name: str, tick: int, epoch: int, allowed: int | None = None) -> None:
         """Take a status.
 
         Args:
             name: of the node.
             tick: the last that it has seen.
             epoch: of that tick.
+            allowed: largest distance behind the plant, if it has one of its own [ticks].
         """
         before = self._heard.get(name)
         if before is None or (before.epoch, before.tick) != (epoch, tick):
-            self._heard[name] = _Heard(tick, epoch)
+            self._heard[name] = _Heard(tick, epoch, self.allowed if allowed is None else allowed)
 
     def forget(self, name: str) -> None:
         """Wait for this one no more: it is gone."""
@@ -82,4 +87,4 @@ class Backlog:
 
     def _behind(self, heard: _Heard, tick: int, epoch: int) -> bool:
         seen = heard.tick if heard.epoch == epoch else 0
-        return tick - seen > self.allowed
+        return tick - seen > heard.allowed

@@ -6,6 +6,7 @@ from time import monotonic
 from flexslew_msgs import msg
 
 from flexslew_plant import topics
+from flexslew_plant.bench.backlog import RECORDED_WITHIN
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.message_fields import testbed_fields, truth_fields
@@ -136,7 +137,7 @@ class Plant:
         self.session.backlog.heard(message.controller, message.last_tick, message.epoch)
 
     def _on_recorder(self, message: msg.RecorderStatus) -> None:
-        self.session.backlog.heard(message.recorder, message.tick, message.epoch)
+        self.session.backlog.heard(message.recorder, message.tick, message.epoch, RECORDED_WITHIN)
 
 
 def main() -> None:

@@ -1,0 +1,120 @@
+"""Which ticks a recorder still waits for: a question was heard, and not yet all of its answer."""
+
+import struct
+from dataclasses import dataclass, field
+from typing import Any
+
+from flexslew_lab.log import cdr
+
+PATIENCE = 1.0  # that an answer is waited for [wall s]
+_TICK_EPOCH_NAME = struct.Struct("<QII")  # the name's length last
+_PLACES = {"/measurement": 20, "/controller_state": 20, "/effort_command": 12}  # of these three
+_ANSWERS = frozenset({"/effort_command", "/controller_state"})
+_KEPT = 512  # ticks whose end is remembered
+
+Key = tuple[int, int]  # epoch and tick
+
+
+@dataclass
+class _Question:
+    at: int  # simulated time [ns]
+    controller: str  # who must answer
+    since: float  # heard at [wall s]
+    missing: set[str] = field(default_factory=lambda: set(_ANSWERS))
+
+
+class OpenTicks:
+    """Follows questions, answers and missed ticks.
+
+    A log that ends at any moment then holds no question without its answer but the last ones. A
+    controller that never says its state is not waited for after the first time.
+    """
+
+    def __init__(self) -> None:
+        self._open: dict[Key, _Question] = {}
+        self._early: dict[tuple[Key, str], set[str]] = {}  # answers that came before their question
+        self._closed: dict[Key, str] = {}  # who has answered
+        self._stateless: set[str] = set()
+
+    def hear(self, epoch: int, at: int, topic: str, data: bytes, now: float) -> None:
+        """Take a message.
+
+        Args:
+            epoch: to which it belongs.
+            at: its simulated time in that epoch [ns].
+            topic: absolute name.
+            data: CDR.
+            now: wall clock [s].
+        """
+        if topic == "/events":
+            if b"missed\x00" in data:
+                event = cdr.decode("flexslew_msgs/msg/Event", data)
+                if event.kind == "missed":
+                    self._close((int(event.epoch), int(event.tick)))
+            return
+        if topic not in _PLACES:
+            return
+        key, name = _key_and_name(topic, data)
+        if topic == "/measurement":
+            self._ask(key, at, name, now)
+        else:
+            self._answer(key, name, topic)
+
+    def first(self, now: float) -> tuple[int, int] | None:
+        """Return epoch and time [ns] of the first tick that is not whole yet; None: there is none.
+
+        Args:
+            now: wall clock [s]; what has been waited for long enough is given up.
+        """
+        for key, question in list(self._open.items()):
+            if now - question.since <= PATIENCE:
+                return key[0], question.at
+            if question.missing == {"/controller_state"}:
+                self._stateless.add(question.controller)
+            self._close(key)
+        return None
+
+    def _ask(self, key: Key, at: int, name: str, now: float) -> None:
+        if not name or self._closed.get(key) == name:  # the brake needs no answer
+            return
+        known = self._open.get(key)
+        if known is None or known.controller != name:
+            question = _Question(at, name, known.since if known else now)
+            question.missing -= self._early.pop((key, name), set())
+            if name in self._stateless:
+                question.missing.discard("/controller_state")
+            self._open[key] = question
+        if not self._open[key].missing:
+            self._close(key)
+
+    def _answer(self, key: Key, name: str, topic: str) -> None:
+        if topic == "/controller_state":
+            self._stateless.discard(name)
+        question = self._open.get(key)
+        if question is None or question.controller != name:
+            if key not in self._closed:
+                self._early.setdefault((key, name), set()).add(topic)
+                _trim(self._early)
+            return
+        question.missing.discard(topic)
+        if not question.missing:
+            self._close(key)
+
+    def _close(self, key: Key) -> None:
+        question = self._open.pop(key, None)
+        self._closed[key] = question.controller if question else ""
+        _trim(self._closed)
+
+
+def _trim(kept: dict[Any, Any]) -> None:
+    """Forget the oldest entries."""
+    while len(kept) > _KEPT:
+        del kept[next(iter(kept))]
+
+
+def _key_and_name(topic: str, data: bytes) -> tuple[Key, str]:
+    """Return epoch and tick, and the controller, of a question or an answer."""
+    at = _PLACES[topic]
+    tick, epoch, length = _TICK_EPOCH_NAME.unpack_from(data, at)
+    at += _TICK_EPOCH_NAME.size
+    return (int(epoch), int(tick)), data[at : at + length - 1].decode(errors="replace")

@@ -1,0 +1,152 @@
+"""What is written is whole up to any moment: no question without its answer but the last ones."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.cdr import decode, encode
+from flexslew_lab.log.open_ticks import PATIENCE
+from flexslew_lab.log.recording_order import Ordered, RecordingOrder
+
+PERIOD = 10_000_000  # [ns]
+TICKS = 150
+ANSWERS = ("/effort_command", "/controller_state")
+Message = tuple[str, bytes]
+
+
+def message(topic: str, tick: int, epoch: int = 0, name: str = "pd", **more: object) -> Message:
+    stamp = tick * PERIOD
+    fields = {"stamp": stamp, "header": {"stamp": stamp}, "tick": tick, "epoch": epoch}
+    return topic, encode(TOPICS[topic].type, fields | {"controller": name} | more)
+
+
+def missed(tick: int) -> Message:
+    return message("/events", tick, kind="missed", data="{}")
+
+
+def tick_of(message: Ordered) -> int:
+    return int(decode(TOPICS[message.topic].type, message.data).tick)
+
+
+def rounds(seed: int) -> tuple[list[list[Message]], set[int]]:
+    """Return what arrives in each round of a run under load, and which ticks are missed.
+
+    Each topic keeps its order, as DDS does, and is held up by itself.
+    """
+    rng = np.random.default_rng(seed)
+    lost = set(rng.choice(TICKS, 10, replace=False).tolist())
+    arrivals: list[tuple[float, int, Message]] = []
+    late = dict.fromkeys((*ANSWERS, "/measurement", "/truth", "/events"), 0.0)
+    for tick in range(TICKS):
+        topics = ["/measurement", "/truth", *(() if tick in lost else ANSWERS)]
+        for topic in topics:
+            held_up = rng.random() < 0.01
+            delay = rng.exponential(0.3 if held_up else 0.002)
+            late[topic] = max(late[topic], tick * 0.005 + min(delay, 0.9 * PATIENCE))
+            arrivals.append((late[topic], len(arrivals), message(topic, tick)))
+        if tick in lost:
+            late["/events"] = max(late["/events"], (tick + 1) * 0.005)
+            arrivals.append((late["/events"], len(arrivals), missed(tick)))
+    arrivals.sort()
+    end = int(arrivals[-1][0] / 0.01) + 1
+    found: list[list[Message]] = [[] for _ in range(end + 1)]
+    for at, _, arrived in arrivals:
+        found[int(at / 0.01)].append(arrived)
+    return found, lost
+
+
+def written(seed: int) -> Iterator[tuple[list[Ordered], set[int]]]:
+    """Yield everything that is written after each round: what a kill then leaves at most."""
+    order, log = RecordingOrder(), []
+    arriving, lost = rounds(seed)
+    for number, arrived in enumerate(arriving):
+        log += order.take(arrived, number * 0.01)
+        yield log, lost
+    yield log + order.take((), len(arriving) * 0.01, last=True), lost
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_no_answer_is_missing_before_the_end_of_a_log_that_is_cut_anywhere(seed: int) -> None:
+    asked: set[int] = set()
+    answered: dict[str, set[int]] = {topic: set() for topic in ANSWERS}
+    done, times = 0, []
+    for log, lost in written(seed):
+        for entry in log[done:]:
+            times.append((entry.epoch, entry.at))
+            if entry.topic == "/measurement":
+                asked.add(tick_of(entry))
+            elif entry.topic in ANSWERS:
+                answered[entry.topic].add(tick_of(entry))
+        done = len(log)
+        for topic in ANSWERS:
+            assert asked - answered[topic] <= lost
+        assert asked == set(range(len(asked)))
+    assert times == sorted(times)
+    assert len(asked) == TICKS
+    assert all(len(ticks) == TICKS - len(lost) for ticks in answered.values())
+
+
+def write(order: RecordingOrder, *messages: Message, now: float = 0.0) -> list[tuple[str, int]]:
+    """Let the messages arrive, each question with the truth; return what else is written."""
+    truths = [
+        message("/truth", decode(TOPICS[topic].type, data).tick)
+        for topic, data in messages
+        if topic == "/measurement"
+    ]
+    found = order.take((*messages, *truths), now)
+    return [(entry.topic, tick_of(entry)) for entry in found if entry.topic != "/truth"]
+
+
+def test_an_answer_is_waited_for_no_longer_than_patience() -> None:
+    order = RecordingOrder()
+    write(order, message("/measurement", 0))
+    assert write(order, message("/measurement", 1), now=0.5) == []
+    found = write(order, message("/measurement", 2), now=0.1 + PATIENCE)
+    assert found == [("/measurement", 0)]
+
+
+def test_a_controller_that_never_says_its_state_is_waited_for_once() -> None:
+    order = RecordingOrder()
+    for tick in range(4):
+        write(order, message("/measurement", tick), message("/effort_command", tick))
+    assert [tick for _, tick in write(order, now=2 * PATIENCE)] == [0, 0, 1, 1, 2, 2, 3, 3]
+    for tick in range(4, 7):
+        found = write(order, message("/measurement", tick), message("/effort_command", tick))
+    assert [tick for _, tick in found] == [5, 5]  # as soon as there is something newer
+
+
+def answers(tick: int, name: str = "pd") -> list[Message]:
+    return [message(topic, tick, name=name) for topic in ANSWERS]
+
+
+def test_an_answer_of_another_controller_settles_nothing_and_the_brake_needs_none() -> None:
+    order = RecordingOrder()
+    write(order, message("/measurement", 5), *answers(5, "other"))
+    write(order, message("/measurement", 6, name=""))
+    assert write(order) == []
+    assert len(write(order, *answers(5))) == 6
+
+
+def test_an_answer_may_come_before_its_question() -> None:
+    order = RecordingOrder()
+    write(order, *answers(5))
+    write(order, message("/measurement", 5))
+    assert len(write(order)) == 3
+
+
+def test_a_refused_switch_asks_another_and_both_are_there() -> None:
+    order = RecordingOrder()
+    write(order, message("/measurement", 5, name="new"))
+    write(order, message("/measurement", 5), message("/measurement", 6))
+    assert write(order) == []
+    assert len(write(order, *answers(5))) == 4
+
+
+def test_a_repeated_question_that_was_answered_is_not_waited_for_again() -> None:
+    order = RecordingOrder()
+    write(order, message("/measurement", 5), *answers(5))
+    again = message("/measurement", 5)
+    assert len(write(order, again, message("/measurement", 6), *answers(6))) == 4
+    assert len(write(order)) == 3

@@ -1,0 +1,90 @@
+"""A recorder that is killed under load: what its log lacks.
+
+Two kills here; FLEXSLEW_KILLS=100 makes the whole campaign.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from flexslew_msgs.msg import Measurement
+from rclpy.qos import QoSProfile
+
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.bag_writer import CHUNK_SIZE
+from flexslew_lab.log.recording_order import tick_and_epoch
+from flexslew_lab.log.recover import recover
+
+from .flight import Flight, slew
+
+KILLS = int(os.environ.get("FLEXSLEW_KILLS", "2"))
+MOST = 100  # ticks, or one chunk
+BUSY = [sys.executable, "-c", "import os\nwhile os.getppid() == {}: pass"]
+
+
+class Killing:
+    """Stops the plant, kills the recorder and lets the plant go on; notes the plant's tick."""
+
+    def __init__(self, after: int) -> None:
+        self._after = after  # measurements that are heard before
+        self.tick = -1
+
+    def __call__(self, pids: dict[str, int]) -> None:
+        rclpy.init()
+        node = rclpy.create_node("bystander")
+        heard: list[int] = []
+        try:
+            node.create_subscription(
+                Measurement, "/measurement", lambda data: heard.append(tick_and_epoch(data)[0]),
+                QoSProfile(depth=4000), raw=True,
+            )  # fmt: skip
+            while len(heard) < self._after:
+                rclpy.spin_once(node, timeout_sec=1.0)
+            os.kill(pids["plant"], signal.SIGSTOP)
+            os.kill(pids["recorder"], signal.SIGKILL)
+            before = -1
+            while before != len(heard):
+                before = len(heard)
+                rclpy.spin_once(node, timeout_sec=0.2)
+            os.kill(pids["plant"], signal.SIGCONT)
+        finally:
+            node.destroy_node()
+            rclpy.try_shutdown()
+        self.tick = max(heard)
+
+
+@pytest.mark.parametrize("seed", range(KILLS))
+def test_a_killed_recorder_lacks_a_chunk_or_a_second_at_the_end_and_nothing_before(
+    tmp_path: Path, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    killing = Killing(int(rng.integers(1, 300)))
+    command = [word.format(os.getpid()) for word in BUSY]
+    load = [subprocess.Popen(command) for _ in range(2)]
+    try:
+        Flight(slew(duration=60.0), tmp_path, int(rng.integers(1, 500)), killing)
+    finally:
+        for process in load:
+            process.kill()
+            process.wait()
+    recovery = recover(tmp_path / "bag")
+    assert recovery.lost == {}
+    assert recovery.missing_ticks == 0
+    bag = BagReader(tmp_path / "bag")
+    asked = set(bag.columns("/measurement")["tick"].tolist())
+    states = bag.columns("/controller_state")["tick"].tolist()
+    efforts = bag.columns("/effort_command")["tick"].tolist()
+    missed = {event.tick for event in bag.overview.events if event.kind == "missed"}
+    last = max(asked)
+    assert asked == set(range(last + 1))
+    assert asked - set(states) <= missed | {last}
+    assert asked - set(efforts) <= missed | {last}
+    size = sum(len(m.data) + 31 for m in bag.messages())
+    chunk = CHUNK_SIZE / (size / (last + 1))  # ticks in one
+    print(f"seed {seed}: killed at tick {killing.tick}, {killing.tick - last} ticks lost")
+    assert killing.tick - last <= max(MOST, chunk)
