@@ -21,6 +21,7 @@ from flexslew_lab.log.schemas import schema_text
 from flexslew_plant.errors import BadInput
 
 MIB = 1 << 20
+pytestmark = pytest.mark.timeout(900)  # where many share the processors
 MOST = 500 * MIB  # of a process that reads any file
 
 READ = """

@@ -30,6 +30,7 @@ from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import BadInput, RunFault
 
 Message = tuple[str, bytes, int]
+pytestmark = pytest.mark.timeout(900)  # 2,000 cases, where many share the processors
 
 TRIAL = """
 name: crafted
@@ -111,7 +112,7 @@ def plain(message: Any) -> dict[str, Any]:
     }
 
 
-@cases(1000)
+@cases(1090)
 @given(events)
 def test_an_event_is_read_or_refused_in_one_line(event: tuple[str, str]) -> None:
     kind, text = event
@@ -178,7 +179,7 @@ def test_no_crafted_log_breaks_any_reader(
     root = tmp_path_factory.mktemp("fuzz")
     count = 0
 
-    @cases(150)
+    @cases(100)
     @given(crafted)
     def read(case: tuple[str, dict[str, Any]]) -> None:
         nonlocal count
@@ -209,7 +210,7 @@ def test_no_crafted_metadata_breaks_any_reader(
     count = 0
     names = st.sampled_from(["trial", "versions", "own_code"])
 
-    @cases(100)
+    @cases(60)
     @given(names, TEXTS)
     def read(name: str, text: str) -> None:
         nonlocal count
