@@ -132,7 +132,7 @@ def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path: Path) -> Non
 
 
 def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(tmp_path: Path) -> None:
-    intruder = NodeProcess("intruder", "tests.ros", "intruder", {})
+    intruder = NodeProcess("intruder", "tests", "intruder", {})
     flight = Flight(slew(duration=20.0), tmp_path, extra=[intruder])
     assert flight.outcome.exit_code == 0
     events = BagReader(flight.bag).overview.events

@@ -41,7 +41,8 @@ class Pointing(Protocol):
         """Return the motions of logged states.
 
         Args:
-            position, velocity: q and v, shapes (k, positions) and (k, n).
+            position: q, shape (k, positions).
+            velocity: v, shape (k, n).
             goal: where the joints go, by name; empty: nowhere.
         """
 
@@ -67,7 +68,8 @@ def motions(craft: Spacecraft, position: Matrix, velocity: Matrix, goal: Vector)
 
     Args:
         craft: the spacecraft.
-        position, velocity: q and v, shapes (k, positions) and (k, n).
+        position: q, shape (k, positions).
+        velocity: v, shape (k, n).
         goal: q at the goal, shape (positions,).
     """
     k, modes = len(position), craft.modes

@@ -53,7 +53,8 @@ def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
     Args:
         p: packed spacecraft.
         x: state [q, v].
-        position, velocity: out, shape (actuators,).
+        position: out, shape (actuators,).
+        velocity: out, shape (actuators,).
     """
     own_q, own_v, nq, _ = offsets(p)
     before = int(p[at.HINGES]) + int(p[at.WHEELS])

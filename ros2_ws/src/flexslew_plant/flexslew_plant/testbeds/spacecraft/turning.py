@@ -65,7 +65,8 @@ def driven_most(
     Args:
         craft: the spacecraft.
         parts: its appendages, by name.
-        axis, place: of the turn, shape (3,).
+        axis: of the turn, shape (3,).
+        place: on that axis, shape (3,).
         modes: how many are kept altogether.
     """
     found = []
