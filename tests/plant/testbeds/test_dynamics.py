@@ -9,6 +9,9 @@ from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import TESTBEDS, TestbedSettings
 from flexslew_plant.testbeds.csa import CsaTestbed
 
+# q is as long as v; the free platform, where it is not, has tests of its own
+SAME_LENGTHS = [kind for kind in TESTBEDS if kind != "spacecraft"]
+
 STATE = np.array([0.1, 0.3, 0.5, 0.05, -0.02, 0.2, -0.1, 0.3, 0.1, 0.05])
 EFFORT = np.array([60.0, -30.0])
 
@@ -65,7 +68,7 @@ def test_the_same_call_gives_the_same_bits_and_leaves_its_arguments_alone() -> N
     assert not np.shares_memory(first, second)
 
 
-@pytest.mark.parametrize("kind", TESTBEDS)
+@pytest.mark.parametrize("kind", SAME_LENGTHS)
 def test_acceleration_solves_the_equations_of_motion(kind: Any) -> None:
     bed = validated(TestbedSettings, {"kind": kind}, "here").model()
     n = bed.coordinates
@@ -84,7 +87,7 @@ def test_a_model_can_be_sent_to_another_process() -> None:
     assert sent.advance(STATE, EFFORT, 0.01).tobytes() == expected.tobytes()
 
 
-@pytest.mark.parametrize("kind", TESTBEDS)
+@pytest.mark.parametrize("kind", SAME_LENGTHS)
 def test_energy_is_kinetic_plus_potential(kind: Any) -> None:
     bed = validated(TestbedSettings, {"kind": kind}, "here").model()
     x = 0.1 * np.random.default_rng(4).standard_normal(2 * bed.coordinates)
