@@ -1,0 +1,42 @@
+"""SCOLE-S flown on the bench gives the numbers of its table."""
+
+import numpy as np
+import pytest
+
+from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_loop, radius
+from flexslew_lab.reproduce.scole import TABLE, numbers
+from flexslew_lab.reproduce.scole_flights import flown, shipped
+from flexslew_lab.trial.trial import bench_settings, build_controllers
+from flexslew_plant.bench.bench import Bench
+from flexslew_plant.errors import BadInput
+
+RESIDUAL, EFFORT = 0.1, 0.01
+
+
+@pytest.mark.parametrize("case", ["tracking (a)", "tracking (b)", "rigid hold", "open loop"])
+def test_the_four_cases_give_the_table(case: str) -> None:
+    found, expected = numbers(flown(case)), TABLE[case]
+    tolerances = (EFFORT, *[RESIDUAL] * 4, EFFORT, EFFORT, EFFORT)
+    for ours, reference, tolerance in zip(found, expected, tolerances, strict=True):
+        if isinstance(reference, str):
+            assert ours == reference
+        else:
+            assert ours == pytest.approx(reference, rel=tolerance, abs=1e-12)
+
+
+def test_the_printed_weights_are_refused_with_the_spectral_radius() -> None:
+    feedback = {"appendage": {"weight_exponents": [6.6, 2.0]}}
+    trial = shipped("scole_s_a", {"controllers": {"output_feedback": feedback}})
+    with pytest.raises(BadInput, match=r"spectral radius .* longest period .* unusable") as error:
+        build_controllers(trial, Bench(bench_settings(trial)), "here")
+    assert "\n" not in str(error.value)
+
+
+def test_a_sampled_loop_is_judged_as_it_flies() -> None:
+    trial = shipped("scole_s_a")
+    model = trial.testbed.model()
+    plant = LinearPlant(model, model.rest({}))
+    stiff, damped = np.full(9, 1e3), np.full(9, 1e3)
+    stiff[6:] = damped[6:] = 0.0
+    assert radius(collocated_loop(plant, stiff, damped, 1e-3)) < 1.0
+    assert radius(collocated_loop(plant, stiff, damped, 1.0)) > 1.0
