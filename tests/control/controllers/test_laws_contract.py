@@ -13,8 +13,14 @@ from flexslew_plant.settings import validated
 
 PERIOD, LIMIT = 0.01, np.array([150.0, 150.0])
 VARIANTS = {  # settings beside the defaults that have code of their own
-    "output_feedback": [{"mode": "tracking_b"}, {"mode": "rigid_hold"}, {"tip_sigma": 5e-3}],
-    "lqr": [{"filter": {"prediction": "linear"}}, {"minimise_disturbance": False}],
+    "output_feedback": [
+        {"mode": "tracking_b"},
+        {"mode": "rigid_hold"},
+        {"tip_sigma": 5e-3},
+        {"observer": "steady"},
+        {"mode": "tracking_b", "observer": "steady"},
+    ],
+    "lqr": [{"filter": {"tip_sigma": 5e-3}}, {"minimise_disturbance": False}],
 }
 LAWS = [(name, values) for name in CONTROLLERS for values in ({}, *VARIANTS.get(name, ()))]
 every_law = pytest.mark.parametrize("law", LAWS, ids=str)

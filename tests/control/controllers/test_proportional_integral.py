@@ -10,7 +10,7 @@ from flexslew_control.controllers.proportional_integral import (
     closed_loop,
     design,
 )
-from flexslew_lab.reproduce.laws import pi_rows
+from flexslew_lab.reproduce.pi import pi_rows
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.csa import CsaTestbed
 

@@ -1,10 +1,13 @@
 """Recorded measurements into controllers: the same one, a gain off by a millionth, another law."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.log.cdr import decode, encode
 from flexslew_lab.log.check import check_log
 from flexslew_lab.replay.check import FIELDS, check, difference_figure
 from flexslew_lab.replay.resim import resim
@@ -41,6 +44,24 @@ def test_the_recorded_controller_says_every_number_again(flown, name):
     assert (result.ticks, result.only_recorded, result.only_ours) == (300, 0, 0)
     assert [row.field for row in result.rows] == list(FIELDS)
     assert all(row.compared == 300 and row.different == 0 for row in result.rows)
+
+
+def test_a_log_without_a_choice_of_observer_is_that_of_the_steady_one(tmp_path: Path) -> None:
+    words = TRIAL.replace("output_feedback: {}", "output_feedback: {observer: steady}")
+    run_trial(parse_trial(words, "test"), "test", tmp_path / "new", in_process=True, report=False)
+    bag = BagReader(tmp_path / "new" / "bag")
+    metadata = bag.metadata | {"trial": bag.trial_text.replace("observer: steady", "")}
+    with BagWriter(tmp_path / "old", metadata) as writer:
+        for topic, kind, stamp, _, data in bag.messages():
+            if topic == "/controller_status":
+                message = decode(kind, data)
+                lines = message.settings.splitlines()
+                message.settings = "\n".join(x for x in lines if not x.startswith("observer:"))
+                data = encode(kind, message)
+            writer.write(topic, kind, data, stamp)
+        writer.close({})
+    assert check(tmp_path / "old", "output_feedback").ok
+    assert resim(tmp_path / "old").identical
 
 
 def test_repeated_questions_and_answers_count_once_in_check_and_resim(flown, tmp_path):

@@ -4,6 +4,13 @@ Modes:
     tracking_a  the non-linear model stands in the law and in the observer;
     tracking_b  the linear model at the set point, D = 0;
     rigid_hold  as tracking_a, with the reference's deflection set to zero.
+
+Observers:
+    kalman  predicts over the tick with the non-linear model in every mode and corrects with the
+            Kalman gain of the tick, from what is known at the start; its covariance is right at
+            rest and in a slew.
+    steady  the paper's (5): the stationary gain K_f, the measurement held over the tick. It lags
+            by omega T / 2 in a slew, and P of (7), which it states, is right at rest alone.
 """
 
 from dataclasses import dataclass, field
@@ -22,6 +29,7 @@ from flexslew_control.controllers.sampled_loop import (
 )
 from flexslew_control.controllers.sliding_beliefs import Belief, JointsAndModes
 from flexslew_control.controllers.sliding_surface import LinearSystem, SlidingDesign, design
+from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.linear_design import output_matrix, require_stable, set_point_of, state_names
 from flexslew_plant.arrays import Matrix, Vector
@@ -45,6 +53,8 @@ class OutputFeedback:
     angle_sigma: Positive = 1e-4  # [rad or m]
     rate_sigma: Positive = 1e-4  # [rad/s or m/s]
     tip_sigma: Positive | None = None  # of the tip sensor [m]; null: it is not used
+    observer: Literal["kalman", "steady"] = "kalman"  # of joints and modes; an appendage's: steady
+    initial_deflection: NonNegative = 0.01  # sigma of each mode at a reset [m], [m/s]; kalman
     # of a spacecraft: the appendage alone, the platform held beside it; null: joints and modes
     appendage: AppendageFeedback | None = None
 
@@ -193,7 +203,9 @@ def testbed_weight(model: Model, rest: Vector, settings: OutputFeedback) -> Matr
     return np.diag(np.concatenate((stiffness, mass)))
 
 
-def build(settings: OutputFeedback, plant: PlantDescription) -> tuple[SampledObserver, SlidingLaw]:
+def build(
+    settings: OutputFeedback, plant: PlantDescription
+) -> tuple[SampledObserver | KalmanFilter, SlidingLaw]:
     """Return the observer and the law; the drive limits the effort.
 
     Raises:
@@ -216,8 +228,17 @@ def build(settings: OutputFeedback, plant: PlantDescription) -> tuple[SampledObs
         settings.mode != "rigid_hold",
         found.observer_gain,
     )
-    observer = SampledObserver(belief, found, plant.period)
-    return observer, SlidingLaw(belief, found, settings.attitude_gain)
+    law = SlidingLaw(belief, found, settings.attitude_gain)
+    if settings.observer == "steady":
+        return SampledObserver(belief, found, plant.period), law
+    sensors = FilterSettings(
+        angle_sigma=settings.angle_sigma,
+        rate_sigma=settings.rate_sigma,
+        tip_sigma=settings.tip_sigma,
+        initial_deflection=settings.initial_deflection,
+    )
+    noise = system.noise_input @ system.noise_density @ system.noise_input.T  # L Q L^T of (3)
+    return KalmanFilter(model, rest, sensors, plant.period, noise), law
 
 
 def _of_appendage(

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import LinAlgError, expm, solve_continuous_are
+from scipy.linalg import LinAlgError, expm, solve_continuous_are, solve_discrete_are
 
 from flexslew_control.law import Estimate
 from flexslew_control.linear_design import output_matrix, require_observable, state_names
@@ -112,12 +112,21 @@ def corrected(
     """
     x, p = x.copy(), covariance.copy()
     k = x.size
-    innovation = y - c @ x
+    innovation, gain = y.copy(), np.empty(k)
+    for i in range(y.size):  # loops: BLAS takes three times as long for so few numbers
+        for a in range(k):
+            innovation[i] -= c[i, a] * x[a]
     nis = 0.0
     for i in range(y.size):
-        gain = p @ c[i]
-        s = r[i] + c[i] @ gain
-        e = y[i] - c[i] @ x
+        s, e = 0.0, 0.0
+        for a in range(k):
+            gain[a] = 0.0
+            for b in range(k):
+                gain[a] += p[a, b] * c[i, b]
+        for a in range(k):
+            s += c[i, a] * gain[a]
+            e += c[i, a] * x[a]
+        s, e = r[i] + s, y[i] - e
         nis += e * e / s
         for a in range(k):
             x[a] += gain[a] * e / s
@@ -131,20 +140,23 @@ class KalmanFilter:
     """The estimator of [q, v, d], d the disturbance of each effort.
 
     Prediction: x+ = the model advanced by one tick with effort + d (nonlinear), or the exact
-    zero-order hold of its linearisation (linear); d is a random walk. A measurement that comes
-    again (same tick) gets the same estimate.
+    zero-order hold of its linearisation (linear, for linear models alone); d is a random walk.
+    A measurement that comes again (same tick) gets the same estimate.
 
     Args:
         model: equations of motion.
-        rest: q about which `linear` is linear, shape (n,).
+        rest: q about which the noises are turned into accelerations, shape (n,).
         settings: noises and kind of prediction.
         period: one tick [s].
+        noise: spectral density of the white noise on [q, v]', shape (2 n, 2 n), of a filter
+            without disturbances; None: with them, and with the noises of the settings.
     """
 
     model: Model
     rest: Vector
     settings: FilterSettings
     period: float
+    noise: Matrix | None = None
     _x: Vector = field(init=False)
     _p: Matrix = field(init=False)
     _tick: int = field(init=False, default=-1)
@@ -154,36 +166,57 @@ class KalmanFilter:
         """Precompute the constant matrices.
 
         Raises:
-            BadInput: a mode or a disturbance does not show in the outputs.
+            BadInput: a mode or a disturbance does not show in the outputs, or a linear prediction
+                is asked of a model that is not linear.
         """
         model, s = self.model, self.settings
         n, m = model.coordinates, model.joints
+        d = m if self.noise is None else 0
+        if s.prediction == "linear":
+            _require_linear(model, self.rest)
         linear = model.linearise(self.rest)
         a, b = linear.state_matrix, linear.state_input_matrix
-        whole = np.zeros((2 * n + m, 2 * n + m))
-        whole[: 2 * n, : 2 * n], whole[: 2 * n, 2 * n :] = a, b
-        self._c = np.hstack((output_matrix(model, s.tip_sigma is not None), _zeros(model, s)))
-        names = (*state_names(model), *(f"disturbance of {name}" for name in model.joint_names))
+        whole = np.zeros((2 * n + d, 2 * n + d))
+        whole[: 2 * n, : 2 * n], whole[: 2 * n, 2 * n :] = a, b[:, :d]
+        c = output_matrix(model, s.tip_sigma is not None)
+        self._c = np.hstack((c, np.zeros((len(c), d))))  # no sensor shows a disturbance directly
+        names = (*state_names(model), *(f"disturbance of {name}" for name in model.joint_names[:d]))
         require_observable(whole, self._c, names)
         sigmas = [s.angle_sigma] * m + [s.rate_sigma] * m
         sigmas += [] if s.tip_sigma is None else [s.tip_sigma]
         self._r = np.square(np.array(sigmas))
-        forces = np.linalg.solve(linear.mass, np.eye(n))
-        density = np.diag([s.effort_noise] * m + [s.modal_noise] * (n - m))
         noise = np.zeros_like(whole)
-        noise[n : 2 * n, n : 2 * n] = forces @ density @ forces.T
-        noise[2 * n :, 2 * n :] = s.disturbance_walk**2 * np.eye(m)
-        inputs = np.vstack((b, np.zeros((m, m))))
+        if self.noise is None:
+            forces = np.linalg.solve(linear.mass, np.eye(n))
+            density = np.diag([s.effort_noise] * m + [s.modal_noise] * (n - m))
+            noise[n : 2 * n, n : 2 * n] = forces @ density @ forces.T
+            noise[2 * n :, 2 * n :] = s.disturbance_walk**2 * np.eye(m)
+        else:
+            noise[:] = self.noise
+        inputs = np.vstack((b, np.zeros((d, m))))
         self._f, self._g, self._q = discretised(whole, inputs, noise, self.period)
-        self._origin = np.concatenate((self.rest, np.zeros(n + m)))
+        self._origin = np.concatenate((self.rest, np.zeros(n + d)))
         first = [s.angle_sigma] * m + [s.initial_deflection] * (n - m)
         first += [s.rate_sigma] * m + [s.initial_deflection] * (n - m)
-        self._p0 = np.diag(np.square(np.array(first + [s.initial_disturbance] * m)))
+        self._p0 = np.diag(np.square(np.array(first + [s.initial_disturbance] * d)))
+
+    def stationary_gain(self) -> Matrix:
+        """Return the gain towards which it tends at rest at `rest`, shape (k, l).
+
+        Raises:
+            BadInput: there is none.
+        """
+        c, r = self._c, np.diag(self._r)
+        try:
+            p = solve_discrete_are(self._f.T, c.T, self._q, r)
+        except (LinAlgError, ValueError) as error:
+            raise BadInput(f"no stationary Kalman filter: {error}") from None
+        return np.asarray(np.linalg.solve(c @ p @ c.T + r, c @ p).T)
 
     def reset(self, measurement: Measurement) -> None:
         """Start from the measured joints, straight appendages and no disturbance."""
         n, m = self.model.coordinates, self.model.joints
-        self._x = np.zeros(2 * n + m)
+        self._x = np.zeros(len(self._p0))
         self._x[:m] = measurement.joint_position
         self._x[n : n + m] = measurement.joint_velocity
         self._p = self._p0.copy()
@@ -194,23 +227,25 @@ class KalmanFilter:
         """Return the estimate at this tick, with innovation, covariance of [q, v, d] and NIS."""
         if measurement.tick == self._tick:
             return self._last
-        x, p = self._predicted(measurement.applied_effort)
+        x, p = self._predicted(measurement.applied_effort, measurement.time - self.period)
         y = outputs(measurement, len(self._c))
         self._x, self._p, innovation, nis = corrected(x, p, y, self._c, self._r)
         self._tick = measurement.tick
         self._last = self._estimate(innovation, nis)
         return self._last
 
-    def _predicted(self, effort: Vector) -> tuple[Vector, Matrix]:
+    def _predicted(self, effort: Vector, t: float) -> tuple[Vector, Matrix]:
+        """Return state and covariance a tick after t [s]."""
         if self.settings.prediction == "linear":
             x = self._origin + self._f @ (self._x - self._origin) + self._g @ effort
             return x, self._f @ self._p @ self._f.T + self._q
         k = 2 * self.model.coordinates
         state, d = self._x[:k], self._x[k:]
-        total = effort + d
-        dx, du = self.model.jacobian(state, total)
-        p = predicted_covariance(dx, du, self._p, self._q, self.period)
-        return np.concatenate((self.model.advance(state, total, self.period), d)), p
+        total = effort + d if d.size else effort
+        dx, du = self.model.jacobian(state, total, t=t)
+        p = predicted_covariance(dx, du[:, : d.size], self._p, self._q, self.period)
+        state = self.model.advance(state, total, self.period, t=t)
+        return np.concatenate((state, d)), p
 
     def _estimate(self, innovation: Vector, nis: float) -> Estimate:
         n = self.model.coordinates
@@ -225,6 +260,20 @@ def outputs(measurement: Measurement, count: int) -> Vector:
     return np.concatenate((*joints, measurement.tip_deflection[: count - 2 * m]))
 
 
-def _zeros(model: Model, settings: FilterSettings) -> Matrix:
-    """Return the columns of C for the disturbances, which no sensor shows directly."""
-    return np.zeros((2 * model.joints + (settings.tip_sigma is not None), model.joints))
+def _require_linear(model: Model, rest: Vector) -> None:
+    """Check that the equations of motion are linear: the same Jacobian wherever it moves.
+
+    Raises:
+        BadInput: they are not, and the stated covariance would be right at rest alone.
+    """
+    rng, nothing = np.random.default_rng(1), np.zeros(model.joints)
+    origin = np.concatenate((rest, np.zeros_like(rest)))
+    there = model.jacobian(origin, nothing)[0]
+    for _ in range(4):
+        away = model.jacobian(origin + rng.normal(0.0, 0.5, origin.size), nothing)[0]
+        same = np.allclose(away, there, rtol=1e-9, atol=1e-9 * np.abs(there).max())
+        if model.time_varying or not same:
+            raise BadInput(
+                "filter.prediction: linear is right for a linear model alone, and this one is "
+                "not: in motion the stated covariance would be far too small; take nonlinear"
+            )

@@ -130,8 +130,11 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
     laws = {n: law_of(n, values or {}) for n, values in trial_of(bag).controllers.items()}
     for name, status in bag.overview.statuses.items():
         if name not in laws or laws[name][0] in CONTROLLERS:  # with its defaults of that day
-            values = logged_yaml(status.settings, f"{bag.path}: controllers.{name}")
-            laws[name] = status.law, {k: v for k, v in values.items() if k not in DERIVED}
+            logged = logged_yaml(status.settings, f"{bag.path}: controllers.{name}")
+            values = {k: v for k, v in logged.items() if k not in DERIVED}
+            if status.law == "output_feedback":  # older logs: when it had no other one
+                values.setdefault("observer", "steady")
+            laws[name] = status.law, values
     for event in reversed(_tunings(bag)):  # what a status says last is what was tuned last
         name = event.data["controller"]
         if name in laws:

@@ -66,7 +66,7 @@ REPRODUCTIONS: dict[str, Reproduction] = {
         "scole_figures",
     ),
     "ofc": Reproduction("output feedback control (Sung and Joo)", "laws", "ofc_rows"),
-    "pi": Reproduction("PI control with an estimator (Kwak, 1989)", "laws", "pi_rows"),
+    "pi": Reproduction("PI control with an estimator (Kwak, 1989)", "pi", "pi_rows"),
 }
 
 

@@ -68,6 +68,11 @@ class Bench:
         self.charge = Charge(self.drive, settings.fallback, self.say)
         self.actuator = Actuator(settings.actuator, self.limit, settings.period)
         self._friction = friction_of(settings.actuator, settings.period)
+        if self._friction is not None and self.model.kernels.actuation is not None:
+            raise BadInput(
+                "actuator: viscous_friction and coulomb_friction are not allowed here: the "
+                "actuators of this testbed are not motors in its joints; give 0.0"
+            )
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
         require_allowed(settings.schedule, settings.faults_enabled)
         self._names = Names(self.model.joint_names, self.appendages.names)
