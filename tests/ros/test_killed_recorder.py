@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,11 +65,12 @@ def test_a_killed_recorder_lacks_a_chunk_or_a_second_at_the_end_and_nothing_befo
     tmp_path: Path, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
+    patient = replace(slew(duration=600.0), answer_timeout=10.0)  # of the plant with its recorder
     killing = Killing(int(rng.integers(1, 300)))
     command = [word.format(os.getpid()) for word in BUSY]
     load = [subprocess.Popen(command) for _ in range(2)]
     try:
-        Flight(slew(duration=600.0), tmp_path, int(rng.integers(1, 300)), killing)
+        Flight(patient, tmp_path, int(rng.integers(1, 300)), killing)
     finally:
         for process in load:
             process.kill()
