@@ -106,7 +106,7 @@ class _NumpyCraft:
         d = self.j1 + np.einsum("i,ijab->jab", q, self.j2)
         inertia = self.inertia + 0.5 * np.einsum("j,jab->ab", q, self.j1 + d)
         c = self.h + np.einsum("i,ija->aj", q, self.g)
-        skew = np.cross(np.eye(3), s).T
+        skew = np.cross(s, np.eye(3)).T
         linear = self.mass * velocity + np.cross(spin, s) + ds
         angular = np.cross(s, velocity) + inertia @ spin + c @ rates
         force = np.cross(spin, ds) + np.cross(spin, linear)
