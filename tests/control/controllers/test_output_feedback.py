@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.plants import plant as on_bench
@@ -23,7 +25,7 @@ testbed_system.__test__ = False
 testbed_weight.__test__ = False
 
 
-def two_masses(**changes):
+def two_masses(**changes: Any) -> LinearSystem:
     a = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-2, 2, 0, 0], [4, -4, 0, 0]], dtype=float)
     b = np.array([[0.0, 0.0, 1.0, 0.0]]).T
     parts = {
@@ -38,18 +40,18 @@ def two_masses(**changes):
     return LinearSystem(**{**parts, **changes})
 
 
-def on_testbed(pitch=0.25):
+def on_testbed(pitch: float = 0.25) -> tuple[Any, Any]:
     settings, model = OutputFeedback(), CsaTestbed(modes=1).model()
     rest = model.rest({"hub_pitch": pitch})
     system = testbed_system(model, rest, settings, PERIOD)
     return system, design(system, testbed_weight(model, rest, settings), 2.0)
 
 
-def nearest(found, expected):
+def nearest(found: Any, expected: Any) -> Any:
     return max(min(abs(found - value)) for value in expected)
 
 
-def test_two_masses_give_the_golden_gains():
+def test_two_masses_give_the_golden_gains() -> None:
     found = design(two_masses(), np.eye(4), 2.0)
     np.testing.assert_allclose(found.surface, [[2.820359, -1.406146, 1.0, 0.869303]], atol=6e-7)
     kalman = [[0.992380, 0.876787], [0.814761, 0.794248], [0.876787, 9.944903]]
@@ -60,7 +62,7 @@ def test_two_masses_give_the_golden_gains():
 
 
 @pytest.mark.parametrize("which", ["two_masses", "testbed"])
-def test_reaching_and_sliding_poles_are_those_of_lemma_3_1(which):
+def test_reaching_and_sliding_poles_are_those_of_lemma_3_1(which: str) -> None:
     if which == "two_masses":
         system, found = two_masses(), design(two_masses(), np.eye(4), 2.0)
     else:
@@ -72,7 +74,7 @@ def test_reaching_and_sliding_poles_are_those_of_lemma_3_1(which):
 
 
 @pytest.mark.parametrize("which", ["two_masses", "testbed"])
-def test_controller_and_observer_separate(which):
+def test_controller_and_observer_separate(which: str) -> None:
     if which == "two_masses":
         system, found = two_masses(), design(two_masses(), np.eye(4), 2.0)
     else:
@@ -94,18 +96,18 @@ def test_controller_and_observer_separate(which):
     assert nearest(np.linalg.eigvals(whole), separate) < 1e-8
 
 
-def test_surface_times_input_is_the_square_of_the_input():
+def test_surface_times_input_is_the_square_of_the_input() -> None:
     system, found = on_testbed()
     square = system.b.T @ system.b
     np.testing.assert_allclose(found.surface @ system.b, square, atol=1e-12 * abs(square).max())
 
 
-def test_the_public_table_is_reproduced():
+def test_the_public_table_is_reproduced() -> None:
     wrong = [row for row in ofc_rows() if not row["ok"]]
     assert not wrong
 
 
-def test_cases_order_as_in_the_paper_by_residual_and_by_effort_after_the_end():
+def test_cases_order_as_in_the_paper_by_residual_and_by_effort_after_the_end() -> None:
     tips, efforts = {}, {}
     for case in ("tracking_a", "tracking_b", "rigid_hold", "pd"):
         run, end = slew(case, 0.0)
@@ -116,29 +118,29 @@ def test_cases_order_as_in_the_paper_by_residual_and_by_effort_after_the_end():
     assert efforts["tracking_a"] < efforts["tracking_b"] < efforts["rigid_hold"]
 
 
-def test_a_softer_structure_is_calm_twenty_seconds_later():
+def test_a_softer_structure_is_calm_twenty_seconds_later() -> None:
     run, end = slew("tracking_a", 0.5, stiffness=0.9)
     later = run.state[round((end + 20.0) / PERIOD) :, 2:5].sum(axis=1)
     assert abs(later).max() < 0.06
 
 
-def test_an_uncontrollable_pair_is_refused_with_its_eigenvalue():
+def test_an_uncontrollable_pair_is_refused_with_its_eigenvalue() -> None:
     with pytest.raises(BadInput, match=r"not controllable: eigenvalue .*0\.338329j"):
         build(OutputFeedback(set_point={"hub_pitch": float(np.pi / 2)}), on_bench())
 
 
-def test_an_unobservable_pair_is_refused():
+def test_an_unobservable_pair_is_refused() -> None:
     with pytest.raises(BadInput, match="not observable: eigenvalue 0"):
         design(two_masses(c=np.eye(4)[[2, 3]]), np.eye(4), 2.0)
 
 
-def test_weights_without_the_driven_states_are_refused():
+def test_weights_without_the_driven_states_are_refused() -> None:
     with pytest.raises(BadInput, match="R22 of the weights is not positive definite"):
         design(two_masses(), np.diag([1.0, 1.0, 0.0, 1.0]), 2.0)
 
 
 @pytest.mark.parametrize("modes", [1, 2])
-def test_the_testbed_design_exists_for_more_modes(modes):
+def test_the_testbed_design_exists_for_more_modes(modes: int) -> None:
     settings = OutputFeedback(model={"modes": modes}, observer="steady")
     observer, law = build(settings, on_bench())
     assert law.found.sliding_poles.real.max() < 0.0

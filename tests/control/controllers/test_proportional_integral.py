@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.plants import plant as on_bench
@@ -15,18 +17,18 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 
-def linearisation(pitch, modes=1):
+def linearisation(pitch: Any, modes: int = 1) -> Any:
     model = CsaTestbed(modes=modes).model()
     return model.linearise(np.array([0.0, pitch] + [0.0] * modes))
 
 
-def test_gains_disturbance_rejection_and_anti_windup_match_the_public_table():
+def test_gains_disturbance_rejection_and_anti_windup_match_the_public_table() -> None:
     wrong = [row for row in pi_rows() if not row["ok"]]
     assert not wrong
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.5, 1.0])
-def test_the_closed_loop_has_the_poles_of_the_augmented_regulator(pitch):
+def test_the_closed_loop_has_the_poles_of_the_augmented_regulator(pitch: float) -> None:
     linear = linearisation(pitch)
     gains = design(linear, ScaledWeights())
     poles = np.sort_complex(np.linalg.eigvals(closed_loop(linear, gains)).round(9))
@@ -37,7 +39,7 @@ def test_the_closed_loop_has_the_poles_of_the_augmented_regulator(pitch):
         assert abs(poles - pole).min() < 1e-8
 
 
-def test_a_hand_given_gain_that_does_not_stabilise_is_refused():
+def test_a_hand_given_gain_that_does_not_stabilise_is_refused() -> None:
     good = design(linearisation(0.5), ScaledWeights())
     rows = {name: tuple(map(tuple, getattr(good, name).tolist())) for name in ("kp", "kd", "ki")}
     build(ProportionalIntegral(gains=GivenGains(**rows)), on_bench())
@@ -46,13 +48,13 @@ def test_a_hand_given_gain_that_does_not_stabilise_is_refused():
         build(ProportionalIntegral(gains=GivenGains(**rows)), on_bench())
 
 
-def test_gains_of_the_wrong_shape_are_refused():
+def test_gains_of_the_wrong_shape_are_refused() -> None:
     given = GivenGains(kp=((1.0,),), kd=((1.0,),), ki=((1.0,),))
     with pytest.raises(BadInput, match="kp: give 2 rows of 3"):
         build(ProportionalIntegral(gains=given), on_bench())
 
 
-def test_an_uncontrollable_set_point_is_refused():
+def test_an_uncontrollable_set_point_is_refused() -> None:
     settings = ProportionalIntegral(set_point={"hub_pitch": float(np.pi / 2)})
     with pytest.raises(BadInput, match="not controllable"):
         build(settings, on_bench())

@@ -1,6 +1,7 @@
 """Recorded measurements into controllers: the same one, a gain off by a millionth, another law."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,14 +31,14 @@ schedule: [{at: 3.0, switch: output_feedback}]
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory):
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("checked") / "run"
     run_trial(parse_trial(TRIAL, "test"), "test", folder, in_process=True, report=False)
     return folder / "bag"
 
 
 @pytest.mark.parametrize("name", ["pd_feedforward", "output_feedback"])
-def test_the_recorded_controller_says_every_number_again(flown, name):
+def test_the_recorded_controller_says_every_number_again(flown: Any, name: str) -> None:
     result = check(flown, name)
     assert result.ok
     assert result.first_divergence is None
@@ -64,7 +65,9 @@ def test_a_log_without_a_choice_of_observer_is_that_of_the_steady_one(tmp_path: 
     assert resim(tmp_path / "old").identical
 
 
-def test_repeated_questions_and_answers_count_once_in_check_and_resim(flown, tmp_path):
+def test_repeated_questions_and_answers_count_once_in_check_and_resim(
+    flown: Any, tmp_path: Path
+) -> None:
     bag = BagReader(flown)
     with BagWriter(tmp_path / "run", bag.metadata) as writer:
         for topic, kind, stamp, _, data in bag.messages():
@@ -81,7 +84,7 @@ def test_repeated_questions_and_answers_count_once_in_check_and_resim(flown, tmp
     assert again.hash == metrics_of(flown)["trajectory_hash"]
 
 
-def test_a_gain_off_by_a_millionth_is_found_at_its_first_tick(flown):
+def test_a_gain_off_by_a_millionth_is_found_at_its_first_tick(flown: Any) -> None:
     result = check(flown, "pd_feedforward", settings={"kp": [460.0 * (1 + 1e-6), 460.0]})
     assert not result.ok
     found = result.first_divergence
@@ -94,11 +97,11 @@ def test_a_gain_off_by_a_millionth_is_found_at_its_first_tick(flown):
     assert rows["estimate_position"].different == 0
 
 
-def test_an_absolute_change_of_a_millionth_is_found_too(flown):
+def test_an_absolute_change_of_a_millionth_is_found_too(flown: Any) -> None:
     assert check(flown, "pd_feedforward", settings={"kp": [460.0 + 1e-6, 460.0]}).rows[-1].different
 
 
-def test_another_law_differs_in_its_fields(flown):
+def test_another_law_differs_in_its_fields(flown: Any) -> None:
     result = check(flown, "pd_feedforward", law="lqr")
     assert result.law == "lqr"
     assert not result.ok
@@ -106,18 +109,18 @@ def test_another_law_differs_in_its_fields(flown):
     assert any(row.largest == np.inf for row in result.rows)  # other states, other lengths
 
 
-def test_the_figure_shows_the_differences(flown):
+def test_the_figure_shows_the_differences(flown: Any) -> None:
     same = difference_figure(check(flown, "pd_feedforward"))
     other = difference_figure(check(flown, "pd_feedforward", settings={"kp": [461.0, 460.0]}))
     assert not same.data
     assert {trace.name for trace in other.data} == {"terms", "effort"}
 
 
-def test_a_controller_that_is_not_in_the_log_is_refused(flown):
+def test_a_controller_that_is_not_in_the_log_is_refused(flown: Any) -> None:
     with pytest.raises(BadInput, match=r"no controller nobody; it has pd_feedforward"):
         check(flown, "nobody")
 
 
-def test_a_wrong_setting_is_refused(flown):
+def test_a_wrong_setting_is_refused(flown: Any) -> None:
     with pytest.raises(BadInput, match="kpp"):
         check(flown, "pd_feedforward", settings={"kpp": 1.0})
