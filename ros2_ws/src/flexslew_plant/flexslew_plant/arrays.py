@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 Vector: TypeAlias = NDArray[np.float64]  # one index
 Matrix: TypeAlias = NDArray[np.float64]  # two indices
+Tensor: TypeAlias = NDArray[np.float64]  # three indices
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -33,3 +34,13 @@ def called(function: _Function) -> _Function:
     For what is called from many places: `inlined` would compile its body for each of them.
     """
     return cast(_Function, numba.njit(error_model="numpy")(function))
+
+
+def vectorised(function: _Function) -> _Function:
+    """Return function as machine code for loops over lanes, kept on disk between runs.
+
+    A product may be fused with the sum that it goes into, which the processor rounds once; every
+    lane is still computed alike, wherever it stands.
+    """
+    options = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
+    return cast(_Function, numba.njit(**options)(function))

@@ -65,6 +65,11 @@ class Controller:
         self._blind = False  # the estimate is not finite
 
     @property
+    def estimator(self) -> Estimator:
+        """What turns measurements into its estimates."""
+        return self._estimator
+
+    @property
     def law(self) -> Law:
         """What turns its estimates into efforts."""
         return self._law

@@ -29,7 +29,7 @@ class PdFeedforward:
     """u = u_ff - k (q - q_d) - b (q' - q_d')."""
 
     def __init__(self, kp: Vector, kd: Vector) -> None:
-        self._kp, self._kd = kp, kd
+        self.kp, self.kd = kp, kd
         self.terms: dict[str, Vector] = {}
 
     def reset(
@@ -39,9 +39,9 @@ class PdFeedforward:
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the torques of (12), (13), shape (joints,) [N m or N]."""
-        n = self._kp.size
-        proportional = self._kp * (reference.position - estimate.position[:n])
-        derivative = self._kd * (reference.velocity - estimate.velocity[:n])
+        n = self.kp.size
+        proportional = self.kp * (reference.position - estimate.position[:n])
+        derivative = self.kd * (reference.velocity - estimate.velocity[:n])
         self.terms = {
             "feedforward": reference.effort,
             "proportional": proportional,

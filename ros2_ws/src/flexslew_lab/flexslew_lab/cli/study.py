@@ -76,6 +76,8 @@ def run(
             store = run_study(ready, folder, executor, part, retry is not None, advance)
     finally:
         executor.close()
+    if part.of == 1 and wanted.settings.lanes:
+        _check_lanes(ready, store, workers)
     if part.of > 1:
         screen.print(f"[bold]{folder}[/bold]: join all shards with ./flexslew study merge")
         return
@@ -249,6 +251,18 @@ def _executor(ready: "Preparation", workers: int | None, dask: str | None) -> "E
 
         return Cluster(ready.job, dask)
     return Pool(ready.job, workers or os.cpu_count() or 1)
+
+
+def _check_lanes(ready: "Preparation", store: "Store", workers: int | None) -> None:
+    from flexslew_lab.studies.lane_check import bench_job, check_lanes
+    from flexslew_lab.studies.pool import Pool
+
+    pool = Pool(bench_job(ready), workers or os.cpu_count() or 1)
+    try:
+        with screen.status("flying some trials of the lanes again by the ordinary bench"):
+            check_lanes(ready, store, pool)
+    finally:
+        pool.close()
 
 
 def _shard(text: str | None) -> "Shard":

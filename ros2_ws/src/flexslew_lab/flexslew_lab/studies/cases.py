@@ -9,7 +9,7 @@ import pyarrow as pa
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import PLANNERS
 from flexslew_lab.studies.sampling import Samples, drawn
-from flexslew_lab.studies.study import Study, Variant
+from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.overrides import overridden, value_at
 from flexslew_lab.trial.trial import Trial, feedback_of, law_of, trial_of_values
 from flexslew_plant.errors import BadInput
@@ -91,10 +91,12 @@ def trial_values(study: Study, case: Case) -> dict[str, Any]:
     Controllers that never take charge are left out: they change nothing. Without `replan`, what
     planner and controllers believe of the bench is written out, so it stays the nominal one.
     """
-    variant = study.variants[case.variant]
-    nominal = _flying(overridden(study.base, variant.changes), variant)
-    if not study.settings.replan:
-        nominal = _believing(nominal, study.source)
+    if case.variant not in study.nominal:
+        variant = study.variants[case.variant]
+        whole = _flying(overridden(study.base, variant.changes))
+        believes = not study.settings.replan
+        study.nominal[case.variant] = _believing(whole, study.source) if believes else whole
+    nominal = study.nominal[case.variant]
     name = f"{study.settings.study}-{max(case.number, 0)}"
     return overridden(
         nominal, changes_of(study, case) | {"seed": case.seed, "name": name, "rate_factor": 0.0}
@@ -110,7 +112,7 @@ def case_trial(study: Study, case: Case) -> Trial:
     return trial_of_values(trial_values(study, case), f"{study.source}: trial {case.number}")
 
 
-def _flying(values: dict[str, Any], variant: Variant) -> dict[str, Any]:
+def _flying(values: dict[str, Any]) -> dict[str, Any]:
     """Return the trial with only those controllers that may take charge, defaults for new ones."""
     wanted = [values["active"], *values["fallback"]]
     wanted += [entry["switch"] for entry in values["schedule"] if entry.get("switch")]

@@ -105,6 +105,7 @@ class Study(NamedTuple):
     varied: tuple[Varied, ...]
     variants: tuple[Variant, ...]
     listed: tuple[NDArray[np.float64], ...]  # columns of a list, by varied value
+    nominal: dict[int, dict[str, Any]]  # trials by variant, without a sample; filled on first use
 
 
 def study_path(name: str) -> Path:
@@ -172,7 +173,7 @@ def parse_study(text: str, source: str, folder: Path) -> Study:
             f"{source}: stop: is not allowed with method {settings.sampling.method}, whose "
             "samples give no bounds; use random, lhs or sobol"
         )
-    return Study(settings, source, str(trial_path), base, varied, variants, listed)
+    return Study(settings, source, str(trial_path), base, varied, variants, listed, {})
 
 
 def known_metric(name: str, known: list[str], place: str) -> str:
@@ -274,13 +275,14 @@ def _variants(settings: StudySettings, base: dict[str, Any], source: str) -> tup
             raise BadInput(f"{source}: compare.{key}: two entries read the same; give them names")
         if not named:
             raise BadInput(f"{source}: compare.{key}: is empty; name what is to be compared")
-        axes.append([(label, {key: value}) for label, value in named.items()])
+        shown = len(named) > 1  # one choice tells nothing apart
+        axes.append([(label if shown else "", {key: v}) for label, v in named.items()])
     variants = []
     for choice in product(*axes):
         changes: dict[str, Any] = {}
         for _, change in choice:
             changes |= change
-        variants.append(Variant(", ".join(label for label, _ in choice), changes))
+        variants.append(Variant(", ".join(label for label, _ in choice if label), changes))
     return tuple(variants)
 
 

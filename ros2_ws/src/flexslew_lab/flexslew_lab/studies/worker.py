@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans, flown
+from flexslew_lab.studies.lanes import Lanes
 from flexslew_lab.studies.study import Study
 
 Report = Callable[[list[Flown]], None]
@@ -28,7 +29,12 @@ class Flyer:
     """
 
     job: Job
-    _flown: int = field(init=False, default=0)
+    _lanes: Lanes | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        """Open the lanes, if the study wants them."""
+        if self.job.study.settings.lanes:
+            self._lanes = Lanes(self.job.study, self.job.plans)
 
     def fly(
         self, cases: Sequence[Case], report: Report, begin: Begin = lambda number: None
@@ -40,6 +46,15 @@ class Flyer:
             report: gets the results as they come, in any order.
             begin: told the number of a trial before it is flown alone.
         """
+        if self._lanes is None:
+            self._one_by_one(cases, report, begin)
+            return
+        for results, others in self._lanes.fly(cases):
+            if results:
+                report(results)
+            self._one_by_one(others, report, begin)
+
+    def _one_by_one(self, cases: Sequence[Case], report: Report, begin: Begin) -> None:
         for case in cases:
             begin(case.number)
             report([flown(self.job.study, case, self.job.plans)])

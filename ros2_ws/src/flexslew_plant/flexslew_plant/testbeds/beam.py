@@ -74,10 +74,17 @@ class ClampedFreeBeam:
             order: k, 1 or 2.
             derivative: n.
         """
+        return _integral(self.length, self.modes, weight_power, order, derivative).copy()
 
-        def integrand(s: Vector) -> Matrix:
-            return s**weight_power * self.shape(s, derivative) ** order
 
-        panels = pairwise(np.linspace(0.0, self.length, 4 * self.modes + 1))
-        total: Vector = np.sum([fixed_quad(integrand, a, b, n=16)[0] for a, b in panels], axis=0)
-        return total
+@lru_cache(maxsize=256)
+def _integral(length: float, modes: int, weight_power: int, order: int, derivative: int) -> Vector:
+    """Return ClampedFreeBeam.integral, which thousands of beams of one length ask for."""
+    beam = ClampedFreeBeam(length, 1.0, 1.0, modes)
+
+    def integrand(s: Vector) -> Matrix:
+        return s**weight_power * beam.shape(s, derivative) ** order
+
+    panels = pairwise(np.linspace(0.0, length, 4 * modes + 1))
+    total: Vector = np.sum([fixed_quad(integrand, a, b, n=16)[0] for a, b in panels], axis=0)
+    return total

@@ -19,6 +19,7 @@ from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.beam import ClampedFreeBeam
 from flexslew_plant.testbeds.contract import ShapedMotion
 from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.lanes import LaneKernel
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import POINTS, Scene, turntable
 
@@ -77,6 +78,12 @@ class CsaTestbed:
             self._appendages(),
             scale_stiffness=stiffened,
         )
+
+    def lanes(self) -> LaneKernel:
+        """Return how many of it fly at once; see lanes.Laned."""
+        from flexslew_plant.testbeds import csa_lanes
+
+        return csa_lanes.lane_kernel(self.modes)
 
     def _appendages(self) -> Appendages:
         """Return two beams that bend antisymmetrically (3): their tips are opposite in y."""

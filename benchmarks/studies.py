@@ -1,0 +1,106 @@
+"""How many trials a second fly: in lanes and on the bench, beside a SciPy loop of the same run."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from flexslew_lab.studies.cases import Case, case_of, case_trial
+from flexslew_lab.studies.lanes import Lanes
+from flexslew_lab.studies.pool import Pool
+from flexslew_lab.studies.run import Preparation, prepare
+from flexslew_lab.studies.study import parse_study
+from flexslew_lab.studies.worker import Job
+
+_STUDY = """
+study: benchmark
+trial: m1
+seed: 7
+sampling: {method: random, n: 1024}
+lanes: %s
+vary:
+  testbed.parameters.bending_stiffness: {relative: {uniform: [-0.2, 0.2]}}
+"""
+_ROUNDS = 3
+_ON_BENCH = 16  # trials on each number of processes
+
+
+def figures() -> dict[str, float]:
+    """Return trials of 100 s with 3 modes under PD + feedforward, per second of wall time.
+
+    studies_lane_kernel: in lanes on one core, from trial to metrics.
+    studies_lanes_2: in lanes on two processes, from the first chunk to the last result.
+    studies_bench_1, studies_bench_2: by the ordinary bench on one and on two processes.
+    studies_bench_speed_up: of two processes over one.
+    studies_scipy: the floor, the closed loop by solve_ivp, DOP853 with its default tolerances, tick
+        by tick, in one process.
+    studies_lanes_over_scipy: on two processes, over two of these.
+    """
+    with TemporaryDirectory() as folder:
+        lanes = prepare(parse_study(_STUDY % "true", "benchmark", Path(folder)))
+        bench = prepare(parse_study(_STUDY % "false", "benchmark", Path(folder)))
+    found = {"studies_lane_kernel": _kernel(lanes)}
+    found["studies_lanes_2"] = _processes(lanes, 2, 1024)
+    found["studies_bench_1"] = _processes(bench, 1, _ON_BENCH)
+    found["studies_bench_2"] = _processes(bench, 2, 2 * _ON_BENCH)
+    found["studies_bench_speed_up"] = found["studies_bench_2"] / found["studies_bench_1"]
+    found["studies_scipy"] = _scipy(bench)
+    found["studies_lanes_over_scipy"] = found["studies_lanes_2"] / (2.0 * found["studies_scipy"])
+    return found
+
+
+def _kernel(ready: Preparation) -> float:
+    lanes = Lanes(ready.study, ready.plans)
+    cases = list(_cases(ready, 256))
+    best = np.inf
+    for _ in range(_ROUNDS + 1):
+        start = perf_counter()
+        flown = sum(len(results) for results, _ in lanes.fly(cases))
+        best = min(best, perf_counter() - start)
+    return flown / best
+
+
+def _processes(ready: Preparation, workers: int, count: int) -> float:
+    """Return the rate of processes that are warm: the first round is not counted."""
+    pool = Pool(Job(ready.study, ready.plans), workers)
+    best = np.inf
+    try:
+        for _ in range(_ROUNDS + 1):
+            start = perf_counter()
+            for _ in pool.fly(_cases(ready, count)):
+                pass
+            best = min(best, perf_counter() - start)
+    finally:
+        pool.close()
+    return count / best
+
+
+def _scipy(ready: Preparation) -> float:
+    """Return the rate of a plain loop over the ticks of one trial's first tenth."""
+    trial = case_trial(ready.study, case_of(ready.study, ready.samples, 0))
+    plan = ready.plans.of(trial)
+    assert plan is not None
+    model = trial.testbed.model()
+    m, n = model.joints, model.coordinates
+    x, ticks = np.zeros(2 * n), round(trial.duration / trial.period) // 10
+    start = perf_counter()
+    for k in range(ticks):
+        r = plan.reference(k)
+        u = r.effort + 460.0 * (r.position - x[:m]) + 920.0 * (r.velocity - x[n : n + m])
+        step = solve_ivp(
+            lambda _, y, u=u: model.derivative(y, u), (0.0, trial.period), x, method="DOP853"
+        )
+        x = step.y[:, -1]
+    return 0.1 / (perf_counter() - start)
+
+
+def _cases(ready: Preparation, count: int) -> Iterator[Case]:
+    return (case_of(ready.study, ready.samples, k) for k in range(count))
+
+
+if __name__ == "__main__":
+    for key, value in figures().items():
+        print(f"{key:40s} {value:12.4g}")

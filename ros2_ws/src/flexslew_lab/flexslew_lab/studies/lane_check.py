@@ -1,0 +1,88 @@
+"""Trials of the lanes flown again by the ordinary bench: the worst, and a random part of all."""
+
+from typing import Any
+
+import numpy as np
+
+from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.pool import Executor
+from flexslew_lab.studies.run import Preparation, note
+from flexslew_lab.studies.store import Store
+from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.worker import Job
+
+TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
+SHARE = 0.01  # of the trials, drawn at random
+_WORST = 3  # of each variant
+_STREAM = 0xC4EC
+
+
+def chosen(study: Study, store: Store) -> list[int]:
+    """Return the numbers of the trials that are flown again, the same for the same table."""
+    first = next(iter(study.settings.criteria), "residual_tip_deflection")
+    rows = store.table(["index", "way", first])
+    lanes = rows["way"].to_numpy(zero_copy_only=False) == "lanes"
+    numbers = rows["index"].to_numpy()[lanes]
+    if not len(numbers):
+        return []
+    values = rows[first].to_numpy(zero_copy_only=False).astype(np.float64)[lanes]
+    values = np.nan_to_num(values, nan=-np.inf)
+    picked: set[int] = set()
+    count = len(study.variants)
+    for variant in range(count):
+        own = np.flatnonzero(numbers % count == variant)
+        worst = own[np.argsort(-values[own], kind="stable")[:_WORST]]
+        picked |= {int(number) for number in numbers[worst]}
+    rng = np.random.default_rng(np.random.SeedSequence(study.settings.seed, spawn_key=(_STREAM,)))
+    some = rng.choice(numbers, size=max(1, round(SHARE * len(numbers))), replace=False)
+    return sorted(picked | {int(number) for number in some})
+
+
+def bench_job(ready: Preparation) -> Job:
+    """Return the study as processes fly it without lanes."""
+    from dataclasses import replace
+
+    settings = replace(ready.study.settings, lanes=False)
+    return Job(ready.study._replace(settings=settings), ready.plans)
+
+
+def check_lanes(ready: Preparation, store: Store, bench: Executor) -> dict[str, Any] | None:
+    """Fly the chosen trials by the ordinary bench and note how far the metrics are apart.
+
+    Args:
+        ready: the study.
+        store: its folder, with the table.
+        bench: flies without lanes.
+    """
+    numbers = chosen(ready.study, store)
+    if not numbers:
+        note(store, check=None)
+        return None
+    columns = store.identity["columns"]
+    rows = store.table(["index", *columns])
+    places = {number: k for k, number in enumerate(rows["index"].to_pylist())}
+    found: dict[str, Any] = {
+        "trials": len(numbers),
+        "tolerance": TOLERANCE,
+        "largest": 0.0,
+        "metric": "",
+        "index": numbers[0],
+    }
+    cases = (case_of(ready.study, ready.samples, number) for number in numbers)
+    for results in bench.fly(cases):
+        for result in results:
+            row = rows.slice(places[result.number], 1)
+            for name in columns:
+                apart = _apart(row[name][0].as_py(), result.metrics.get(name))
+                if not apart <= found["largest"]:
+                    found |= {"largest": apart, "metric": name, "index": result.number}
+    found["ok"] = bool(found["largest"] <= TOLERANCE)
+    note(store, check=found)
+    return found
+
+
+def _apart(ours: float | None, theirs: float | None) -> float:
+    """Return how far two values are apart, relative to the larger of the value and one."""
+    if ours is None or theirs is None:
+        return 0.0 if ours is theirs else 1e9
+    return abs(ours - theirs) / max(1.0, abs(theirs))

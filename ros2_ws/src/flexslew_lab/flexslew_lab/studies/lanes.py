@@ -1,0 +1,350 @@
+"""Which trials may be flown at once, and how: from trials to lanes and back to metrics."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.controllers import build_controller
+from flexslew_control.controllers.controller import Controller
+from flexslew_control.linear_form import LinearForm, References, linear_form, references
+from flexslew_control.plan import Plan
+from flexslew_lab.report.metrics import BAND, Facts, Manoeuvre, Running, manoeuvre_of, result_of
+from flexslew_lab.studies.cases import Case, case_trial
+from flexslew_lab.studies.flight import Flown, Plans, columns_of, plan_key
+from flexslew_lab.studies.lane_loop import (
+    Aim,
+    Counted,
+    Matrices,
+    Schedule,
+    Sizes,
+    lane_loop,
+)
+from flexslew_lab.studies.study import Study
+from flexslew_lab.trial.trial import Trial, law_of, plant_of
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.actuator import ActuatorSettings
+from flexslew_plant.bench.disturbances import TimedDisturbance, disturbance_effort
+from flexslew_plant.bench.wire import stamp_of
+from flexslew_plant.errors import FlexslewError
+from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import initial_state
+from flexslew_plant.testbeds.lanes import LANES, LaneKernel, lane_kernel
+from flexslew_plant.testbeds.model import Model
+
+_FAR = 1e6  # a state beyond it is for the ordinary bench to judge
+_PER_LANE = ("kp", "ki", "kd")  # gains that each lane may have for itself
+_FIRST = ("pd_feedforward", "collocated_pid")  # the laws whose gains may
+_KEPT = 16  # laws on a plan that are kept
+
+
+class Passenger(NamedTuple):
+    """A trial that may fly in a lane."""
+
+    case: Case
+    trial: Trial
+    plan: Plan
+    model: Model
+    kernel: LaneKernel
+    steps: int  # of the kernel per tick
+    alike: str  # trials with the same text may fly at once
+
+
+class _Prepared(NamedTuple):
+    """What a group has in common."""
+
+    form: LinearForm
+    wanted: References
+    schedule: Schedule
+
+
+@dataclass
+class Lanes:
+    """Flies trials of a study many at once; gives back those that only the bench can fly.
+
+    Args:
+        study: whose trials they are.
+        plans: made already.
+    """
+
+    study: Study
+    plans: Plans
+    _prepared: dict[str, _Prepared] = field(init=False, default_factory=dict)
+
+    def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[Flown], list[Case]]]:
+        """Yield results, and cases that have to be flown one by one."""
+        groups: dict[str, list[Passenger]] = {}
+        others: list[Case] = []
+        for case in cases:
+            passenger = self._passenger(case)
+            if passenger is None:
+                others.append(case)
+            else:
+                groups.setdefault(passenger.alike, []).append(passenger)
+        if others:
+            yield [], others
+        for group in groups.values():
+            for first in range(0, len(group), LANES):
+                yield self._flown(group[first : first + LANES])
+
+    def _passenger(self, case: Case) -> Passenger | None:
+        try:
+            trial = case_trial(self.study, case)
+            if not _simple(trial):
+                return None
+            kernel, plan = lane_kernel(trial.testbed), self.plans.of(trial)
+            if kernel is None or plan is None or not _linear(trial):
+                return None
+        except FlexslewError:
+            return None  # the bench says why
+        model = trial.testbed.model()
+        return Passenger(
+            case,
+            trial,
+            plan,
+            model,
+            kernel,
+            kernel.steps(model.packed, trial.period),
+            _alike(trial, model, kernel.steps(model.packed, trial.period)),
+        )
+
+    def _flown(self, group: list[Passenger]) -> tuple[list[Flown], list[Case]]:
+        first = group[0]
+        prepared = self._prepare(first)
+        if prepared is None:
+            return [], [passenger.case for passenger in group]
+        form, schedule = prepared.form, prepared.schedule
+        model, m = first.model, first.model.joints
+        sizes = Sizes(
+            m, model.modes, form.start.shape[0], form.start.shape[1], len(model.appendages.names)
+        )
+        aim, goal = _aim(first, form)
+        lanes = [group[min(k, len(group) - 1)] for k in range(LANES)]  # the last one fills up
+        packed = np.array([lane.model.packed for lane in lanes]).T
+        x = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T.ravel()
+        counted = _nothing_yet(m)
+        lane_loop(first.kernel, sizes)(
+            first.kernel.constants(np.ascontiguousarray(packed)),
+            first.trial.period,
+            first.steps,
+            x,
+            schedule,
+            Matrices(*(np.ascontiguousarray(getattr(form, name)) for name in Matrices._fields)),
+            aim,
+            _gains(lanes, form),
+            form.integral,
+            form.unwinding,
+            _errors(lanes, sizes.outputs, len(schedule.time)),
+            counted,
+        )
+        results, lost = [], []
+        state = x.reshape(-1, LANES)
+        for k, passenger in enumerate(group):
+            if not (np.abs(state[:, k]) < _FAR).all():
+                lost.append(passenger.case)
+                continue
+            metrics = _metrics(passenger, k, counted, state, schedule, goal)
+            results.append(Flown(passenger.case.number, metrics, None, "ok", "", "lanes"))
+        return results, lost
+
+    def _prepare(self, passenger: Passenger) -> _Prepared | None:
+        """Return what is common to all like this one; None if its law is not linear."""
+        if passenger.alike in self._prepared:
+            return self._prepared[passenger.alike]
+        trial, plan = passenger.trial, passenger.plan
+        controller = _controller(trial)
+        if controller.adopt(plan):
+            return None
+        ticks = round(trial.duration / trial.period)
+        wanted = references(plan, ticks)
+        form = linear_form(controller.estimator, controller.law, wanted)
+        if form is None:
+            return None
+        while len(self._prepared) >= _KEPT:
+            self._prepared.pop(next(iter(self._prepared)))
+        made = _Prepared(form, wanted, _schedule(passenger, form, wanted, ticks))
+        self._prepared[passenger.alike] = made
+        return made
+
+
+def _simple(trial: Trial) -> bool:
+    """Return whether motors, sensors and schedule are such as lanes know."""
+    s = trial.sensors
+    channels = (s.joint_position, s.joint_velocity, s.tip_deflection, s.root_curvature)
+    pushed = all(entry.disturbance is not None for entry in trial.schedule)
+    exact = all(channel.quantisation == 0.0 for channel in channels)
+    return trial.actuator == ActuatorSettings() and exact and pushed and not trial.allow_faults
+
+
+def _linear(trial: Trial) -> bool:
+    """Return whether the law may be linear; linear_form has the last word."""
+    law, own = law_of(trial.active, trial.controllers[trial.active] or {})
+    if law in ("lqr", "proportional_integral"):
+        return (own.get("filter") or {}).get("prediction") == "linear"
+    return law in _FIRST
+
+
+def _alike(trial: Trial, model: Model, steps: int) -> str:
+    """Return everything that trials in lanes beside each other must share, as text."""
+    law, own = law_of(trial.active, trial.controllers[trial.active] or {})
+    if law in _FIRST:
+        own = {key: value for key, value in own.items() if key not in _PER_LANE}
+    shared = [
+        law,
+        own,
+        plan_key(trial),
+        trial.period,
+        trial.duration,
+        list(trial.testbed.effort_limit),
+        plain(trial.schedule),
+        [trial.testbed.kind, model.modes, steps],
+        model.appendages.tip.tolist(),
+        [bool(channel.noise or channel.bias) for channel in _read_channels(trial)],
+    ]
+    if law not in _FIRST and not own.get("model"):
+        shared.append(plain(trial.testbed))  # in which the law believes
+    return json.dumps(shared, sort_keys=True)
+
+
+def _controller(trial: Trial) -> Controller:
+    law, own = law_of(trial.active, trial.controllers[trial.active] or {})
+    return build_controller(trial.active, law, own, plant_of(trial), trial.name)
+
+
+def _read_channels(trial: Trial) -> tuple[Any, Any, Any]:
+    s = trial.sensors
+    return s.joint_position, s.joint_velocity, s.tip_deflection
+
+
+def _schedule(passenger: Passenger, form: LinearForm, wanted: References, ticks: int) -> Schedule:
+    trial, plan = passenger.trial, passenger.plan
+    stamps = (stamp_of(k * trial.period) for k in range(ticks + 1))
+    time = np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps])
+    return Schedule(
+        time,
+        time >= plan.start + plan.duration - 1e-9,
+        time >= plan.start - 1e-9,
+        wanted.position,
+        wanted.velocity,
+        np.ascontiguousarray(form.demand),
+        np.ascontiguousarray(form.integrand),
+        _disturbances(trial, passenger.model, ticks),
+    )
+
+
+def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
+    total = np.zeros((ticks, model.joints))
+    for entry in trial.schedule:
+        start = round(entry.at / trial.period)
+        end = ticks if entry.until is None else round(entry.until / trial.period)
+        end = max(end, start + 1)
+        timed = TimedDisturbance(entry.disturbance or {}, start, end)
+        for k in range(start, min(end, ticks)):
+            total[k] += disturbance_effort(timed, k, model.joint_names, trial.period)
+    return total
+
+
+def _aim(passenger: Passenger, form: LinearForm) -> tuple[Aim, Manoeuvre]:
+    goal = manoeuvre_of(passenger.plan.position, passenger.plan.start, passenger.plan.duration)
+    assert goal.goal is not None
+    way = np.where(goal.way == 0.0, np.abs(goal.way).max(initial=0.0), np.abs(goal.way))
+    return (
+        Aim(
+            np.ascontiguousarray(goal.goal),
+            np.sign(goal.way),
+            BAND * way,
+            np.array(passenger.trial.testbed.effort_limit, dtype=np.float64),
+            np.minimum(form.limit, np.finfo(float).max),
+            np.ascontiguousarray(passenger.model.appendages.tip, dtype=np.float64),
+        ),
+        goal,
+    )
+
+
+def _gains(lanes: list[Passenger], form: LinearForm) -> Vector:
+    """Return kp, ki and kd of every lane, flat."""
+    law, _ = law_of(lanes[0].trial.active, lanes[0].trial.controllers[lanes[0].trial.active] or {})
+    if law not in _FIRST:
+        return np.repeat(np.concatenate((form.kp, form.ki, form.kd)), LANES)
+    found: dict[str, Vector] = {}
+    columns = []
+    for lane in lanes:
+        own = lane.trial.controllers[lane.trial.active] or {}
+        key = repr({name: own.get(name) for name in _PER_LANE})
+        if key not in found:
+            built: Any = _controller(lane.trial).law
+            gains = getattr(built, "deviation", built)
+            none = np.zeros(gains.kp.size)
+            found[key] = np.concatenate((gains.kp, getattr(gains, "ki", none), gains.kd))
+        columns.append(found[key])
+    return np.ascontiguousarray(np.array(columns).T).ravel()
+
+
+def _errors(lanes: list[Passenger], outputs: int, readings: int) -> Matrix:
+    """Return bias and noise of what the law reads, (readings or 1, outputs LANES)."""
+    m, tips = lanes[0].model.joints, len(lanes[0].model.appendages.names)
+    widths = (m, m, tips, tips)
+    sensors = lanes[0].trial.sensors
+    channels = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
+    noisy = any(getattr(sensors, name).noise for name in channels[:3])
+    error = np.zeros((readings if noisy else 1, outputs, LANES))
+    for k, lane in enumerate(lanes):
+        if k > 0 and lane is lanes[k - 1]:  # it only fills up
+            error[:, :, k] = error[:, :, k - 1]
+            continue
+        each = [getattr(lane.trial.sensors, name) for name in channels]
+        drawn = [w if channel.noise else 0 for w, channel in zip(widths, each, strict=True)]
+        noise = np.zeros((0, 0))
+        if noisy:
+            rng = np.random.default_rng([lane.trial.seed, 0])  # as Bench.reset, epoch 0
+            noise = rng.standard_normal((readings, sum(drawn)))
+        at, column = 0, 0
+        for width, channel, count in zip(widths, each, drawn, strict=True):
+            read = min(width, outputs - at)
+            if read > 0:
+                error[:, at : at + read, k] = channel.bias
+                if count:
+                    own = noise[:, column : column + read]
+                    error[:, at : at + read, k] += channel.noise * own
+            at, column = at + width, column + count
+    return error.reshape(len(error), outputs * LANES)
+
+
+def _nothing_yet(m: int) -> Counted:
+    none = np.zeros(LANES)
+    each = np.zeros(m * LANES)
+    return Counted(
+        none.copy(),
+        none.copy(),
+        each.copy(),
+        each.copy(),
+        np.full(m * LANES, -np.inf),
+        none.copy(),
+        each.copy(),
+        each.copy(),
+        none.copy(),
+    )
+
+
+def _metrics(
+    passenger: Passenger, k: int, c: Counted, x: Matrix, schedule: Schedule, aim: Manoeuvre
+) -> dict[str, float | None]:
+    """Return the metrics of a lane, by the rule for all runs."""
+    model, time = passenger.model, schedule.time
+    m = model.joints
+    running = Running(0, m, aim, np.array(passenger.trial.testbed.effort_limit))
+    running.samples, running.first_tick, running.last_tick = len(time), 0, len(time) - 1
+    running.first_time, running.last_time = float(time[0]), float(time[-1])
+    running.residual_tip, running.peak_tip = float(c.residual_tip[k]), float(c.peak_tip[k])
+    running.seen_end = bool(schedule.over.any())
+    running.residual, running.beyond = c.residual[k::LANES], c.beyond[k::LANES]
+    running.outside = c.outside[k::LANES]
+    assert aim.goal is not None
+    running.final = x[:m, k] - aim.goal
+    running.terminal = float(c.terminal[k]) if running.seen_end else None
+    running.peak_effort, running.square_sum = c.peak_effort[k::LANES], c.square_sum[k::LANES]
+    running.integral = float(c.square_sum[k::LANES].sum())
+    running.saturated = float(c.saturated[k])
+    return columns_of(result_of(running, Facts(model.joint_names, [], [], True)))

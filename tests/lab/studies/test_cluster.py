@@ -1,0 +1,38 @@
+import os
+import signal
+
+import pytest
+
+from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.cluster import Cluster
+from flexslew_lab.studies.flight import Flown
+from flexslew_lab.studies.pool import Here
+from flexslew_lab.studies.run import Preparation
+from flexslew_plant.errors import BadInput
+
+distributed = pytest.importorskip("distributed")
+
+
+def test_a_cluster_that_loses_a_worker_flies_the_same(ready: Preparation) -> None:
+    cases = [case_of(ready.study, ready.samples, k) for k in range(ready.trials)]
+    alone = {r.number: r for results in Here(ready.job).fly(iter(cases)) for r in results}
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+    ) as local:
+        cluster = Cluster(ready.job, local.scheduler_address)
+        found: dict[int, Flown] = {}
+        for results in cluster.fly(iter(cases)):
+            if not found:
+                os.kill(local.workers[0].pid, signal.SIGKILL)
+            found |= {result.number: result for result in results}
+        cluster.close()
+    assert found == alone
+
+
+def test_nobody_at_the_address_is_one_line(
+    ready: Preparation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexslew_lab.studies.cluster._CONNECT", 0.5)
+    with pytest.raises(BadInput, match=r"127\.0\.0\.1:9: no scheduler answers") as error:
+        Cluster(ready.job, "tcp://127.0.0.1:9")
+    assert "\n" not in str(error.value)

@@ -1,0 +1,163 @@
+"""Trials in lanes are the trials of the bench: every metric, every law, every testbed."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.flight import flown
+from flexslew_lab.studies.lanes import Lanes
+from flexslew_lab.studies.run import Preparation, prepare
+from flexslew_lab.studies.study import Study
+from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.csa_lanes import needed_steps, sine_cosine
+from flexslew_plant.testbeds.lanes import LANES, lane_kernel, one_by_one
+
+TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
+LINEAR = {"filter": {"prediction": "linear"}}
+LAWS: dict[str, dict[str, Any]] = {
+    "pd_feedforward": {"kp": [300.0, 460.0], "kd": 800.0},
+    "collocated_pid": {},
+    "lqr": LINEAR,
+    "proportional_integral": LINEAR,
+}
+PLAN = {
+    "method": "reference_only",
+    "goal": {"base_yaw": 0.1, "hub_pitch": -0.05},
+    "start": 0.5,
+    "duration": 5.0,
+}
+NOISE = {
+    "joint_velocity": {"noise": 1e-3, "bias": 1e-4},
+    "tip_deflection": {"noise": 1e-2},
+    "root_curvature": {"noise": 1e-4},
+}
+DISTURBED = [{"at": 2.0, "until": 3.0, "disturbance": {"base_yaw": 20.0}}]
+
+
+@pytest.fixture
+def prepared(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
+    """Return a function that gives a study in lanes with another trial."""
+
+    def make(vary: dict[str, Any] | None = None, **trial: Any) -> Preparation:
+        whole = {"duration": 9.0, "testbed": {"modes": 2, "damping_ratio": 0.01}, "plan": PLAN}
+        keys = {} if vary is None else {"vary": vary}
+        return prepare(study_of(flown=whole | trial, lanes=True, **keys))
+
+    return make
+
+
+def require_equal(ready: Preparation, numbers: list[int]) -> None:
+    """Fly the trials both ways and compare every metric."""
+    cases = [case_of(ready.study, ready.samples, k) for k in numbers]
+    results = [r for some, _ in Lanes(ready.study, ready.plans).fly(cases) for r in some]
+    assert [r.number for r in results] == numbers
+    for result, case in zip(results, cases, strict=True):
+        bench = flown(ready.study, case, ready.plans)
+        assert (result.status, result.way) == ("ok", "lanes")
+        for name, value in bench.metrics.items():
+            ours = result.metrics[name]
+            if value is None:
+                assert ours is None, name
+            else:
+                assert ours == pytest.approx(value, rel=TOLERANCE, abs=TOLERANCE), name
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_every_linear_law_flies_as_on_the_bench(
+    prepared: Callable[..., Preparation], law: str
+) -> None:
+    ready = prepared(controllers={law: LAWS[law]}, active=law, sensors=NOISE, schedule=DISTURBED)
+    require_equal(ready, [0, 5])
+
+
+def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Preparation]) -> None:
+    ready = prepared(
+        testbed={"modes": 1, "variant": "printed", "effort_limit": [20.0, 10.0]},
+        vary={"controllers.pd_feedforward.kp": {"relative": {"uniform": [-0.5, 0.5]}}},
+    )
+    require_equal(ready, [0, 1, 2])
+    case = case_of(ready.study, ready.samples, 0)
+    assert (flown(ready.study, case, ready.plans).metrics["saturated_time"] or 0.0) > 0.0
+
+
+def test_a_testbed_without_lanes_of_its_own_flies_in_the_bench_s_steps(
+    prepared: Callable[..., Preparation],
+) -> None:
+    ready = prepared(
+        testbed={"kind": "floating_oscillator"},
+        plan={"method": "reference_only", "goal": {"mass": 1.0}, "duration": 6.0},
+        controllers={"pd_feedforward": {"kp": [0.5], "kd": [1.0]}},
+        vary={"testbed.parameters.stiffness": {"relative": {"uniform": [-0.2, 0.2]}}},
+    )
+    require_equal(ready, [0, 1])
+
+
+@pytest.mark.parametrize(
+    "trial",
+    [
+        {"controllers": {"lqr": {}}, "active": "lqr"},  # its filter predicts non-linearly
+        {"sensors": {"joint_position": {"quantisation": 1e-5}}},
+        {"actuator": {"lag": 0.1}},
+        {"plan": None},
+        {
+            "controllers": {"pd_feedforward": {}, "collocated_pid": {}},
+            "schedule": [{"at": 1.0, "switch": "collocated_pid"}],
+        },
+    ],
+)
+def test_what_lanes_do_not_know_is_left_to_the_bench(
+    prepared: Callable[..., Preparation], trial: dict[str, Any]
+) -> None:
+    ready = prepared(vary={"testbed.damping_ratio": {"uniform": [0.0, 0.1]}}, **trial)
+    cases = [case_of(ready.study, ready.samples, k) for k in range(3)]
+    found = list(Lanes(ready.study, ready.plans).fly(cases))
+    assert [others for _, others in found] == [cases]
+
+
+def test_a_result_does_not_depend_on_its_neighbours(prepared: Callable[..., Preparation]) -> None:
+    ready = prepared()
+    cases = [case_of(ready.study, ready.samples, k) for k in range(12)]
+    together = [r for some, _ in Lanes(ready.study, ready.plans).fly(cases) for r in some]
+    alone = [next(Lanes(ready.study, ready.plans).fly([case]))[0][0] for case in reversed(cases)]
+    assert together == alone[::-1]
+
+
+@pytest.mark.parametrize("variant", ["complete", "printed"])
+@pytest.mark.parametrize("modes", [1, 3])
+def test_a_step_of_all_lanes_is_that_of_the_model(variant: Any, modes: int) -> None:
+    testbed = CsaTestbed(modes=modes, variant=variant, damping_ratio=0.02)
+    model, kernel = testbed.model(), lane_kernel(testbed)
+    assert kernel is not None
+    rng = np.random.default_rng(modes)
+    x = 0.3 * rng.standard_normal((2 * model.coordinates, LANES))
+    effort = 50.0 * rng.standard_normal((2, LANES))
+    packed = np.repeat(model.packed[:, None], LANES, axis=1)
+    exact = one_by_one(model.kernels, model.coordinates, 2, model.packed.size)
+    for advance, constants, scratch, tolerance in (
+        (kernel.advance, kernel.constants(packed), kernel.scratch, 1e-10),
+        (exact, packed.ravel().copy(), 1, 0.0),
+    ):
+        after = x.ravel().copy()
+        advance(constants, 0.0, effort.ravel().copy(), 0.01, 1, after, np.empty(scratch * x.size))
+        for k in range(0, LANES, 9):
+            expected = model.advance(x[:, k].copy(), effort[:, k].copy(), 0.01)
+            assert np.abs(after.reshape(x.shape)[:, k] - expected).max() <= tolerance
+
+
+def test_steps_shrink_with_the_highest_frequency() -> None:
+    for modes in (1, 3, 6):
+        model = CsaTestbed(modes=modes).model()
+        steps = needed_steps(model.packed, 0.01)
+        highest = model.linearise(np.zeros(model.coordinates)).frequencies[-1]
+        assert highest * 0.01 / steps <= 0.1
+
+
+def test_sine_and_cosine_are_right_to_the_last_digit() -> None:
+    angles = np.random.default_rng(2).uniform(-60.0, 60.0, 2000)
+    for angle in [*angles.tolist(), 0.0, np.pi / 2, -np.pi, 1e4]:
+        sine, cosine = sine_cosine(angle)
+        assert abs(sine - np.sin(angle)) < 3e-16
+        assert abs(cosine - np.cos(angle)) < 3e-16
