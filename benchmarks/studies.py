@@ -14,6 +14,7 @@ from flexslew_lab.studies.pool import Pool
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import parse_study
 from flexslew_lab.studies.worker import Job
+from flexslew_plant.arrays import Vector
 
 _STUDY = """
 study: benchmark
@@ -90,10 +91,11 @@ def _scipy(ready: Preparation) -> float:
     for k in range(ticks):
         r = plan.reference(k)
         u = r.effort + 460.0 * (r.position - x[:m]) + 920.0 * (r.velocity - x[n : n + m])
-        step = solve_ivp(
-            lambda _, y, u=u: model.derivative(y, u), (0.0, trial.period), x, method="DOP853"
-        )
-        x = step.y[:, -1]
+
+        def slope(_: float, y: Vector, u: Vector = u) -> Vector:
+            return model.derivative(y, u)
+
+        x = solve_ivp(slope, (0.0, trial.period), x, method="DOP853").y[:, -1]
     return 0.1 / (perf_counter() - start)
 
 

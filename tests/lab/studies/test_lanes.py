@@ -76,6 +76,7 @@ def test_every_linear_law_flies_as_on_the_bench(
 def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Preparation]) -> None:
     ready = prepared(
         testbed={"modes": 1, "variant": "printed", "effort_limit": [20.0, 10.0]},
+        plan=PLAN | {"method": "none"},
         vary={"controllers.pd_feedforward.kp": {"relative": {"uniform": [-0.5, 0.5]}}},
     )
     require_equal(ready, [0, 1, 2])

@@ -64,7 +64,8 @@ def linear_form(estimator: Estimator, law: Law, wanted: References) -> LinearFor
     """Return a controller as matrices; None where it is not linear.
 
     Args:
-        estimator, law: as built; the filter must predict by its linear model.
+        estimator: as built; a filter must predict by its linear model.
+        law: as built.
         wanted: the plan on the ticks.
     """
     m = wanted.position.shape[1]
