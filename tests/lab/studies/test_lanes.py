@@ -16,12 +16,9 @@ from flexslew_plant.testbeds.csa_lanes import needed_steps, sine_cosine
 from flexslew_plant.testbeds.lanes import LANES
 
 TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
-LINEAR = {"filter": {"prediction": "linear"}}
 LAWS: dict[str, dict[str, Any]] = {
     "pd_feedforward": {"kp": [300.0, 460.0], "kd": 800.0},
     "collocated_pid": {},
-    "lqr": LINEAR,
-    "proportional_integral": LINEAR,
 }
 PLAN = {
     "method": "reference_only",

@@ -12,11 +12,8 @@ import numpy as np
 
 from flexslew_control.controllers.collocated_pid import JointDeviation
 from flexslew_control.controllers.integral_action import IntegralLaw
-from flexslew_control.controllers.lqr import LqrLaw
 from flexslew_control.controllers.pd_feedforward import PdFeedforward
-from flexslew_control.controllers.proportional_integral import NominalDeviation
-from flexslew_control.estimators.kalman import KalmanFilter
-from flexslew_control.law import Estimator, Law
+from flexslew_control.law import Law
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 
@@ -60,11 +57,10 @@ def references(plan: Plan, ticks: int) -> References:
     return References(*(np.array(column, dtype=np.float64) for column in columns))
 
 
-def linear_form(estimator: Estimator, law: Law, wanted: References) -> LinearForm | None:
+def linear_form(law: Law, wanted: References) -> LinearForm | None:
     """Return a controller as matrices; None where it is not linear.
 
     Args:
-        estimator: as built; a filter must predict by its linear model.
         law: as built.
         wanted: the plan on the ticks.
     """
@@ -74,8 +70,6 @@ def linear_form(estimator: Estimator, law: Law, wanted: References) -> LinearFor
     if isinstance(law, IntegralLaw) and isinstance(law.deviation, JointDeviation):
         gains = law.deviation
         return _collocated(gains.kp, gains.ki, gains.kd, wanted, law)
-    if isinstance(estimator, KalmanFilter) and estimator.settings.prediction == "linear":
-        return _filtered(estimator, law, wanted)
     return None
 
 
@@ -103,59 +97,8 @@ def _collocated(
     )
 
 
-def _filtered(estimator: KalmanFilter, law: Law, wanted: References) -> LinearForm | None:
-    """Return LQR or PI on the linear filter of [q, v, d]."""
-    model = estimator.model
-    n, m = model.coordinates, model.joints
-    steps = estimator.linear_steps(len(wanted.effort))
-    nominal = _nominal(wanted.state, wanted, m, model.modes)
-    to_integral, integrand = np.zeros((m, 2 * n + m)), np.zeros_like(wanted.effort)
-    if isinstance(law, LqrLaw):
-        gain, cancel = law.gain, law.disturbance_gain
-    elif isinstance(law, IntegralLaw) and isinstance(law.deviation, NominalDeviation):
-        gains = law.deviation.gains
-        gain, cancel = np.hstack((gains.kp, gains.kd)), np.zeros((m, m))
-        to_integral[:, :n] = -gains.ki
-        integrand = nominal[:, :n] @ gains.ki.T
-    else:
-        return None
-    none = np.zeros(m)
-    return LinearForm(
-        none,
-        none,
-        none,
-        steps.start,
-        steps.state,
-        steps.effort,
-        steps.output,
-        np.zeros_like(steps.start),
-        steps.constant,
-        -np.hstack((gain, cancel)),
-        np.zeros((m, steps.start.shape[1])),
-        to_integral,
-        wanted.effort + nominal @ gain.T,
-        integrand,
-        **_integral(law if isinstance(law, IntegralLaw) else None, m),
-    )
-
-
 def _integral(law: IntegralLaw | None, m: int) -> dict[str, Any]:
     if law is None:
         return {"integral": False, "unwinding": 0.0, "limit": np.full(m, np.inf)}
     unwinding = 0.0 if law.tracking_time is None else 1.0 / law.tracking_time
     return {"integral": True, "unwinding": unwinding, "limit": law.limit}
-
-
-def _nominal(state: Matrix, wanted: References, joints: int, modes: int) -> Matrix:
-    """Return law.nominal_state for every tick, shape (ticks, 2 (joints + modes))."""
-    n = joints + modes
-    if state.shape[1] == 2 * n:
-        return state
-    nominal = np.zeros((len(wanted.position), 2 * n))
-    if not state.shape[1]:
-        nominal[:, :joints], nominal[:, n : n + joints] = wanted.position, wanted.velocity
-        return nominal
-    given = state.shape[1] // 2
-    kept = min(n, given)
-    nominal[:, :kept], nominal[:, n : n + kept] = state[:, :kept], state[:, given : given + kept]
-    return nominal

@@ -159,7 +159,7 @@ class Lanes:
             return None
         ticks = round(trial.duration / trial.period)
         wanted = references(plan, ticks)
-        form = linear_form(controller.estimator, controller.law, wanted)
+        form = linear_form(controller.law, wanted)
         if form is None:
             return None
         while len(self._prepared) >= _KEPT:
@@ -180,9 +180,7 @@ def _simple(trial: Trial) -> bool:
 
 def _linear(trial: Trial) -> bool:
     """Return whether the law may be linear; linear_form has the last word."""
-    law, own = law_of(trial.active, trial.controllers[trial.active] or {})
-    if law in ("lqr", "proportional_integral"):
-        return (own.get("filter") or {}).get("prediction") == "linear"
+    law, _ = law_of(trial.active, trial.controllers[trial.active] or {})
     return law in _FIRST
 
 
