@@ -31,7 +31,7 @@ ROS_HASHES = {  # as the generators of ROS 2 Kilted print them
 
 def test_our_schemas_keep_the_comments_of_their_authors() -> None:
     text = schema_text("flexslew_msgs/msg/Measurement")
-    assert "# encoders, one a joint in the order of Testbed.joint_names [rad or m]" in text
+    assert "# encoders, one per joint in the order of Testbed.joint_names [rad or m]" in text
 
 
 def test_nested_definitions_follow_behind_separators() -> None:

@@ -1,4 +1,4 @@
-"""docs/trial.md tells every key of a trial file, and its example is one."""
+"""docs/trial.md and docs/spacecraft.md tell every key of a trial file; the example is one."""
 
 import re
 from pathlib import Path
@@ -10,8 +10,10 @@ from pydantic import TypeAdapter
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.trial.trial import Trial, parse_trial
 
-TEXT = (Path(__file__).parents[3] / "docs" / "trial.md").read_text()
-ROWS = set(re.findall(r"^\| (\w+) \| [^|]+ \| [^|]*\w[^|]* \|$", TEXT, re.MULTILINE))
+DOCS = Path(__file__).parents[3] / "docs"
+TEXT = (DOCS / "trial.md").read_text()
+TOLD = TEXT + (DOCS / "spacecraft.md").read_text()
+ROWS = set(re.findall(r"^\| (\w+) \| [^|]+ \| [^|]*\w[^|]* \|$", TOLD, re.MULTILINE))
 
 
 def keys_of(kind: Any) -> Any:

@@ -225,11 +225,14 @@ def _manoeuvre(overview: Overview, joints: int) -> Manoeuvre:
     if not overview.plans:
         return Manoeuvre(0.0, 0.0, None, np.zeros(joints))
     plan = overview.plans[-1]
-    position = np.asarray(plan.position, dtype=float).reshape(-1, max(len(plan.joint_names), 1))
-    if position.shape[1] != joints or not len(position):
+    position = np.asarray(plan.position, dtype=float)
+    planned = len(plan.joint_names)
+    if planned != joints or not len(position) or len(position) % joints:
         raise BadInput(
-            f"the plan is for {position.shape[1]} joints, the truth has {joints}: not one run"
+            f"the plan has {len(position)} positions for {planned} joints, the truth has "
+            f"{joints} joints: not one run"
         )
+    position = position.reshape(-1, joints)
     return manoeuvre_of(position, plan.start, plan.duration)
 
 
