@@ -1,5 +1,6 @@
 """What the animated view of a report draws: poses of the hub and the bent appendages as numbers."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,9 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
         bent = [scene.lines(np.concatenate((still, row))) for row in np.eye(modes)]
     except ValueError:  # the trial's testbed has another number of modes than its truth
         return None
-    poses = [_pose(scene, row[:joints]) for row in position]
+    if not _is_chain(scene, position[0]):
+        return None
+    poses = [_pose(scene, row) for row in position]
     return {
         "label": run.label,
         "time": _rounded(run.frame_time, 3),
@@ -51,10 +54,16 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
     }
 
 
-def _pose(scene: Scene, joints: Vector) -> Vector:
+def _is_chain(scene: Scene, position: Vector) -> bool:
+    """Return whether every frame hangs on the one before, so that the last carries all lines."""
+    frames = scene.frames(position)
+    return all(a.child == b.parent for a, b in pairwise(frames))
+
+
+def _pose(scene: Scene, position: Vector) -> Vector:
     """Return where the hub is in the world: rotation matrix, then translation, shape (12,)."""
     rotation, translation = np.eye(3), np.zeros(3)
-    for frame in scene.frames(joints):
+    for frame in scene.frames(position):
         translation = translation + rotation @ np.array(frame.translation)
         rotation = rotation @ _matrix(frame.rotation)
     return np.concatenate((rotation.ravel(), translation))
