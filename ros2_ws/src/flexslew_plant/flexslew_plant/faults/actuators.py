@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.faults.effects import Effect, Names, Situation, Subject, Ticks
+from flexslew_plant.faults.effects import Effect, Names, OnAnyTestbed, Situation, Subject, Ticks
 from flexslew_plant.settings import section
 
 
@@ -54,14 +54,11 @@ class ActuatorGain:
 
 
 @section
-class CommandDelay:
+class CommandDelay(OnAnyTestbed):
     """Every effort reaches the motors some ticks after the drive has let it go."""
 
     kind: Literal["command_delay"] = "command_delay"
     ticks: Ticks
-
-    def subject(self, names: Names) -> None:
-        """Nothing that a testbed could lack."""
 
     def begin(self, situation: Situation) -> Effect:
         """Return the effect on what reaches the motors."""

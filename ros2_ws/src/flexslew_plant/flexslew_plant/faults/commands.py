@@ -3,20 +3,17 @@
 from typing import Literal
 
 from flexslew_plant.bench.measurement import EffortCommand
-from flexslew_plant.faults.effects import Effect, Fate, Names, Seed, Situation, Ticks
+from flexslew_plant.faults.effects import Effect, Fate, OnAnyTestbed, Seed, Situation, Ticks
 from flexslew_plant.settings import Probability, section
 
 
 @section
-class CommandLost:
+class CommandLost(OnAnyTestbed):
     """Answers vanish on their way to the drive: a missed tick each."""
 
     kind: Literal["command_lost"] = "command_lost"
     probability: Probability = 1.0  # of each tick
     seed: Seed = 0  # beside the trial's
-
-    def subject(self, names: Names) -> None:
-        """Nothing that a testbed could lack."""
 
     def begin(self, situation: Situation) -> Effect:
         """Return the effect on an answer."""
@@ -26,16 +23,13 @@ class CommandLost:
 
 
 @section
-class CommandLate:
+class CommandLate(OnAnyTestbed):
     """Answers reach the drive after their tick is over: a missed tick and a stale answer each."""
 
     kind: Literal["command_late"] = "command_late"
     probability: Probability = 1.0
     ticks: Ticks = 1  # how late
     seed: Seed = 0
-
-    def subject(self, names: Names) -> None:
-        """Nothing that a testbed could lack."""
 
     def begin(self, situation: Situation) -> Effect:
         """Return the effect on an answer."""
@@ -50,15 +44,12 @@ class CommandLate:
 
 
 @section
-class CommandDuplicated:
+class CommandDuplicated(OnAnyTestbed):
     """Answers arrive in time, and a copy of each a tick later."""
 
     kind: Literal["command_duplicated"] = "command_duplicated"
     probability: Probability = 1.0
     seed: Seed = 0
-
-    def subject(self, names: Names) -> None:
-        """Nothing that a testbed could lack."""
 
     def begin(self, situation: Situation) -> Effect:
         """Return the effect on an answer."""
@@ -72,15 +63,12 @@ class CommandDuplicated:
 
 
 @section
-class CommandReordered:
+class CommandReordered(OnAnyTestbed):
     """Answers are overtaken by their successor: a missed tick, then a stale answer behind it."""
 
     kind: Literal["command_reordered"] = "command_reordered"
     probability: Probability = 1.0
     seed: Seed = 0
-
-    def subject(self, names: Names) -> None:
-        """Nothing that a testbed could lack."""
 
     def begin(self, situation: Situation) -> Effect:
         """Return the effect on an answer."""
@@ -95,14 +83,11 @@ class CommandReordered:
 
 
 @section
-class ControllerSilent:
+class ControllerSilent(OnAnyTestbed):
     """No answer of a controller reaches the drive."""
 
     kind: Literal["controller_silent"] = "controller_silent"
     controller: str
-
-    def subject(self, names: Names) -> None:
-        """Nothing that a testbed could lack."""
 
     def begin(self, situation: Situation) -> Effect:
         """Return the effect on an answer."""

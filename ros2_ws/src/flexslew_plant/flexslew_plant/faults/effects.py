@@ -43,6 +43,13 @@ class Subject(NamedTuple):
     known: tuple[str, ...]
 
 
+class OnAnyTestbed:
+    """What the faults share that name nothing of a testbed."""
+
+    def subject(self, names: Names) -> None:
+        """Nothing that a testbed could lack."""
+
+
 @dataclass
 class Situation:
     """What a fault sees of the bench while it acts.
