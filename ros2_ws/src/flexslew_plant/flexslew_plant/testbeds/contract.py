@@ -5,6 +5,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
 
@@ -132,3 +133,13 @@ def shaped_motion(
     return ShapedMotion(
         first + np.outer(path, span), np.outer(rate, span), np.outer(np.diff(rate) / h, span)
     )
+
+
+def refuse_payload(kind: str, payload: float) -> None:
+    """Check that a testbed that carries no payload is asked for none: a factor of 1 [-].
+
+    Raises:
+        BadInput: another payload is asked for.
+    """
+    if payload != 1.0:
+        raise BadInput(f"payload: {payload:g} is not allowed: {kind} carries none")

@@ -12,8 +12,8 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
+from flexslew_plant.testbeds.contract import refuse_payload
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import Scene, slider
@@ -77,8 +77,7 @@ class FloatingOscillatorTestbed:
         Raises:
             BadInput: another payload is asked for.
         """
-        if payload != 1.0:
-            raise BadInput(f"payload: {payload:g} is not allowed: {self.kind} carries none")
+        refuse_payload(self.kind, payload)
         p = self.parameters
         return replace(self, parameters=replace(p, stiffness=p.stiffness * stiffness))
 
