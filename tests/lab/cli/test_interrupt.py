@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from flexslew_lab.cli.main import main
+
 MOMENTS = (  # the module whose import has just ended
     "typer",
     "numpy",
@@ -63,7 +65,7 @@ def test_what_swallows_the_interrupt_is_ended_all_the_same() -> None:
         "import signal, sys\n"
         "from flexslew_lab.cli import interrupt\n"
         "interrupt.SOON = interrupt._patience = 0.05\n"
-        "interrupt.while_running()\n"
+        "@interrupt.while_running()\n"
         "def deaf():\n"
         "    try:\n"
         "        signal.raise_signal(signal.SIGINT)\n"
@@ -75,3 +77,14 @@ def test_what_swallows_the_interrupt_is_ended_all_the_same() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, timeout=60)
     assert (done.returncode, done.stderr) == (130, b"interrupted\n")
+
+
+@pytest.mark.parametrize("words", [["trials"], ["trial", "no such trial"], ["--help"]])
+def test_a_program_that_calls_the_command_line_keeps_its_own_handler(
+    words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(sys, "argv", ["flexslew", *words])
+    with pytest.raises(SystemExit):
+        main()
+    assert signal.getsignal(signal.SIGINT) is before

@@ -20,13 +20,21 @@ def while_importing() -> None:
         signal.signal(signal.SIGINT, _end_at_once)
 
 
-def while_running() -> None:
+@contextmanager
+def while_running() -> Iterator[None]:
     """Raise KeyboardInterrupt when interrupted, and end by force if that is not heard in time.
 
-    Code below a callback of compiled code may swallow it.
+    Code below a callback of compiled code may swallow it. Who handled the signal before the block
+    does so after it: a program that calls the command line keeps its own way of ending.
     """
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, _interrupt)
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, _interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

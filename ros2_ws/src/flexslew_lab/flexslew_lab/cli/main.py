@@ -281,10 +281,10 @@ def _called() -> str:
     return "flexslew" if Path(sys.argv[0]).name == "flexslew" else "./flexslew"
 
 
+@while_running()
 def main() -> None:
     """Run the command line; every known error is one line."""
     code = 0
-    while_running()
     try:
         code = app(prog_name=_called(), standalone_mode=False) or 0
         if code == INTERRUPTED:  # how typer passes a KeyboardInterrupt on
