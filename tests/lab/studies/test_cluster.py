@@ -8,12 +8,12 @@ from flexslew_lab.studies.cluster import Cluster
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.pool import Here
 from flexslew_lab.studies.run import Preparation
-from flexslew_plant.errors import BadInput
+from flexslew_plant.errors import BadInput, RunFault
 
 distributed = pytest.importorskip("distributed")
 
 
-def test_a_cluster_that_loses_a_worker_flies_the_same(ready: Preparation) -> None:
+def test_a_cluster_that_loses_its_workers_flies_the_same(ready: Preparation) -> None:
     cases = [case_of(ready.study, ready.samples, k) for k in range(ready.trials)]
     alone = {r.number: r for results in Here(ready.job).fly(iter(cases)) for r in results}
     with distributed.LocalCluster(
@@ -23,10 +23,32 @@ def test_a_cluster_that_loses_a_worker_flies_the_same(ready: Preparation) -> Non
         found: dict[int, Flown] = {}
         for results in cluster.fly(iter(cases)):
             if not found:
-                os.kill(local.workers[0].pid, signal.SIGKILL)
+                for worker in local.workers.values():
+                    os.kill(worker.pid, signal.SIGKILL)
             found |= {result.number: result for result in results}
         cluster.close()
     assert found == alone
+
+
+def test_a_scheduler_that_goes_away_ends_the_run(
+    ready: Preparation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexslew_lab.studies.cluster._CONNECT", 5.0)
+    cases = [case_of(ready.study, ready.samples, k) for k in range(ready.trials)]
+    with distributed.LocalCluster(
+        n_workers=1,
+        processes=False,
+        protocol="tcp://",
+        host="127.0.0.1",
+        dashboard_address=None,
+    ) as local:
+        cluster = Cluster(ready.job, local.scheduler_address)
+        flights = cluster.fly(iter(cases))
+        assert next(flights)
+    with pytest.raises(RunFault, match=r"the cluster is gone.*run the study again"):
+        for _ in flights:
+            pass
+    cluster.close()
 
 
 def test_nobody_at_the_address_is_one_line(

@@ -1,114 +1,155 @@
 """Fly on a Dask cluster by the address of its scheduler."""
 
+from asyncio import CancelledError
 from collections import deque
 from collections.abc import Iterator
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from time import monotonic
 from typing import Any
+from uuid import uuid4
 
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, failed
 from flexslew_lab.studies.pool import Pace
-from flexslew_lab.studies.worker import Flyer, Job
-from flexslew_plant.errors import BadInput
+from flexslew_lab.studies.worker import Job
+from flexslew_plant.errors import BadInput, RunFault
 
-_CONNECT = 10.0  # patience with the scheduler [wall s]
+_CONNECT = 30.0  # patience with the scheduler [wall s]
 
 
 class Cluster:
     """Fulfils Executor with the workers of a cluster, one chunk for each of their threads.
 
-    A worker that dies loses its chunk; Dask gives it to another one. A chunk that Dask gives up,
-    or that takes longer than all its trials may, is flown one by one; a trial that then fails
-    again has failed.
+    A worker that dies loses its chunk; Dask gives it to another one. A chunk whose workers die
+    again and again, or that takes longer than all its trials may, is flown one by one; a trial
+    that then fails again has failed.
 
     Args:
         job: what is flown.
         address: of the scheduler, such as tcp://127.0.0.1:8786.
 
     Raises:
-        BadInput: nobody answers there.
+        BadInput: nobody answers there, or the workers there cannot fly.
     """
 
     def __init__(self, job: Job, address: str) -> None:
         import distributed
 
+        from flexslew_lab.studies.cluster_worker import StudyFlights
+
+        self._address = address
         try:
             self._client: Any = distributed.Client(address, timeout=_CONNECT, set_as_default=False)
         except (OSError, ValueError) as error:
             raise BadInput(f"--dask: {address}: no scheduler answers: {error}") from None
         self._limit = job.study.settings.limit
-        self._job = self._client.scatter(job, broadcast=True, hash=False)
+        self._name = f"flexslew-{uuid4()}"
+        try:
+            self._client.register_plugin(StudyFlights(job, self._name))
+        except Exception as error:  # whatever comes from the other machines
+            self._client.close()
+            raise BadInput(f"--dask: {address}: its workers cannot fly: {_line(error)}") from None
         self._running: dict[Any, tuple[list[Case], float]] = {}
+        self._ended: SimpleQueue[Any] = SimpleQueue()
         self._pace = Pace()
 
     def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
-        """Yield the results of all cases; see Executor."""
-        from distributed import FIRST_COMPLETED, wait
+        """Yield the results of all cases; see Executor.
 
+        Raises:
+            RunFault: the scheduler is gone.
+        """
         alone: deque[Case] = deque()  # from chunks that came to nothing
         while True:
-            while len(self._running) < max(sum(self._client.nthreads().values()), 1):
-                chunk = [alone.popleft()] if alone else self._pace.chunk(cases)
-                if not chunk:
-                    break
-                self._submit(chunk)
-            if not self._running:
-                return
-            ends = [started + self._limit * len(c) for c, started in self._running.values()]
             try:
-                patience = max(min(ends) - monotonic(), 0.0)
-                done = wait(list(self._running), patience, return_when=FIRST_COMPLETED).done
-            except TimeoutError:
-                done = set()
-            for future in done:
-                yield from self._taken(future, alone)
-            yield from self._overdue(alone)
+                self._fill(alone, cases)
+                if not self._running:
+                    return
+                ends = [started + self._limit * len(c) for c, started in self._running.values()]
+                future = self._heard(max(min(ends) - monotonic(), 0.0))
+                found = [self._taken(future, alone)] if future in self._running else []
+                found.append(self._overdue(alone))
+            except OSError as error:
+                raise self._gone(_line(error)) from None
+            yield from filter(None, found)
 
     def close(self) -> None:
         """Leave the cluster, which others may use."""
-        for future in self._running:
-            future.cancel(force=True)
+        if self._client.status == "running":
+            with suppress(OSError, CancelledError, ValueError):  # it goes at this moment
+                for future in self._running:
+                    future.cancel(force=True)
+                self._client.unregister_worker_plugin(self._name)
         self._client.close()
 
-    def _submit(self, chunk: list[Case]) -> None:
-        future = self._client.submit(_fly, self._job, chunk, pure=False)
-        self._running[future] = chunk, monotonic()
+    def _fill(self, alone: deque[Case], cases: Iterator[Case]) -> None:
+        """Give every thread a chunk, as long as there are any."""
+        from flexslew_lab.studies.cluster_worker import fly_on_worker
 
-    def _taken(self, future: Any, alone: deque[Case]) -> Iterator[list[Flown]]:
+        if self._client.status != "running":
+            raise self._gone("the scheduler does not answer any more")
+        threads = max(sum(self._client.nthreads().values()), 1)
+        while len(self._running) < threads:
+            chunk = [alone.popleft()] if alone else self._pace.chunk(cases)
+            if not chunk:
+                return
+            future = self._client.submit(fly_on_worker, self._name, chunk, pure=False)
+            self._running[future] = chunk, monotonic()
+            future.add_done_callback(self._ended.put)
+
+    def _heard(self, patience: float) -> Any:
+        """Return a future that has ended, in whatever way; None after so many seconds."""
+        try:
+            return self._ended.get(timeout=patience)
+        except Empty:
+            return None
+
+    def _taken(self, future: Any, alone: deque[Case]) -> list[Flown]:
         chunk, started = self._running.pop(future)
-        if future.status == "finished":
-            self._pace.took(len(chunk), monotonic() - started)
-            yield future.result()
-        else:
-            yield from self._given_up(chunk, alone, f"given up by the cluster: {_why(future)}")
+        try:
+            results: list[Flown] = future.result()
+        except CancelledError as error:
+            raise self._gone(_line(error)) from None
+        except Exception as error:  # whatever happened to it on other machines
+            return _given_up(chunk, alone, f"given up by the cluster: {_line(error)}")
+        self._pace.took(len(chunk), monotonic() - started)
+        return results
 
-    def _overdue(self, alone: deque[Case]) -> Iterator[list[Flown]]:
-        now = monotonic()
-        for future, (chunk, started) in list(self._running.items()):
-            if now - started <= self._limit * len(chunk):
+    def _overdue(self, alone: deque[Case]) -> list[Flown]:
+        """Give up what takes too long; end the workers that are at it."""
+        now, given_up = monotonic(), []
+        late = {
+            future: chunk
+            for future, (chunk, started) in self._running.items()
+            if now - started > self._limit * len(chunk)
+        }
+        busy = self._client.processing() if late else {}
+        for future, chunk in late.items():
+            stuck = [w for w, keys in busy.items() if any(future.key in str(k) for k in keys)]
+            if not stuck:  # it is done, or no worker was there to begin it
+                self._running[future] = chunk, now
                 continue
             del self._running[future]
-            places = self._client.who_has([future]) or {}
-            busy = self._client.processing()
-            stuck = [w for w, keys in busy.items() if any(future.key in str(k) for k in keys)]
             future.cancel(force=True)
-            if stuck and not any(places.values()):
+            with suppress(TimeoutError):  # it comes back, or others go on
                 self._client.restart_workers(stuck, raise_for_error=False)
-            yield from self._given_up(chunk, alone, f"no end after {self._limit:g} s")
+            given_up += _given_up(chunk, alone, f"no end after {self._limit:g} s")
+        return given_up
 
-    def _given_up(self, chunk: list[Case], alone: deque[Case], why: str) -> Iterator[list[Flown]]:
-        if len(chunk) == 1:
-            yield [failed(chunk[0].number, why)]
-        else:
-            alone.extend(chunk)
-
-
-def _fly(job: Job, chunk: list[Case]) -> list[Flown]:
-    """Return the results of a chunk; runs on a worker of the cluster."""
-    results: list[Flown] = []
-    Flyer(job).fly(chunk, results.extend)
-    return results
+    def _gone(self, why: str) -> RunFault:
+        return RunFault(
+            f"{self._address}: the cluster is gone: {why}; what was flown is there; "
+            "run the study again"
+        )
 
 
-def _why(future: Any) -> str:
-    return " ".join(str(future.exception() or future.status).split())
+def _given_up(chunk: list[Case], alone: deque[Case], why: str) -> list[Flown]:
+    if len(chunk) == 1:
+        return [failed(chunk[0].number, why)]
+    alone.extend(chunk)
+    return []
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
