@@ -121,7 +121,7 @@ def record(folder: Path, hours: float) -> dict[str, float]:
 
 
 def metrics(bag: Path, scratch: Path) -> None:
-    from flexslew_lab.report.metrics import metrics_of
+    from flexslew_lab.metrics.from_bag import metrics_of
 
     metrics_of(bag)
 

@@ -11,7 +11,7 @@ from statistics import median
 from time import perf_counter
 from typing import Any
 
-from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.trial.supervisor import Supervisor

@@ -18,7 +18,7 @@ from mcap.writer import CompressionType, Writer
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_writer import CHUNK_SIZE, BagWriter
 from flexslew_lab.log.cdr import encode
-from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.report.report import write_report
 
 TICKS = 10_000  # of a 100 s trial

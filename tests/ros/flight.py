@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.trial.supervisor import Outcome, Supervisor

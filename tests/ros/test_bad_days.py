@@ -10,8 +10,8 @@ import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.check import check_log
+from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.report.metrics import metrics_of
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.trial.run import run_trial

@@ -15,7 +15,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.bag_writer import RecordingStopped
 from flexslew_lab.log.check import check_log
 from flexslew_lab.log.recover import recover
-from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import EVENTS, TOPICS
 

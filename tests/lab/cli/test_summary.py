@@ -6,7 +6,7 @@ from rich.console import Console
 
 from flexslew_lab.cli import terminal
 from flexslew_lab.cli.summary import headline, metric_rows
-from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.metrics.from_bag import metrics_of
 
 UNITS = {"base_yaw": "rad", "hub_pitch": "rad"}
 

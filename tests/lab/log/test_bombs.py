@@ -32,7 +32,7 @@ from flexslew_lab.log.export import export_log
 from flexslew_lab.log.info import log_info
 from flexslew_lab.log.recover import recover
 from flexslew_lab.replay.player import Player, PlaySettings
-from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.report.run_data import read_run
 from flexslew_plant.errors import FlexslewError
 from pathlib import Path

@@ -18,11 +18,11 @@ from flexslew_lab.log.check import check_log
 from flexslew_lab.log.info import log_info
 from flexslew_lab.log.record_schema import EVENTS, RECORDS, check_record, logged_event
 from flexslew_lab.log.recover import recover
+from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.logged_controllers import adoptions, logged_laws
 from flexslew_lab.replay.player import Player, PlaySettings
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.report.metrics import metrics_of
 from flexslew_lab.report.report import write_report
 from flexslew_lab.report.run_data import read_run
 from flexslew_lab.trial.run import run_trial

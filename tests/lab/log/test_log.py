@@ -24,7 +24,7 @@ from flexslew_lab.log.check import check_log
 from flexslew_lab.log.export import export_log, units_of
 from flexslew_lab.log.info import log_info
 from flexslew_lab.log.recover import recover
-from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import flat
 

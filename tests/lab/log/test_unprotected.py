@@ -10,7 +10,7 @@ import pytest
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.check import check_log
 from flexslew_lab.log.recover import recover
-from flexslew_lab.report.metrics import metrics_of
+from flexslew_lab.metrics.from_bag import metrics_of
 
 Write = Callable[..., Path]
 

@@ -10,9 +10,9 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.bag_writer import BagWriter
 from flexslew_lab.log.cdr import decode, encode
 from flexslew_lab.log.check import check_log
+from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.check import FIELDS, check, difference_figure
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.report.metrics import metrics_of
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import BadInput

@@ -11,8 +11,8 @@ from flexslew_lab.log.bag_observer import BagObserver
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.bag_writer import BagWriter
 from flexslew_lab.log.cdr import decode, encode
+from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.report.metrics import metrics_of
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.sources import trial_path

@@ -19,7 +19,7 @@ import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.record_schema import LoggedEvent
-from flexslew_lab.report.metrics import metrics_from
+from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.report.signals import read_signals
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.run import run_trial

@@ -20,7 +20,11 @@ from typing import Any
 from flexslew_plant.errors import BadInput
 
 ALL = "all"  # trusts every name
-LAWS, TESTBEDS = GROUPS = "flexslew.laws", "flexslew.testbeds"  # entry points of packages
+LAWS, TESTBEDS, METRICS = GROUPS = (  # entry points of packages
+    "flexslew.laws",
+    "flexslew.testbeds",
+    "flexslew.metrics",
+)
 
 _trusted: ContextVar[frozenset[str] | None] = ContextVar("trusted", default=None)  # None: all
 

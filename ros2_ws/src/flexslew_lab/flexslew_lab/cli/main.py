@@ -16,7 +16,6 @@ from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.operate import COMMANDS
 from flexslew_lab.cli.replay import Trust, check, live, play, resim
 from flexslew_lab.cli.study import study
-from flexslew_lab.cli.summary import headline, metric_rows
 from flexslew_lab.cli.terminal import link, print_table, progress, say, screen, short
 from flexslew_lab.trial.outputs import WITHOUT, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
@@ -68,6 +67,7 @@ def trial(
     """
     from dataclasses import replace
 
+    from flexslew_lab.cli.summary import headline, metric_rows
     from flexslew_lab.trial.run import run_trial
     from flexslew_lab.trial.sources import read_trial
 

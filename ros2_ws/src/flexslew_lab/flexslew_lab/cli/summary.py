@@ -4,9 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from flexslew_lab.cli.terminal import short
-from flexslew_lab.report.metric_schema import METRICS
-
-LINEAR = "m"  # unit of a joint that slides
+from flexslew_lab.metrics.rows import flat, unit_of
 
 
 def metric_rows(metrics: Mapping[str, Any], units: Mapping[str, str]) -> list[tuple[str, str, str]]:
@@ -16,14 +14,10 @@ def metric_rows(metrics: Mapping[str, Any], units: Mapping[str, str]) -> list[tu
         metrics: content of metrics.json.
         units: of the joints by name, rad or m.
     """
-    rows = []
-    for key, value in metrics.items():
-        unit = METRICS[key].unit if key in METRICS else ""
-        named = value.items() if isinstance(value, dict) else [("", value)]
-        for joint, number in named:
-            name = f"{key}.{joint}" if joint else key
-            rows.append((name, short(number), _unit(unit, units, joint)))
-    return rows
+    return [
+        (name, short(value), unit_of(name, _about(name, units)))
+        for name, value in flat(metrics).items()
+    ]
 
 
 def headline(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:
@@ -44,10 +38,7 @@ def headline(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:
     return words
 
 
-def _unit(unit: str, units: Mapping[str, str], joint: str) -> str:
-    """Return the unit of a joint where the schema names one for each kind."""
-    if " or " in unit:
-        kinds = {units[joint]} if joint in units else set(units.values())
-        if len(kinds) == 1:
-            unit = unit.split(" or ")[1 if kinds == {LINEAR} else 0]
-    return "" if unit in ("-", "hex") else unit
+def _about(name: str, units: Mapping[str, str]) -> set[str]:
+    """Return the units of the joints that a row is about."""
+    joint = name.partition(".")[2]
+    return {units[joint]} if joint in units else set(units.values())

@@ -11,10 +11,10 @@ from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.logged_text import logged_json
 from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.metrics.trajectory import TrajectoryHash
 from flexslew_lab.replay.coverage import missing_part
 from flexslew_lab.replay.logged_code import changed_code, reading
 from flexslew_lab.replay.logged_controllers import Key, LoggedControllers, trial_of
-from flexslew_lab.report.metrics import TrajectoryHash
 from flexslew_lab.trial.trial import Trial, bench_settings, law_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Bench, SwitchRequest

@@ -10,8 +10,9 @@ import yaml
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_layout import RUN_RECORD, TRIAL_RECORD
 from flexslew_lab.log.whole_file import write_whole
+from flexslew_lab.metrics import KEYS
+from flexslew_lab.metrics.rows import flat, key_of, unit_of
 from flexslew_lab.report import figures
-from flexslew_lab.report.metric_schema import METRICS
 from flexslew_lab.report.page import embedded, render
 from flexslew_lab.report.panels import COLOURS, PALE, Group
 from flexslew_lab.report.run_data import RunData, read_run
@@ -175,14 +176,14 @@ def _charge(run: RunData) -> dict[str, Any]:
                 "step": f"{step:.3g}" if step >= 0.0 else "",
             }
         )
-    return {"label": run.label, "phases": phases, "unit": _unit("N m or N", run)}
+    return {"label": run.label, "phases": phases, "unit": unit_of("peak_effort", run.joint_units)}
 
 
 def _cards(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
     """Return (name, unit, [(value, joint)]) for the numbers on top."""
     cards = []
     for key in HEADLINES:
-        value, unit = run.metrics[key], _unit(METRICS[key].unit, run)
+        value, unit = run.metrics[key], unit_of(key, run.joint_units)
         named = value.items() if isinstance(value, dict) else [("", value)]
         parts = [(_short(part), str(name)) for name, part in named]
         cards.append((key.replace("_", " "), unit, parts))
@@ -195,25 +196,23 @@ def _short(value: Any) -> str:
 
 def _metric_rows(runs: Sequence[RunData]) -> list[tuple[str, str, str, list[str]]]:
     """Return (key, unit, meaning, one value a run) for every number."""
-    rows = []
-    for key, metric in METRICS.items():
-        unit = _unit(metric.unit, runs[0])
-        if not metric.per_joint:
-            values = [number(run.metrics[key]) for run in runs]
-            rows.append((key, unit, metric.meaning, values))
-            continue
-        for name in dict.fromkeys(name for run in runs for name in run.joint_names):
-            values = [number((run.metrics[key] or {}).get(name)) for run in runs]
-            rows.append((f"{key}.{name}", unit, metric.meaning, values))
-    return rows
+    each = [flat(run.metrics) for run in runs]
+    names = sorted({name: None for rows in each for name in rows}, key=_place)
+    return [
+        (
+            name,
+            unit_of(name, runs[0].joint_units),
+            key_of(name).meaning,
+            [number(rows.get(name)) for rows in each],
+        )
+        for name in names
+    ]
 
 
-def _unit(unit: str, run: RunData) -> str:
-    """Return the unit for these joints, where the schema names one for each kind."""
-    linear = [kind == "m" for kind in run.joint_units]
-    if " or " in unit and len(set(linear)) == 1:
-        unit = unit.split(" or ")[1 if linear[0] else 0]
-    return "" if unit == "-" else unit
+def _place(name: str) -> int:
+    """Return where a row stands: in the order of the keys, what is not the bench's own last."""
+    key = name.split(".")[0]
+    return list(KEYS).index(key) if key in KEYS else len(KEYS)
 
 
 def _subtitle(run: RunData) -> str:

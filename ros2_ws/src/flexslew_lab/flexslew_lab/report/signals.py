@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
-from flexslew_lab.report.metrics import joint_names_of
+from flexslew_lab.metrics.from_bag import joint_names_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.planners import make_plan
-from flexslew_lab.report.pointing_metrics import PointingMetrics
+from flexslew_lab.metrics.observer import MetricsObserver
 from flexslew_lab.trial.in_process import Observer, fly
 from flexslew_lab.trial.trial import (
     SavedPlan,
@@ -54,12 +54,14 @@ class Flight(NamedTuple):
 
 
 class _Collector(Observer):
-    def __init__(self) -> None:
+    def __init__(self, measured: MetricsObserver) -> None:
         self.rows: list[Truth] = []
+        self.measured = measured
 
     def truth(self, truth: Truth) -> None:
         """Keep the state."""
         self.rows.append(truth)
+        self.measured.truth(truth)
 
 
 def shipped(name: str, changes: dict[str, Any] | None = None) -> Trial:
@@ -123,7 +125,7 @@ def fly_trial(trial: Trial) -> Flight:
     plan = make_plan(trial.plan, plant_of(trial), feedback_of(trial))
     for controller in controllers.values():
         controller.adopt(plan)
-    seen = _Collector()
+    seen = _Collector(MetricsObserver(bench, plan))
     fly(bench, controllers, seen)
     position = np.array([row.position for row in seen.rows])
     velocity = np.array([row.velocity for row in seen.rows])
@@ -131,8 +133,6 @@ def fly_trial(trial: Trial) -> Flight:
     time = np.array([row.time for row in seen.rows])
     names = bench.model.joint_names
     goal = dict(zip(names, plan.position[-1].tolist(), strict=True))
-    metrics = PointingMetrics(trial.testbed, goal, plan.end, names)
-    metrics.add(time, position, velocity, effort)
     motions = trial.testbed.motions(position, velocity, goal)
     return Flight(
         time,
@@ -143,5 +143,5 @@ def fly_trial(trial: Trial) -> Flight:
         motions.attitude,
         motions.turns["mast"],
         plan.end,
-        metrics.result(),
+        seen.measured.result(),
     )

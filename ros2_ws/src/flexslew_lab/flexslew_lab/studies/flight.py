@@ -1,14 +1,17 @@
 """One trial of a study flown in process: its metrics, or why there are none."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexslew_control.plan import Plan
-from flexslew_lab.report.metric_schema import METRICS
-from flexslew_lab.report.metrics_observer import MetricsObserver
+from flexslew_lab.metrics import Metric
+from flexslew_lab.metrics.observer import MetricsObserver
+from flexslew_lab.metrics.own import own_metrics
+from flexslew_lab.metrics.rows import flat
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.in_process import fly
@@ -25,7 +28,6 @@ from flexslew_plant.settings import plain
 
 # of the log or of the clock on the wall, not of the flight
 _LEFT_OUT = ("wall_time", "trajectory_hash", "missing_ticks", "log_complete", "warnings")
-MEASURED = tuple(name for name in METRICS if name not in _LEFT_OUT)
 
 
 class Flown(NamedTuple):
@@ -110,7 +112,8 @@ def _flown(
         refused = controller.adopt(plan) if plan is not None else ""
         if refused:
             return {}, None, refused
-    observer = MetricsObserver(bench, plan)
+    own = own_metrics(trial.metrics, f"{source}: metrics")
+    observer = MetricsObserver(bench, plan, own)
     fly(bench, controllers, observer)
     if bench.failure:
         return {}, None, bench.failure
@@ -121,28 +124,25 @@ def _flown(
 
 
 def columns_of(metrics: dict[str, Any]) -> dict[str, float | None]:
-    """Return the metrics by column: those per joint by `name.joint`, and their largest by name."""
+    """Return the metrics by column: those with parts by `name.part`, and their largest by name."""
     found: dict[str, float | None] = {}
-    for name in MEASURED:
-        value = metrics[name]
-        if not isinstance(value, dict):
-            found[name] = None if value is None else float(value)
+    for name, value in metrics.items():
+        if name in _LEFT_OUT:
             continue
-        entries = list(value.values())
-        whole = bool(entries) and None not in entries
-        found[name] = max(map(abs, entries)) if whole else None
-        found |= {f"{name}.{joint}": entry for joint, entry in value.items()}
+        parts = flat({name: value})
+        if name not in parts:
+            entries = list(parts.values())
+            whole = bool(entries) and None not in entries
+            found[name] = max(map(abs, entries)) if whole else None
+        found |= {part: None if v is None else float(v) for part, v in parts.items()}
     return found
 
 
-def metric_columns(joint_names: tuple[str, ...]) -> list[str]:
-    """Return the columns of columns_of for a testbed with these joints."""
-    names = []
-    for name in MEASURED:
-        names.append(name)
-        if METRICS[name].per_joint:
-            names += [f"{name}.{joint}" for joint in joint_names]
-    return names
+def metric_columns(bench: Bench, own: Sequence[type[Metric]]) -> list[str]:
+    """Return the columns of columns_of for a bench at tick 0 and metrics of the trial's own."""
+    observer = MetricsObserver(bench, None, own)
+    observer.truth(bench.truth())
+    return list(columns_of(observer.result()))
 
 
 def _one_line(error: Exception) -> str:

@@ -1,6 +1,6 @@
 """The compiled loop that flies LANES trials at once: readings, law, drive, testbed, metrics.
 
-It says in compiled form what Sensors, Controller, Drive, Actuator, Bench and report.metrics.Running
+It says in compiled form what Sensors, Controller, Drive, Actuator, Bench and the metrics
 say for one run. Arrays with a lane are flat, row after row with LANES neighbours each.
 """
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
 from flexslew_plant.testbeds.lanes import LANES, LaneKernel
 
-MARGIN = 1.0 - 1e-12  # of the limit: an effort from there on is saturated, as in report.metrics
+MARGIN = 1.0 - 1e-12  # of the limit: an effort from there on is saturated, as in metrics.efforts
 
 
 class Sizes(NamedTuple):
@@ -66,7 +66,7 @@ class Aim(NamedTuple):
 
 
 class Counted(NamedTuple):
-    """What report.metrics.Running counts, flat with LANES of each."""
+    """What the metrics count, flat with LANES of each."""
 
     residual_tip: Vector
     peak_tip: Vector

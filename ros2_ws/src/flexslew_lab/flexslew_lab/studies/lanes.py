@@ -11,7 +11,15 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.linear_form import LinearForm, References, linear_form, references
 from flexslew_control.plan import Plan
-from flexslew_lab.report.metrics import BAND, Facts, Manoeuvre, Running, manoeuvre_of, result_of
+from flexslew_lab.metrics.course import Course
+from flexslew_lab.metrics.efforts import Efforts
+from flexslew_lab.metrics.epoch import merged
+from flexslew_lab.metrics.from_bag import manoeuvre_of
+from flexslew_lab.metrics.joint_errors import JointErrors
+from flexslew_lab.metrics.metric import Ending, Flight, Manoeuvre
+from flexslew_lab.metrics.settling import Settling, settling_band
+from flexslew_lab.metrics.takeovers import Takeovers
+from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import Flown, Plans, columns_of, plan_key
 from flexslew_lab.studies.lane_loop import (
@@ -247,12 +255,11 @@ def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
 def _aim(passenger: Passenger, form: LinearForm) -> tuple[Aim, Manoeuvre]:
     goal = manoeuvre_of(passenger.plan.position, passenger.plan.start, passenger.plan.duration)
     assert goal.goal is not None
-    way = np.where(goal.way == 0.0, np.abs(goal.way).max(initial=0.0), np.abs(goal.way))
     return (
         Aim(
             np.ascontiguousarray(goal.goal),
             np.sign(goal.way),
-            BAND * way,
+            settling_band(goal.way),
             np.array(passenger.trial.testbed.effort_limit, dtype=np.float64),
             np.minimum(form.limit, np.finfo(float).max),
             np.ascontiguousarray(passenger.model.appendages.tip, dtype=np.float64),
@@ -330,19 +337,23 @@ def _metrics(
     passenger: Passenger, k: int, c: Counted, x: Matrix, schedule: Schedule, aim: Manoeuvre
 ) -> dict[str, float | None]:
     """Return the metrics of a lane, by the rule for all runs."""
-    model, time = passenger.model, schedule.time
-    m = model.joints
-    running = Running(0, m, aim, np.array(passenger.trial.testbed.effort_limit))
-    running.samples, running.first_tick, running.last_tick = len(time), 0, len(time) - 1
-    running.first_time, running.last_time = float(time[0]), float(time[-1])
-    running.residual_tip, running.peak_tip = float(c.residual_tip[k]), float(c.peak_tip[k])
-    running.seen_end = bool(schedule.over.any())
-    running.residual, running.beyond = c.residual[k::LANES], c.beyond[k::LANES]
-    running.outside = c.outside[k::LANES]
+    time, settings = schedule.time, passenger.trial.testbed
+    limit = np.array(settings.effort_limit)
+    flight = Flight(passenger.model.joint_names, aim, limit, settings)
+    tip, errors, settling = TipDeflection(flight), JointErrors(flight), Settling(flight)
+    efforts, course = Efforts(flight), Course(flight)
+    ended = bool(schedule.over.any())
+    tip.peak = float(c.peak_tip[k])
+    settling.outside, settling.beyond = c.outside[k::LANES], c.beyond[k::LANES]
     assert aim.goal is not None
-    running.final = x[:m, k] - aim.goal
-    running.terminal = float(c.terminal[k]) if running.seen_end else None
-    running.peak_effort, running.square_sum = c.peak_effort[k::LANES], c.square_sum[k::LANES]
-    running.integral = float(c.square_sum[k::LANES].sum())
-    running.saturated = float(c.saturated[k])
-    return columns_of(result_of(running, Facts(model.joint_names, [], [], True)))
+    errors.final = x[: limit.size, k] - aim.goal
+    if ended:
+        tip.residual = float(c.residual_tip[k])
+        errors.residual, errors.terminal = c.residual[k::LANES], float(c.terminal[k])
+    efforts.peak, efforts.square_sum = c.peak_effort[k::LANES], c.square_sum[k::LANES]
+    efforts.integral, efforts.saturated = float(efforts.square_sum.sum()), float(c.saturated[k])
+    course.ticks = 0, len(time) - 1
+    efforts.times = course.times = float(time[0]), float(time[-1])
+    settling.last_time = float(time[-1])
+    measured = (tip, errors, settling, efforts, Takeovers(flight), course)
+    return columns_of(merged(measured, Ending([], [], True)))

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
+from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.studies.cases import case_of, case_trial, sample_table, typical_case
 from flexslew_lab.studies.flight import Flown, Plans, metric_columns, plan_key
 from flexslew_lab.studies.identity import identity_of, require_same
@@ -84,7 +85,8 @@ def prepare(study: Study) -> Preparation:
         typical = case_trial(study, typical_case(study, samples, k))
         bench = Bench(bench_settings(typical))
         build_controllers(typical, bench, study.source)
-        columns |= dict.fromkeys(metric_columns(tuple(bench.model.joint_names)))
+        own = own_metrics(typical.metrics, f"{study.source}: metrics")
+        columns |= dict.fromkeys(metric_columns(bench, own))
         ends = [case_trial(study, case_of(study, samples, k))]
         ends.append(case_trial(study, case_of(study, samples, _last(study, samples, k))))
         if plan_key(ends[0]) == plan_key(ends[1]) == plan_key(typical):

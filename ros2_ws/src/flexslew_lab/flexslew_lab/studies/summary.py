@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from flexslew_lab.report.metric_schema import METRICS
+from flexslew_lab.metrics.rows import key_of
 from flexslew_lab.studies.sampling import METHODS
 from flexslew_lab.studies.sensitivity import indices
 from flexslew_lab.studies.statistics import Population, trials_needed
@@ -134,7 +134,7 @@ def _metric(study: Study, store: Store, name: str) -> dict[str, Any]:
     whole, rows = column(study, store, name, None)
     if len(each) == 1:
         numbers = next(iter(each.values()))
-        return numbers | {"unit": METRICS[name.split(".")[0]].unit}
+        return numbers | {"unit": key_of(name).unit}
     pooled = _numbers(Population(whole.values[~np.isnan(whole.values)], None, False), CONFIDENCE)
     for q, bounds in pooled["quantiles"].items():  # of a mixture: between those of its parts
         parts = [one["quantiles"][q] for one in each.values()]
@@ -144,7 +144,7 @@ def _metric(study: Study, store: Store, name: str) -> dict[str, Any]:
         "failed": whole.failed,
         "missing": whole.missing,
         "worst": _worst(whole),
-        "unit": METRICS[name.split(".")[0]].unit,
+        "unit": key_of(name).unit,
         "variants": each,
     }
 

@@ -9,8 +9,8 @@ HASHES = "own_code"  # key in the metadata of a log: JSON, SHA-256 by name
 
 
 def own_code_of(trial: Trial) -> dict[str, str]:
-    """Return the SHA-256 of the file of every law and testbed that is not built in, by its name."""
+    """Return the SHA-256 of the files of laws, testbeds and metrics not built in, by name."""
     names = {law_of(name, values or {})[0] for name, values in trial.controllers.items()}
     names -= set(CONTROLLERS)
-    names |= {trial.testbed.kind} - set(TESTBEDS)
+    names |= {trial.testbed.kind} - set(TESTBEDS) | set(trial.metrics)
     return {name: code_hash(name) for name in sorted(names)}

@@ -17,7 +17,8 @@ from flexslew_lab.log.bag_observer import BagObserver
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.bag_writer import BagWriter
 from flexslew_lab.log.record_schema import LoggedEvent
-from flexslew_lab.report.metrics import metrics_from
+from flexslew_lab.metrics.from_bag import metrics_from
+from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.report.report import write_report
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.in_process import fly
@@ -82,6 +83,7 @@ def run_trial(
     """
     folder = new_folder(trial.name, out)
     flight = _prepared(trial, source)
+    own_metrics(trial.metrics, f"{source}: metrics")  # refused before anything is flown
     if flight.plan is not None and flight.plan.end > trial.duration:
         say(
             f"warning: the plan ends at {flight.plan.end:g} s, the run at {trial.duration:g} s: "

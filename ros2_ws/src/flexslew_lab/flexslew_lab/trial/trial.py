@@ -74,6 +74,7 @@ class Trial:
     brake_damping_ratio: Positive = 0.25  # of the drive's own brake [-]
     display_rate: NonNegative = 50.0  # of joint states, tf, markers [1/simulated s]; 0: none
     schedule: Schedule = ()
+    metrics: tuple[str, ...] = ()  # of your own, besides the bench's
     allow_faults: bool = False  # whether anything may be broken, by schedule or by inject_fault
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from flexslew_lab.log.bag_observer import BagObserver
 from flexslew_lab.log.bag_writer import BagWriter
-from flexslew_lab.report.metrics import metrics_of
-from flexslew_lab.report.metrics_observer import MetricsObserver
+from flexslew_lab.metrics.from_bag import metrics_of
+from flexslew_lab.metrics.observer import MetricsObserver
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.trial import (
     Trial,

@@ -1,5 +1,6 @@
 """Metrics of a run while it is flown, without a log: the same numbers as from its bag."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,14 +8,9 @@ from numpy.typing import NDArray
 
 from flexslew_control.plan import Plan
 from flexslew_lab.log.record_schema import LoggedEvent
-from flexslew_lab.report.metrics import (
-    Facts,
-    Manoeuvre,
-    Running,
-    look_with,
-    manoeuvre_of,
-    result_of,
-)
+from flexslew_lab.metrics.epoch import Epoch
+from flexslew_lab.metrics.from_bag import manoeuvre_of
+from flexslew_lab.metrics.metric import Ending, Flight, Manoeuvre, Metric
 from flexslew_lab.trial.in_process import Observer
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.events import Event
@@ -29,17 +25,18 @@ class MetricsObserver(Observer):
     Args:
         bench: at tick 0.
         plan: that is flown, None without one.
+        own: metrics of the trial's own.
     """
 
-    def __init__(self, bench: Bench, plan: Plan | None) -> None:
+    def __init__(self, bench: Bench, plan: Plan | None, own: Sequence[type[Metric]] = ()) -> None:
         joints, n = bench.model.joints, bench.truth().position.size
         if plan is None:
             aim = Manoeuvre(0.0, 0.0, None, np.zeros(joints))
         else:
             aim = manoeuvre_of(plan.position, plan.start, plan.duration)
-        self._names = tuple(bench.model.joint_names)
-        self._running = Running(bench.epoch, joints, aim, bench.limit)
-        look_with(self._running, bench.settings.testbed, self._names)
+        names = tuple(bench.model.joint_names)
+        flight = Flight(names, aim, bench.limit, bench.settings.testbed)
+        self._epoch = Epoch(bench.epoch, flight, own)
         rates = bench.truth().velocity.size
         self._rows = 0
         self._columns: dict[str, NDArray[Any]] = {
@@ -84,9 +81,9 @@ class MetricsObserver(Observer):
     def result(self) -> dict[str, Any]:
         """Return the content of metrics.json for what has been seen."""
         self._measure()
-        return result_of(self._running, Facts(self._names, self._events, [], True))
+        return self._epoch.result(Ending(self._events, [], True))
 
     def _measure(self) -> None:
         if self._rows:
-            self._running.add({name: c[: self._rows] for name, c in self._columns.items()})
+            self._epoch.add({name: c[: self._rows] for name, c in self._columns.items()})
             self._rows = 0

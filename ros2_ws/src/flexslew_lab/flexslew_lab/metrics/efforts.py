@@ -1,0 +1,54 @@
+"""What the drives give."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, by_joint
+
+
+class Efforts:
+    """Fulfils Metric."""
+
+    KEYS: ClassVar[Mapping[str, Key]] = {
+        "peak_effort": Key("N m or N", True, "largest |applied effort|"),
+        "rms_effort": Key(
+            "N m or N", True, "root mean square of the applied effort, over all ticks"
+        ),
+        "control_effort": Key(
+            "(N m)^2 s", False, "integral of the sum of squared efforts over the run"
+        ),
+        "saturated_time": Key("s", False, "time with at least one drive at its limit"),
+    }
+
+    def __init__(self, flight: Flight) -> None:
+        self._flight = flight
+        joints = len(flight.joint_names)
+        self.peak, self.square_sum = np.zeros(joints), np.zeros(joints)
+        self.integral, self.saturated = 0.0, 0.0
+        self.times: tuple[float, float] | None = None  # first and last [s]
+
+    def add(self, block: Block) -> None:
+        """Take the next ticks."""
+        square = block.effort**2
+        self.peak = np.maximum(self.peak, np.abs(block.effort).max(axis=0))
+        self.square_sum += square.T @ block.held
+        self.integral += float(square.sum(axis=1) @ block.held)
+        first = float(block.time[0]) if self.times is None else self.times[0]
+        self.times = first, float(block.time[-1])
+        limit = self._flight.limit
+        if limit.size == block.effort.shape[1]:
+            full = (np.abs(block.effort) >= limit * (1.0 - 1e-12)).any(axis=1)
+            self.saturated += float(block.held[full].sum())
+
+    def result(self, ending: Ending) -> dict[str, Any]:
+        """Return the four values."""
+        first, last = self.times or (0.0, 0.0)
+        mean = self.square_sum / (last - first) if last > first else self.square_sum
+        return {
+            "peak_effort": by_joint(self._flight, self.peak),
+            "rms_effort": by_joint(self._flight, np.sqrt(mean)),
+            "control_effort": self.integral,
+            "saturated_time": self.saturated,
+        }

@@ -1,0 +1,76 @@
+"""The metrics of one epoch of the truth, block after block."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from flexslew_lab.metrics import METRICS
+from flexslew_lab.metrics.metric import Block, Ending, Flight, Metric
+from flexslew_plant.arrays import Matrix
+from flexslew_plant.errors import BadInput
+
+
+class Epoch:
+    """Measures one epoch with every metric.
+
+    Args:
+        number: of the epoch; its events count.
+        flight: what is known before the first tick.
+        own: metrics of the trial's own, besides METRICS.
+    """
+
+    def __init__(self, number: int, flight: Flight, own: Sequence[type[Metric]] = ()) -> None:
+        self.number, self._flight = number, flight
+        self._metrics: list[Metric] = [kind(flight) for kind in (*METRICS.values(), *own)]
+        reading = flight.testbed.model().reading if flight.testbed is not None else None
+        self._reading = reading  # joint position and rate of a state
+        self._last_time: float | None = None
+
+    def add(self, columns: Mapping[str, Any]) -> None:
+        """Take the next ticks of the truth, by the fields of its message.
+
+        Raises:
+            BadInput: they are of another testbed.
+        """
+        joints = len(self._flight.joint_names)
+        q, v = columns["position"], columns["velocity"]
+        if columns["applied_effort"].shape[1] != joints or q.shape[1] < joints:
+            raise BadInput("the truth changes its number of joints in the course of the run")
+        time = columns["header.stamp.sec"] + columns["header.stamp.nanosec"] * 1e-9
+        before = float(time[0]) if self._last_time is None else self._last_time
+        self._last_time = float(time[-1])
+        m = self._flight.manoeuvre
+        block = Block(
+            columns["tick"],
+            time,
+            np.diff(time, prepend=before),
+            q,
+            v,
+            columns["applied_effort"],
+            columns["tip_deflection"],
+            None if m.goal is None else self._joints(q, v) - m.goal,
+            time >= m.start - 1e-9,
+            time >= m.end - 1e-9,
+        )
+        for metric in self._metrics:
+            metric.add(block)
+
+    def result(self, ending: Ending) -> dict[str, Any]:
+        """Return the content of metrics.json.
+
+        Args:
+            ending: what else there is to know; events of other epochs are left out.
+        """
+        events = [event for event in ending.events if event.epoch == self.number]
+        return merged(self._metrics, ending._replace(events=events))
+
+    def _joints(self, q: Matrix, v: Matrix) -> Matrix:
+        if self._reading is None:
+            return q[:, : len(self._flight.joint_names)]
+        return np.array([self._reading(x)[0] for x in np.hstack((q, v))])
+
+
+def merged(metrics: Sequence[Metric], ending: Ending) -> dict[str, Any]:
+    """Return the values of all metrics, in their order; of one key the last one's value counts."""
+    return {key: value for metric in metrics for key, value in metric.result(ending).items()}

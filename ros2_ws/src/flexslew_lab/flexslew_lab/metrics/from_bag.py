@@ -1,0 +1,117 @@
+"""Metrics of a run, from its bag alone. Streaming: a day costs no more memory than a minute."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexslew_control.law import described
+from flexslew_lab.log.bag_layout import RUN_RECORD
+from flexslew_lab.log.bag_reader import BagReader, Overview
+from flexslew_lab.log.logged_text import logged_yaml
+from flexslew_lab.metrics.epoch import Epoch
+from flexslew_lab.metrics.metric import Ending, Flight, Manoeuvre, Metric
+from flexslew_lab.metrics.own import own_metrics
+from flexslew_plant.arrays import Matrix
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import Testbed
+
+
+def metrics_of(path: Path) -> dict[str, Any]:
+    """Return the content of metrics.json, keys as in metrics.KEYS, from a bag.
+
+    Metrics of the trial's own are run as own_code.only_trusted allows; of others, `warnings` says
+    that they are left out.
+
+    Args:
+        path: the bag's folder or file.
+
+    Raises:
+        BadInput: there is no bag, it is damaged or foreign, or it holds no truth.
+    """
+    return metrics_from(BagReader(path))
+
+
+def metrics_from(bag: BagReader) -> dict[str, Any]:
+    """Return the content of metrics.json from an open bag. See `metrics_of`."""
+    overview = bag.overview
+    own, refused = _own(bag)
+    epoch: Epoch | None = None
+    for block in bag.blocks(["/truth"]):
+        epochs = block.columns["epoch"]
+        for number in np.unique(epochs):
+            part = epochs == number
+            columns = {k: c[part] for k, c in block.columns.items()}
+            if epoch is None or number > epoch.number:
+                joints = columns["applied_effort"].shape[1]
+                epoch = Epoch(int(number), _flight(overview, joints), own)
+            epoch.add(columns)
+    if epoch is None:
+        raise BadInput(f"{bag.path}: holds no truth, so there is nothing to measure")
+    wall = overview.metadata.get(RUN_RECORD, {}).get("wall_time")
+    unprotected = (f"a changed number is not found: {part}" for part in overview.unprotected)
+    ending = Ending(
+        overview.events,
+        [float(wall)] if wall else [],
+        overview.cut is None,
+        (*unprotected, *refused),
+    )
+    return epoch.result(ending)
+
+
+def joint_names_of(overview: Overview, joints: int) -> tuple[str, ...]:
+    """Return the names of the joints as the bag gives them, else joint_1, joint_2, ..."""
+    for source in (overview.testbed, *reversed(overview.plans)):
+        if source is not None and len(source.joint_names) == joints:
+            return tuple(source.joint_names)
+    return tuple(f"joint_{k + 1}" for k in range(joints))
+
+
+def manoeuvre_of(position: Matrix, start: float, duration: float) -> Manoeuvre:
+    """Return what a plan's joint references, shape (ticks + 1, joints), are measured against."""
+    return Manoeuvre(start, start + duration, position[-1], position[-1] - position[0])
+
+
+def _flight(overview: Overview, joints: int) -> Flight:
+    limit = np.zeros(0) if overview.testbed is None else overview.testbed.effort_limit
+    return Flight(
+        joint_names_of(overview, joints), _manoeuvre(overview, joints), limit, _testbed(overview)
+    )
+
+
+def _testbed(overview: Overview) -> Testbed | None:
+    """Return the testbed of the log, which says where its joints are and where it points."""
+    if overview.testbed is None:
+        return None
+    try:
+        return described(overview.testbed.settings, "the log").testbed
+    except BadInput:  # of a version that this one does not know
+        return None
+
+
+def _manoeuvre(overview: Overview, joints: int) -> Manoeuvre:
+    if not overview.plans:
+        return Manoeuvre(0.0, 0.0, None, np.zeros(joints))
+    plan = overview.plans[-1]
+    position = np.asarray(plan.position, dtype=float)
+    planned = len(plan.joint_names)
+    if planned != joints or not len(position) or len(position) % joints:
+        raise BadInput(
+            f"the plan has {len(position)} positions for {planned} joints, the truth has "
+            f"{joints} joints: not one run"
+        )
+    position = position.reshape(-1, joints)
+    return manoeuvre_of(position, plan.start, plan.duration)
+
+
+def _own(bag: BagReader) -> tuple[list[type[Metric]], list[str]]:
+    """Return the metrics of the trial's own, and for each that may not run the reason."""
+    trial = logged_yaml(bag.metadata.get("trial", ""), f"{bag.path}: trial")
+    names = trial.get("metrics") or []
+    found, refused = [], []
+    for name in map(str, names if isinstance(names, list) else []):
+        try:
+            found += own_metrics([name], f"{bag.path}: trial: metrics")
+        except BadInput as error:
+            refused.append(f"{name} is left out: {error}")
+    return found, refused

@@ -1,0 +1,52 @@
+"""How far the joints are from their goal, after the manoeuvre and at its end."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, by_joint
+
+
+class JointErrors:
+    """Fulfils Metric; None where there is no goal, or where the log ends too early."""
+
+    KEYS: ClassVar[Mapping[str, Key]] = {
+        "residual_attitude_error": Key(
+            "rad or m", True, "largest |joint position - goal| after the end of the manoeuvre"
+        ),
+        "final_error": Key("rad or m", True, "joint position - goal at the last tick"),
+        "terminal_error_norm": Key(
+            "mixed SI",
+            False,
+            "norm of (joint errors, modal positions, all rates) at the end of the manoeuvre",
+        ),
+    }
+
+    def __init__(self, flight: Flight) -> None:
+        self._flight = flight
+        self.residual = np.full(len(flight.joint_names), np.nan)
+        self.final = self.residual.copy()
+        self.terminal: float | None = None
+
+    def add(self, block: Block) -> None:
+        """Take the next ticks."""
+        if block.error is None:
+            return
+        if block.over.any():
+            largest = abs(block.error[block.over]).max(axis=0)
+            self.residual = np.fmax(self.residual, largest)
+            if self.terminal is None:
+                k = int(np.argmax(block.over))
+                modes = block.position[k, block.error.shape[1] :]
+                rest = np.concatenate((block.error[k], modes, block.velocity[k]))
+                self.terminal = float(np.linalg.norm(rest))
+        self.final = block.error[-1].copy()
+
+    def result(self, ending: Ending) -> dict[str, Any]:
+        """Return the three values."""
+        return {
+            "residual_attitude_error": by_joint(self._flight, self.residual),
+            "final_error": by_joint(self._flight, self.final),
+            "terminal_error_norm": self.terminal,
+        }

@@ -1,0 +1,83 @@
+"""What a metric is: it measures one epoch of a run, block after block."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+from numpy.typing import NDArray
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds import Testbed
+
+
+class Key(NamedTuple):
+    """What a key of metrics.json holds."""
+
+    unit: str
+    per_joint: bool  # an object by joint name; units are those of the joint where two are given
+    meaning: str
+
+
+class Manoeuvre(NamedTuple):
+    """What the numbers are measured against."""
+
+    start: float  # [s]
+    end: float  # [s]
+    goal: Vector | None  # (joints,)
+    way: Vector  # goal - position at the start of the plan, (joints,)
+
+
+class Flight(NamedTuple):
+    """What is known of a run before its first tick."""
+
+    joint_names: tuple[str, ...]
+    manoeuvre: Manoeuvre
+    limit: Vector  # of the effort, (joints,); (0,) where nobody says
+    testbed: Testbed | None  # None: of a version that this one does not know
+
+
+class Block(NamedTuple):
+    """The truth of some ticks, in order."""
+
+    tick: NDArray[Any]  # (ticks,)
+    time: Vector  # (ticks,) [s]
+    held: Vector  # how long the effort was applied that led to each tick, (ticks,) [s]
+    position: Matrix  # q, (ticks, n)
+    velocity: Matrix  # v, (ticks, n)
+    effort: Matrix  # applied from the tick before to this one, (ticks, joints)
+    tip: Matrix  # deflection by appendage, (ticks, appendages) [m]
+    error: Matrix | None  # joint position - goal, (ticks, joints); None: no goal
+    started: NDArray[Any]  # whether the manoeuvre has begun, (ticks,)
+    over: NDArray[Any]  # whether it has ended, (ticks,)
+
+
+class Ending(NamedTuple):
+    """What the truth does not say of a run."""
+
+    events: Sequence[Any]  # of the epoch, each with kind, level as a word, and data
+    wall_times: Sequence[float]  # recorded besides the events [s]
+    complete: bool  # the log was finished
+    warnings: tuple[str, ...] = ()  # why the numbers may not be those of the run
+
+
+class Metric(Protocol):
+    """One or more keys of metrics.json that are measured together; made with the Flight.
+
+    A streaming measure: its memory does not grow with the run.
+    """
+
+    KEYS: ClassVar[Mapping[str, Key]]
+
+    def __init__(self, flight: Flight) -> None:
+        """Begin before the first tick."""
+
+    def add(self, block: Block) -> None:
+        """Take the next ticks."""
+
+    def result(self, ending: Ending) -> dict[str, Any]:
+        """Return the values by key, ready for JSON; a key that does not apply may be left out."""
+
+
+def by_joint(flight: Flight, values: Vector) -> dict[str, float | None]:
+    """Return one value per joint by its name; None where it is not finite."""
+    finite = (float(x) if abs(x) < float("inf") else None for x in values.tolist())
+    return dict(zip(flight.joint_names, finite, strict=True))

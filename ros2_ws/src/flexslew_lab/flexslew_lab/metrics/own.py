@@ -1,0 +1,38 @@
+"""Metrics of the user's own, by name."""
+
+from collections.abc import Sequence
+
+from flexslew_lab.metrics import KEYS, METRICS
+from flexslew_lab.metrics.metric import Key, Metric
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import METRICS as GROUP
+from flexslew_plant.own_code import find_class
+
+
+def own_metrics(names: Sequence[str], source: str) -> list[type[Metric]]:
+    """Return the classes of a trial's own metrics.
+
+    Args:
+        names: `file.py:Class`, `package.module.Class`, or an entry point of flexslew.metrics.
+        source: where they stand, for errors.
+
+    Raises:
+        Untrusted: a log names them, and its reader has not trusted them.
+        BadInput: there is no such class, it is no metric, or one of its keys is taken.
+    """
+    found: list[type[Metric]] = []
+    taken = dict.fromkeys(KEYS, "the bench")
+    for name in names:
+        kind = find_class(name, GROUP, "metric", source, tuple(METRICS))
+        keys = getattr(kind, "KEYS", None)
+        if not isinstance(keys, dict) or not all(isinstance(k, Key) for k in keys.values()):
+            raise BadInput(f"{source}: {name} is no metric: it needs KEYS, a dict of Key by name")
+        lacking = [part for part in ("add", "result") if not callable(getattr(kind, part, None))]
+        if lacking:
+            raise BadInput(f"{source}: {name} is no metric: it has no {' and no '.join(lacking)}")
+        for key in keys:
+            if key in taken:
+                raise BadInput(f"{source}: {name}: the key {key} is taken by {taken[key]}")
+        taken |= dict.fromkeys(keys, name)
+        found.append(kind)
+    return found

@@ -1,0 +1,106 @@
+"""Platforms whose appendages point somewhere: errors, turns, positions, efforts."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flexslew_lab.metrics.metric import Block, Ending, Flight, Key
+from flexslew_lab.metrics.tip_deflection import TipDeflection
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
+
+
+class Pointing:
+    """Fulfils Metric; says nothing of a testbed that points nowhere."""
+
+    KEYS: ClassVar[Mapping[str, Key]] = {
+        "pointing_error": Key(
+            "rad",
+            False,
+            "by appendage, x y z: largest |attitude error + its tip's turn| after the "
+            "manoeuvre's end",
+        ),
+        "residual_tip_rotation": Key(
+            "rad", False, "by appendage, x y z: largest |turn of its tip| after the manoeuvre's end"
+        ),
+        "pointing_settled_at": Key(
+            "s",
+            False,
+            "by appendage: last time with any component above the pointing tolerance; null: never",
+        ),
+        "control_effort_by_actuator": Key(
+            "(N m)^2 s or N^2 s", False, "by actuator: integral of its squared effort"
+        ),
+        "peak_platform_attitude": Key("rad", False, "x y z: largest |turn| from inertial axes"),
+        "peak_platform_position": Key("m", False, "x y z: largest |place| of the body origin"),
+        "peak_tip_deflection": TipDeflection.KEYS["peak_tip_deflection"],
+        "peak_wheel_momentum": Key(
+            "N m s", False, "by wheel: largest momentum of its spin relative to the platform"
+        ),
+    }
+
+    def __init__(self, flight: Flight) -> None:
+        testbed = flight.testbed
+        self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
+        goal, self._names = flight.manoeuvre.goal, flight.joint_names
+        self._goal = {} if goal is None else dict(zip(self._names, goal.tolist(), strict=True))
+        self._error: dict[str, Vector] = {}
+        self._turn: dict[str, Vector] = {}
+        self._tip: dict[str, float] = {}
+        self._settled: dict[str, float] = {}
+        self._wheels: dict[str, float] = {}
+        self._effort = np.zeros(len(self._names))
+        self._attitude, self._place = np.zeros(3), np.zeros(3)
+        self._last_time = 0.0
+
+    def add(self, block: Block) -> None:
+        """Take the next ticks."""
+        if self._testbed is None:
+            return
+        m = self._testbed.motions(block.position, block.velocity, self._goal)
+        self._effort += (block.effort**2).T @ block.held
+        self._last_time = float(block.time[-1])
+        self._attitude = np.maximum(self._attitude, abs(m.turned).max(axis=0))
+        self._place = np.maximum(self._place, abs(m.place).max(axis=0))
+        for name, momentum in m.wheels.items():
+            self._wheels[name] = max(self._wheels.get(name, 0.0), float(abs(momentum).max()))
+        for name, tip in m.tips.items():
+            farthest = float(np.linalg.norm(tip, axis=1).max())
+            self._tip[name] = max(self._tip.get(name, 0.0), farthest)
+            error = m.attitude + m.turns[name]
+            beyond = np.flatnonzero((abs(error) > self._testbed.pointing_tolerance).any(axis=1))
+            if beyond.size:
+                self._settled[name] = float(block.time[beyond[-1]])
+            if block.over.any():
+                self._error[name] = _larger(self._error.get(name), error[block.over])
+                self._turn[name] = _larger(self._turn.get(name), m.turns[name][block.over])
+
+    def result(self, ending: Ending) -> dict[str, Any]:
+        """Return the values by appendage, actuator and wheel."""
+        if self._testbed is None:
+            return {}
+        last = self._last_time
+        settled = {name: self._settled.get(name, 0.0) for name in self._tip}
+        return {
+            "pointing_error": _plain(self._error),
+            "residual_tip_rotation": _plain(self._turn),
+            "pointing_settled_at": {k: t if t < last else None for k, t in settled.items()},
+            "control_effort_by_actuator": dict(
+                zip(self._names, self._effort.tolist(), strict=True)
+            ),
+            "peak_platform_attitude": self._attitude.tolist(),
+            "peak_platform_position": self._place.tolist(),
+            "peak_tip_deflection": self._tip,
+            "peak_wheel_momentum": self._wheels,
+        }
+
+
+def _larger(before: Vector | None, values: Matrix) -> Vector:
+    """Return the largest absolute values so far, shape (3,)."""
+    largest: Vector = abs(values).max(axis=0)
+    return largest if before is None else np.maximum(before, largest)
+
+
+def _plain(values: dict[str, Vector]) -> dict[str, list[float]]:
+    return {name: value.tolist() for name, value in values.items()}

@@ -1,0 +1,70 @@
+"""When the joints stay at their goal, and how far they went beyond it."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, by_joint
+from flexslew_plant.arrays import Vector
+
+BAND = 0.02  # settling band, of the way that the joint has to go [-]
+
+
+def settling_band(way: Vector) -> Vector:
+    """Return the band around the goal, (joints,); a joint with no way to go has the largest."""
+    return BAND * np.where(way == 0.0, np.abs(way).max(initial=0.0), np.abs(way))
+
+
+class Settling:
+    """Fulfils Metric."""
+
+    KEYS: ClassVar[Mapping[str, Key]] = {
+        "settling_time": Key(
+            "s",
+            True,
+            "from the start of the manoeuvre until the joint stays within 2 % of its commanded "
+            "move around the goal; null: never",
+        ),
+        "overshoot": Key(
+            "-",
+            True,
+            "overshoot as a fraction of the commanded move, after the start; null: no move",
+        ),
+    }
+
+    def __init__(self, flight: Flight) -> None:
+        self._flight = flight
+        self._band = settling_band(flight.manoeuvre.way)
+        joints = len(flight.joint_names)
+        self.outside = np.full(joints, -np.inf)  # last time outside of the band [s]
+        self.beyond = np.zeros(joints)  # the goal
+        self.last_time = 0.0  # [s]
+
+    def add(self, block: Block) -> None:
+        """Take the next ticks."""
+        self.last_time = float(block.time[-1])
+        if block.error is None:
+            return
+        if block.started.any():
+            way = np.sign(self._flight.manoeuvre.way)
+            beyond = (block.error[block.started] * way).max(axis=0)
+            self.beyond = np.maximum(self.beyond, beyond)
+        for joint, band in enumerate(self._band):
+            outside = np.flatnonzero(np.abs(block.error[:, joint]) > band)
+            if outside.size:
+                self.outside[joint] = block.time[outside[-1]]
+
+    def result(self, ending: Ending) -> dict[str, Any]:
+        """Return both values."""
+        m = self._flight.manoeuvre
+        if m.goal is None:
+            nowhere = by_joint(self._flight, np.full_like(self.outside, np.nan))
+            return {"settling_time": nowhere, "overshoot": nowhere}
+        stays = self.outside < self.last_time
+        settled = np.where(stays, np.maximum(self.outside - m.start, 0.0), np.nan)
+        way = np.where(m.way == 0.0, np.nan, np.abs(m.way))
+        return {
+            "settling_time": by_joint(self._flight, settled),
+            "overshoot": by_joint(self._flight, self.beyond / way),
+        }

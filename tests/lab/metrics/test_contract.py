@@ -1,0 +1,180 @@
+"""Every metric of the table, and one of the user's own."""
+
+import json
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.metrics import KEYS, METRICS, Metric
+from flexslew_lab.metrics.from_bag import metrics_of
+from flexslew_lab.metrics.metric import Block, Ending, Flight, Manoeuvre
+from flexslew_lab.metrics.own import own_metrics
+from flexslew_lab.metrics.rows import flat
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.sources import trial_path
+from flexslew_lab.trial.trial import load_trial, parse_trial
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import only_trusted
+from flexslew_plant.testbeds import initial_state
+
+OWN = '''
+from flexslew_lab.metrics import Key
+
+class Travel:
+    """How far the first joint travels in all."""
+
+    KEYS = {"travel": Key("rad or m", False, "way of the first joint, there and back")}
+
+    def __init__(self, flight):
+        self.way, self.last = 0.0, None
+
+    def add(self, block):
+        q = block.position[:, 0]
+        self.way += float(abs(q[0] - (q[0] if self.last is None else self.last)))
+        self.way += float(sum(abs(q[1:] - q[:-1])))
+        self.last = q[-1]
+
+    def result(self, ending):
+        return {"travel": self.way}
+'''
+TRIAL = """
+duration: 2.0
+plan: {method: none, goal: {base_yaw: 0.2}, duration: 1.0}
+metrics: [OWN]
+"""
+
+
+def flown(name: str, ticks: int, rng: np.random.Generator) -> tuple[Flight, Block]:
+    """Return a run of a shipped trial's testbed under random efforts, its manoeuvre half-way."""
+    craft = load_trial(trial_path(name)).testbed
+    model, x = craft.model(), initial_state(craft)
+    limit = np.array(craft.effort_limit)
+    effort = rng.uniform(-1.5, 1.5, (ticks, model.joints)).clip(-1.0, 1.0) * limit
+    states, joints = [], []
+    for push in effort:
+        states.append(model.split(x))
+        q = states[-1][0]
+        joints.append(q[: model.joints] if model.reading is None else model.reading(x)[0])
+        x = model.advance(x, push, 0.004)
+    time = 0.5 + np.arange(ticks) * 0.004
+    goal = joints[0] + [craft.typical_goal.get(joint, 0.0) for joint in model.joint_names]
+    manoeuvre = Manoeuvre(time[ticks // 4], time[ticks // 2], goal, goal - joints[0])
+    block = Block(
+        np.arange(3, 3 + ticks), time, np.diff(time, prepend=time[0]),
+        np.array([q for q, _ in states]), np.array([v for _, v in states]), effort,
+        rng.normal(0.0, 0.1, (ticks, len(model.appendages.names))), np.array(joints) - goal,
+        time >= manoeuvre.start, time >= manoeuvre.end,
+    )  # fmt: skip
+    return Flight(tuple(model.joint_names), manoeuvre, limit, craft), block
+
+
+def cut(block: Block, where: list[int]) -> list[Block]:
+    return [Block(*(part[a:b] for part in block)) for a, b in pairwise(where)]
+
+
+def events() -> list[LoggedEvent]:
+    data: list[tuple[str, str, Any]] = [
+        ("switched", "info", {"effort_step": [0.5, -0.7]}),
+        ("missed", "warning", {"ticks": 3}),
+        ("fault", "warning", {"on": True}),
+        ("fault", "warning", {"on": False}),
+        ("fallback", "fault", {}),
+        ("finished", "info", {"wall_time": 1.5}),
+    ]
+    return [LoggedEvent(0.0, 0, 0, level, "plant", kind, "", d) for kind, level, d in data]
+
+
+@pytest.mark.parametrize("kind", ["m1", "time_optimal_oscillator", "scole_s_open"])
+@pytest.mark.parametrize("name", METRICS)
+def test_a_metric_does_not_depend_on_how_the_run_is_cut(name: str, kind: str) -> None:
+    rng = np.random.default_rng(5)
+    flight, block = flown(kind, 60, rng)
+    ending = Ending(events(), [], True, ("said",))
+    whole = METRICS[name](flight)
+    whole.add(block)
+    expected = flat(whole.result(ending))
+    for _ in range(5):
+        where = [0, *sorted(rng.choice(np.arange(1, 60), 4, replace=False).tolist()), 60]
+        pieces = METRICS[name](flight)
+        for piece in cut(block, where):
+            pieces.add(piece)
+        found = flat(pieces.result(ending))
+        assert found == {
+            key: pytest.approx(value, rel=1e-12, abs=1e-15) if isinstance(value, float) else value
+            for key, value in expected.items()
+        }
+
+
+@pytest.mark.parametrize("kind", ["m1", "time_optimal_oscillator", "scole_s_open"])
+@pytest.mark.parametrize("name", METRICS)
+def test_a_metric_says_what_it_promises_in_json(name: str, kind: str) -> None:
+    flight, block = flown(kind, 30, np.random.default_rng(6))
+    for blocks in ([block], []):
+        metric = METRICS[name](flight)
+        for each in blocks:
+            metric.add(each)
+        found = metric.result(Ending(events(), [2.0], False))
+        assert set(found) in (set(METRICS[name].KEYS), set())
+        json.dumps(found, allow_nan=False)
+        for key, value in found.items():
+            if METRICS[name].KEYS[key].per_joint:
+                assert list(value) == list(flight.joint_names)
+
+
+def test_the_page_on_metrics_lists_every_key_with_its_unit_and_meaning() -> None:
+    page = (Path(__file__).parents[3] / "docs/metrics.md").read_text()
+    for key, metric in KEYS.items():
+        meaning = metric.meaning.replace("|", "\\|")
+        joint = "yes" if metric.per_joint else ""
+        assert f"| `{key}` | {metric.unit} | {joint} | {meaning} |" in page
+
+
+def test_a_metric_of_the_user_s_own_is_measured_in_every_run(tmp_path: Path) -> None:
+    (tmp_path / "travel.py").write_text(OWN)
+    trial = parse_trial(TRIAL.replace("OWN", f"{tmp_path}/travel.py:Travel"), "test")
+    result = run_trial(trial, "test", tmp_path / "run", in_process=True)
+    yaw = BagReader(tmp_path / "run/bag").columns("/truth", {"position"})["position"][:, 0]
+    assert result.metrics["travel"] == pytest.approx(np.abs(np.diff(yaw)).sum()) != 0.0
+    assert "travel" in (tmp_path / "run/report.html").read_text()
+    with only_trusted(()):  # as a received log is read
+        metrics = metrics_of(tmp_path / "run/bag")
+    assert "travel" not in metrics
+    assert f"allow it with --trust {tmp_path}/travel.py:Travel" in metrics["warnings"][0]
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("class Travel:\n    pass\n", "needs KEYS"),
+        (OWN.replace("def result", "def results"), "it has no result"),
+        (OWN.replace('"travel": Key', '"ticks": Key'), "the key ticks is taken by the bench"),
+        (OWN.replace("class Travel", "class Other"), "cannot be loaded"),
+    ],
+)
+def test_what_is_no_metric_is_refused_before_the_flight(
+    tmp_path: Path, code: str, words: str
+) -> None:
+    (tmp_path / "travel.py").write_text(code)
+    trial = parse_trial(TRIAL.replace("OWN", f"{tmp_path}/travel.py:Travel"), "test")
+    with pytest.raises(BadInput, match=f"test: metrics: .*{words}"):
+        run_trial(trial, "test", tmp_path / "run", in_process=True)
+    assert not (tmp_path / "run").exists()
+
+
+def test_two_metrics_with_one_key_are_refused(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.py").write_text(OWN)
+    names = [f"{tmp_path}/{name}.py:Travel" for name in ("one", "two")]
+    with pytest.raises(BadInput, match=r"travel is taken by .*one\.py:Travel"):
+        own_metrics(names, "test")
+
+
+def test_every_metric_is_a_metric() -> None:
+    for kind in METRICS.values():
+        _: type[Metric] = kind
+        assert kind.KEYS
