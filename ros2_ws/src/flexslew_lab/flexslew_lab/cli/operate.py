@@ -135,9 +135,9 @@ def bench_domain() -> tuple[int, bool]:
 
 @contextmanager
 def _bench(namespace: str) -> Iterator["Operator"]:
-    domain, known = bench_domain()
-    from flexslew_lab.ros.operator import PATIENCE, connected
+    from flexslew_lab.ros.operator import PATIENCE, connected  # says it where ROS is missing
 
+    domain, known = bench_domain()
     with connected(domain, namespace, PATIENCE if known else _BY_HAND) as bench:
         try:
             yield bench
