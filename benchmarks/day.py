@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.bag_observer import BagObserver
-from flexslew_lab.log.bag_writer import BagWriter
-from flexslew_lab.log.cdr import encode
+from flexslew_lab.log.messages.cdr import encode
+from flexslew_lab.log.recording.bag_observer import BagObserver
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.trial import (
     Trial,
@@ -135,7 +135,7 @@ def mcap_reader(bag: Path, scratch: Path) -> None:
 
 
 def log_check(bag: Path, scratch: Path) -> None:
-    from flexslew_lab.log.check import check_log
+    from flexslew_lab.log.checks.check import check_log
 
     wrong = [finding for finding in check_log(bag) if not finding.ok]
     if wrong:

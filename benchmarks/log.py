@@ -16,8 +16,8 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.bag_writer import CHUNK_SIZE, BagWriter
-from flexslew_lab.log.cdr import encode
+from flexslew_lab.log.messages.cdr import encode
+from flexslew_lab.log.recording.bag_writer import CHUNK_SIZE, BagWriter
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.report.report import write_report
 

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.bag_writer import BagWriter
-from flexslew_lab.log.cdr import encode
+from flexslew_lab.log.messages.cdr import encode
+from flexslew_lab.log.recording.bag_writer import BagWriter
 
 PERIOD = 0.01
 GOAL = np.array([1.0, -0.5])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.check import check_log
+from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.domain import own_domain

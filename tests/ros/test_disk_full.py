@@ -12,8 +12,8 @@ import rclpy
 from flexslew_msgs.msg import Event
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.bag_writer import RecordingStopped
-from flexslew_lab.log.check import check_log
+from flexslew_lab.log.checks.check import check_log
+from flexslew_lab.log.recording.bag_writer import RecordingStopped
 from flexslew_lab.log.recover import recover
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_plant.ros.offers import qos

@@ -17,8 +17,8 @@ from flexslew_msgs.msg import Measurement
 from rclpy.qos import QoSProfile
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.bag_writer import CHUNK_SIZE
-from flexslew_lab.log.recording_order import tick_and_epoch
+from flexslew_lab.log.recording.bag_writer import CHUNK_SIZE
+from flexslew_lab.log.recording.recording_order import tick_and_epoch
 from flexslew_lab.log.recover import recover
 
 from .flight import Flight, slew

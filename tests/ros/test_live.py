@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.schemas import schema_text
+from flexslew_lab.log.messages.schemas import schema_text
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.processes import NodeProcess, parameter_file
 from flexslew_lab.trial.run import run_trial

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.cdr import decode, encode
+from flexslew_lab.log.messages.cdr import decode, encode
 
 from .flight import Flight, slew
 

@@ -22,7 +22,7 @@ from flexslew_msgs.srv import (
 from std_srvs.srv import Trigger
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.check import check_log
+from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.ros.operator import connected
 from flexslew_lab.trial.processes import NodeProcess

@@ -11,7 +11,7 @@ import pytest
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.cdr import stamp_of
+from flexslew_lab.log.messages.cdr import stamp_of
 from flexslew_lab.trial.run import run_trial
 
 from .flight import Flight, kill, slew
@@ -48,7 +48,7 @@ def test_a_paced_run_without_a_miss_is_bit_identical_too(
 
 
 def test_nothing_is_lost_in_the_log(tmp_path: Path) -> None:
-    from flexslew_lab.log.check import check_log
+    from flexslew_lab.log.checks.check import check_log
 
     flight = Flight(slew(duration=3.0, extra="display_rate: 50.0"), tmp_path)
     assert [finding for finding in check_log(flight.bag) if not finding.ok] == []

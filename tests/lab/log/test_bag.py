@@ -18,9 +18,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.bag_writer import BagWriter, RecordingStopped
-from flexslew_lab.log.cdr import encode
-from flexslew_lab.log.schemas import type_hash
+from flexslew_lab.log.messages.cdr import encode
+from flexslew_lab.log.messages.schemas import type_hash
+from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_plant.errors import BadInput
 
 Message = tuple[str, bytes, int]

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.bag_writer import BagWriter
-from flexslew_lab.log.cdr import decode, encode, fields
-from flexslew_lab.log.check import check_log
+from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.info import log_info
-from flexslew_lab.log.record_schema import EVENTS, RECORDS, check_record, logged_event
+from flexslew_lab.log.messages.cdr import decode, encode, fields
+from flexslew_lab.log.messages.record_schema import EVENTS, RECORDS, check_record, logged_event
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.log.recover import recover
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.check import check

@@ -18,11 +18,11 @@ from rosbags.rosbag2 import Reader
 from flexslew_lab.log import export as log_export
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.bag_writer import CHUNK_SIZE, BagWriter, RecordingStopped
-from flexslew_lab.log.cdr import decode, encode
-from flexslew_lab.log.check import check_log
+from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.export import export_log, units_of
 from flexslew_lab.log.info import log_info
+from flexslew_lab.log.messages.cdr import decode, encode
+from flexslew_lab.log.recording.bag_writer import CHUNK_SIZE, BagWriter, RecordingStopped
 from flexslew_lab.log.recover import recover
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_plant.errors import BadInput

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.log.recover import recover
 
 Message = tuple[str, bytes, int]

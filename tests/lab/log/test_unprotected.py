@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.check import check_log
+from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.recover import recover
 from flexslew_lab.metrics.from_bag import metrics_of
 

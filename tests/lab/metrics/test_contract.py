@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.metrics import KEYS, METRICS, Metric
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.metrics.metric import Block, Ending, Flight, Manoeuvre

@@ -11,7 +11,7 @@ import pytest
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.cdr import decode, encode
+from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.metrics.pointing import Pointing

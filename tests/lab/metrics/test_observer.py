@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_lab.log.bag_observer import BagObserver
-from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.log.recording.bag_observer import BagObserver
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.metrics.observer import MetricsObserver
 from flexslew_lab.trial.in_process import fly

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.bag_writer import BagWriter
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.run import run_trial

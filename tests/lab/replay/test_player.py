@@ -10,8 +10,8 @@ import pytest
 
 from flexslew_lab.log import bag_index
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.cdr import encode
-from flexslew_lab.log.mcap_scan import CHUNK, RecordStream
+from flexslew_lab.log.files.mcap_scan import CHUNK, RecordStream
+from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.replay.player import Player, PlaySettings
 from flexslew_plant.errors import BadInput
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.bag_writer import BagWriter
-from flexslew_lab.log.cdr import decode, encode
-from flexslew_lab.log.check import check_log
+from flexslew_lab.log.checks.check import check_log
+from flexslew_lab.log.messages.cdr import decode, encode
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.check import FIELDS, check, difference_figure
 from flexslew_lab.replay.resim import resim

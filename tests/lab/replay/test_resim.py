@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.bag_observer import BagObserver
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.bag_writer import BagWriter
-from flexslew_lab.log.cdr import decode, encode
+from flexslew_lab.log.messages.cdr import decode, encode
+from flexslew_lab.log.recording.bag_observer import BagObserver
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.in_process import fly

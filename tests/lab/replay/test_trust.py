@@ -9,8 +9,8 @@ import pytest
 from flexslew_control.controllers.user_law import find_law
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.bag_writer import BagWriter
-from flexslew_lab.log.cdr import encode
+from flexslew_lab.log.messages.cdr import encode
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.run import run_trial

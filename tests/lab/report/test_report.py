@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.cdr import decode, encode
+from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.report.report import write_report
 from flexslew_lab.report.run_data import LOT, Thinner, read_run
 from flexslew_plant.errors import BadInput

@@ -7,7 +7,7 @@ import pytest
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.check import check_log
+from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.trial import parse_trial

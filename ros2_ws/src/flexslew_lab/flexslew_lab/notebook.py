@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.report.signals import read_signals
 from flexslew_lab.trial.overrides import overridden

@@ -51,7 +51,7 @@ def check_bag(bag: Bag, as_json: Json = False) -> None:
 
     Example: `./flexslew log check runs/m1-20260101-120000`
     """
-    from flexslew_lab.log.check import check_log
+    from flexslew_lab.log.checks.check import check_log
 
     findings = check_log(bag_of(bag))
     if as_json:
@@ -119,7 +119,7 @@ def reading_limits(
     ] = 64,
 ) -> None:
     """Take the options that stand before a subcommand."""
-    from flexslew_lab.log.read_limits import MIB, read_at_most
+    from flexslew_lab.log.files.read_limits import MIB, read_at_most
 
     read_at_most(largest_chunk * MIB)
 

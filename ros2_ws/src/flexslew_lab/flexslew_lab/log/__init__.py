@@ -1,1 +1,4 @@
-"""The log: writing, reading, checking, recovering and exporting MCAP bags."""
+"""The log: written (recording), read (bag_reader), checked (checks), recovered and exported.
+
+messages: bytes and records; files: MCAP and the folder of rosbag2.
+"""

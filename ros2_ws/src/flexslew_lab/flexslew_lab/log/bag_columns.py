@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.log.cdr_layout import Layout, gather, layout
-from flexslew_lab.log.mcap_scan import RawMessage
-from flexslew_lab.log.read_limits import demand_room
+from flexslew_lab.log.files.mcap_scan import RawMessage
+from flexslew_lab.log.files.read_limits import demand_room
+from flexslew_lab.log.messages.cdr_layout import Layout, gather, layout
 
 
 class Block(NamedTuple):

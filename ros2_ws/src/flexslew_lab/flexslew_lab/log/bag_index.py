@@ -9,10 +9,9 @@ from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.log import cdr
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagMessage, BagReader
-from flexslew_lab.log.mcap_scan import (
+from flexslew_lab.log.files.mcap_scan import (
     CHANNEL,
     CHUNK,
     CHUNK_INDEX,
@@ -23,9 +22,10 @@ from flexslew_lab.log.mcap_scan import (
     chunk_content,
     chunk_records,
 )
-from flexslew_lab.log.mcap_summary import Summary, find_summary, summary_records
-from flexslew_lab.log.read_limits import CHANNELS, demand_room, most_chunks
-from flexslew_lab.log.topic_lookup import Lookup
+from flexslew_lab.log.files.mcap_summary import Summary, find_summary, summary_records
+from flexslew_lab.log.files.read_limits import CHANNELS, demand_room, most_chunks
+from flexslew_lab.log.messages import cdr
+from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
 
 # A controller says so more often than that as long as it is on the graph

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.log import cdr
 from flexslew_lab.log.bag_columns import Block, blocks_of, widened
 from flexslew_lab.log.bag_layout import (
     FORMAT,
@@ -17,8 +16,7 @@ from flexslew_lab.log.bag_layout import (
     TRIAL_RECORD,
     checksum,
 )
-from flexslew_lab.log.cdr_layout import Layout
-from flexslew_lab.log.mcap_scan import (
+from flexslew_lab.log.files.mcap_scan import (
     CHANNEL,
     CHUNK,
     HEADER,
@@ -34,15 +32,17 @@ from flexslew_lab.log.mcap_scan import (
     read_header,
     read_metadata,
 )
-from flexslew_lab.log.read_limits import demand_room
-from flexslew_lab.log.record_schema import (
+from flexslew_lab.log.files.read_limits import demand_room
+from flexslew_lab.log.messages import cdr
+from flexslew_lab.log.messages.cdr_layout import Layout
+from flexslew_lab.log.messages.record_schema import (
     LoggedEvent,
     check_record,
     check_run_record,
     check_truth,
     logged_event,
 )
-from flexslew_lab.log.topic_lookup import Lookup
+from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
 
 RARE = ("/events", "/plan", "/testbed", "/controller_status")

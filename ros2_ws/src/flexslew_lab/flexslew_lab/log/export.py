@@ -14,9 +14,9 @@ import pyarrow.parquet
 
 from flexslew_lab.log.bag_columns import Block
 from flexslew_lab.log.bag_reader import BagReader, Overview
-from flexslew_lab.log.cdr import Field, fields
 from flexslew_lab.log.column_names import column_name
-from flexslew_lab.log.schemas import definition, field_types, type_hash
+from flexslew_lab.log.messages.cdr import Field, fields
+from flexslew_lab.log.messages.schemas import definition, field_types, type_hash
 from flexslew_plant.errors import BadInput
 
 WIDEST = 64  # longer sequences stay one column: a list in Parquet, JSON in CSV

@@ -8,13 +8,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from flexslew_lab.log import cdr
 from flexslew_lab.log.bag_layout import METADATA_FILE, RUN_RECORD, TRIAL_RECORD
-from flexslew_lab.log.bag_lock import LOCK_FILE, lock_folder, unlock_folder
 from flexslew_lab.log.bag_reader import BagReader, find_mcap
-from flexslew_lab.log.bag_writer import BagWriter, RecordingStopped
-from flexslew_lab.log.logged_text import logged_yaml
-from flexslew_lab.log.mcap_scan import (
+from flexslew_lab.log.files.bag_lock import LOCK_FILE, lock_folder, unlock_folder
+from flexslew_lab.log.files.mcap_scan import (
     CHANNEL,
     CHUNK,
     METADATA,
@@ -26,8 +23,11 @@ from flexslew_lab.log.mcap_scan import (
     has_checksum,
     read_metadata,
 )
-from flexslew_lab.log.topic_lookup import Lookup
-from flexslew_lab.log.whole_file import write_whole
+from flexslew_lab.log.files.whole_file import write_whole
+from flexslew_lab.log.messages import cdr
+from flexslew_lab.log.messages.logged_text import logged_yaml
+from flexslew_lab.log.messages.topic_lookup import Lookup
+from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_plant.errors import BadInput
 
 

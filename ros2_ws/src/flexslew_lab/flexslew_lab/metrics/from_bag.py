@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_control.law import described
 from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader, Overview
-from flexslew_lab.log.logged_text import logged_yaml
+from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.metrics.epoch import Epoch
 from flexslew_lab.metrics.metric import Ending, Flight, Manoeuvre, Metric
 from flexslew_lab.metrics.own import own_metrics

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_control.plan import Plan
-from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.metrics.epoch import Epoch
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import Ending, Flight, Manoeuvre, Metric

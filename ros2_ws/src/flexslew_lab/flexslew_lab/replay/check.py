@@ -9,7 +9,7 @@ import numpy as np
 from flexslew_control.controllers.controller import Answer, Controller
 from flexslew_control.message_fields import answer_fields
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.cdr import decode
+from flexslew_lab.log.messages.cdr import decode
 from flexslew_lab.replay.answer_comparison import FIELDS as FIELDS
 from flexslew_lab.replay.answer_comparison import AnswerComparison
 from flexslew_lab.replay.answer_comparison import Divergence as Divergence

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 from flexslew_control.controllers import LAW_HASH
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.logged_text import logged_json, logged_yaml
+from flexslew_lab.log.messages.logged_text import logged_json, logged_yaml
 from flexslew_lab.trial.own_code import HASHES
 from flexslew_plant.own_code import Untrusted, code_hash, only_trusted
 

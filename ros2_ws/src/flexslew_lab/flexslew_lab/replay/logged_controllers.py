@@ -9,9 +9,9 @@ from flexslew_control.controllers.host import merged
 from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.cdr import decode
-from flexslew_lab.log.logged_text import logged_yaml
-from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.log.messages.cdr import decode
+from flexslew_lab.log.messages.logged_text import logged_yaml
+from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
 from flexslew_plant.errors import BadInput

@@ -7,10 +7,10 @@ from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from flexslew_lab.log import cdr
 from flexslew_lab.log.bag_index import BagIndex
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagMessage
+from flexslew_lab.log.messages import cdr
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.logged_text import logged_json
-from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.log.messages.logged_text import logged_json
+from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.metrics.trajectory import TrajectoryHash
 from flexslew_lab.replay.coverage import missing_part
 from flexslew_lab.replay.logged_code import changed_code, reading

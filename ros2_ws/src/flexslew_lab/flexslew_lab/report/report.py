@@ -9,7 +9,7 @@ import yaml
 
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_layout import RUN_RECORD, TRIAL_RECORD
-from flexslew_lab.log.whole_file import write_whole
+from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.rows import flat, key_of, unit_of
 from flexslew_lab.report import figures

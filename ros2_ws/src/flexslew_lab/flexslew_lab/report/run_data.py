@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
-from flexslew_lab.log.logged_text import logged_yaml
+from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.metrics.from_bag import joint_names_of, metrics_from
 from flexslew_plant.arrays import Matrix, Vector
 

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.cdr import stamp_of
-from flexslew_lab.log.schemas import schema_text
+from flexslew_lab.log.messages.cdr import stamp_of
+from flexslew_lab.log.messages.schemas import schema_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.loop import Loop, run_node, within
 from flexslew_plant.ros.offers import SEVERAL, message_class, qos

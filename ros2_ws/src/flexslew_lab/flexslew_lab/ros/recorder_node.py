@@ -9,8 +9,8 @@ from time import monotonic
 from flexslew_msgs import msg
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.bag_writer import BagWriter, RecordingStopped
-from flexslew_lab.log.recording_order import (
+from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
+from flexslew_lab.log.recording.recording_order import (
     Ordered,
     RecordingOrder,
     of_namespace,

@@ -13,10 +13,10 @@ from flexslew_control.plan_file import save_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_control.planners.slew import software_versions
-from flexslew_lab.log.bag_observer import BagObserver
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.bag_writer import BagWriter
-from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.log.messages.record_schema import LoggedEvent
+from flexslew_lab.log.recording.bag_observer import BagObserver
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.report.report import write_report

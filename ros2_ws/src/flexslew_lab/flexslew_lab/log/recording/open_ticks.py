@@ -4,7 +4,7 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any
 
-from flexslew_lab.log import cdr
+from flexslew_lab.log.messages import cdr
 
 PATIENCE = 1.0  # that an answer is waited for [wall s]
 _TICK_EPOCH_NAME = struct.Struct("<QII")  # the name's length last

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from flexslew_lab.log.finding import Finding
-from flexslew_lab.log.record_schema import LoggedEvent
+from flexslew_lab.log.checks.finding import Finding
+from flexslew_lab.log.messages.record_schema import LoggedEvent
 
 _LAST = ("finished", "interrupted", "not_finite")
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.mcap_scan import (
+from flexslew_lab.log.files.mcap_scan import (
     SCHEMA,
     ChannelRecord,
     Record,
@@ -12,8 +12,8 @@ from flexslew_lab.log.mcap_scan import (
     read_channel,
     read_schema,
 )
-from flexslew_lab.log.read_limits import CHANNELS, demand_room
-from flexslew_lab.log.schemas import MESSAGES, hash_of_schema, type_hash
+from flexslew_lab.log.files.read_limits import CHANNELS, demand_room
+from flexslew_lab.log.messages.schemas import MESSAGES, hash_of_schema, type_hash
 from flexslew_plant.errors import BadInput
 
 

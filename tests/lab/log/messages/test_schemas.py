@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap_ros2._dynamic import generate_dynamic
 
-from flexslew_lab.log import cdr, cdr_layout
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.schemas import (
+from flexslew_lab.log.messages import cdr, cdr_layout
+from flexslew_lab.log.messages.schemas import (
     SEPARATOR,
     definition,
     hash_of_schema,

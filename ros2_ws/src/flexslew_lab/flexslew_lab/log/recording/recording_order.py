@@ -7,8 +7,8 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.cdr import decode, stamp_of
-from flexslew_lab.log.open_ticks import PATIENCE, OpenTicks
+from flexslew_lab.log.messages.cdr import decode, stamp_of
+from flexslew_lab.log.recording.open_ticks import PATIENCE, OpenTicks
 
 _TICK_AND_EPOCH = struct.Struct("<QI")
 _BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame

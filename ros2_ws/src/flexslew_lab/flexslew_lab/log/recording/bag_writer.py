@@ -17,10 +17,10 @@ from flexslew_lab.log.bag_layout import (
     qos_profile,
     sealed,
 )
-from flexslew_lab.log.bag_lock import lock_folder, unlock_folder
-from flexslew_lab.log.mcap_file import Chunk, McapFile, RecordingStopped, record_bytes
-from flexslew_lab.log.rosbag2_folder import TopicCount, information, write_description
-from flexslew_lab.log.schemas import schema_text, type_hash
+from flexslew_lab.log.files.bag_lock import lock_folder, unlock_folder
+from flexslew_lab.log.files.mcap_file import Chunk, McapFile, RecordingStopped, record_bytes
+from flexslew_lab.log.files.rosbag2_folder import TopicCount, information, write_description
+from flexslew_lab.log.messages.schemas import schema_text, type_hash
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import yaml_text
 

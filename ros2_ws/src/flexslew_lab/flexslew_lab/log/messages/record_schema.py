@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError, with_config
 from typing_extensions import TypedDict
 
-from flexslew_lab.log.logged_text import logged_json, logged_yaml
+from flexslew_lab.log.messages.logged_text import logged_json, logged_yaml
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, section, validated
 

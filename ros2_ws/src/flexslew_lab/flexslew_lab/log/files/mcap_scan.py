@@ -9,7 +9,7 @@ from typing import BinaryIO, NamedTuple
 import zstandard
 
 from flexslew_lab.log.bag_layout import MAGIC
-from flexslew_lab.log.read_limits import demand_room
+from flexslew_lab.log.files.read_limits import demand_room
 from flexslew_plant.errors import BadInput
 
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7

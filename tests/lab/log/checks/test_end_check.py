@@ -1,7 +1,7 @@
 from typing import Any
 
 from flexslew_lab.log.bag_reader import LoggedEvent
-from flexslew_lab.log.end_check import check_ends
+from flexslew_lab.log.checks.end_check import check_ends
 
 
 def event(kind: Any, tick: Any, epoch: int = 0, source: str = "plant", **data: Any) -> LoggedEvent:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from flexslew_lab.log.schemas import store
+from flexslew_lab.log.messages.schemas import store
 from flexslew_plant.errors import BadInput
 
 HEADER = b"\x00\x01\x00\x00"  # CDR, little-endian

@@ -7,8 +7,8 @@ from flexslew_control.controllers.controller import Answer, Controller
 from flexslew_control.message_fields import answer_fields, plan_fields
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.bag_writer import BagWriter
-from flexslew_lab.log.cdr import encode
+from flexslew_lab.log.messages.cdr import encode
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.trial.trial import Trial, bench_settings, law_of
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.events import Event

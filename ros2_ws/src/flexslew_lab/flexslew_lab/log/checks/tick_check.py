@@ -7,8 +7,8 @@ import numpy as np
 from flexslew_lab.log.bag_columns import Block
 from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.end_check import check_ends
-from flexslew_lab.log.finding import Finding as Finding
+from flexslew_lab.log.checks.end_check import check_ends
+from flexslew_lab.log.checks.finding import Finding as Finding
 
 TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
 _ANSWERS = ("/effort_command", "/controller_state")

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexslew_lab.log.bag_layout import qos_profile
-from flexslew_lab.log.schemas import type_hash
-from flexslew_lab.log.whole_file import write_whole
+from flexslew_lab.log.files.whole_file import write_whole
+from flexslew_lab.log.messages.schemas import type_hash
 from flexslew_plant.settings import yaml_text
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.log.cdr import HEADER, fields
+from flexslew_lab.log.messages.cdr import HEADER, fields
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 

@@ -13,11 +13,11 @@ import zstandard
 from mcap.records import Channel, Metadata, Schema
 
 from flexslew_lab.log.bag_layout import TOPICS, sealed
-from flexslew_lab.log.cdr import encode
-from flexslew_lab.log.mcap_file import McapFile, record_bytes
-from flexslew_lab.log.mcap_scan import chunk_content
-from flexslew_lab.log.read_limits import read_at_most
-from flexslew_lab.log.schemas import schema_text
+from flexslew_lab.log.files.mcap_file import McapFile, record_bytes
+from flexslew_lab.log.files.mcap_scan import chunk_content
+from flexslew_lab.log.files.read_limits import read_at_most
+from flexslew_lab.log.messages.cdr import encode
+from flexslew_lab.log.messages.schemas import schema_text
 from flexslew_plant.errors import BadInput
 
 MIB = 1 << 20
@@ -27,7 +27,7 @@ MOST = 500 * MIB  # of a process that reads any file
 READ = """
 import json, sys
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.check import check_log
+from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.export import export_log
 from flexslew_lab.log.info import log_info
 from flexslew_lab.log.recover import recover

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.cdr import decode, encode
-from flexslew_lab.log.open_ticks import PATIENCE
-from flexslew_lab.log.recording_order import Ordered, RecordingOrder
+from flexslew_lab.log.messages.cdr import decode, encode
+from flexslew_lab.log.recording.open_ticks import PATIENCE
+from flexslew_lab.log.recording.recording_order import Ordered, RecordingOrder
 
 PERIOD = 10_000_000  # [ns]
 TICKS = 150

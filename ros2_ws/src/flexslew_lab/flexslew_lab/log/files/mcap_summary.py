@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from flexslew_lab.log.bag_layout import MAGIC
-from flexslew_lab.log.mcap_scan import FOOTER, Record
-from flexslew_lab.log.read_limits import demand_room
+from flexslew_lab.log.files.mcap_scan import FOOTER, Record
+from flexslew_lab.log.files.read_limits import demand_room
 from flexslew_plant.errors import BadInput
 
 STATISTICS = 0x0B

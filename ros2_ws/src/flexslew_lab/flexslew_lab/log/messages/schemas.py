@@ -27,7 +27,7 @@ def message_directory(package: str) -> Path | None:
     beside this package has them, and an installation by pip holds a copy.
     """
     here = Path(__file__).resolve()
-    places = [here.parents[3] / package, here.parents[1] / "definitions" / package]
+    places = [here.parents[4] / package, here.parents[2] / "definitions" / package]
     try:
         from ament_index_python.packages import get_package_share_directory
 

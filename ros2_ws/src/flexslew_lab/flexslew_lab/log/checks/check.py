@@ -7,10 +7,10 @@ from typing import Any
 
 from flexslew_lab.log.bag_layout import METADATA_FILE, RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.logged_text import LONGEST, logged_yaml
-from flexslew_lab.log.mcap_scan import RecordStream
-from flexslew_lab.log.mcap_summary import STATISTICS, find_summary, summary_records
-from flexslew_lab.log.tick_check import Finding, check_ticks
+from flexslew_lab.log.checks.tick_check import Finding, check_ticks
+from flexslew_lab.log.files.mcap_scan import RecordStream
+from flexslew_lab.log.files.mcap_summary import STATISTICS, find_summary, summary_records
+from flexslew_lab.log.messages.logged_text import LONGEST, logged_yaml
 from flexslew_plant.errors import BadInput
 
 _DATA_END = 9 + 4  # bytes of the record that ends the data section

@@ -1,0 +1,1 @@
+"""Messages and records as bytes and text, without ROS, checked when they are read."""
