@@ -62,7 +62,16 @@ values = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(words, inner, max_size=3),
     max_leaves=6,
 )
-keys = ("wall_time", "ticks", "rejected", "effort_step", "text", "start", "controller", "tick")
+keys: tuple[str, ...] = (
+    "wall_time",
+    "ticks",
+    "rejected",
+    "effort_step",
+    "text",
+    "start",
+    "controller",
+    "tick",
+)
 keys += ("max_effort_step", "strict", "from", "to", "hash", "in_a_row")
 data = st.one_of(
     st.dictionaries(st.sampled_from(keys), values, max_size=6).map(json.dumps),

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,7 +56,9 @@ PUBLISHED = [
 ]
 
 
-def planned(model, joint, amplitude, robust, goal=1.0, **more):
+def planned(
+    model: Any, joint: Any, amplitude: Any, robust: Any, goal: Any = 1.0, **more: Any
+) -> Any:
     settings = validated(
         TimeOptimal,
         {"model": model, "goal": {joint: goal}, "amplitude": amplitude, "robust": robust, **more},
@@ -65,13 +68,15 @@ def planned(model, joint, amplitude, robust, goal=1.0, **more):
     return make_plan(settings, plant(0.01, (150.0,) * len(testbed.effort_limit), testbed))
 
 
-def slew(testbed, amplitude, robust, distance=1.0):
+def slew(testbed: Any, amplitude: Any, robust: Any, distance: Any = 1.0) -> Any:
     model = testbed.model()
     return BangBang(model, 0, np.zeros(2 * model.coordinates), distance, amplitude, robust)
 
 
 @pytest.mark.parametrize(("model", "joint", "amplitude", "robust", "times"), PUBLISHED)
-def test_switch_times_are_the_published_ones(model, joint, amplitude, robust, times):
+def test_switch_times_are_the_published_ones(
+    model: Any, joint: Any, amplitude: Any, robust: Any, times: Any
+) -> None:
     plan = planned(model, joint, amplitude, robust)
     assert plan.summary["switch_times"] == pytest.approx(times[:-1], abs=1e-6)
     assert plan.duration == pytest.approx(times[-1], abs=1e-6)
@@ -87,33 +92,35 @@ def test_switch_times_are_the_published_ones(model, joint, amplitude, robust, ti
         (True, 1.1, 0.0106025),
     ],
 )
-def test_the_oscillator_keeps_the_published_residual(robust, factor, amplitude):
+def test_the_oscillator_keeps_the_published_residual(
+    robust: Any, factor: Any, amplitude: Any
+) -> None:
     of = slew(FloatingOscillatorTestbed(), 1.0, robust)
     x = of.final(continued_durations(of), factor)
     assert np.hypot(x[1], x[3] / np.sqrt(2.0 * factor)) == pytest.approx(amplitude, abs=6e-7)
 
 
-def test_the_hub_needs_five_switches_for_two_radians_at_ten_foot_pounds():
+def test_the_hub_needs_five_switches_for_two_radians_at_ten_foot_pounds() -> None:
     plan = planned(HUB, "hub", 10.0 * FOOT_POUND, False, goal=2.0)
     assert plan.summary["switches"] == 5
     assert plan.duration == pytest.approx(3.80453683, abs=1e-6)
     assert plan.summary["optimal"]
 
 
-def test_five_switches_leave_the_published_sensitivity_of_the_hub_angle():
+def test_five_switches_leave_the_published_sensitivity_of_the_hub_angle() -> None:
     plan = planned(HUB, "hub", 2.0 * FOOT_POUND, True)
     assert plan.summary["joint_sensitivity"] / 170.310339 == pytest.approx(-3.1e-7, abs=5e-9)
 
 
-def test_the_robust_hub_slew_says_that_it_is_not_the_optimum():
+def test_the_robust_hub_slew_says_that_it_is_not_the_optimum() -> None:
     robust = planned(HUB, "hub", 2.0 * FOOT_POUND, True).summary
     assert not robust["optimal"]
     assert "best of the 5-switch family" in robust["optimality"]
     assert planned(HUB, "hub", 2.0 * FOOT_POUND, False).summary["optimal"]
 
 
-def test_the_robust_hub_slew_is_better_over_the_published_range():
-    def residual(of, durations, factor):
+def test_the_robust_hub_slew_is_better_over_the_published_range() -> Any:
+    def residual(of: Any, durations: Any, factor: Any) -> Any:
         model = of.model.with_stiffness(factor)
         x = of.final(durations, factor)
         return np.hypot(x[1], x[3] / model.linearise(np.zeros(2)).frequencies[0])
@@ -125,7 +132,7 @@ def test_the_robust_hub_slew_is_better_over_the_published_range():
         assert (pair[1] < pair[0]) == better
 
 
-def test_the_sensitivities_to_the_durations_are_exact():
+def test_the_sensitivities_to_the_durations_are_exact() -> None:
     of = slew(HubTestbed(), 2.0 * FOOT_POUND, True)
     d, h = linear_durations(of), 1e-5
     for i, unit in enumerate(np.eye(d.size)):
@@ -133,14 +140,14 @@ def test_the_sensitivities_to_the_durations_are_exact():
         assert of.linearised(d)[1][:, i] == pytest.approx(slope, abs=1e-5)
 
 
-def test_pontryagins_condition_fails_on_arcs_that_are_not_extremal():
+def test_pontryagins_condition_fails_on_arcs_that_are_not_extremal() -> None:
     of = slew(CsaTestbed(modes=1), 100.0, False)
     assert switching_function(of, continued_durations(of)).holds
     detour = np.array([6.0, 1.5, 1.5, 2.0, 2.0, 6.0])
     assert not switching_function(of, detour).holds
 
 
-def test_the_reference_is_the_trajectory_and_the_effort_its_mean():
+def test_the_reference_is_the_trajectory_and_the_effort_its_mean() -> None:
     plan = planned(CSA, "base_yaw", 100.0, False)
     model = CsaTestbed(modes=1).model()
     x = plan.state[0]
@@ -155,7 +162,7 @@ def test_the_reference_is_the_trajectory_and_the_effort_its_mean():
 PD = {"kp": [460.0, 460.0], "kd": [920.0, 920.0]}
 
 
-def residual_tip(plan, factor, kp, kd):
+def residual_tip(plan: Any, factor: Any, kp: Any, kd: Any) -> Any:
     """Return the largest tip deflection in 75 s after the end [m], under PD on base yaw."""
     model = CsaTestbed(modes=1).model().with_stiffness(factor)
     x, tips = plan.state[0], []
@@ -168,7 +175,7 @@ def residual_tip(plan, factor, kp, kd):
     return max(tips)
 
 
-def test_a_robust_slew_that_counts_with_the_feedback_is_better_under_it():
+def test_a_robust_slew_that_counts_with_the_feedback_is_better_under_it() -> None:
     open_loop = planned(CSA, "base_yaw", 100.0, True)
     # the published warning: the feedback spoils what is insensitive without it
     assert residual_tip(open_loop, 1.1, 0.0, 0.0) == pytest.approx(0.250, abs=2e-3)
@@ -187,7 +194,7 @@ def test_a_robust_slew_that_counts_with_the_feedback_is_better_under_it():
     assert abs(whole.summary["joint_sensitivity"]) < 1e-9
 
 
-def test_a_feedback_is_left_some_of_the_torque():
+def test_a_feedback_is_left_some_of_the_torque() -> None:
     plans = [
         planned(CSA, "base_yaw", None, False, **more)
         for more in ({}, {"feedback": PD}, {"feedback": PD, "reserve": 0.5})
@@ -195,7 +202,7 @@ def test_a_feedback_is_left_some_of_the_torque():
     assert [plan.summary["amplitude"] for plan in plans] == [150.0, 120.0, 75.0]
 
 
-def test_the_optimum_of_the_robust_hub_slew_has_fifteen_switches():
+def test_the_optimum_of_the_robust_hub_slew_has_fifteen_switches() -> None:
     of = slew(HubTestbed(), 2.0 * FOOT_POUND, True)
     arcs = extremal_durations(of)
     assert (arcs.size - 1, arcs.sum()) == (15, pytest.approx(6.319994, abs=1e-6))
@@ -206,7 +213,7 @@ def test_the_optimum_of_the_robust_hub_slew_has_fifteen_switches():
     assert switching_function(with_hub, arcs).holds
 
 
-def test_more_modes_need_more_switches_and_end_at_rest():
+def test_more_modes_need_more_switches_and_end_at_rest() -> None:
     three = planned({"kind": "csa", "modes": 3}, "base_yaw", 100.0, False)
     assert three.summary["switches"] == 7
     assert three.summary["optimal"]
@@ -214,18 +221,18 @@ def test_more_modes_need_more_switches_and_end_at_rest():
     assert three.duration > 19.190624
 
 
-def test_an_optimal_structure_is_the_closed_form_where_that_is_extremal():
+def test_an_optimal_structure_is_the_closed_form_where_that_is_extremal() -> None:
     optimal = planned(OSCILLATOR, "mass", 1.0, True, structure="optimal")
     assert optimal.summary["switch_times"] == pytest.approx(PUBLISHED[1][4][:-1], abs=1e-6)
 
 
-def test_a_slew_backwards_is_the_mirror_image():
+def test_a_slew_backwards_is_the_mirror_image() -> None:
     ahead, back = (planned(HUB, "hub", 2.0 * FOOT_POUND, False, goal=g) for g in (0.7, -0.7))
     assert back.summary["switch_times"] == pytest.approx(ahead.summary["switch_times"], abs=1e-9)
     assert back.position == pytest.approx(-ahead.position, abs=1e-9)
 
 
-def test_what_cannot_be_done_is_said_in_one_line():
+def test_what_cannot_be_done_is_said_in_one_line() -> None:
     with pytest.raises(BadInput, match="elbow is not a joint of the testbed; allowed: hub"):
         planned(HUB, "elbow", 2.0, False)
     with pytest.raises(BadInput, match="above the drive's limit"):
@@ -246,8 +253,8 @@ def test_what_cannot_be_done_is_said_in_one_line():
     ],
 )
 def test_the_fewest_switches_end_a_robust_slew_as_soon_as_they_can(
-    model, joint, amplitude, goal, duration
-):
+    model: Any, joint: Any, amplitude: Any, goal: Any, duration: Any
+) -> None:
     plan = planned(model, joint, amplitude, True, goal=goal)
     assert plan.summary["switches"] == 5
     assert plan.duration == pytest.approx(duration, abs=1e-6)
@@ -255,7 +262,7 @@ def test_the_fewest_switches_end_a_robust_slew_as_soon_as_they_can(
     assert arcs == pytest.approx(arcs[::-1], abs=1e-9)
 
 
-def test_five_switches_that_are_not_antisymmetric_end_the_hub_slew_sooner():
+def test_five_switches_that_are_not_antisymmetric_end_the_hub_slew_sooner() -> None:
     plan = planned(HUB, "hub", 13.558, True, structure="asymmetric")
     assert plan.summary["switches"] == 5
     assert plan.duration == pytest.approx(2.785863, abs=1e-6)
@@ -271,8 +278,8 @@ def test_five_switches_that_are_not_antisymmetric_end_the_hub_slew_sooner():
     ],
 )
 def test_a_plan_says_how_much_sooner_more_switches_would_end_it(
-    model, joint, amplitude, goal, switches
-):
+    model: Any, joint: Any, amplitude: Any, goal: Any, switches: Any
+) -> None:
     few, optimal = (
         planned(model, joint, amplitude, True, goal=goal, structure=structure)
         for structure in ("fewest", "optimal")
@@ -285,7 +292,7 @@ def test_a_plan_says_how_much_sooner_more_switches_would_end_it(
     assert few.summary["optimality"].endswith(said)
 
 
-def test_a_damped_hub_gets_the_extremal_that_it_is_asked_for():
+def test_a_damped_hub_gets_the_extremal_that_it_is_asked_for() -> None:
     damped = {**HUB, "damping_ratio": 0.01, "initial": {"hub": 1.1708}}
     goal, amplitude = 1.1708 + 2.4517, 1.30669 * FOOT_POUND
     plan = planned(damped, "hub", amplitude, False, goal=goal, structure="optimal")
@@ -298,7 +305,7 @@ def test_a_damped_hub_gets_the_extremal_that_it_is_asked_for():
 
 @pytest.mark.parametrize("robust", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_no_slew_of_the_linear_model_is_faster_than_its_optimum(robust, seed):
+def test_no_slew_of_the_linear_model_is_faster_than_its_optimum(robust: Any, seed: Any) -> None:
     rng = np.random.default_rng(seed)
     testbed = FloatingOscillatorTestbed(damping_ratio=float(rng.uniform(0.0, 0.1)))
     of = slew(testbed, 10.0 ** rng.uniform(-1.0, 1.0), robust, 10.0 ** rng.uniform(-1.0, 1.0))

@@ -5,7 +5,9 @@ import struct
 import subprocess
 import sys
 import zlib
+from collections.abc import Callable
 from contextvars import copy_context
+from typing import Any
 
 import numpy as np
 import pytest
@@ -88,7 +90,7 @@ def event(kind: str = "missed", data: str = "{}") -> bytes:
 
 HUGE_FRAME = struct.pack("<IBQ", 0xFD2FB528, 0xE0, 8 << 30) + b"\x01\x00\x00"
 LONG = event("other", f'{{"a": [{"[]," * 80_000}0]}}')
-BOMBS = {
+BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     "claims": (lambda: chunk_of(b"x", 3 << 30), "a chunk of 3072.0 MiB, allowed are 64"),
     "frame": (lambda: chunk_of(b"x", frame=HUGE_FRAME), "it claims 1 bytes and 8589934592"),
     "honest": (lambda: chunk_of(bytes(256 * MIB)), "a chunk of 256.0 MiB, allowed are 64"),
@@ -136,7 +138,7 @@ BOMBS = {
 }
 
 
-def test_no_file_takes_much_memory_and_each_is_refused_in_one_line(tmp_path):
+def test_no_file_takes_much_memory_and_each_is_refused_in_one_line(tmp_path: Any) -> None:
     for name, (records, _) in BOMBS.items():
         file = McapFile(tmp_path / f"{name}.mcap")
         file.add_metadata("flexslew", sealed({"trial": "name: bomb"}))
@@ -151,7 +153,7 @@ def test_no_file_takes_much_memory_and_each_is_refused_in_one_line(tmp_path):
     assert found["peak"] < MOST
 
 
-def test_the_limit_is_an_option():
+def test_the_limit_is_an_option() -> None:
     raw = chunk_of(bytes(80 * MIB))[9:]
     with pytest.raises(BadInput, match=r"a chunk of 80\.0 MiB, allowed are 64; .*--largest-chunk"):
         chunk_content(raw, "test")

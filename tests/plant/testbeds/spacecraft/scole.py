@@ -1,5 +1,7 @@
 """SCOLE-S and the full-scale SCOLE of Sung and Joo as sections, in slugs, feet and pounds."""
 
+from typing import Any
+
 from flexslew_plant.testbeds.spacecraft.settings import (
     ActuatorPlace,
     AppendageSettings,
@@ -41,7 +43,7 @@ FULL = {
 class Scole:
     """The part of a `testbed` section that the physics reads."""
 
-    def __init__(self, numbers: dict, modes: int = 8, motion: str = "free") -> None:
+    def __init__(self, numbers: dict[str, Any], modes: int = 8, motion: str = "free") -> None:
         n = numbers
         self.units = "slug_ft_lb"
         self.platform = Platform(motion=motion, mass=n["mass"], inertia=n["inertia"])
@@ -57,7 +59,7 @@ class Scole:
         )
         damping = Damping(alpha=0.005, beta=0.005)
         self.appendages = {"mast": AppendageSettings(shape=beam, damping=damping)}
-        self.wheels = {}
+        self.wheels: dict[str, Any] = {}
         unit = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
         self.actuators = {
             f"{kind}_{axis}": ActuatorPlace(kind=kind, direction=unit[axis], limit=1e3)

@@ -102,7 +102,7 @@ def whole_momentum(
 def progress(turn: Manoeuvre, s: float) -> float:
     """Return the share of the turn that is done, from the profiles' closed forms."""
     if turn.profile == at.SMOOTH:
-        return s - np.sin(2 * np.pi * s) / (2 * np.pi)
+        return float(s - np.sin(2 * np.pi * s) / (2 * np.pi))
     if turn.profile == at.BANG_BANG:
         return 2 * s * s if s < 0.5 else 1 - 2 * (1 - s) ** 2
     from scipy.interpolate import BPoly
