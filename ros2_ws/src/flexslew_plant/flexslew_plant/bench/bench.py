@@ -5,19 +5,14 @@ then `advance`. Advancing without an answer is a missed tick.
 """
 
 from collections import deque
-from math import inf
 from typing import Any
 
 import numpy as np
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.actuator import Actuator
+from flexslew_plant.bench.breakings import Breakings, breaking_of
 from flexslew_plant.bench.charge import Charge
-from flexslew_plant.bench.disturbances import (
-    TimedDisturbance,
-    check_disturbance,
-    disturbance_effort,
-)
 from flexslew_plant.bench.divergence import diagnosis, is_lost
 from flexslew_plant.bench.drive import Drive
 from flexslew_plant.bench.events import Event, Level
@@ -29,13 +24,11 @@ from flexslew_plant.bench.records import InjectResult as InjectResult
 from flexslew_plant.bench.records import SwitchRequest as SwitchRequest
 from flexslew_plant.bench.records import SwitchResult as SwitchResult
 from flexslew_plant.bench.records import Truth as Truth
-from flexslew_plant.bench.schedule import ScheduleEntry, injected_entry, require_allowed
+from flexslew_plant.bench.schedule import injected_entry, require_allowed
 from flexslew_plant.bench.sensors import Readings, Sensors
 from flexslew_plant.errors import BadInput
-from flexslew_plant.faults import Names, Timed, check_fault
+from flexslew_plant.faults import Names
 from flexslew_plant.faults.effects import Fate
-from flexslew_plant.faults.injection import Faults
-from flexslew_plant.settings import plain, yaml_text
 from flexslew_plant.testbeds import initial_state
 
 _RIGID_FREQUENCY = 0.1  # of the brake on what has no mode [rad/s]
@@ -77,7 +70,7 @@ class Bench:
         require_allowed(settings.schedule, settings.faults_enabled)
         self._names = Names(self.model.joint_names, self.appendages.names)
         self._known = [
-            self._breaking(entry, f"schedule.{i}")
+            breaking_of(entry, self._names, settings.period, f"schedule.{i}")
             for i, entry in enumerate(settings.schedule)
             if entry.switch is None
         ]
@@ -105,15 +98,9 @@ class Bench:
         self._extra: Vector = np.zeros(self.model.joints)  # disturbance during the last tick
         self._answer: Vector | None = None
         self._lost = False  # the answer of this tick was given, and did not arrive
-        self._ended: set[int] = set()  # by an operator
-        self._breakings = list(self._known)  # of the schedule, then of operators: by number
-        self._disturbances = [e for e in self._known if isinstance(e, TimedDisturbance)]
-        self._faults = Faults(
-            self._names,
-            self.settings.seed,
-            self.epoch,
-            tuple(e for e in self._known if isinstance(e, Timed)),
-        )
+        seed, period = self.settings.seed, self.settings.period
+        self._breakings = Breakings(self._names, period, seed, self.epoch, self._known, self.say)
+        self._faults = self._breakings.faults
         self._ask()
 
     @property
@@ -191,7 +178,7 @@ class Bench:
         velocity = self.model.joint_state(self._x)[1]
         demand = self._faults.demand(self.drive.effort(velocity))
         applied = self._faults.effort(self.actuator.apply(demand))
-        extra = self._disturbance_at(self.tick)
+        extra = self._breakings.disturbance(self.tick)
         after = self._moved(applied + extra)
         if is_lost(after):
             self._fail(after, extra)
@@ -246,17 +233,11 @@ class Bench:
             )
         try:
             entry = injected_entry(text, start * self.settings.period)
-            breaking = self._breaking(entry, "fault")
+            period = self.settings.period
+            breaking = breaking_of(entry, self._names, period, "fault")
         except BadInput as error:
             return InjectResult(False, str(error), self.tick)
-        if isinstance(breaking, Timed):
-            self._faults.add(breaking)
-            word: str = breaking.fault.kind
-        else:
-            self._disturbances.append(breaking)
-            word = "disturbance"
-        number = len(self._breakings)
-        self._breakings.append(breaking)
+        word, number = self._breakings.add(breaking)
         data = {"text": text, "start": start, "number": number, "who": who}
         self.say(Level.INFO, "injected", f"{word} wanted at tick {start}", data)
         return InjectResult(True, f"{word} {number} at tick {start}", start, number)
@@ -273,25 +254,15 @@ class Bench:
             known = ", ".join(map(str, sorted(here))) or "none"
             words = f"nothing with number {number} acts or will; numbers: {known}"
             return InjectResult(False, words, self.tick)
-        end, breaking = self.tick + 1, self._breakings[number]
-        if isinstance(breaking, Timed):
-            self._faults.end(breaking, end)
-        else:
-            k = next(k for k, d in enumerate(self._disturbances) if d is breaking)
-            self._disturbances[k] = breaking._replace(end=end)
-            self._breakings[number] = self._disturbances[k]
-        self._ended.add(number)
+        end = self.tick + 1
+        self._breakings.end(number, end)
         words = f"fault or disturbance {number} ends at tick {end}"
         self.say(Level.INFO, "fault_ended", words, {"number": number, "who": who})
         return InjectResult(True, words, end, number)
 
     def active_faults(self) -> list[ActiveFault]:
         """Return what disturbs or breaks now, or will."""
-        return [
-            ActiveFault(number, _words(e), int(e.start), int(e.end) if e.end < inf else None)
-            for number, e in enumerate(self._breakings)
-            if e.end > self.tick and number not in self._ended
-        ]
+        return self._breakings.active(self.tick)
 
     def _over(self, tick: int) -> str:
         return f"{tick * self.settings.period:g} s is over: the bench is at {self.time:g} s"
@@ -318,11 +289,7 @@ class Bench:
         return round(time / self.settings.period)
 
     def _ask(self) -> None:
-        for timed, on in self._faults.begin(self.tick):
-            data = {"on": on, "fault": plain(timed.fault), "start": timed.start}
-            data |= {"end": int(timed.end)} if timed.end < inf else {}
-            words = f"{timed.fault.kind} {'on' if on else 'off'}"
-            self.say(Level.WARNING if on else Level.INFO, "fault", words, data)
+        self._breakings.begin(self.tick)
         self.charge.begin(self.tick)
         self._answer, self._lost = None, False
         position, velocity = self.model.joint_state(self._x)
@@ -360,31 +327,6 @@ class Bench:
             )
         return True
 
-    def _breaking(self, entry: ScheduleEntry, place: str) -> TimedDisturbance | Timed:
-        """Return a disturbance or a fault with its ticks; see check_disturbance, check_fault."""
-        start = self._tick_of(entry.at)
-        end = inf if entry.until is None else max(self._tick_of(entry.until), start + 1)
-        if entry.fault is not None:
-            check_fault(entry.fault, self._names, f"{place}.fault")
-            return Timed(entry.fault, start, end)
-        shapes = entry.disturbance or {}
-        check_disturbance(shapes, self._names.joints, f"{place}.disturbance")
-        return TimedDisturbance(shapes, start, end)
-
-    def _disturbance_at(self, tick: int) -> Vector:
-        total = np.zeros(self.model.joints)
-        for timed in self._disturbances:
-            if timed.start <= tick < timed.end:
-                total = total + disturbance_effort(
-                    timed, tick, self._names.joints, self.settings.period
-                )
-            if tick in (timed.start, timed.end):
-                word = "on" if tick == timed.start else "off"
-                shapes = _plain_shapes(timed)
-                words = f"disturbance {word}: {shapes}"
-                self.say(Level.INFO, "disturbance", words, {**shapes, "on": word == "on"})
-        return total
-
     def finish(self, wall_time: float) -> None:
         """Say how the run went, to people and to programs.
 
@@ -406,17 +348,3 @@ class Bench:
         self.events.append(
             Event(self.tick, self.time, self.epoch, level, "plant", kind, message, dict(data))
         )
-
-
-def _plain_shapes(timed: TimedDisturbance) -> dict[str, Any]:
-    return {
-        name: shape if isinstance(shape, float) else plain(shape)
-        for name, shape in timed.shapes.items()
-    }
-
-
-def _words(breaking: TimedDisturbance | Timed) -> str:
-    """Return a fault or a disturbance as one line of YAML."""
-    if isinstance(breaking, Timed):
-        return yaml_text(plain(breaking.fault), flow=True).strip()
-    return yaml_text({"disturbance": _plain_shapes(breaking)}, flow=True).strip()
