@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from flexslew_control.controllers.sliding_beliefs import Carried, OneAppendage
+from flexslew_control.controllers.one_appendage import Carried, OneAppendage
 from flexslew_control.controllers.sliding_surface import LinearSystem, SlidingDesign, design
 from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
@@ -68,7 +68,7 @@ def platform_gains(c: Clamped, settings: AppendageFeedback) -> tuple[Vector, Vec
     return carried * square, carried * 2.0 * settings.platform_damping * np.sqrt(square)
 
 
-def appendage_belief(
+def appendage_model(
     settings: AppendageFeedback,
     mode: str,
     reaching_rate: float,
@@ -100,7 +100,7 @@ def appendage_belief(
     found = design(system, appendage_weight(c, settings.weight_exponents), reaching_rate)
     stiffness, damping = platform_gains(c, settings)
     carried = Carried(c.torque, c.inertia, c.tangential, c.centrifugal, c.mass)
-    belief = OneAppendage(
+    observed = OneAppendage(
         system,
         found.observer_gain,
         carried,
@@ -114,4 +114,4 @@ def appendage_belief(
         stiffness,
         damping,
     )
-    return belief, found
+    return observed, found

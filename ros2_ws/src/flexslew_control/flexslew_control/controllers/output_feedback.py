@@ -20,14 +20,14 @@ import numpy as np
 
 from flexslew_control.controllers.appendage_feedback import (
     AppendageFeedback,
-    appendage_belief,
+    appendage_model,
 )
+from flexslew_control.controllers.design_model import DesignModel, JointsAndModes
 from flexslew_control.controllers.sampled_loop import (
     LinearPlant,
     appendage_loop,
     require_sampled_stability,
 )
-from flexslew_control.controllers.sliding_beliefs import Belief, JointsAndModes
 from flexslew_control.controllers.sliding_surface import LinearSystem, SlidingDesign, design
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_control.law import Estimate, PlantDescription, Reference
@@ -66,12 +66,12 @@ class SampledObserver:
     The estimate at tick k rests on the measurements before k; the law adds K_f y(k) itself.
 
     Args:
-        belief: what is observed.
+        observed: what is observed.
         found: K_f and P.
         period: one tick [s].
     """
 
-    belief: Belief
+    observed: DesignModel
     found: SlidingDesign
     period: float
     _z: Vector = field(init=False)
@@ -83,7 +83,7 @@ class SampledObserver:
 
     def __post_init__(self) -> None:
         """Precompute the inverse of the innovation's covariance."""
-        s = self.belief.system
+        s = self.observed.system
         variance = s.c @ self.found.covariance @ s.c.T + s.sensor_density / self.period
         self._inverse = np.linalg.inv(variance)
         self._covariance = self.found.covariance.copy()
@@ -95,27 +95,27 @@ class SampledObserver:
 
     def reset(self, measurement: Measurement) -> None:
         """Start at the measured joints with straight appendages at rest."""
-        self._z = self.belief.start(measurement)
+        self._z = self.observed.start(measurement)
         self._tick = measurement.tick
         self._take(measurement)
 
     def update(self, measurement: Measurement) -> Estimate:
         """Return the estimate at this tick; the same again for a measurement that is repeated."""
         if measurement.tick != self._tick:
-            effort = self.belief.efforts(measurement)
+            effort = self.observed.efforts(measurement)
             gain = self.found.observer_gain
-            self._z = self.belief.advanced(self._z, self._y, effort, gain, self._reference)
+            self._z = self.observed.advanced(self._z, self._y, effort, gain, self._reference)
             self._tick = measurement.tick
             self._take(measurement)
         return self._last
 
     def _take(self, measurement: Measurement) -> None:
         self._reference = self._coming
-        self._y = self.belief.outputs(measurement)
+        self._y = self.observed.outputs(measurement)
         z = self._z
-        e = self._y - self.belief.system.c @ z
+        e = self._y - self.observed.system.c @ z
         nis = float(e @ self._inverse @ e)
-        position, velocity = self.belief.estimate(z, measurement)
+        position, velocity = self.observed.estimate(z, measurement)
         self._last = Estimate(position, velocity, np.zeros(0), self._covariance, e, nis)
 
 
@@ -124,15 +124,15 @@ class SlidingLaw:
     """u = -(G B)^-1 {G [f(z_hat, 0) + K_f e - z*'] + nu G (z_hat - z*) + kappa G z_re} (51).
 
     e = y - C z_hat. f(z, 0) = A z + D, and B is that at z_hat (tracking (a)) or at the set point
-    with D = 0 (tracking (b)). What z leaves out of the bench is held by the belief's own feedback.
+    with D = 0 (tracking (b)). What z leaves out of the bench is held by its own feedback.
 
     Args:
-        belief: what is controlled.
+        observed: what is controlled.
         found: G and nu.
         attitude_gain: kappa, on the joints' rows of z_hat - z* [1/s].
     """
 
-    belief: Belief
+    observed: DesignModel
     found: SlidingDesign
     attitude_gain: float = 0.0
     terms: dict[str, Vector] = field(init=False, default_factory=dict)
@@ -141,7 +141,7 @@ class SlidingLaw:
         """Precompute what does not change."""
         nu, kappa = self.found.reaching_rate, self.attitude_gain
         # nu G + kappa G on the joints' columns alone
-        self._reaching = self.found.surface * (nu + kappa * self.belief.joint_rows)
+        self._reaching = self.found.surface * (nu + kappa * self.observed.joint_rows)
         self._innovation_gain = self.found.surface @ self.found.observer_gain
 
     def reset(
@@ -151,18 +151,18 @@ class SlidingLaw:
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the joint efforts, shape (joints,) [N m or N]."""
-        belief, surface = self.belief, self.found.surface
-        z = belief.state(estimate)
-        nominal, slope = belief.wanted(reference)
-        drift, inverse = belief.drift(z, reference), belief.effectiveness(z, surface)
+        observed, surface = self.observed, self.found.surface
+        z = observed.state(estimate)
+        nominal, slope = observed.wanted(reference)
+        drift, inverse = observed.drift(z, reference), observed.effectiveness(z, surface)
         summands = {
             "feedforward": inverse @ (surface @ slope),
             "equivalent": -inverse @ (surface @ drift),
             "innovation": -inverse @ (self._innovation_gain @ estimate.innovation),
             "reaching": -inverse @ (self._reaching @ (z - nominal)),
         }
-        self.terms = {name: belief.on_bench(effort) for name, effort in summands.items()}
-        self.terms |= belief.platform(measurement, reference)
+        self.terms = {name: observed.on_bench(effort) for name, effort in summands.items()}
+        self.terms |= observed.platform(measurement, reference)
         total: Vector = sum(self.terms.values(), start=_NOTHING)
         return total
 
@@ -219,7 +219,7 @@ def build(
     system = testbed_system(model, rest, settings, plant.period)
     found = design(system, testbed_weight(model, rest, settings), settings.reaching_rate)
     require_stable(system.a - found.observer_gain @ system.c, system.names, "the observer")
-    belief = JointsAndModes(
+    observed = JointsAndModes(
         model,
         system,
         np.concatenate((rest, np.zeros(model.coordinates))),
@@ -228,9 +228,9 @@ def build(
         settings.mode != "rigid_hold",
         found.observer_gain,
     )
-    law = SlidingLaw(belief, found, settings.attitude_gain)
+    law = SlidingLaw(observed, found, settings.attitude_gain)
     if settings.observer == "steady":
-        return SampledObserver(belief, found, plant.period), law
+        return SampledObserver(observed, found, plant.period), law
     sensors = FilterSettings(
         angle_sigma=settings.angle_sigma,
         rate_sigma=settings.rate_sigma,
@@ -245,7 +245,7 @@ def _of_appendage(
     settings: OutputFeedback, chosen: AppendageFeedback, plant: PlantDescription
 ) -> tuple[SampledObserver, SlidingLaw]:
     """Return the observer and the law of one appendage; see appendage_feedback."""
-    one, found = appendage_belief(
+    one, found = appendage_model(
         chosen, settings.mode, settings.reaching_rate, settings.model, plant
     )
     require_stable(one.system.a - one.gain @ one.system.c, one.system.names, "the observer")

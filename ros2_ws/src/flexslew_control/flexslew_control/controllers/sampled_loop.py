@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import expm
 
-from flexslew_control.controllers.sliding_beliefs import OneAppendage, held_step
+from flexslew_control.controllers.design_model import held_step
+from flexslew_control.controllers.one_appendage import OneAppendage
 from flexslew_control.controllers.sliding_surface import SlidingDesign
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -53,21 +54,21 @@ def collocated_loop(plant: LinearPlant, kp: Vector, kd: Vector, period: float) -
 
 
 def appendage_loop(
-    plant: LinearPlant, belief: OneAppendage, found: SlidingDesign, period: float
+    plant: LinearPlant, observed: OneAppendage, found: SlidingDesign, period: float
 ) -> Matrix:
     """Return the map of one tick of plant and observer under output feedback control."""
     f, g = plant.step(period)
-    surface, gain, system = found.surface, found.observer_gain, belief.system
+    surface, gain, system = found.surface, found.observer_gain, observed.system
     inverse = np.linalg.inv(surface @ system.b)
     by_y = -inverse @ surface @ gain
     by_z = -inverse @ surface @ (system.a - gain @ system.c)
     by_z = by_z - found.reaching_rate * inverse @ surface
-    y = plant.tip[belief.rows]
-    own = np.zeros((belief.count, len(belief.joints)))
-    own[belief.joints, range(len(belief.joints))] = 1.0
+    y = plant.tip[observed.rows]
+    own = np.zeros((observed.count, len(observed.joints)))
+    own[observed.joints, range(len(observed.joints))] = 1.0
     held = np.where(own.any(axis=1), 0.0, 1.0)
-    platform = -(held * belief.stiffness)[:, None] * plant.position
-    platform = platform - (held * belief.damping)[:, None] * plant.velocity
+    platform = -(held * observed.stiffness)[:, None] * plant.position
+    platform = platform - (held * observed.damping)[:, None] * plant.velocity
     k, m = system.b.shape
     step = held_step(system, gain, period)
     by_effort, by_output = step[:, k : k + m], step[:, k + m :]

@@ -1,10 +1,10 @@
-"""What output feedback control may believe of the bench: all joints and modes, or one appendage.
+"""What output feedback control is designed for: here all joints and modes of the bench.
 
-The observer and the law of papers/002 (see output_feedback) are the same for both.
+The observer and the law (see output_feedback) are the same for every one.
 """
 
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Protocol, TypeAlias
+from dataclasses import dataclass, field
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,12 @@ from flexslew_plant.testbeds.model import Model
 Mask: TypeAlias = NDArray[np.bool_]
 
 
-def _inverse(a: Matrix) -> Matrix:
+def inverse(a: Matrix) -> Matrix:
     """Return a^-1, shape (m, m)."""
     return np.asarray(np.linalg.inv(a), dtype=np.float64)
 
 
-class Belief(Protocol):
+class DesignModel(Protocol):
     """z' = f(z, u) + known disturbances, y = C z, and what belongs to it on the bench."""
 
     @property
@@ -170,9 +170,9 @@ class JointsAndModes:
         """Return (G B)^-1 with B at z, or at the set point where it is linear."""
         if self.linear:
             if self._effectiveness is None:
-                self._effectiveness = _inverse(surface @ self.system.b)
+                self._effectiveness = inverse(surface @ self.system.b)
             return self._effectiveness
-        return _inverse(surface @ self.model.jacobian(z, self._no_effort)[1])
+        return inverse(surface @ self.model.jacobian(z, self._no_effort)[1])
 
     def wanted(self, reference: Reference) -> tuple[Vector, Vector]:
         """Return z* and the mean of its derivative over the coming tick."""
@@ -203,166 +203,3 @@ class JointsAndModes:
     def state(self, estimate: Estimate) -> Vector:
         """Return [q, v]."""
         return np.concatenate((estimate.position, estimate.velocity))
-
-
-class Carried(NamedTuple):
-    """How the platform's motion moves an appendage, and the platform's own numbers.
-
-    Args:
-        torque: platform torque of each joint's effort, shape (3, joints).
-        inertia: of the whole about the body origin, shape (3, 3).
-        tangential: C^T, modal force of -angular acceleration, shape (n, 3).
-        centrifugal: D_j / 2 for w^T (D_j / 2) w, shape (n, 3, 3).
-        mass: modal masses, shape (n,).
-    """
-
-    torque: Matrix
-    inertia: Matrix
-    tangential: Matrix
-    centrifugal: Matrix
-    mass: Vector
-
-
-@dataclass
-class OneAppendage:
-    """z = (q, q') of one appendage relative to the platform (41), the platform held beside it.
-
-    q'' + C q' + K q = Psi^T u - D(t): the known disturbance D (tangential and centrifugal forces)
-    is that of the reference's motion.
-
-    Args:
-        system: A, B and C of the appendage clamped to the platform.
-        gain: K_f.
-        carried: how the platform's motion enters.
-        known: whether D is known to law and observer (tracking (a)).
-        elastic: False holds the appendage straight.
-        period: one tick [s].
-        first: where its modes begin among the reference's.
-        joints: which of the bench's joints are its efforts, shape (m,).
-        count: of the bench's joints.
-        rows: which tip readings are its displacements and rates, shape (l,).
-        stiffness, damping: of the platform's feedback, one per joint, shape (joints,).
-    """
-
-    system: LinearSystem
-    gain: Matrix
-    carried: Carried
-    known: bool
-    elastic: bool
-    period: float
-    first: int
-    joints: list[int]
-    count: int
-    rows: list[int]
-    stiffness: Vector
-    damping: Vector
-    _step: Matrix = field(init=False)
-    _effectiveness: Matrix | None = field(init=False, default=None)
-
-    def __post_init__(self) -> None:
-        """Precompute what does not change."""
-        k = len(self.system.a)
-        # one column more per state: a disturbance that is held
-        both = replace(self.system, b=np.hstack((self.system.b, np.eye(k))))
-        self._step = held_step(both, self.gain, self.period)
-        self._inverse = np.linalg.inv(self.carried.inertia)
-        self._to_spin = np.linalg.pinv(self.carried.torque.T)
-        self._none = np.zeros(k)
-        self._own = np.zeros(self.count, dtype=bool)
-        self._own[self.joints] = True
-
-    @property
-    def joint_rows(self) -> Mask:
-        """None of its states is a joint of the bench."""
-        return np.zeros(len(self.system.a), dtype=bool)
-
-    def start(self, measurement: Measurement) -> Vector:
-        """Return a straight appendage at rest."""
-        return np.zeros(len(self.system.a))
-
-    def outputs(self, measurement: Measurement) -> Vector:
-        """Return the tip's displacements and rates."""
-        return measurement.tip_deflection[self.rows]
-
-    def efforts(self, measurement: Measurement) -> Vector:
-        """Return the torques at its tip."""
-        return measurement.applied_effort[self.joints]
-
-    def disturbance(self, reference: Reference | None) -> Vector:
-        """Return D(t) in the rows of q'', from the torque that the plan feeds forward."""
-        if reference is None or not self.known:
-            return self._none
-        c = self.carried
-        spin = self._to_spin @ reference.velocity
-        torque = c.torque @ reference.effort
-        acceleration = self._inverse @ (torque - np.cross(spin, c.inertia @ spin))
-        force = (c.centrifugal @ spin) @ spin - c.tangential @ acceleration
-        return np.concatenate((np.zeros(force.size), force / c.mass))
-
-    def advanced(
-        self, z: Vector, y: Vector, effort: Vector, gain: Matrix, reference: Reference | None
-    ) -> Vector:
-        """Return z one tick later, exactly for what is held."""
-        held = self.disturbance(reference)
-        return self._step @ np.concatenate((z, effort, held, y))
-
-    def drift(self, z: Vector, reference: Reference) -> Vector:
-        """Return A z + D."""
-        return self.system.a @ z + self.disturbance(reference)
-
-    def effectiveness(self, z: Vector, surface: Matrix) -> Matrix:
-        """Return (G B)^-1."""
-        if self._effectiveness is None:
-            self._effectiveness = _inverse(surface @ self.system.b)
-        return self._effectiveness
-
-    def wanted(self, reference: Reference) -> tuple[Vector, Vector]:
-        """Return z* and z*' at the tick: the modes of the plan's model, the rest zero."""
-        n = len(self.system.a) // 2
-        if not self.elastic or not reference.state.size:
-            return self._none, self._none
-        now, later = self._modes(reference.state, n), self._modes(reference.next_state, n)
-        q, v = now[:n], now[n:]
-        # the cubic through both ends and slopes: its second derivative at the tick
-        h = self.period
-        slope = 6.0 * (later[:n] - q) / h**2 - (4.0 * v + 2.0 * later[n:]) / h
-        return now, np.concatenate((v, slope))
-
-    def _modes(self, state: Vector, n: int) -> Vector:
-        """Return this appendage's modes and rates of a plan's state [joint, modes, rates]."""
-        half = state.size // 2
-        kept = min(n, half - 1 - self.first)
-        out = np.zeros(2 * n)
-        at = 1 + self.first
-        out[:kept] = state[at : at + kept]
-        out[n : n + kept] = state[half + at : half + at + kept]
-        return out
-
-    def on_bench(self, effort: Vector) -> Vector:
-        """Return the torques at the tip in their places, others zero."""
-        out = np.zeros(self.count)
-        out[self.joints] = effort
-        return out
-
-    def platform(self, measurement: Measurement, reference: Reference) -> dict[str, Vector]:
-        """Return the plan's efforts on the platform and the feedback of its pose."""
-        position = self.stiffness * (reference.position - measurement.joint_position)
-        rate = self.damping * (reference.velocity - measurement.joint_velocity)
-        return {
-            "zero_order": np.where(self._own, 0.0, reference.effort),
-            "attitude": np.where(self._own, 0.0, position),
-            "attitude_rate": np.where(self._own, 0.0, rate),
-        }
-
-    def estimate(self, z: Vector, measurement: Measurement) -> tuple[Vector, Vector]:
-        """Return the joints as measured and the estimated modes."""
-        n = len(z) // 2
-        return (
-            np.concatenate((measurement.joint_position, z[:n])),
-            np.concatenate((measurement.joint_velocity, z[n:])),
-        )
-
-    def state(self, estimate: Estimate) -> Vector:
-        """Return the modes and their rates."""
-        n = len(self.system.a) // 2
-        return np.concatenate((estimate.position[-n:], estimate.velocity[-n:]))

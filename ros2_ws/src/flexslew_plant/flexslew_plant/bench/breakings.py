@@ -1,0 +1,138 @@
+"""What disturbs the bench or breaks on it: of the schedule, then of operators, by number."""
+
+from collections.abc import Callable, Sequence
+from math import inf
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.disturbances import (
+    TimedDisturbance,
+    check_disturbance,
+    disturbance_effort,
+)
+from flexslew_plant.bench.events import Level
+from flexslew_plant.bench.records import ActiveFault
+from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.faults import Names, Timed, check_fault
+from flexslew_plant.faults.injection import Faults
+from flexslew_plant.settings import plain, yaml_text
+
+Breaking: TypeAlias = TimedDisturbance | Timed
+Say: TypeAlias = Callable[[Level, str, str, dict[str, Any]], None]
+
+
+def breaking_of(entry: ScheduleEntry, names: Names, period: float, place: str) -> Breaking:
+    """Return the disturbance or the fault of an entry, with its ticks.
+
+    Args:
+        entry: that is no switch.
+        names: of the testbed.
+        period: of a tick [s].
+        place: where it stands, for errors.
+
+    Raises:
+        BadInput: see check_disturbance, check_fault.
+    """
+    start = round(entry.at / period)
+    end = inf if entry.until is None else max(round(entry.until / period), start + 1)
+    if entry.fault is not None:
+        check_fault(entry.fault, names, f"{place}.fault")
+        return Timed(entry.fault, start, end)
+    shapes = entry.disturbance or {}
+    check_disturbance(shapes, names.joints, f"{place}.disturbance")
+    return TimedDisturbance(shapes, start, end)
+
+
+class Breakings:
+    """The disturbances and faults of one epoch.
+
+    Args:
+        names: of the testbed.
+        period: of a tick [s].
+        seed: of the trial.
+        epoch: counts resets.
+        known: those of the schedule.
+        say: notes an event.
+    """
+
+    def __init__(
+        self,
+        names: Names,
+        period: float,
+        seed: int,
+        epoch: int,
+        known: Sequence[Breaking],
+        say: Say,
+    ) -> None:
+        self._names, self._period, self._say = names, period, say
+        self._all = list(known)
+        self._disturbances = [one for one in known if isinstance(one, TimedDisturbance)]
+        self._ended: set[int] = set()  # by an operator
+        self.faults = Faults(
+            names, seed, epoch, tuple(one for one in known if isinstance(one, Timed))
+        )
+
+    def add(self, breaking: Breaking) -> tuple[str, int]:
+        """Take one more; return what it is in a word, and its number."""
+        self._all.append(breaking)
+        number = len(self._all) - 1
+        if isinstance(breaking, Timed):
+            self.faults.add(breaking)
+            return breaking.fault.kind, number
+        self._disturbances.append(breaking)
+        return "disturbance", number
+
+    def end(self, number: int, tick: int) -> None:
+        """Let one of the active ones end at this tick, or never begin."""
+        breaking = self._all[number]
+        if isinstance(breaking, Timed):
+            self.faults.end(breaking, tick)
+        else:
+            k = next(k for k, d in enumerate(self._disturbances) if d is breaking)
+            self._disturbances[k] = self._all[number] = breaking._replace(end=tick)
+        self._ended.add(number)
+
+    def active(self, tick: int) -> list[ActiveFault]:
+        """Return what disturbs or breaks at this tick, or will."""
+        return [
+            ActiveFault(number, _words(e), int(e.start), int(e.end) if e.end < inf else None)
+            for number, e in enumerate(self._all)
+            if e.end > tick and number not in self._ended
+        ]
+
+    def begin(self, tick: int) -> None:
+        """Let faults set in and end at this tick, and say so."""
+        for timed, on in self.faults.begin(tick):
+            data = {"on": on, "fault": plain(timed.fault), "start": timed.start}
+            data |= {"end": int(timed.end)} if timed.end < inf else {}
+            words = f"{timed.fault.kind} {'on' if on else 'off'}"
+            self._say(Level.WARNING if on else Level.INFO, "fault", words, data)
+
+    def disturbance(self, tick: int) -> Vector:
+        """Return the effort on the joints over this tick, and say what begins and ends."""
+        total = np.zeros(len(self._names.joints))
+        for timed in self._disturbances:
+            if timed.start <= tick < timed.end:
+                total = total + disturbance_effort(timed, tick, self._names.joints, self._period)
+            if tick in (timed.start, timed.end):
+                word = "on" if tick == timed.start else "off"
+                shapes = _plain_shapes(timed)
+                words = f"disturbance {word}: {shapes}"
+                self._say(Level.INFO, "disturbance", words, {**shapes, "on": word == "on"})
+        return total
+
+
+def _plain_shapes(timed: TimedDisturbance) -> dict[str, Any]:
+    return {
+        name: shape if isinstance(shape, float) else plain(shape)
+        for name, shape in timed.shapes.items()
+    }
+
+
+def _words(breaking: Breaking) -> str:
+    """Return a fault or a disturbance as one line of YAML."""
+    if isinstance(breaking, Timed):
+        return yaml_text(plain(breaking.fault), flow=True).strip()
+    return yaml_text({"disturbance": _plain_shapes(breaking)}, flow=True).strip()
