@@ -1,4 +1,4 @@
-"""Output feedback control of one appendage, the platform held beside it (papers/002, section 4)."""
+"""Output feedback control of one appendage, the platform held beside it (Sung and Joo, sec. 4)."""
 
 from typing import Annotated
 

@@ -31,7 +31,7 @@ class FilterSettings:
 
 
 def continuous_gain(a: Matrix, c: Matrix, noise: Matrix, r: Matrix) -> tuple[Matrix, Matrix]:
-    """Return K_f = P C^T R^-1 and P of the stationary Kalman-Bucy filter (papers/002, (6), (7)).
+    """Return K_f = P C^T R^-1 and P of the stationary Kalman-Bucy filter (Sung and Joo, (6), (7)).
 
     0 = A P + P A^T + L Q L^T - P C^T R^-1 C P.
 

@@ -28,7 +28,7 @@ class OneAxis(NamedTuple):
     def embedded(self, plan: Plan) -> Plan:
         """Return the plan for all joints: what stays at rest, and the efforts that hold it there.
 
-        The efforts are those of (44) to (46) in papers/002; the joint that moves has what the
+        The efforts are those of (44) to (46) in Sung and Joo; the joint that moves has what the
         plan gives it besides.
         """
         k, count = self.joint, len(self.names)

@@ -18,7 +18,7 @@ from flexslew_plant.testbeds.csa import CsaInitial, CsaParameters, CsaTestbed
 PERIOD = 0.01  # [s]
 _GOAL = float(np.pi / 6.0)  # base yaw [rad]
 _PITCH = 0.5  # hub pitch at the end [rad]
-_FILE = "papers/002"
+_FILE = "Sung and Joo"
 
 
 def plant_of(testbed: CsaTestbed, limit: float = 1e9) -> PlantDescription:
@@ -80,7 +80,7 @@ Case = Literal["tracking_a", "tracking_b", "rigid_hold", "pd", "open_clamped", "
 
 
 def slew(case: Case, start_pitch: float, stiffness: float = 1.0) -> tuple[Run, float]:
-    """Return a run of the table of papers/002 on three modes, 60 s, and the manoeuvre's end [s].
+    """Return a run of the table of Sung and Joo on three modes, 60 s, and the manoeuvre's end [s].
 
     Args:
         case: the row.

@@ -1,4 +1,4 @@
-"""The public figures of the PI law with an estimator on the testbed (papers/004)."""
+"""The public figures of the PI law with an estimator on the testbed (Kwak, 1989)."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -17,7 +17,7 @@ from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.model import Model
 
-_FILE = "papers/004"
+_FILE = "Kwak (1989)"
 _GAINS = {  # rows of the gains of base yaw on (theta, psi, q)
     "kp": (2184.4058, 0.0, -87.066733),
     "kd": (10942.2764, 0.0, 145.675013),

@@ -103,7 +103,7 @@ class Turning(Protocol):
         """
 
     def rigid_turn(self, joint: str) -> RigidTurn:
-        """Return what all joints must do for the turn (papers/002, (44) to (46))."""
+        """Return what all joints must do for the turn (Sung and Joo, (44) to (46))."""
 
 
 @runtime_checkable

@@ -1,4 +1,6 @@
-"""The CSA two-motor testbed: base yaw, hub pitch and two flexible beams (papers/000, section 2).
+"""The CSA two-motor testbed: base yaw, hub pitch and two flexible beams.
+
+Gorinevsky and Vukovich (1998), section 2.
 
 Coordinates: joints (theta, psi) [rad], then modal coordinates q_j [m] with phi_j(L) = 1.
 Variants:
@@ -32,7 +34,7 @@ _COMPLETE, _J_A, _J_1, _J_2, _MODES = 0, 1, 2, 3, 4
 
 @section
 class CsaParameters:
-    """Table 1 of papers/000; a new testbed of this kind is other numbers here."""
+    """Table 1 of Gorinevsky and Vukovich (1998); another testbed is other numbers here."""
 
     length: Positive = 30.0  # L [m]
     linear_density: Positive = 0.2  # mu [kg/m]

@@ -1,4 +1,6 @@
-"""The floating oscillator: a driven mass, a spring and a free mass (papers/001, section 3.2).
+"""The floating oscillator: a driven mass, a spring and a free mass.
+
+Liu and Singh (1997), section 3.2.
 
 Coordinates: x_1, where the driven mass is [m], then the stretch q = x_2 - x_1 [m], which stands
 where other testbeds have the deflection of a tip. In these (8), (9) read
@@ -26,7 +28,7 @@ _TOTAL, _FREE, _STIFFNESS, _DAMPING = 0, 1, 2, 3
 
 @section
 class FloatingOscillatorParameters:
-    """The benchmark of papers/001: everything is one."""
+    """The benchmark of Liu and Singh (1997): everything is one."""
 
     driven_mass: Positive = 1.0  # m_1 [kg]
     free_mass: Positive = 1.0  # m_2 [kg]

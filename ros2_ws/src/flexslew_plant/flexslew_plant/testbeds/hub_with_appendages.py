@@ -1,4 +1,6 @@
-"""A rigid hub with two flexible appendages, tip masses and foreshortening (papers/001, section 4).
+"""A rigid hub with two flexible appendages, tip masses and foreshortening.
+
+Liu and Singh (1997), section 4.
 
 Coordinates: the hub's angle theta [rad], then the tip deflection q [m]: the mode (21) is scaled
 here such that phi(L) = 1, as on the other testbeds; the paper's own amplitude is q/phi(L). With
@@ -33,7 +35,7 @@ _A0, _A2, _A4, _B0, _B2, _C0, _C2, _STIFFNESS, _DAMPING = 0, 1, 2, 3, 4, 5, 6, 7
 
 @section
 class HubParameters:
-    """Table 1 of papers/001 in its own units; they become SI when they are packed."""
+    """Table 1 of Liu and Singh (1997) in its own units; they become SI when they are packed."""
 
     hub_radius: NonNegative = 1.0  # r [ft]
     hub_inertia: Positive = 8.0  # I_h [slug ft^2]

@@ -1,7 +1,8 @@
 """The closed loop over a manoeuvre and its exact sensitivities, as compiled kernels.
 
-The drives apply u = d(t) - Kp q - Kd v to the joints, which is (12), (13) of papers/000 with
-d = u_ff + Kp q_ref + Kd v_ref gathered in one table `drive` at the stages of the integrator.
+The drives apply u = d(t) - Kp q - Kd v to the joints, which is (12), (13) of Gorinevsky and
+Vukovich (1998) with d = u_ff + Kp q_ref + Kd v_ref gathered in one table `drive` at the stages of
+the integrator.
 So the kernels know neither the reference nor the basis of the feedforward.
 """
 
