@@ -148,14 +148,16 @@ def test_the_efforts_and_their_sensitivities_are_those_of_the_flight() -> None:
     peak = member.flown(asked.basis, weights.reshape(2, -1).T)[1]
     np.testing.assert_allclose(np.abs(at.efforts(weights)).max(axis=0), peak, rtol=0.3)
     whole = at.sensitivity()
-    g, slopes = at.sensitivities()
+    g, slopes, turns = at.sensitivities()
     np.testing.assert_allclose(g, whole, atol=1e-15)
     for k in (0, 7, 12):
         change = 1e-3 * np.eye(18)[k]
         ahead, behind = (
-            (at.terminal_error(weights + d), at.efforts(weights + d))[1] for d in (change, -change)
+            (at.terminal_error(weights + d), at.efforts(weights + d), at.positions.copy())[1:]
+            for d in (change, -change)
         )
-        np.testing.assert_allclose(slopes[:, :, k], (ahead - behind) / 2e-3, atol=1e-8)
+        np.testing.assert_allclose(slopes[:, :, k], (ahead[0] - behind[0]) / 2e-3, atol=1e-8)
+        np.testing.assert_allclose(turns[:, :, k], (ahead[1] - behind[1]) / 2e-3, atol=1e-11)
 
 
 def test_the_weight_is_the_mean_vibration_after_the_end() -> None:
@@ -198,3 +200,44 @@ def test_what_cannot_be_is_said_in_one_line() -> None:
     ):
         with pytest.raises(BadInput, match=next(iter(wrong))):
             validated(RobustFeedforward, wrong, "trial.yaml")
+
+
+RANGES: list[dict[str, list[float]]] = [
+    {"hub_pitch": [-0.3, 0.8]},
+    {"hub_pitch": [-0.1, 0.6]},
+    {"hub_pitch": [-0.02, 0.52], "base_yaw": [-0.1, 1.02]},
+]
+
+
+@pytest.mark.parametrize("wanted", RANGES)
+def test_no_joint_leaves_its_range_on_any_member(wanted: dict[str, list[float]]) -> None:
+    bound, free = plan(joint_range=wanted), plan()
+    assert free.summary["swing"]["hub_pitch"][1] > 1.0  # without a range it goes twice as far
+    errors = np.linspace(-0.2, 0.2, 9)
+    joints = ("base_yaw", "hub_pitch")
+    for error in errors:
+        model = CsaTestbed(modes=1).model().with_stiffness(1.0 + error)
+        x = np.zeros(model.coordinates * 2)
+        for k in range(bound.ticks):
+            r = bound.reference(k)
+            rates = x[model.coordinates :][:2]
+            effort = r.effort + KP * (r.position - x[:2]) + KD * (r.velocity - rates)
+            x = model.advance(x, effort, bound.period, 1)
+            for joint, (low, high) in wanted.items():
+                assert low <= x[joints.index(joint)] <= high
+    worst, before = (max(residual_tip(p, e) for e in errors) for p in (bound, plain_plan()))
+    assert free.summary["worst_residual"] < worst < before / 2.0
+
+
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [
+        ({"hub": [0.0, 1.0]}, "joint_range: hub is not a joint of the testbed; allowed: base_yaw"),
+        ({"hub_pitch": [0.0, 0.4]}, r"joint_range\.hub_pitch: \[0, 0.4\] is not allowed: .* 0.5"),
+        ({"hub_pitch": [1.0, -1.0]}, r"\[1, -1\] is not allowed"),
+        ({"hub_pitch": [-0.001, 0.501], "base_yaw": [-0.001, 1.0001]}, "swings from"),
+    ],
+)
+def test_a_range_that_cannot_be_kept_is_refused(wanted: Any, words: str) -> None:
+    with pytest.raises((BadInput, PlanFailed), match=words):
+        plan(joint_range=wanted)

@@ -49,8 +49,10 @@ class Member:
         values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
-    def flown(self, basis: Basis, weights: Matrix) -> tuple[float, Vector]:
-        """Return the largest tip deflection after the end [m] and the peak effort of the joints.
+    def flown(self, basis: Basis, weights: Matrix) -> tuple[float, Vector, Matrix]:
+        """Return the largest tip deflection after the end [m], the peak efforts, and the swing.
+
+        The swing is the lowest and the highest position of each joint, (2, joints) [rad or m].
 
         Args:
             basis: of the feedforward.
@@ -64,4 +66,5 @@ class Member:
         path = m.fly(edges, basis.values(stage_times(edges)) @ weights)
         effort = m.efforts(edges, basis.values(edges) @ weights, path)
         tip = path[pieces:, joints:n].sum(axis=1)
-        return float(np.abs(tip).max()), np.abs(effort).max(axis=0)
+        swing = np.array((path[:, :joints].min(axis=0), path[:, :joints].max(axis=0)))
+        return float(np.abs(tip).max()), np.abs(effort).max(axis=0), swing

@@ -1,10 +1,10 @@
-"""Weights of one feedforward for an ensemble, whose efforts stay within limits.
+"""Weights of one feedforward for an ensemble, whose efforts and joints stay within bounds.
 
 They minimise
-    sum_i |W_i^(1/2) Y_i(U)|^2 / members + rho |U|^2 + price^2 sum max(0, |u_i| - limit)^2,
-the last sum over the efforts of every member at every edge of the integration. Y and u are
-linearised at every update; what is left is convex and quadratic piece by piece, and is solved
-exactly, by Newton's method on the efforts that are beyond their limit.
+    sum_i |W_i^(1/2) Y_i(U)|^2 / members + rho |U|^2 + price^2 sum (distance beyond the bounds)^2,
+the last sum over the efforts, and where they are bounded the joint positions, of every member at
+every edge of the integration. All are linearised at every update; what is left is convex and
+quadratic piece by piece, and is solved exactly, by Newton's method on what is beyond its bound.
 """
 
 from collections.abc import Sequence
@@ -20,6 +20,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
 _PRICE = 0.01  # of effort beyond its limit [m/(N m)]
+_STIFFNESS = 1e3  # of a joint beyond its range, that costs like a torque [N m/rad]
 _EDGES = 4  # of the integration in each piece of the basis, so that no peak is missed
 _HALVINGS = 12  # of a step that makes things worse
 _INNER = 50  # Newton steps on one linearisation
@@ -35,12 +36,14 @@ class Problem:
         basis: of the feedforward.
         rho: what torque costs [1/(N m)^2].
         effort_limit: that the efforts keep to, shape (joints,) [N m].
+        joint_range: lowest and highest positions, shape (2, joints) [rad or m]; None: free.
     """
 
     members: Sequence[Member]
     basis: Basis
     rho: float
     effort_limit: Vector
+    joint_range: Matrix | None = None
 
     @property
     def maps(self) -> list[TerminalMap]:
@@ -49,14 +52,35 @@ class Problem:
         substeps = max(_EDGES, *(substeps_for(slew, self.basis) for slew in slews))
         return [TerminalMap(slew, self.basis, substeps) for slew in slews]
 
-    def beyond(self, efforts: Vector) -> Vector:
-        """Return how far efforts, one joint after the other, are beyond their limits [N m]."""
-        limit = np.tile(self.effort_limit, efforts.size // self.effort_limit.size)
-        return np.asarray(efforts - np.clip(efforts, -limit, limit))
+    def bounded(self, at: TerminalMap, weights: Vector) -> Vector:
+        """Return what has bounds, along the path of the last terminal_error, edge by edge [N m].
 
-    def cost(self, weights: Vector, y: Vector, efforts: Vector) -> float:
-        """Return the objective of weights that lead to the vibrations y and these efforts."""
-        excess = self.beyond(efforts)
+        Efforts, then positions as the torques of stiff springs where they are bounded.
+        """
+        efforts = at.efforts(weights)
+        if self.joint_range is None:
+            return efforts.ravel()
+        return np.hstack((efforts, _STIFFNESS * at.positions)).ravel()
+
+    def slopes(self, at: TerminalMap) -> tuple[Matrix, Matrix]:
+        """Return the derivatives of the terminal error and of bounded, (2 n, N_U), (rows, N_U)."""
+        g, efforts, positions = at.sensitivities()
+        if self.joint_range is not None:
+            efforts = np.concatenate((efforts, _STIFFNESS * positions), axis=1)
+        return g, efforts.reshape(-1, g.shape[1])
+
+    def beyond(self, bounded: Vector) -> Vector:
+        """Return how far what has bounds is beyond them [N m]."""
+        low, high = -self.effort_limit, self.effort_limit
+        if self.joint_range is not None:
+            low = np.concatenate((low, _STIFFNESS * self.joint_range[0]))
+            high = np.concatenate((high, _STIFFNESS * self.joint_range[1]))
+        rows = bounded.reshape(-1, low.size)
+        return np.asarray(rows - np.clip(rows, low, high)).ravel()
+
+    def cost(self, weights: Vector, y: Vector, bounded: Vector) -> float:
+        """Return the objective of weights that lead to the vibrations y and to `bounded`."""
+        excess = self.beyond(bounded)
         value = y @ y + self.rho * (weights @ weights) + _PRICE**2 * (excess @ excess)
         return float(value) if np.isfinite(value) else np.inf
 
@@ -79,16 +103,16 @@ def limited_gauss_newton(
     scales = [member.weight / np.sqrt(len(members)) for member in members]
 
     def flown(weights: Vector) -> tuple[Vector, Vector]:
-        y, efforts = [], []
+        y, bounded = [], []
         for scale, at in zip(scales, maps, strict=True):
             y.append(scale @ at.terminal_error(weights))
-            efforts.append(at.efforts(weights).ravel())
-        return np.concatenate(y), np.concatenate(efforts)
+            bounded.append(problem.bounded(at, weights))
+        return np.concatenate(y), np.concatenate(bounded)
 
     def slopes() -> tuple[Matrix, Matrix]:
-        found = [at.sensitivities() for at in maps]
+        found = [problem.slopes(at) for at in maps]
         g = np.vstack([scale @ rows for scale, (rows, _) in zip(scales, found, strict=True)])
-        return g, np.concatenate([rows for _, rows in found]).reshape(-1, g.shape[1])
+        return g, np.vstack([rows for _, rows in found])
 
     u = np.zeros(basis.functions * members[0].manoeuvre.model.joints)
     at_u = flown(u)
@@ -129,23 +153,23 @@ def _best_step(
     Args:
         problem: what is minimised.
         weights: U.
-        at_weights: the vibrations y and the efforts at U.
+        at_weights: the vibrations y and what has bounds at U.
         slopes: their derivatives by U.
     """
-    (y, efforts), (g, t) = at_weights, slopes
+    (y, bounded), (g, t) = at_weights, slopes
     quadratic = g.T @ g
     quadratic.flat[:: weights.size + 1] += problem.rho
     linear = g.T @ y + problem.rho * weights
     step = np.zeros(weights.size)
-    cost = problem.cost(weights, y, efforts)
+    cost = problem.cost(weights, y, bounded)
     for _ in range(_INNER):
-        excess = problem.beyond(efforts + t @ step)
+        excess = problem.beyond(bounded + t @ step)
         active = t[excess != 0.0]
         slope = linear + quadratic @ step + _PRICE**2 * (active.T @ excess[excess != 0.0])
         towards = -np.linalg.solve(quadratic + _PRICE**2 * (active.T @ active), slope)
         for _ in range(_HALVINGS):
             new = step + towards
-            value = problem.cost(weights + new, y + g @ new, efforts + t @ new)
+            value = problem.cost(weights + new, y + g @ new, bounded + t @ new)
             if value <= cost:
                 break
             towards = 0.5 * towards

@@ -231,11 +231,16 @@ class TerminalMap:
         feedforward = _at_edges(self.basis, self.substeps) @ weights.reshape(m.model.joints, -1).T
         return m.efforts(edges, feedforward, self._work["path"])
 
-    def sensitivities(self) -> tuple[Matrix, Matrix]:
-        """Return the derivatives of terminal_error and efforts by the weights, exact.
+    @property
+    def positions(self) -> Matrix:
+        """The joints at the edges of the last terminal_error, shape (steps + 1, joints)."""
+        return self._work["path"][:, : self.manoeuvre.model.joints]
+
+    def sensitivities(self) -> tuple[Matrix, Matrix, Matrix]:
+        """Return the derivatives of terminal_error, efforts and positions by the weights, exact.
 
         Returns:
-            G = dY/dU, shape (2 n, N_U), and that of the efforts, shape (steps + 1, joints, N_U).
+            G = dY/dU, shape (2 n, N_U), and those along the path, (steps + 1, joints, N_U) each.
         """
         m = self.manoeuvre
         n, joints, steps = m.model.coordinates, m.model.joints, self.steps
@@ -253,7 +258,7 @@ class TerminalMap:
         rows = _at_edges(self.basis, self.substeps)
         for j in range(joints):
             efforts[:, j, j * rows.shape[1] : (j + 1) * rows.shape[1]] += rows
-        return path[-1], efforts
+        return path[-1], efforts, path[:, :joints]
 
     def secant(self, weights: Vector, error: Vector, change: float = 1e-2) -> Matrix:
         """Return G by the paper's finite differences: each weight in turn changed [N m]."""
