@@ -1,14 +1,20 @@
 """Friction: stable at any period, of second order, it holds, and it never gives energy."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from flexslew_lab.trial.sources import trial_path
+from flexslew_lab.trial.trial import bench_settings, load_trial
 from flexslew_plant.bench.actuator import ActuatorSettings
+from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.friction import Friction, balanced, slid
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import validated
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 
@@ -170,3 +176,11 @@ def test_no_period_and_no_friction_ever_gives_energy(
 def test_what_rests_stays_at_rest() -> None:
     states = flown(CSA, np.zeros(8), 0.01, 20, coulomb_friction=3.0, viscous_friction=2.0)
     np.testing.assert_array_equal(states, 0.0)
+
+
+@pytest.mark.parametrize("key", ["viscous_friction", "coulomb_friction"])
+def test_friction_is_refused_where_actuators_are_no_motors_in_joints(key: str) -> None:
+    trial = load_trial(trial_path("scole_s_open"))
+    actuator = validated(ActuatorSettings, {key: 0.1}, "here")
+    with pytest.raises(BadInput, match=r"friction are not allowed here: .* give 0\.0"):
+        Bench(bench_settings(replace(trial, actuator=actuator)))
