@@ -13,7 +13,8 @@ import pytest
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.report.report import write_report
-from flexslew_lab.report.run_data import LOT, Thinner, read_run
+from flexslew_lab.report.run_data import read_run
+from flexslew_lab.report.thinning import LOT, Thinner
 from flexslew_plant.errors import BadInput
 
 Message = tuple[str, bytes, int]

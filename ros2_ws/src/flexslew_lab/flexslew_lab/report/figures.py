@@ -19,7 +19,8 @@ from flexslew_lab.report.panels import (
     legend,
     style,
 )
-from flexslew_lab.report.run_data import RunData, Trace
+from flexslew_lab.report.run_data import RunData
+from flexslew_lab.report.thinning import Trace
 from flexslew_plant.arrays import Vector
 
 MODES, MARKS = 8, 20  # at most, of a report

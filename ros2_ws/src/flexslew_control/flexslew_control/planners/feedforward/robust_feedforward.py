@@ -11,8 +11,8 @@ the goal: an error counts by the vibration that it leaves, not by its unit.
 M1 in 25 s, largest residual with EI off by up to 20 %: 0.18 m with 143 N m, on one mode and on
 three. The plan that is exact for one model leaves 0.64 m with 78 N m. The hub's pitch swings to
 1.03 rad on its way to 0.5; kept below 0.8 the residual is 0.22 m, below 0.52 it is 0.28. Time does
-the same as torque. What it costs besides is 0.06 m of nominal residual. More functions than the paper's nine
-gain little and wake the modes that the planner does not know.
+the same as torque. What it costs besides is 0.06 m of nominal residual. More functions than the
+paper's nine gain little and wake the modes that the planner does not know.
 """
 
 from dataclasses import replace
