@@ -98,7 +98,7 @@ def unusable(period: float, effort_limit: Sequence[float]) -> str:
 
 
 def _work(pipe: Connection) -> None:
-    """Answer requests until nobody is left to ask."""
+    """Answer requests until the other process closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
     from flexslew_control.planners import PlanSettings, make_plan
     from flexslew_control.planners.slew import Feedback

@@ -1,4 +1,4 @@
-"""What a planner says of its iteration."""
+"""What a planner reports of an iteration."""
 
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias

@@ -86,7 +86,7 @@ class Planner:
         return self._done
 
     def _take(self, news: Iteration | Plan | Refusal) -> None:
-        """Take what the planning process says."""
+        """Take a message of the planning process."""
         if isinstance(news, Iteration):
             if self._goal is not None:
                 values = news._asdict()

@@ -24,7 +24,7 @@ WITHOUT_ROS = (
 
 
 def remedy(error: ModuleNotFoundError) -> str:
-    """Return one line that says what to do about a missing package; empty where nobody knows."""
+    """Return one line that says what to do about a missing package; empty where it is not known."""
     package = (error.name or "").partition(".")[0]
     if package in ROS:
         return WITHOUT_ROS

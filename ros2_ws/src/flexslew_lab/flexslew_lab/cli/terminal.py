@@ -15,7 +15,7 @@ screen = Console(stderr=True)  # for people; standard output is for results
 
 @contextmanager
 def progress(name: str, what: str = "ticks") -> Iterator[Callable[[int, int], None]]:
-    """Show a bar for the time of a block, which tells it how many are done, and of how many."""
+    """Show a progress bar during a block, which reports how many are done, and of how many."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

@@ -13,7 +13,7 @@ from flexslew_lab.log.messages.cdr_layout import Layout, gather, layout
 class Block(NamedTuple):
     """Messages of one topic that follow one another, as arrays.
 
-    `columns` maps a field (nested names joined by dots) to one value a message, shape (messages,)
+    `columns` maps a field (nested names joined by dots) to one value per message, shape (messages,)
     or (messages, length); texts are objects.
     """
 

@@ -93,8 +93,8 @@ class BagIndex:
     def held(self, topic: str, before: int) -> list[BagMessage]:
         """Return what a listener that comes at a log time [ns] is told of a latched topic.
 
-        That are the last messages before it, as many as the topic's publisher keeps; of
-        /controller_status, which everybody publishes for himself, the last one of each.
+        These are the last messages before it, as many as the topic's publisher keeps; of
+        /controller_status, which every controller publishes, the last one of each.
         """
         everybody = topic == "/controller_status"
         depth = 1 << 62 if everybody else TOPICS[topic].depth

@@ -195,7 +195,7 @@ def _short(value: Any) -> str:
 
 
 def _metric_rows(runs: Sequence[RunData]) -> list[tuple[str, str, str, list[str]]]:
-    """Return (key, unit, meaning, one value a run) for every number."""
+    """Return (key, unit, meaning, one value per run) for every number."""
     each = [flat(run.metrics) for run in runs]
     names = sorted({name: None for rows in each for name in rows}, key=_place)
     return [

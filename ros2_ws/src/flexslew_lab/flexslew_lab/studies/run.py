@@ -139,7 +139,7 @@ def run_study(
 
 
 def flights_of(store: Store) -> dict[str, Any]:
-    """Return what the runs of a study said of themselves, all of them together."""
+    """Return the records of all runs of a study together."""
     path = store.folder / _FLIGHTS
     if not path.is_file():
         return {}

@@ -1,4 +1,4 @@
-"""When a study has seen enough: looked at after fixed counts of samples, whoever flies them."""
+"""When a study may stop: decided after fixed numbers of samples, whichever worker flies them."""
 
 from collections.abc import Iterator
 from typing import Any

@@ -47,7 +47,7 @@ class Store:
 
     @property
     def strangers(self) -> list[str]:
-        """What lies in the folder and is not a study's beginning."""
+        """What is in the folder and does not belong to a study."""
         own = (_SAMPLES, _PARTS, _LOCK)
         names = [path.name for path in self.folder.iterdir()] if self.folder.exists() else []
         return [name for name in names if name not in own and not name.endswith(".half")]

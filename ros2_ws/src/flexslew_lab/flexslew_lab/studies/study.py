@@ -55,7 +55,7 @@ class Keep:
 
 @section
 class StudySettings:
-    """The keys of a study file; docs/studies.md tells them one by one."""
+    """The keys of a study file; docs/studies.md documents them one by one."""
 
     study: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")]
     trial: str  # a shipped name or a file, seen from the study file

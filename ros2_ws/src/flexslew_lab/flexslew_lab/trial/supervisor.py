@@ -138,7 +138,7 @@ class Supervisor:
             self._log.flush()
 
     def _wait_for_rest(self) -> None:
-        """The others leave by themselves when the plant is gone and they were heard."""
+        """The others leave by themselves once the plant is gone and they were heard."""
         end = monotonic() + _LEAVING
         while self._running and monotonic() < end:
             self._serve(0.05)
@@ -146,7 +146,7 @@ class Supervisor:
             self._end()
 
     def _end(self) -> None:
-        """End what still runs: the plant first, so that the recorder hears its last words."""
+        """End what still runs: the plant first, so that the recorder gets its last messages."""
         order = sorted(self._running, key=lambda name: (name == "recorder", name != self._plant))
         for name in order:
             child = self._running.get(name)

@@ -1,4 +1,4 @@
-"""Nobody falls so far behind that a swap would find a cold estimator, or the log a hole."""
+"""No node falls so far behind that a swap finds a stale estimator or the log a gap."""
 
 from dataclasses import dataclass, field
 

@@ -22,7 +22,7 @@ class Beat(NamedTuple):
 
 
 class Presence:
-    """The beats of everybody, and how long ago they came."""
+    """The heartbeats of all nodes, and how long ago they came."""
 
     def __init__(self) -> None:
         self._heard: dict[int, tuple[Beat, float]] = {}  # by instance, with the wall time [s]
@@ -34,7 +34,7 @@ class Presence:
         self._known[beat.node] = beat.role
 
     def excuse(self, seconds: float) -> None:
-        """Forgive everybody this silence: it was the listener who did not listen."""
+        """Start all waiting times anew: it was the listener that was late."""
         self._heard = {key: (beat, at + seconds) for key, (beat, at) in self._heard.items()}
 
     def alive(self, now: float) -> dict[str, Beat]:
@@ -48,7 +48,7 @@ class Presence:
         return found
 
     def silent(self, name: str, now: float) -> bool:
-        """Return whether a node that was heard once is heard no more."""
+        """Return whether a node that gave signs of life gives none any more."""
         return name in self._known and name not in self.alive(now)
 
     def lost(self, names: Iterable[str], patience: float, now: float) -> set[str]:

@@ -185,7 +185,7 @@ class Session:
         self._flush()
 
     def _try_begin(self, now: float) -> None:
-        """Begin as soon as nobody is missing."""
+        """Begin as soon as all are there who must be."""
         bench = self.bench
         active = bench.drive.active
         needed = {*self._wanted, active} - {""} if bench.tick == 0 else {active} - {""}

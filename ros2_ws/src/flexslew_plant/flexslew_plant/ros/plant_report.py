@@ -1,4 +1,4 @@
-"""What the plant node tells besides its topics: progress, who is missing, who is one too many."""
+"""What the plant node prints: progress, which nodes are missing, which are duplicates."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -22,7 +22,7 @@ class PlantReport:
         node: the plant.
         session: that it runs.
         alive: signs of life.
-        progress: print the tick twice a wall second.
+        progress: print the tick twice per second of wall time.
         heard: what must be heard.
     """
 

@@ -6,7 +6,7 @@ from flexslew_plant.settings import NonNegative, Positive, section
 
 @section
 class PlantSettings:
-    """What the node is told at its start."""
+    """What the node is given at its start."""
 
     bench: BenchSettings = BenchSettings()
     rate_factor: NonNegative = 0.0  # 0: as fast as it goes, 1: real time

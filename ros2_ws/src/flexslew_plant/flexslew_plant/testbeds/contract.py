@@ -62,7 +62,7 @@ class ShapedMotion(NamedTuple):
 
 @runtime_checkable
 class Shaped(Protocol):
-    """A testbed that says itself how its joints must move for their drive to be shaped."""
+    """A testbed that says how its joints must move for their drive to be shaped."""
 
     def shaped_motion(
         self, path: Vector, rate: Vector, first: Vector, last: Vector, h: float

@@ -84,7 +84,7 @@ class _Topic:
         self._senders.setdefault(name, _Sender(self._refused)).add(columns)
 
     def _follow(self, epoch: np.ndarray, tick: np.ndarray) -> None:
-        """Count the ticks that are left out, whoever sends."""
+        """Count the ticks that are missing from the sequence, whichever node sends."""
         for number in np.unique(epoch):
             ticks = tick[epoch == number]
             self.first.setdefault(int(number), int(ticks[0]))

@@ -33,6 +33,6 @@ def lock_folder(folder: Path) -> int:
 
 
 def unlock_folder(handle: int, folder: Path) -> None:
-    """Give the folder free for another recorder."""
+    """Let another recorder have the folder."""
     (folder / LOCK_FILE).unlink(missing_ok=True)
     os.close(handle)

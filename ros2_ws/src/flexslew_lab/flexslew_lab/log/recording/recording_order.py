@@ -79,7 +79,7 @@ class RecordingOrder:
         return done
 
     def _horizon(self, now: float) -> tuple[int, int]:
-        """Return up to which time the plant was heard on each of its topics, within patience."""
+        """Return up to which time the messages of the plant have come, topic by topic."""
         slowest, fastest = min(self._plant.values()), max(self._plant.values())
         if slowest == fastest or slowest != self._slowest:
             self._slowest, self._moved_at = slowest, now
