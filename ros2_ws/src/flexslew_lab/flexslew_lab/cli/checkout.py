@@ -66,10 +66,20 @@ def _figures_of(name: str, path: Path) -> dict[str, float]:
 def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
+    Without arguments those that need no ROS run side by side, a file at a time, and then those
+    over ROS, whose nodes fill the processors by themselves, one after another.
+
     Example: `./flexslew test tests/plant -k energy`
     """
-    command = [sys.executable, "-m", "pytest", *context.args]
-    raise typer.Exit(subprocess.run(command, cwd=_root(), check=False).returncode)
+    if context.args:
+        raise typer.Exit(_pytest(*context.args))
+    codes = _pytest("-n", "2", "--dist", "loadfile", "--ignore", "tests/ros"), _pytest("tests/ros")
+    raise typer.Exit(max(codes))
+
+
+def _pytest(*arguments: str) -> int:
+    command = [sys.executable, "-m", "pytest", *arguments]
+    return subprocess.run(command, cwd=_root(), check=False).returncode
 
 
 def _root() -> Path:
