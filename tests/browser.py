@@ -27,13 +27,17 @@ class Browser:
     def __init__(self, address: str) -> None:
         self._address = address
 
-    def open(self, page: Path | str, width: int, height: int = 900) -> None:
-        """Show a page in a window of this size [px] and wait until it is loaded."""
+    def open(self, page: Path | str, width: int, height: int = 900, scale: float = 1.0) -> None:
+        """Show a page in a window of this size [px] and wait until it is loaded.
+
+        A small scale has fewer dots to draw, where nobody looks at them.
+        """
         url = page.resolve().as_uri() if isinstance(page, Path) else page
         self.devtools(
             "Emulation.setDeviceMetricsOverride",
-            {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600},
+            {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": width < 600},
         )
+        _call("POST", f"{self._address}/timeouts", {"script": 240_000})
         _call("POST", f"{self._address}/url", {"url": "about:blank"})
         _call("POST", f"{self._address}/url", {"url": url})
         drawn = "return new Promise(then => requestAnimationFrame(() => setTimeout(then, 0)))"
@@ -44,6 +48,53 @@ class Browser:
         return _call(
             "POST", f"{self._address}/execute/sync", {"script": script, "args": list(arguments)}
         )
+
+    def click(self, path: str) -> None:
+        """Click the element that an XPath finds, where a person would have to hit it."""
+        self._act(path, "click", {})
+
+    def write(self, path: str, text: str) -> None:
+        """Replace what stands in a field."""
+        everything = "\ue009a\ue000"  # Ctrl-A
+        self._act(path, "value", {"text": everything + text})
+
+    def press(self, key: str, code: str) -> None:
+        """Press a key wherever the focus is."""
+        for kind in ("keyDown", "keyUp"):
+            self.devtools("Input.dispatchKeyEvent", {"type": kind, "key": key, "code": code})
+
+    def until(self, script: str, *arguments: Any, within: float = 180.0) -> Any:
+        """Return the first true value of the body of a JavaScript function."""
+        found = self.run(
+            "const [limit, ...rest] = arguments; const end = performance.now() + limit;"
+            f"const look = function () {{ {script} }};"
+            "return new Promise(then => { const again = () => { const value = look(...rest);"
+            " if (value || performance.now() > end) then(value); else setTimeout(again, 50); };"
+            " again(); })",
+            within * 1000.0,
+            *arguments,
+        )
+        assert found, (script, arguments, self.run("return document.body.innerText"))
+        return found
+
+    def _act(self, path: str, what: str, body: Any, tries: int = 20) -> None:
+        """Do something with an element, also where the page draws it anew meanwhile."""
+        try:
+            _call("POST", f"{self._element(path)}/{what}", body)
+        except AssertionError as error:
+            if not tries or "stale element" not in str(error):
+                raise
+            self._act(path, what, body, tries - 1)
+
+    def _element(self, path: str) -> str:
+        there = (
+            "return document.evaluate(arguments[0], document, null, 9, null).singleNodeValue"
+            " !== null"
+        )
+        self.until(there, path)
+        wanted = {"using": "xpath", "value": path}
+        found = _call("POST", f"{self._address}/element", wanted)
+        return f"{self._address}/element/{next(iter(found.values()))}"
 
     def devtools(self, command: str, parameters: dict[str, Any]) -> Any:
         """Return the answer to a command of the DevTools protocol."""

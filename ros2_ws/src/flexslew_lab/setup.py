@@ -31,6 +31,7 @@ setup(
             "recorder = flexslew_lab.ros.recorder_node:main",
             "play = flexslew_lab.ros.play_node:main",
             "live = flexslew_lab.ros.live_node:main",
+            "console = flexslew_lab.ros.console_node:main",
         ]
     },
 )

@@ -5,10 +5,12 @@ import sys
 
 import pytest
 
-HEAVY = ("numpy", "scipy", "numba", "plotly", "pyarrow", "casadi", "rclpy", "rosbags")
+HEAVY = ("numpy", "scipy", "numba", "plotly", "pyarrow", "casadi", "rclpy", "rosbags", "viser")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["trial", "--help"], ["log", "--help"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["trial", "--help"], ["log", "--help"], ["console", "--help"]]
+)
 def test_help_loads_no_numerics(arguments: list[str]) -> None:
     program = (
         f"import sys; sys.argv = ['flexslew', *{arguments}]\n"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexslew_lab.cli.checkout import bench, test
+from flexslew_lab.cli.console import console
 from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, SOON, patient, while_running
 from flexslew_lab.cli.log import Json, bag_of, log, reading_limits, recover
 from flexslew_lab.cli.missing import remedy, require_ros
@@ -265,7 +266,7 @@ def reproduce(
         raise typer.Exit(1)
 
 
-for often in (*COMMANDS, recover, resim, check, play, live, bench):
+for often in (*COMMANDS, recover, resim, check, play, live, console, bench):
     app.command()(often)
 app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(test)
 

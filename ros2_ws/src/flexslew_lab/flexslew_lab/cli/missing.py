@@ -16,6 +16,7 @@ EXTRAS = {
     "foxglove": "foxglove",
     "pandas": "pandas",
     "pyarrow": "export",
+    "viser": "console",
 }
 WITHOUT_ROS = (
     "ROS 2 is not installed here: fly with --in-process, or use ./flexslew of a checkout, which "

@@ -37,6 +37,7 @@ def node_processes(
     metadata: dict[str, str],
     plan: Path | None = None,
     namespace: str = "",
+    autostart: bool = True,
 ) -> list[NodeProcess]:
     """Return the nodes of a trial in the order of their start, the plant last.
 
@@ -47,6 +48,7 @@ def node_processes(
         metadata: of the run, for the bag.
         plan: file of the trial's plan, where it is made already.
         namespace: of all nodes; empty: none.
+        autostart: fly as soon as all are there; else when an operator says so.
     """
     listeners = ["recorder"] if record else []
     processes = []
@@ -87,6 +89,7 @@ def node_processes(
         "controllers": list(trial.controllers),
         "wait_for": listeners,
         "display_rate": trial.display_rate,
+        "autostart": autostart,
         "exit_when_done": True,
         "progress": True,
     }

@@ -66,6 +66,7 @@ def run_trial(
     report: bool = True,
     progress: Progress = lambda tick, last: None,
     say: Callable[[str], None] = lambda words: None,
+    autostart: bool = True,
 ) -> Result:
     """Fly the trial, write its folder and return what came out.
 
@@ -77,6 +78,7 @@ def run_trial(
         report: write report.html too.
         progress: called with the tick and the last tick.
         say: called with a line for a person.
+        autostart: over ROS, fly as soon as all are there; else when an operator says so.
 
     Raises:
         BadInput, PlanFailed: before anything was written.
@@ -104,7 +106,7 @@ def run_trial(
     if in_process:
         outcome = _in_process(trial, flight, bag, metadata, progress)
     else:
-        outcome = _over_ros(trial, flight.plan, folder, metadata, progress, say)
+        outcome = _over_ros(trial, flight.plan, folder, metadata, progress, say, autostart)
     result = _finished(folder, bag, outcome)
     words = broken_promise(trial, flight.plan, result.metrics)
     if words:
@@ -184,11 +186,12 @@ def _over_ros(
     metadata: dict[str, str],
     progress: Progress,
     say: Callable[[str], None],
+    autostart: bool,
 ) -> Outcome:
     planned = folder / "plan.yaml" if plan is not None else None  # made once, for the node too
     if plan is not None:
         save_plan(plan, folder / "plan.yaml")
-    processes = node_processes(trial, folder, True, metadata, planned)
+    processes = node_processes(trial, folder, True, metadata, planned, autostart=autostart)
     parameters = folder / "parameters.yaml"
     parameters.write_text(parameter_file(processes))
     with own_domain(trial.name) as domain:

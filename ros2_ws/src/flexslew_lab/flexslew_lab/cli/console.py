@@ -1,0 +1,148 @@
+"""The subcommand for the console: a page in the browser over a bench, or over a log."""
+
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Thread
+from typing import IO, Annotated
+
+import typer
+
+from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, patient
+from flexslew_lab.cli.log import bag_of
+from flexslew_lab.cli.missing import require_ros
+from flexslew_lab.cli.operate import Namespace, bench_domain
+from flexslew_lab.cli.terminal import link, progress, say
+from flexslew_plant.errors import BadInput
+
+_GRACE = 10.0  # for the page to end [wall s]
+
+
+def console(
+    file: Annotated[
+        str | None, typer.Argument(help="Trial file, or the name of a shipped one; none: m1.")
+    ] = None,
+    attach: Annotated[bool, typer.Option("--attach", help="Join a bench that runs.")] = False,
+    replay: Annotated[
+        Path | None, typer.Option(help="A run's folder or bag, with a time slider.")
+    ] = None,
+    port: Annotated[int, typer.Option(help="Of the page; 0: any free one.")] = 8080,
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; others than this machine can come then.")
+    ] = "127.0.0.1",
+    sets: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="key.path=value, replaces the file's; may be repeated."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
+    rate: Annotated[float, typer.Option(help="At the start; 1 is real time, 0 fast.")] = 1.0,
+    namespace: Namespace = "",
+) -> None:
+    """Work at a bench from the browser: start, pause, swap, break, watch.
+
+    Without --attach and --replay it opens the bench of a trial, which waits for its start.
+
+    Example: `./flexslew console swap_demo`
+    """
+    if not 0 <= port <= 65535:
+        raise BadInput(f"--port: {port} is not allowed: 0 to 65535")
+    if not 0.0 <= rate < float("inf"):
+        raise BadInput(f"--rate: {rate} is not allowed: 0 is as fast as possible, 1 real time")
+    if sum((file is not None, attach, replay is not None)) > 1:
+        raise BadInput("console: give one of a trial, --attach and --replay")
+    if replay is not None:
+        from flexslew_lab.console.replay import serve
+
+        serve(bag_of(replay), host, port, say)
+        return
+    require_ros()
+    if attach:
+        _attach(host, port, namespace)
+    else:
+        raise typer.Exit(_fly(file, sets, out, rate, (host, port)))
+
+
+def _attach(host: str, port: int, namespace: str) -> None:
+    domain, _ = bench_domain()
+    os.environ["ROS_DOMAIN_ID"] = str(domain)
+    from flexslew_lab.ros.console_node import ConsoleSettings
+    from flexslew_lab.ros.console_node import console as serve
+
+    say(f"ROS_DOMAIN_ID {domain}; Ctrl-C ends the page, not the bench")
+    serve(ConsoleSettings(host=host, port=port), say, namespace)
+
+
+def _fly(
+    file: str | None, sets: list[str] | None, out: Path | None, rate: float, at: tuple[str, int]
+) -> int:
+    """Fly a trial with a page beside it; return the exit code."""
+    from dataclasses import replace
+
+    from flexslew_lab.trial.domain import own_domain
+    from flexslew_lab.trial.outputs import new_folder
+    from flexslew_lab.trial.run import run_trial
+    from flexslew_lab.trial.sources import read_trial
+
+    wanted, source = read_trial(file, sets)
+    wanted = replace(wanted, rate_factor=rate)
+    folder = new_folder(wanted.name, out)
+    words = ["./flexslew", "trial", file or "m1", *(f"--set={one}" for one in sets or ())]
+    with own_domain(wanted.name) as domain:
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        with _page(folder, shlex.join(words), at) as page:
+            with progress(wanted.name) as advance, patient(NODES):
+                result = run_trial(
+                    wanted, source, folder, progress=advance, say=say, autostart=False
+                )
+            report = folder / "report.html"
+            say(f"{link(report)}" if report.exists() else str(folder))
+            if result.exit_code == INTERRUPTED:
+                return INTERRUPTED
+            if result.message:
+                say(result.message)
+            say("the run is over; Ctrl-C ends the page")
+            page.wait()
+    return result.exit_code
+
+
+@contextmanager
+def _page(folder: Path, command: str, at: tuple[str, int]) -> Iterator["subprocess.Popen[str]"]:
+    """Yield the process of the page as soon as it says where it is; end it afterwards."""
+    settings = {"folder": str(folder.resolve()), "command": command, "host": at[0], "port": at[1]}
+    words = [sys.executable, "-m", "flexslew_lab.ros.console_node", "--ros-args"]
+    for key, value in settings.items():
+        words += ["-p", f"{key}:={value!r}" if isinstance(value, str) else f"{key}:={value}"]
+    child = subprocess.Popen(  # a session of its own: Ctrl-C is ours
+        words,
+        env=os.environ | {"PYTHONUNBUFFERED": "1", "FLEXSLEW_SUPERVISOR": str(os.getpid())},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert child.stdout is not None
+    try:
+        for line in child.stdout:
+            say(line.rstrip())
+            if line.startswith("open "):
+                break
+        else:
+            raise BadInput(f"console: the page ended with exit code {child.wait()}")
+        Thread(target=_pass_on, args=(child.stdout,), daemon=True).start()
+        yield child
+    finally:
+        child.send_signal(signal.SIGINT)
+        try:
+            child.wait(_GRACE)
+        except subprocess.TimeoutExpired:
+            child.kill()
+
+
+def _pass_on(lines: IO[str]) -> None:
+    for line in lines:
+        say(line.rstrip())

@@ -1,0 +1,115 @@
+"""What every panel works with: the page's elements, the bench, and one thread for all of it."""
+
+import getpass
+import html
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any, Protocol
+
+from flexslew_lab.console.link import Link, Told
+
+Act = Callable[[str], None]  # takes who asks
+
+
+class Panel(Protocol):
+    """A part of the page."""
+
+    def refresh(self) -> None:
+        """Show what is known now; called at most 20 times a second."""
+
+
+class Desk:
+    """Hands the clicks of all pages to the thread that serves the bench.
+
+    Args:
+        server: of the page.
+        link: to the bench.
+    """
+
+    def __init__(self, server: Any, link: Link) -> None:
+        self.server, self.gui, self.scene = server, server.gui, server.scene
+        self.link, self.view = link, link.view
+        self._waiting: deque[tuple[Act, int | None]] = deque()
+        self._user = _user()
+
+    def click(self, button: Any, act: Act) -> None:
+        """Let a button, or a command with a key of its own, do something."""
+        register = button.on_trigger if hasattr(button, "on_trigger") else button.on_click
+        register(self._handler(act))
+
+    def change(self, field: Any, act: Act) -> None:
+        """Do something whenever a page, and not the console itself, changes a field."""
+        handle = self._handler(act)
+
+        async def changed(event: Any) -> None:
+            if event.client_id is not None:
+                await handle(event)
+
+        field.on_update(changed)
+
+    def work(self) -> None:
+        """Do what the pages have asked for since the last call."""
+        while self._waiting:
+            act, page = self._waiting.popleft()
+            act(f"{self._user}, page {page}" if page is not None else self._user)
+
+    def _handler(self, act: Act) -> Callable[[Any], Any]:
+        async def handle(event: Any) -> None:  # async: runs in the order of the clicks
+            self._waiting.append((act, getattr(event, "client_id", None)))
+
+        return handle
+
+
+class Reply:
+    """A line that says what became of the last request of its panel.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        self._link, self._shown = desk.link, ""
+        self._html = desk.gui.add_html("")
+
+    def ask(
+        self,
+        service: str,
+        values: Mapping[str, Any],
+        then: Callable[[Told], None] = lambda told: None,
+    ) -> None:
+        """Ask the bench, and show its answer."""
+
+        def answer(told: Told) -> None:
+            self.tell(told)
+            then(told)
+
+        self.tell(Told(True, "asked ..."))
+        self._link.ask(service, values, answer)
+
+    def tell(self, told: Told) -> None:
+        """Show an answer, a refusal as such in words."""
+        words = told.message if told.ok else f"refused: {told.message}"
+        role, color = ("status", "inherit") if told.ok else ("alert", "#b00020")
+        self._show(line(words, role, color))
+
+    def clear(self) -> None:
+        """Say nothing."""
+        self._show("")
+
+    def _show(self, content: str) -> None:
+        if content != self._shown:
+            self._html.content = self._shown = content
+
+
+def line(words: str, role: str = "", color: str = "inherit") -> str:
+    """Return one line of text as HTML."""
+    said = f' role="{role}"' if role else ""
+    style = f"color:{color};font-size:0.85em;padding:0 0.7em 0.4em;overflow-wrap:anywhere"
+    return f'<div{said} style="{style}">{html.escape(words)}</div>' if words else ""
+
+
+def _user() -> str:
+    with suppress(KeyError, OSError):  # an id without a name
+        return getpass.getuser()
+    return "console"

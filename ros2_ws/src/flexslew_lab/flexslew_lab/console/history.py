@@ -1,0 +1,157 @@
+"""What a bench has done so far, tick by tick, for charts: arrays that grow and forget."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexslew_lab.log.bag_columns import widened
+from flexslew_plant.arrays import Matrix, Vector
+
+LIMIT = 200_000  # ticks that are kept at most; then the older half goes
+
+
+class Track:
+    """Rows of one topic in the order of their ticks."""
+
+    def __init__(self) -> None:
+        self._size = 0
+        self._columns: dict[str, Any] = {}  # with room at their end
+        self._time = np.zeros(256)
+
+    def add(self, time: Vector, columns: Mapping[str, Matrix]) -> None:
+        """Take rows: times (n,) [s] that rise, and columns (n, width) by name."""
+        if not len(time):
+            return
+        if self._size and time[0] <= self._time[self._size - 1]:
+            self.clear()  # the bench was reset
+        self._room(len(time))
+        end = self._size + len(time)
+        self._time[self._size : end] = time
+        for name, rows in columns.items():
+            own = self._columns.setdefault(name, np.full((len(self._time), 0), np.nan))
+            width = max(own.shape[1], rows.shape[1])
+            own = self._columns[name] = widened(own, width)
+            own[self._size : end] = widened(rows, width)
+        self._size = end
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._size = 0
+        self._columns = {}
+
+    @property
+    def time(self) -> Vector:
+        """Simulated times, (rows,) [s]."""
+        return self._time[: self._size]
+
+    def column(self, name: str) -> Matrix:
+        """Return the rows of a column, (rows, width); no width where it never came."""
+        found = self._columns.get(name)
+        return np.zeros((self._size, 0)) if found is None else found[: self._size]
+
+    def _room(self, more: int) -> None:
+        if self._size + more > LIMIT and self._size > LIMIT // 2:
+            kept = slice(self._size - LIMIT // 2, self._size)
+            self._size = LIMIT // 2
+            for name, rows in self._columns.items():
+                rows[: self._size] = rows[kept].copy()
+                self._columns[name] = rows
+            self._time[: self._size] = self._time[kept].copy()
+        need = self._size + more
+        if need <= len(self._time):
+            return
+        extra = max(need, 2 * len(self._time)) - len(self._time)
+        self._time = np.concatenate((self._time, np.zeros(extra)))
+        for name, rows in self._columns.items():
+            self._columns[name] = np.vstack((rows, np.full((extra, rows.shape[1]), np.nan)))
+
+
+class Curve(NamedTuple):
+    """One line of a chart."""
+
+    label: str
+    time: Vector  # rising [s]
+    value: Vector
+    dashed: bool = False
+
+
+def within(curve: Curve, start: float, end: float) -> Curve:
+    """Return the part of a curve between two times [s], and one point more on each side."""
+    first = max(int(np.searchsorted(curve.time, start)) - 1, 0)
+    last = int(np.searchsorted(curve.time, end, side="right")) + 1
+    return curve._replace(time=curve.time[first:last], value=curve.value[first:last])
+
+
+def thinned(
+    curves: list[Curve], start: float, end: float, buckets: int = 300
+) -> tuple[Vector, list[Vector]]:
+    """Return curves on one time axis, the smallest and the largest value of each bucket kept.
+
+    Args:
+        curves: that share a chart.
+        start: of the axis [s].
+        end: of the axis [s].
+        buckets: that the axis is divided into where there are more points than that.
+    """
+    parts = [within(curve, start, end) for curve in curves]
+    if all(len(part.time) <= 2 * buckets for part in parts):
+        times = [part.time for part in parts]
+        axis = np.unique(np.concatenate(times)) if times else np.zeros(0)
+        return axis, [_placed(part, axis) for part in parts]
+    edges = np.linspace(start, end, buckets + 1)
+    width = edges[1] - edges[0]
+    axis = np.column_stack((edges[:-1] + width / 4, edges[:-1] + 3 * width / 4)).ravel()
+    return axis, [_extremes(part, edges) for part in parts]
+
+
+def marked(
+    axis: Vector, values: list[Vector], events: Vector
+) -> tuple[Vector, list[Vector], Vector]:
+    """Return axis and values with rows for events, and a line that stands up at each of them.
+
+    The line runs at -1 between events and up to 2 at them: on a scale from 0 to 1 only what stands
+    up is seen.
+
+    Args:
+        axis: times [s], (points,).
+        values: each (points,).
+        events: times [s] within the axis.
+    """
+    if not len(events) or not len(axis):
+        return axis, values, np.full(len(axis), -1.0)
+    more = np.repeat(np.sort(events), 3)
+    whole = np.concatenate((axis, more))
+    order = np.argsort(whole, kind="stable")
+    filled = []
+    for row in values:
+        known = np.isfinite(row)
+        at = np.full(len(more), np.nan)
+        if known.any():
+            at = np.interp(more, axis[known], row[known], left=np.nan, right=np.nan)
+        filled.append(np.concatenate((row, at))[order])
+    up = np.concatenate((np.full(len(axis), -1.0), np.tile([-1.0, 2.0, -1.0], len(events))))
+    return whole[order], filled, up[order]
+
+
+def _placed(curve: Curve, axis: Vector) -> Vector:
+    row = np.full(len(axis), np.nan)
+    row[np.searchsorted(axis, curve.time)] = curve.value
+    return row
+
+
+def _extremes(curve: Curve, edges: Vector) -> Vector:
+    """Return two values of each bucket in the order in which the curve goes, NaN where empty."""
+    out = np.full((len(edges) - 1, 2), np.nan)
+    bounds: NDArray[np.intp] = np.searchsorted(curve.time, edges)
+    there = np.flatnonzero(np.diff(bounds) > 0)
+    if not len(there):
+        return out.ravel()
+    part, starts = curve.value[: bounds[-1]], bounds[there]
+    low, high = np.fmin.reduceat(part, starts), np.fmax.reduceat(part, starts)
+    rising = part[bounds[there + 1] - 1] >= part[starts]
+    out[there] = np.where(
+        rising[:, None], np.column_stack((low, high)), np.column_stack((high, low))
+    )
+    return out.ravel()

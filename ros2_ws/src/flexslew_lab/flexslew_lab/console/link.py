@@ -1,0 +1,52 @@
+"""What a page needs of a bench, be it alive or a log."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Protocol
+
+from flexslew_lab.console.view import BenchView
+
+
+class Told(NamedTuple):
+    """What became of a request."""
+
+    ok: bool
+    message: str
+
+
+class Iterate(NamedTuple):
+    """One iteration of a planner."""
+
+    number: int
+    objective: float
+    norm_terminal_error: float
+    norm_input: float  # NaN where the method has none
+
+
+Then = Callable[[Told], None]
+
+
+class Link(Protocol):
+    """The way to a bench. All calls come from one thread, and all answers to it."""
+
+    view: BenchView
+    replay: bool  # of a log: nothing can be asked of it
+    folder: str  # of the run; empty where it is not known
+    command: str  # that repeats it
+
+    def poll(self, now: float) -> None:
+        """Take what has come by this wall time [s] into the view, and deliver answers."""
+
+    def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
+        """Ask for something by the name of its ROS service.
+
+        Args:
+            service: as in the table of topics; `<controller>/tune` for a controller.
+            values: fields of the request; a simulated time `at` in seconds.
+            then: called with the answer, also where there is none.
+        """
+
+    def plan(self, request: str, who: str, told: Callable[[Iterate], None], then: Then) -> None:
+        """Ask the planner for a manoeuvre, YAML of a `plan` section."""
+
+    def cancel(self) -> None:
+        """Give up the plan that is being made."""

@@ -1,0 +1,61 @@
+"""Move through a log: play, pause, a rate, a time slider."""
+
+from typing import Protocol
+
+from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.link import Told
+
+_RATES = {"0.1": 0.1, "0.5": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "50": 50.0}
+
+
+class Recording(Protocol):
+    """A log that plays."""
+
+    first: float  # simulated time of its first message [s]
+    last: float  # and of its last one [s]
+
+    @property
+    def playing(self) -> bool:
+        """Time passes."""
+
+    def seek(self, time: float) -> Told:
+        """Go to a simulated time [s]."""
+
+    def play(self, rate: float) -> None:
+        """Go on from here, simulated seconds per wall second; 0: rest."""
+
+
+class ReplayPanel:
+    """The controls of a log.
+
+    Args:
+        desk: of the page.
+        recording: that is shown.
+    """
+
+    def __init__(self, desk: Desk, recording: Recording) -> None:
+        gui = desk.gui
+        self._view, self._recording = desk.view, recording
+        end = max(recording.last, recording.first + 0.01)
+        self._time = gui.add_slider("Time [s]", recording.first, end, 0.01, recording.first)
+        self._rate = gui.add_dropdown("Rate", tuple(_RATES), initial_value="1")
+        desk.click(gui.add_button("Play"), self._play)
+        desk.click(gui.add_button("Pause"), lambda who: recording.play(0.0))
+        self._reply = Reply(desk)
+        desk.change(self._time, self._seek)
+
+    def refresh(self) -> None:
+        """Let the slider follow."""
+        if self._recording.playing and abs(self._time.value - self._view.time) >= 0.1:
+            self._time.value = self._view.time
+
+    def _play(self, who: str) -> None:
+        rate = _RATES.get(self._rate.value)
+        if rate is None:
+            words = f"Rate: {self._rate.value!r} is not allowed: {', '.join(_RATES)}"
+            self._reply.tell(Told(False, words))
+            return
+        self._recording.play(rate)
+
+    def _seek(self, who: str) -> None:
+        self._reply.tell(self._recording.seek(float(self._time.value)))

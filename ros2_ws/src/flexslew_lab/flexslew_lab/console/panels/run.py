@@ -1,0 +1,82 @@
+"""Start, pause, step, reset, rate, and the brake."""
+
+from functools import partial
+
+from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.link import Told
+from flexslew_plant import topics
+
+_RATES = {"0.1": 0.1, "0.5": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "fast": 0.0}
+
+
+class BrakePanel:
+    """The emergency stop, with the space bar.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        gui, self._view = desk.gui, desk.view
+        self._brake = gui.add_button("Brake (space bar)", color="red")
+        self._release = gui.add_button("Release the brake", color="gray")
+        key = gui.add_command("Brake", description="Emergency stop", hotkey="space")
+        self._reply = Reply(desk)
+        for element, action in (
+            (self._brake, topics.BRAKE),
+            (key, topics.BRAKE),
+            (self._release, topics.RELEASE_BRAKE),
+        ):
+            desk.click(element, partial(self._act, action))
+
+    def refresh(self) -> None:
+        """Offer to release only what is latched."""
+        if self._release.visible != self._view.now.brake_latched:
+            self._release.visible = self._view.now.brake_latched
+
+    def _act(self, action: str, who: str) -> None:
+        self._reply.ask(topics.OPERATE, {"action": action, "who": who})
+
+
+class RunPanel:
+    """The run.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        gui = desk.gui
+        self._view = desk.view
+        for name, action in (
+            ("Start", topics.START),
+            ("Pause", topics.PAUSE),
+            ("Reset", topics.RESET),
+        ):
+            desk.click(gui.add_button(name), partial(self._act, action))
+        self._ticks = gui.add_number("Ticks", 100, hint="how many a step flies")
+        desk.click(gui.add_button("Step"), self._step)
+        self._rate = gui.add_dropdown("Rate", tuple(_RATES), initial_value="1")
+        desk.click(gui.add_button("Set the rate"), self._set_rate)
+        self._reply = Reply(desk)
+
+    def refresh(self) -> None:
+        """Nothing changes by itself."""
+
+    def _act(self, action: str, who: str) -> None:
+        self._reply.ask(topics.OPERATE, {"action": action, "who": who})
+
+    def _step(self, who: str) -> None:
+        ticks = self._ticks.value
+        if ticks != ticks // 1 or not 1 <= ticks < 2**32:
+            self._reply.tell(Told(False, f"Ticks: {ticks} is not allowed: a whole number from 1"))
+            return
+        self._reply.ask(topics.STEP, {"ticks": int(ticks), "who": who})
+
+    def _set_rate(self, who: str) -> None:
+        rate = _RATES.get(self._rate.value)
+        if rate is None:
+            words = f"Rate: {self._rate.value!r} is not allowed: {', '.join(_RATES)}"
+            self._reply.tell(Told(False, words))
+            return
+        self._reply.ask(topics.SET_RATE, {"rate_factor": rate, "who": who})

@@ -1,0 +1,174 @@
+"""The testbed in three dimensions: bent as it is, with the reference as a ghost."""
+
+from functools import partial
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from flexslew_lab.console.desk import Desk
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.scene import Scene
+
+_BENT, _GHOST = (0, 114, 178), (150, 150, 150)
+_VIEWS = {"View from above": (0.0, -0.01, 1.0), "View from the side": (0.0, -1.0, 0.05)}
+_FIRST = (0.5, -0.8, 0.5)
+
+
+class ScenePanel:
+    """Draws the testbed, and says how much its bend is exaggerated.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        gui, self._desk, self._view = desk.gui, desk, desk.view
+        desk.scene.set_up_direction("+z")
+        self._scale = gui.add_slider("Deflection times", 1.0, 50.0, 1.0, 1.0)
+        self._ghost_wanted = gui.add_checkbox("Reference as a ghost", True)
+        for name, direction in _VIEWS.items():
+            desk.click(gui.add_button(name), partial(self._look, direction))
+        self._testbed: Testbed | None = None
+        self._bent: _Drawing | None = None
+        self._ghost: _Drawing | None = None
+        self._reach = 10.0  # how far the testbed reaches [m]
+        self._shown: tuple[Any, ...] = ()
+
+    def refresh(self) -> None:
+        """Move what has moved."""
+        testbed, position = self._view.testbed, self._view.position
+        if testbed is None or not position.size:
+            return
+        if testbed is not self._testbed:
+            self._build(testbed)
+        state = (position.tobytes(), self._scale.value, self._ghost_wanted.value)
+        if state == self._shown or self._bent is None or self._ghost is None:
+            return
+        self._shown = state
+        model = testbed.model()
+        if position.size != model.positions:
+            return
+        bent = position.copy()
+        bent[position.size - model.modes :] *= self._scale.value
+        reference = self._view.thought.column("reference_position")
+        with self._desk.server.atomic():
+            self._bent.show(bent)
+            wanted = bool(self._ghost_wanted.value) and reference.shape[1] == model.joints
+            self._ghost.visible(wanted and len(reference) > 0)
+            if wanted and len(reference):
+                pose = dict(zip(model.joint_names, reference[-1].tolist(), strict=True))
+                self._ghost.show(model.rest(pose))
+
+    def _build(self, testbed: Testbed) -> None:
+        self._testbed = testbed
+        scene, still = testbed.scene(), testbed.model().rest({})
+        lines = scene.lines(still)
+        self._reach = max((float(np.abs(line).max()) for line in lines), default=3.0)
+        self._bent = _Drawing(self._desk.scene, scene, still, "/bench", _BENT, self._reach)
+        self._ghost = _Drawing(self._desk.scene, scene, still, "/reference", _GHOST, self._reach)
+        self._desk.scene.add_grid(
+            "/floor", 4 * self._reach, 4 * self._reach, cell_size=self._reach / 5,
+            section_size=self._reach,
+        )  # fmt: skip
+        camera = self._desk.server.initial_camera
+        camera.position = tuple(2.2 * self._reach * np.array(_FIRST))
+        camera.look_at = (0.0, 0.0, 0.0)
+        self._look(_FIRST, "")
+
+    def _look(self, direction: tuple[float, float, float], who: str) -> None:
+        """Turn every page's camera."""
+        for page in self._desk.server.get_clients().values():
+            page.camera.position = tuple(2.2 * self._reach * np.array(direction))
+            page.camera.look_at = (0.0, 0.0, 0.0)
+
+
+class _Drawing:
+    """The frames of a scene with its rigid parts and lines, below one name."""
+
+    def __init__(
+        self, place: Any, scene: Scene, still: Vector, root: str,
+        color: tuple[int, int, int], reach: float,
+    ) -> None:  # fmt: skip
+        self._scene, self._shown = scene, True
+        self._paths = {scene.frames(still)[0].parent: root}
+        self._root = place.add_frame(root, show_axes=False)
+        self._frames = {}
+        for frame in scene.frames(still):
+            path = self._paths[frame.child] = f"{self._paths[frame.parent]}/{frame.child}"
+            self._frames[frame.child] = place.add_frame(path, show_axes=False)
+        ghost = color == _GHOST
+        _add_links(place, scene.robot_description, self._paths, ghost)
+        self._lines = [
+            place.add_line_segments(
+                f"{self._paths[frame]}/line_{k}", _segments(line), color,
+                thickness=reach * (0.004 if ghost else 0.008),
+            )
+            for k, (line, frame) in enumerate(
+                zip(scene.lines(still), scene.line_frames, strict=True)
+            )
+        ]  # fmt: skip
+
+    def show(self, q: Vector) -> None:
+        for frame in self._scene.frames(q):
+            x, y, z, w = frame.rotation
+            handle = self._frames[frame.child]
+            handle.position, handle.wxyz = frame.translation, (w, x, y, z)
+        for handle, line in zip(self._lines, self._scene.lines(q), strict=True):
+            handle.points = _segments(line)
+
+    def visible(self, wanted: bool) -> None:
+        if wanted != self._shown:
+            self._root.visible = self._shown = wanted
+
+
+def _segments(line: Matrix) -> Any:
+    return np.stack((line[:-1], line[1:]), axis=1).astype(np.float32)
+
+
+def _add_links(place: Any, description: str, frames: dict[str, str], ghost: bool) -> None:
+    """Draw the rigid parts of a robot description, those of a ghost as wires."""
+    robot = ElementTree.fromstring(description)
+    at = {name: (path, np.zeros(3)) for name, path in frames.items()}
+    for joint in robot.iter("joint"):
+        parent, child = _name(joint, "parent"), _name(joint, "child")
+        if child not in at and parent in at:
+            path, origin = at[parent]
+            at[child] = path, origin + _xyz(joint.find("origin"))
+    for number, link in enumerate(robot.iter("link")):
+        visual, name = link.find("visual"), link.get("name", "")
+        if visual is None or name not in at:
+            continue
+        path, origin = at[name]
+        shape = next(iter(visual.find("geometry") or ()), None)
+        color = visual.find("material/color")
+        rgba = color.get("rgba", "") if color is not None else ""
+        *rgb, opacity = map(float, (rgba or "1 1 1 1").split())
+        if shape is None or (ghost and opacity < 1.0):
+            continue
+        common = {
+            "position": tuple(origin + _xyz(visual.find("origin"))),
+            "color": _GHOST if ghost else tuple(round(255 * part) for part in rgb),
+            "opacity": 0.25 if ghost else opacity,
+            "cast_shadow": False,
+        }
+        label = f"{path}/part_{number}"
+        if shape.tag == "box":
+            size = tuple(map(float, shape.get("size", "1 1 1").split()))
+            place.add_box(label, dimensions=size, **common)
+        elif shape.tag == "cylinder":
+            radius, height = float(shape.get("radius", 1)), float(shape.get("length", 1))
+            place.add_cylinder(label, radius=radius, height=height, **common)
+        else:
+            place.add_icosphere(label, radius=float(shape.get("radius", 1)), **common)
+
+
+def _name(joint: ElementTree.Element, end: str) -> str:
+    found = joint.find(end)
+    return found.get("link", "") if found is not None else ""
+
+
+def _xyz(origin: ElementTree.Element | None) -> Vector:
+    text = origin.get("xyz", "0 0 0") if origin is not None else "0 0 0"
+    return np.array([float(part) for part in text.split()])

@@ -1,0 +1,61 @@
+"""How the bench stands, as text."""
+
+import html
+
+from flexslew_lab.console.desk import Desk
+from flexslew_lab.console.view import BenchView
+
+_SIGNS = {"running": "▶", "paused": "⏸", "finished": "■", "waiting": "…", "replaying": "▶"}
+
+
+class StatePanel:
+    """Run state, time, rate, ticks, misses, who is in charge, who is ready or why not.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        self._view, self._shown = desk.view, ""
+        self._html = desk.gui.add_html("")
+
+    def refresh(self) -> None:
+        """Show it where it changed."""
+        text = _table(self._view)
+        if text != self._shown:
+            self._html.content = self._shown = text
+
+
+def _table(view: BenchView) -> str:
+    now = view.now
+    rate = f"{now.rate_factor:g} times real time" if now.rate_factor else "as fast as it goes"
+    end = f" of {now.last_tick}" if now.last_tick else ""
+    brake = "LATCHED until released" if now.brake_latched else "not latched"
+    if not now.active and not now.brake_latched and now.state != "not found":
+        brake = "on: nobody is in charge"
+    period = view.joints.period if view.joints else 0.0
+    tick = max(now.tick, round(view.time / period)) if period else now.tick
+    rows = [
+        ("state", f"{_SIGNS.get(now.state, '?')} {now.state}"),
+        ("time", f"{view.time:.2f} s"),
+        ("tick", f"{tick}{end}"),
+        ("rate", rate),
+        ("missed ticks", str(now.missed_ticks)),
+        ("in charge", now.active or "the drive's brake"),
+        ("brake", brake),
+    ]
+    if now.waiting_for:
+        rows.append(("waiting for", ", ".join(now.waiting_for)))
+    for controller in sorted(view.controllers.values()):
+        ready = "ready" if controller.ready else f"not ready: {controller.reason}"
+        rows.append((controller.name, ready))
+    body = "".join(
+        f'<tr><th scope="row" style="text-align:left;font-weight:600;padding-right:0.8em;'
+        f'vertical-align:top;white-space:nowrap">{html.escape(name)}</th>'
+        f'<td style="overflow-wrap:anywhere">{html.escape(value)}</td></tr>'
+        for name, value in rows
+    )
+    return (
+        '<table id="bench-state" aria-label="state of the bench" '
+        f'style="font-size:0.85em;margin:0.3em 0.7em">{body}</table>'
+    )

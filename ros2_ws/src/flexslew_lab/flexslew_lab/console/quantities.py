@@ -1,0 +1,110 @@
+"""What a chart can show: curves from what the bench flew, by the name of the quantity."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexslew_lab.console.history import Curve
+from flexslew_lab.console.view import BenchView, Joints
+from flexslew_plant.arrays import Matrix, Vector
+
+POSITION, VELOCITY, ERROR, EFFORT = "position", "velocity", "error", "effort"
+TIPS, INNOVATION, ESTIMATE = "tips", "innovation", "estimate minus truth"
+
+
+def _columns(
+    labels: tuple[str, ...], time: Vector, rows: Matrix, dashed: bool = False
+) -> list[Curve]:
+    return [
+        Curve(label, time, rows[:, k], dashed)
+        for k, label in enumerate(labels)
+        if k < rows.shape[1]
+    ]
+
+
+def _named(prefix: str, joints: Joints, units: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{prefix}{n} [{u}]" for n, u in zip(joints.names, units, strict=True))
+
+
+def _shared(view: BenchView, field: str, truth: str) -> tuple[Vector, Matrix, Matrix]:
+    """Return the times of both topics, and their rows there."""
+    ours, theirs = view.thought.time, view.truth.time
+    time, a, b = np.intersect1d(ours, theirs, assume_unique=True, return_indices=True)
+    return time, view.thought.column(field)[a], view.truth.column(truth)[b]
+
+
+def _position(view: BenchView, joints: Joints) -> list[Curve]:
+    names = _named("", joints, joints.units)
+    wanted = _named("reference ", joints, joints.units)
+    truth, thought = view.truth, view.thought
+    return [
+        *_columns(names, truth.time, truth.column("position")),
+        *_columns(wanted, thought.time, thought.column("reference_position"), True),
+    ]
+
+
+def _velocity(view: BenchView, joints: Joints) -> list[Curve]:
+    rates = tuple(f"{unit}/s" for unit in joints.units)
+    truth, thought = view.truth, view.thought
+    names, wanted = _named("", joints, rates), _named("reference ", joints, rates)
+    return [
+        *_columns(names, truth.time, truth.column("velocity")),
+        *_columns(wanted, thought.time, thought.column("reference_velocity"), True),
+    ]
+
+
+def _error(view: BenchView, joints: Joints) -> list[Curve]:
+    time, wanted, position = _shared(view, "reference_position", "position")
+    n = min(wanted.shape[1], position.shape[1])
+    return _columns(_named("", joints, joints.units), time, wanted[:, :n] - position[:, :n])
+
+
+def _effort(view: BenchView, joints: Joints) -> list[Curve]:
+    names = _named("", joints, joints.effort_units)
+    curves = _columns(names, view.truth.time, view.truth.column("applied_effort"))
+    time = view.truth.time
+    if len(time):
+        ends = np.array([time[0], time[-1]])
+        for limit in sorted(set(joints.limit)):
+            for sign in (1.0, -1.0):
+                label = f"limit {sign * limit:g}"
+                curves.append(Curve(label, ends, np.full(2, sign * limit), True))
+    return curves
+
+
+def _tips(view: BenchView, joints: Joints) -> list[Curve]:
+    names = tuple(f"{name} [m]" for name in joints.appendages)
+    return _columns(names, view.truth.time, view.truth.column("tip_deflection"))
+
+
+def _innovation(view: BenchView, joints: Joints) -> list[Curve]:
+    rows = view.thought.column("innovation")
+    names = tuple(f"output {k + 1}" for k in range(rows.shape[1]))
+    return _columns(names, view.thought.time, rows)
+
+
+def _estimate(view: BenchView, joints: Joints) -> list[Curve]:
+    time, estimate, position = _shared(view, "estimate_position", "position")
+    n = min(estimate.shape[1], position.shape[1])
+    modes = tuple(f"mode {k + 1} [m]" for k in range(max(n - len(joints.names), 0)))
+    names = _named("", joints, joints.units) + modes
+    return _columns(names, time, estimate[:, :n] - position[:, :n])
+
+
+_QUANTITIES: dict[str, Callable[[BenchView, Joints], list[Curve]]] = {
+    POSITION: _position,
+    VELOCITY: _velocity,
+    ERROR: _error,
+    EFFORT: _effort,
+    TIPS: _tips,
+    INNOVATION: _innovation,
+    ESTIMATE: _estimate,
+}
+NAMES = tuple(_QUANTITIES)
+
+
+def curves_of(view: BenchView, quantity: str) -> list[Curve]:
+    """Return the curves of a quantity; none before the testbed has announced itself."""
+    if view.joints is None:
+        return []
+    return [c for c in _QUANTITIES[quantity](view, view.joints) if np.isfinite(c.value).any()]

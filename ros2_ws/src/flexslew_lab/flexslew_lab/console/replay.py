@@ -1,0 +1,115 @@
+"""The same page over the log of a run."""
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from flexslew_lab.console.link import Iterate, Then, Told
+from flexslew_lab.console.page import Page
+from flexslew_lab.console.view import BenchView, Now
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.replay.player import Outgoing, Player, PlaySettings
+from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
+
+_SHOWN = (
+    topics.TESTBED, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN, topics.TRUTH,
+    topics.CONTROLLER_STATE,
+)  # fmt: skip
+_BEFORE = 300.0  # shown before the time that is gone to [s]
+_WORDS = "this is a log; nothing can be asked of it"
+
+
+class Replay:
+    """A console.link.Link, and the recording behind it.
+
+    Args:
+        bag: its folder or file.
+
+    Raises:
+        BadInput: the bag cannot be read.
+    """
+
+    replay = True
+
+    def __init__(self, bag: Path) -> None:
+        there = Player(PlaySettings(bag=str(bag))).topics
+        shown = tuple(f"/{name}" for name in _SHOWN if f"/{name}" in there)
+        if f"/{topics.TRUTH}" not in shown:
+            raise BadInput(f"{bag}: holds no truth")
+        self._player = Player(PlaySettings(bag=str(bag), topics=shown, paused=True))
+        self.view, self.folder = BenchView(), str(bag.parent if bag.name == "bag" else bag)
+        self.command = f"./flexslew resim {self.folder}"
+        self.first, self.last = self._player.first * 1e-9, self._player.last * 1e-9
+        self.seek(self.first)
+
+    @property
+    def playing(self) -> bool:
+        """Time passes."""
+        return not self._player.paused
+
+    def poll(self, now: float) -> None:
+        """Take what is due."""
+        self._take(self._player.due(now, 100_000))
+        if self._player.done:
+            self._player.pause()
+        view = self.view
+        period = view.joints.period if view.joints else 0.01
+        state = "replaying" if self.playing else "paused"
+        rate = self._player.settings.rate
+        view.now = Now(
+            state, tick=round(view.time / period), last_tick=round(self.last / period),
+            rate_factor=rate, active=view.answering,
+        )  # fmt: skip
+
+    def play(self, rate: float) -> None:
+        """Go on from here at a rate; 0: rest."""
+        self._player.pause()
+        if rate > 0.0:
+            self._player.settings = replace(self._player.settings, rate=rate)
+            self._player.resume()
+
+    def seek(self, time: float) -> Told:
+        """Go to a simulated time [s]; what came before it is read, too."""
+        try:
+            self._player.seek(min(max(time - _BEFORE, self.first), self.last))
+        except BadInput as error:
+            return Told(False, str(error))
+        self.view.forget()
+        self._take(self._player.step(time + 1e-6))
+        return Told(True, f"at {self.view.time:.2f} s")
+
+    def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
+        """Refuse."""
+        then(Told(False, _WORDS))
+
+    def plan(self, request: str, who: str, told: Callable[[Iterate], None], then: Then) -> None:
+        """Refuse."""
+        then(Told(False, _WORDS))
+
+    def cancel(self) -> None:
+        """Nothing is being made."""
+
+    def _take(self, messages: Iterable[Outgoing]) -> None:
+        lots: dict[str, list[bytes]] = {}
+        for message in messages:
+            lots.setdefault(message.topic, []).append(message.data)
+        for topic, data in lots.items():
+            self.view.take(topic.lstrip("/"), TOPICS[topic].type, data)
+
+
+def serve(bag: Path, host: str, port: int, say: Callable[[str], None]) -> None:
+    """Serve a page over a log until interrupted.
+
+    Raises:
+        BadInput: the bag cannot be read, or the port cannot be opened.
+    """
+    link = Replay(bag)
+    page = Page(link, host, port, say, link)
+    try:
+        while True:
+            time.sleep(page.poll())
+    finally:
+        page.close()

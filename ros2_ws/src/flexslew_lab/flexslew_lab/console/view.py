@@ -1,0 +1,158 @@
+"""What a page knows of a bench: how it stands now, who is there, what happened, what it flew."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_lab.console.history import Track
+from flexslew_lab.log.bag_columns import blocks_of
+from flexslew_lab.log.files.mcap_scan import RawMessage
+from flexslew_lab.log.messages import cdr
+from flexslew_lab.log.messages.cdr_layout import Layout
+from flexslew_lab.log.messages.record_schema import LoggedEvent, logged_event
+from flexslew_plant import topics
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
+from flexslew_plant.testbeds import Testbed, read_testbed
+
+EVENTS = 2000  # that are kept
+
+_TRUTH = ("position", "velocity", "applied_effort", "tip_deflection", "disturbance")
+_THOUGHT = ("reference_position", "reference_velocity", "estimate_position", "innovation")
+
+
+class Now(NamedTuple):
+    """How the bench stands."""
+
+    state: str = "not found"  # or waiting, running, paused, finished; replaying
+    waiting_for: tuple[str, ...] = ()
+    tick: int = 0
+    last_tick: int = 0  # 0: when somebody stops it
+    epoch: int = 0
+    rate_factor: float = 0.0
+    wall_time: float = 0.0  # [s]
+    active: str = ""
+    brake_latched: bool = False
+    missed_ticks: int = 0
+    faults: tuple[tuple[int, str], ...] = ()  # number and words of what disturbs or breaks
+
+
+class Controller(NamedTuple):
+    """A controller as it announced itself."""
+
+    name: str
+    law: str
+    ready: bool
+    reason: str
+    settings: str  # YAML
+
+
+class Joints(NamedTuple):
+    """What stands on the bench, as far as charts and forms ask."""
+
+    kind: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    appendages: tuple[str, ...]
+    limit: tuple[float, ...]  # [N m or N]
+    period: float  # [s]
+
+    @property
+    def effort_units(self) -> tuple[str, ...]:
+        """One per joint."""
+        return tuple("N" if unit == "m" else "N m" for unit in self.units)
+
+
+class BenchView:
+    """Takes the messages of a bench, live or recorded."""
+
+    def __init__(self) -> None:
+        self.now = Now()
+        self.joints: Joints | None = None
+        self.testbed: Testbed | None = None  # None also where it is the user's own class
+        self.controllers: dict[str, Controller] = {}
+        self.events: deque[LoggedEvent] = deque(maxlen=EVENTS)
+        self.heard = 0  # events so far
+        self.plan: Any = None  # the last flexslew_msgs/Plan
+        self.truth, self.thought = Track(), Track()
+        self.position: Vector = np.zeros(0)  # of joints and modes now
+        self.time = 0.0  # simulated [s]
+        self.answering = ""  # who gave the last answer
+        self._layouts: dict[tuple[str, int], list[Layout]] = {}
+
+    def take(self, name: str, kind: str, data: Sequence[bytes]) -> None:
+        """Take messages of one topic in their order.
+
+        Args:
+            name: a key of topics.TOPICS.
+            kind: its type.
+            data: CDR of each.
+        """
+        if name in (topics.TRUTH, topics.CONTROLLER_STATE):
+            self._take_rows(name, kind, data)
+            return
+        for one in data:
+            message = cdr.decode(kind, one)
+            if name == topics.BENCH_STATE:
+                self._take_state(message)
+            elif name == topics.TESTBED:
+                self._take_testbed(message)
+            elif name == topics.EVENTS:
+                self._take_event(message)
+            elif name == topics.CONTROLLER_STATUS:
+                self.controllers[message.controller] = Controller(
+                    message.controller, message.law, message.ready, message.reason, message.settings
+                )
+            elif name == topics.PLAN:
+                self.plan = message
+
+    def forget(self) -> None:
+        """Begin anew, as after a jump in a log."""
+        self.truth.clear()
+        self.thought.clear()
+        self.events.clear()
+        self.plan = None
+
+    def _take_rows(self, name: str, kind: str, data: Sequence[bytes]) -> None:
+        raw = [RawMessage(0, 0, 0, one) for one in data]
+        for block in blocks_of(name, kind, raw, self._layouts):
+            columns = block.columns
+            time = columns["header.stamp.sec"] + columns["header.stamp.nanosec"] * 1e-9
+            rises = np.concatenate(([True], np.diff(time) > 0.0))
+            if not rises.all():  # a reset within the lot: only what came after it
+                first = int(np.flatnonzero(~rises)[-1])
+                time, columns = time[first:], {k: v[first:] for k, v in columns.items()}
+            fields = _TRUTH if name == topics.TRUTH else _THOUGHT
+            track = self.truth if name == topics.TRUTH else self.thought
+            track.add(time, {field: columns[field] for field in fields})
+            if name == topics.TRUTH:
+                self.time, self.position = float(time[-1]), columns["position"][-1]
+            else:
+                self.answering = str(columns["controller"][-1])
+
+    def _take_state(self, m: Any) -> None:
+        faults = tuple(zip((int(n) for n in m.fault_numbers), m.faults, strict=False))
+        self.now = Now(
+            m.state, tuple(m.waiting_for), m.tick, m.last_tick, m.epoch, m.rate_factor,
+            m.wall_time, m.active, m.brake_latched, m.missed_ticks, faults,
+        )  # fmt: skip
+        if m.tick == 0:
+            self.time = 0.0
+
+    def _take_testbed(self, m: Any) -> None:
+        self.joints = Joints(
+            m.kind, tuple(m.joint_names), tuple(m.joint_units), tuple(m.appendage_names),
+            tuple(float(limit) for limit in m.effort_limit), m.period,
+        )  # fmt: skip
+        try:
+            settings = load_yaml(m.settings, "testbed")
+            self.testbed = read_testbed(settings["bench"]["testbed"], "testbed")
+        except (BadInput, KeyError, TypeError):
+            self.testbed = None
+
+    def _take_event(self, m: Any) -> None:
+        self.events.append(logged_event(m, "the bench"))
+        self.heard += 1

@@ -1,0 +1,69 @@
+"""The `console` node: a page in the browser over the bench as it runs."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated
+
+from pydantic import Field
+
+from flexslew_lab.console.page import Page
+from flexslew_lab.ros.live_link import LiveLink
+from flexslew_plant.ros.loop import Loop, run_node, within
+from flexslew_plant.ros.parameters import new_node, settings_of
+from flexslew_plant.settings import section
+
+
+@section
+class ConsoleSettings:
+    """The parameters of the node."""
+
+    host: str = "127.0.0.1"  # address to listen on
+    port: Annotated[int, Field(ge=0, le=65535)] = 8080  # 0: any free one
+    folder: str = ""  # of the run; empty: not known
+    command: str = ""  # that repeats the run
+
+
+class ConsoleNode:
+    """A page over a live bench.
+
+    Args:
+        settings: None: the parameters of the node.
+        say: told where the page is.
+        loop: that serves the node.
+
+    Raises:
+        BadInput: the port cannot be opened.
+    """
+
+    def __init__(
+        self, settings: ConsoleSettings | None, say: Callable[[str], None], loop: Loop
+    ) -> None:
+        self.node = node = new_node("console")
+        loop.add(node)
+        chosen: ConsoleSettings = settings or settings_of(node, ConsoleSettings)
+        self._link = LiveLink(node, chosen.folder, chosen.command)
+        self._page = Page(self._link, chosen.host, chosen.port, say)
+
+    def poll(self) -> float:
+        """Serve the bench and the page."""
+        return self._page.poll()
+
+    def close(self) -> None:
+        """End the page and leave the graph."""
+        self._page.close()
+        self._link.close()
+        self.node.destroy_node()
+
+
+def console(settings: ConsoleSettings, say: Callable[[str], None], namespace: str = "") -> None:
+    """Serve a page over the bench of a namespace until interrupted, then exit."""
+    run_node(partial(ConsoleNode, settings, say), args=within(namespace))
+
+
+def main() -> None:
+    """Run the node with the parameters of ConsoleSettings."""
+    run_node(partial(ConsoleNode, None, partial(print, flush=True)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,69 @@
+"""The way from a page to a bench that runs."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from flexslew_msgs import action
+from rclpy.node import Node
+
+from flexslew_lab.console.link import Iterate, Then, Told
+from flexslew_lab.console.view import BenchView
+from flexslew_lab.ros.bench_client import BenchClient
+from flexslew_lab.ros.hidden_listener import HiddenListener
+from flexslew_plant import topics
+from flexslew_plant.topics import TOPICS
+
+_HEARD = (
+    topics.TESTBED, topics.BENCH_STATE, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN,
+    topics.TRUTH, topics.CONTROLLER_STATE,
+)  # fmt: skip
+
+
+class LiveLink:
+    """A console.link.Link over the topics, the services and the action of a bench.
+
+    Args:
+        node: of this process.
+        folder: of the run; empty: not known.
+        command: that repeats the run.
+    """
+
+    replay = False
+
+    def __init__(self, node: Node, folder: str, command: str) -> None:
+        self.view, self.folder, self.command = BenchView(), folder, command
+        self._client = BenchClient(node)
+        self._listener = HiddenListener(node, {name: TOPICS[name] for name in _HEARD})
+
+    def poll(self, now: float) -> None:
+        """Take what has come, and deliver answers."""
+        lots: dict[str, list[bytes]] = {}
+        for name, data in self._listener.take():
+            lots.setdefault(name, []).append(data)
+        for name, lot in lots.items():
+            self.view.take(name, TOPICS[name].type, lot)
+        self._client.poll(now)
+
+    def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
+        """Call a service of the bench."""
+        self._client.ask(service, values, then)
+
+    def plan(self, request: str, who: str, told: Callable[[Iterate], None], then: Then) -> None:
+        """Ask the planner for a manoeuvre."""
+        joints = self.view.joints
+        if joints is None:
+            then(Told(False, "no testbed has announced itself yet"))
+            return
+        goal = action.PlanSlew.Goal(
+            request=request, period=joints.period, effort_limit=list(joints.limit), who=who
+        )
+        self._client.plan(goal, told, then)
+
+    def cancel(self) -> None:
+        """Give up the plan that is being made."""
+        self._client.cancel()
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._listener.close()
+        self._client.close()

@@ -1,0 +1,113 @@
+"""The gate before the page: one port, a token, the page's own origin, nothing from elsewhere."""
+
+import socket
+from collections.abc import Iterator
+from http.client import HTTPConnection, HTTPResponse
+from pathlib import Path
+
+import pytest
+import viser
+from viser import _messages
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
+
+from flexslew_lab.console.server import ConsoleServer
+from flexslew_plant.errors import BadInput
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[ConsoleServer]:
+    found = ConsoleServer("127.0.0.1", 0, print)
+    yield found
+    found.close()
+
+
+def asked(server: ConsoleServer, path: str, **headers: str) -> tuple[HTTPResponse, bytes]:
+    connection = HTTPConnection("127.0.0.1", server.port, timeout=20)
+    connection.request("GET", path, headers=headers)
+    answer = connection.getresponse()
+    return answer, answer.read()
+
+
+def opened(server: ConsoleServer, origin: str | None, cookie: str) -> int:
+    """Return the status of a WebSocket's handshake; 101 lets it in."""
+    try:
+        with connect(
+            f"ws://127.0.0.1:{server.port}/",
+            origin=Origin(origin) if origin else None,
+            additional_headers={"Cookie": cookie},
+            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
+        ):
+            return 101
+    except InvalidStatus as refused:
+        return refused.response.status_code
+
+
+def test_the_page_opens_with_its_token_alone_and_hands_out_a_cookie(server: ConsoleServer) -> None:
+    for path in ("/", "/?token=", "/?token=wrong", "/index.html", "/run/report.html"):
+        answer, _ = asked(server, path)
+        assert answer.status == 403, path
+        assert answer.headers["Set-Cookie"] is None
+    assert server.gate.token in server.address
+    answer, body = asked(server, server.address.partition(str(server.port))[2])
+    assert answer.status == 200
+    assert b"keydown" in body
+    cookie = answer.headers["Set-Cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    again, _ = asked(server, "/", Cookie=cookie.partition(";")[0])
+    assert again.status == 200
+
+
+def test_a_foreign_origin_or_no_token_gets_403(server: ConsoleServer) -> None:
+    own, cookie = f"http://127.0.0.1:{server.port}", f"flexslew_{server.port}={server.gate.token}"
+    assert opened(server, own, cookie) == 101
+    for origin in ("http://evil.example", "http://127.0.0.1:1", "null", None):
+        assert opened(server, origin, cookie) == 403, origin
+    for wrong in ("", f"flexslew_{server.port}=wrong", f"flexslew_1={server.gate.token}", ";=;;"):
+        assert opened(server, own, wrong) == 403, wrong
+
+
+def test_the_browser_is_told_to_fetch_nothing_from_elsewhere(server: ConsoleServer) -> None:
+    answer, _ = asked(server, f"/?token={server.gate.token}")
+    policy = answer.headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "http" not in policy
+    assert answer.headers["Referrer-Policy"] == "no-referrer"
+
+
+def test_no_page_can_open_a_tunnel_to_the_outside(server: ConsoleServer) -> None:
+    handlers = server.viser._websock_server._incoming_handlers
+    assert _messages.ShareUrlRequest not in handlers
+    assert _messages.GuiUpdateMessage in handlers
+
+
+def test_files_are_served_by_name_and_no_other(server: ConsoleServer, tmp_path: Path) -> None:
+    report = tmp_path / "report.html"
+    report.write_text("<p>it flew</p>")
+    server.gate.files["report.html"] = report
+    key = f"?token={server.gate.token}"
+    answer, body = asked(server, f"/run/report.html{key}")
+    assert (answer.status, body) == (200, b"<p>it flew</p>")
+    for name in ("other.html", "../report.html", "%2e%2e/report.html", ""):
+        assert asked(server, f"/run/{name}{key}")[0].status == 404, name
+
+
+def test_a_port_that_is_taken_is_refused_and_no_other_one_is_opened() -> None:
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        holder.listen()
+        port = holder.getsockname()[1]
+        with pytest.raises(BadInput, match=f"127.0.0.1 port {port} cannot be opened"):
+            ConsoleServer("127.0.0.1", port, print)
+
+
+def test_only_the_loopback_is_listened_on(server: ConsoleServer) -> None:
+    listening = []
+    for line in Path("/proc/net/tcp").read_text().splitlines()[1:]:
+        _, local, _, state, *_ = line.split()
+        address, port = local.split(":")
+        if state == "0A" and int(port, 16) == server.port:
+            listening.append(address)
+    assert listening == ["0100007F"]
