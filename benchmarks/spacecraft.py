@@ -11,7 +11,7 @@ from scipy.linalg import cho_factor, cho_solve
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import Model, read_testbed
-from flexslew_plant.testbeds.spacecraft.packing import Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 _ROUNDS = 9

@@ -14,5 +14,5 @@ if [ -e "$flexslew_root/ros2_ws/install/local_setup.bash" ]; then
   *) . "$flexslew_root/ros2_ws/install/local_setup.bash" ;; esac
 fi
 # Numba looks at a kernel's own file only; a kernel that inlines another one must follow it, too
-export NUMBA_CACHE_DIR=$flexslew_root/.numba_cache/$(grep -lrE '@(compiled|inlined|overload)' --include='*.py' \
+export NUMBA_CACHE_DIR=$flexslew_root/.numba_cache/$(grep -lrE '@(compiled|called|inlined|overload|vectorised)' --include='*.py' \
   "$flexslew_root/ros2_ws/src" | LC_ALL=C sort | xargs cat | sha256sum | cut -c1-12)

@@ -4,19 +4,20 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds.spacecraft import kernels
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.actuation import actuation
-from flexslew_plant.testbeds.spacecraft.integrals import Points, integrals_of
-from flexslew_plant.testbeds.spacecraft.packing import (
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
+from flexslew_plant.testbeds.spacecraft.assembly.craft import (
     Appendage,
     Drive,
     Manoeuvre,
     Spacecraft,
     Wheel,
-    turn,
 )
-from flexslew_plant.testbeds.spacecraft.shape import Spot
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.equations.actuation import actuation
+from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, potential
+from flexslew_plant.testbeds.spacecraft.equations.terms import terms
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, integrals_of
+from flexslew_plant.testbeds.spacecraft.shapes.shape import Spot
 
 
 def direction(rng: np.random.Generator) -> Vector:
@@ -124,7 +125,7 @@ def mass_and_bias(p: Vector, t: float, x: Vector, nv: int) -> tuple[Matrix, Vect
     n = int(p[at.MODES])
     m = nv - n
     joints, coupling, modal, bias = np.empty((m, m)), np.empty((m, n)), np.empty(n), np.empty(nv)
-    kernels.terms(p, t, x, joints, coupling, modal, bias)
+    terms(p, t, x, joints, coupling, modal, bias)
     return np.block([[joints, coupling], [coupling.T, np.diag(modal)]]), bias
 
 
@@ -140,14 +141,14 @@ def _rate(p: Vector, t: float, x: Vector, effort: Vector, nv: int) -> Vector:
     n = int(p[at.MODES])
     m = nv - n
     mass, bias, modal = np.zeros((nv, nv)), np.empty(nv), np.empty(n)
-    kernels.terms(p, t, x, mass[:m, :m], mass[:m, m:], modal, bias)
+    terms(p, t, x, mass[:m, :m], mass[:m, m:], modal, bias)
     mass[m:, :m] = mass[:m, m:].T
     for i in range(n):
         mass[m + i, m + i] = modal[i]
     force = -bias
     actuation(p, t, x, effort, force)
     rate = np.empty(x.size)
-    kernels.kinematics(p, t, x, rate)
+    kinematics(p, t, x, rate)
     rate[nq:] = np.linalg.solve(mass, force)
     return rate
 
@@ -196,4 +197,4 @@ def energy(craft: Spacecraft, p: Vector, x: Vector) -> float:
     nq, nv = craft.sizes
     mass, _ = mass_and_bias(p, 0.0, x, nv)
     v = x[nq:]
-    return float(0.5 * v @ mass @ v + kernels.potential(p, 0.0, x[:nq]))
+    return float(0.5 * v @ mass @ v + potential(p, 0.0, x[:nq]))

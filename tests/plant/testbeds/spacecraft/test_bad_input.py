@@ -9,7 +9,7 @@ import yaml
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.spacecraft.modal_file import modal_shape
+from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape
 
 BOOM: dict[str, Any] = {
     "shape": {"kind": "beam", "length": 2.0, "linear_density": 0.5, "bending_stiffness": 9.0}

@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 from tests.plant.testbeds.spacecraft.crafts import random_axes
 
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.hinge_motion import prescribed
-from flexslew_plant.testbeds.spacecraft.integrals import integrals_of
-from flexslew_plant.testbeds.spacecraft.packing import (
-    Appendage,
-    Manoeuvre,
-    Spacecraft,
-    packed,
-    turn,
-)
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Manoeuvre, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.equations.hinge_motion import prescribed
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import integrals_of
 
 TABLE = np.array([[0.0, 0, 0, 0], [0.3, 0.2, 1.4, 2.0], [0.6, 0.7, 1.5, -1.0], [1, 1, 0, 0]])
 

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from tests.plant.testbeds.spacecraft.crafts import mass_and_bias, random_craft, random_state
 
-from flexslew_plant.testbeds.spacecraft import kernels
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.actuation import actuation, actuation_jacobian
-from flexslew_plant.testbeds.spacecraft.jacobian import kinematics_jacobian, residual_jacobian
-from flexslew_plant.testbeds.spacecraft.packing import packed
+from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.equations.actuation import actuation, actuation_jacobian
+from flexslew_plant.testbeds.spacecraft.equations.jacobian import residual_jacobian
+from flexslew_plant.testbeds.spacecraft.equations.kinematics import (
+    kinematics,
+    kinematics_jacobian,
+)
 
 STEP = 1e-6
 
@@ -54,7 +57,7 @@ def test_the_kinematics_derivatives_are_exact() -> None:
 
     def rates(state: np.ndarray) -> np.ndarray:
         rate = np.empty(nq)
-        kernels.kinematics(p, 0.0, state, rate)
+        kinematics(p, 0.0, state, rate)
         return rate
 
     dq, dv = np.empty((nq, nq)), np.empty((nq, nv))

@@ -14,8 +14,9 @@ from tests.plant.testbeds.spacecraft.crafts import (
     random_state,
 )
 
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.packing import Appendage, Manoeuvre, Spacecraft, packed
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Manoeuvre, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
 
 SEEDS = [(seed, seed % 5) for seed in range(5)]  # with 0 to 4 appendages
 

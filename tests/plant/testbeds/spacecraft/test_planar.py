@@ -6,9 +6,10 @@ from numpy.polynomial.legendre import leggauss
 from tests.plant.testbeds.spacecraft.crafts import fly
 
 from flexslew_plant.testbeds.csa import CsaTestbed, beam
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.integrals import Points, integrals_of, second_of
-from flexslew_plant.testbeds.spacecraft.packing import Appendage, Drive, Spacecraft, packed
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Drive, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, integrals_of, second_of
 
 MODES = 2
 TESTBED = CsaTestbed(modes=MODES)

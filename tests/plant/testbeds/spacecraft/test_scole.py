@@ -5,8 +5,8 @@ from scipy.linalg import eigh
 from tests.plant.testbeds.spacecraft.crafts import mass_and_bias
 from tests.plant.testbeds.spacecraft.scole import FULL, SMALL, Scole
 
-from flexslew_plant.testbeds.spacecraft.craft import spacecraft
-from flexslew_plant.testbeds.spacecraft.packing import packed
+from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
+from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
 from flexslew_plant.testbeds.spacecraft.units import UNITS
 
 UNIT = UNITS["slug_ft_lb"]

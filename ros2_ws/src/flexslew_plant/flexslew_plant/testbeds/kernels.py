@@ -62,7 +62,7 @@ class Kernels:
         if self.extra_positions and self.kinematics is None:
             raise ValueError("extra_positions needs kinematics, which says how they change")
         digest = hashlib.sha256(f"{self.full_mass} {self.extra_positions}".encode())
-        for path in sorted({_source(f) for f in self._functions().values()}):
+        for path in sorted(set().union(*map(_sources, self._functions().values()))):
             digest.update(path.read_bytes())
         name = f"{self.terms.__module__}.{self.terms.__qualname__}"
         object.__setattr__(self, "token", f"{name}:{digest.hexdigest()[:16]}")
@@ -94,9 +94,17 @@ def _jitted(function: Callable[..., Any]) -> Any:
     return numba.njit(inline="always", error_model="numpy")(function)
 
 
-def _source(function: Callable[..., Any]) -> Path:
-    """Return the file that a function stands in."""
-    return Path(inspect.getfile(getattr(function, "py_func", function)))
+def _sources(function: Callable[..., Any]) -> set[Path]:
+    """Return the files of a function and of all compiled ones that it calls."""
+    found: set[Path] = set()
+    waiting, seen = [getattr(function, "py_func", function)], set()
+    while waiting:
+        now = waiting.pop()
+        seen.add(now)
+        found.add(Path(inspect.getfile(now)))
+        called = (now.__globals__.get(name) for name in now.__code__.co_names)
+        waiting += {c.py_func for c in called if hasattr(c, "py_func")} - seen
+    return found
 
 
 class KernelsType(types.Type):

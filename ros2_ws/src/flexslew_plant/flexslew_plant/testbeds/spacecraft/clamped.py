@@ -6,9 +6,9 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.integrals import inertia_of
-from flexslew_plant.testbeds.spacecraft.packing import Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import inertia_of
 
 
 class Clamped(NamedTuple):

@@ -12,8 +12,9 @@ from flexslew_plant.testbeds.scene import (
     Scene,
     robot_description,
 )
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.packing import Appendage, Spacecraft, turn
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Spacecraft
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
 
 
 def quaternion(axes: Matrix) -> tuple[float, float, float, float]:

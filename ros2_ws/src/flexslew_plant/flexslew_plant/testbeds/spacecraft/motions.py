@@ -5,8 +5,8 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.packing import Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
 
 
 class Motions(NamedTuple):

@@ -4,7 +4,6 @@ Joints of the bench are its actuators: the reading beside an effort is the place
 the effort works on (readings.read), so any collocated law flies it. State: see layout.
 """
 
-from collections.abc import Mapping
 from dataclasses import field, replace
 from functools import lru_cache
 from typing import Any, ClassVar, Literal
@@ -16,18 +15,22 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds.contract import RigidTurn
 from flexslew_plant.testbeds.kernels import Kernels
-from flexslew_plant.testbeds.model import Appendages, Model
+from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
-from flexslew_plant.testbeds.spacecraft import kernels
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.actuation import actuation
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.packing import packed, stiffened
+from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
+from flexslew_plant.testbeds.spacecraft.channels import tip_channels
 from flexslew_plant.testbeds.spacecraft.clamped import Clamped, clamped
-from flexslew_plant.testbeds.spacecraft.craft import spacecraft
 from flexslew_plant.testbeds.spacecraft.drawing import scene_of
-from flexslew_plant.testbeds.spacecraft.jacobian import residual_jacobian
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.equations.actuation import actuation
+from flexslew_plant.testbeds.spacecraft.equations.jacobian import residual_jacobian
+from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, potential
+from flexslew_plant.testbeds.spacecraft.equations.readings import read
+from flexslew_plant.testbeds.spacecraft.equations.terms import terms
 from flexslew_plant.testbeds.spacecraft.motions import Motions, motions
-from flexslew_plant.testbeds.spacecraft.packing import Drive, Spacecraft, packed
-from flexslew_plant.testbeds.spacecraft.readings import read
+from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit
 from flexslew_plant.testbeds.spacecraft.settings import (
     IDENTITY,
     ActuatorPlace,
@@ -47,18 +50,18 @@ def _grounded(
     p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
 ) -> None:
     """Write M and h of a platform that is held or pivots; its q has as many entries as v."""
-    kernels.terms(p, t, x, joints, coupling, modal, bias)
+    terms(p, t, x, joints, coupling, modal, bias)
 
 
 FLOATING = Kernels(
-    kernels.terms,
+    terms,
     residual_jacobian,
-    kernels.potential,
+    potential,
     actuation,
-    kernels.kinematics,
+    kinematics,
     extra_positions=1,
 )
-GROUNDED = Kernels(_grounded, residual_jacobian, kernels.potential, actuation)
+GROUNDED = Kernels(_grounded, residual_jacobian, potential, actuation)
 
 
 def _torques(limit: float) -> dict[str, ActuatorPlace]:
@@ -242,7 +245,7 @@ def _model(same: _Same) -> Model:
         tuple(d.name for d in drives),
         tuple(position_unit(d) for d in drives),
         craft.modes,
-        _appendages(craft),
+        tip_channels(craft),
         scale_stiffness=lambda packed_, factor: stiffened(craft, packed_, factor),
         leading=craft.sizes[1] - craft.modes,
         reading=lambda x: _read(p, x, len(drives)),
@@ -250,87 +253,7 @@ def _model(same: _Same) -> Model:
     )
 
 
-def position_unit(drive: Drive) -> str:
-    """Return the unit of the position beside an effort."""
-    return "m" if drive.unit == "N" else "rad"
-
-
 def _read(p: Vector, x: Vector, count: int) -> tuple[Vector, Vector]:
     position, velocity = np.empty(count), np.empty(count)
     read(p, x, position, velocity)
     return position, velocity
-
-
-def placed(craft: Spacecraft, positions: Mapping[str, float]) -> Vector:
-    """Return q at rest with the platform placed and turned and the hinges at their angles.
-
-    Args:
-        craft: the spacecraft.
-        positions: along the actuators, by name [rad or m].
-    """
-    q = np.zeros(craft.sizes[0])
-    place, turn = np.zeros(3), np.zeros(3)
-    own = {at.FREE: 7, at.HELD: 0, at.PIVOT: 1}[craft.motion]
-    hinge = 0
-    for d in craft.drives:
-        value = positions.get(d.name, 0.0)
-        if d.what == at.FORCE:
-            place += value * d.direction
-        elif d.what in (at.TORQUE, at.WHEEL):
-            turn += value * (craft.wheels[d.owner].axis if d.what == at.WHEEL else d.direction)
-        elif d.what == at.HINGE:
-            q[own + hinge] = value
-        elif value:
-            raise BadInput(f"initial: {d.name}: {value:g} is not allowed: appendages start at rest")
-        hinge += d.what == at.HINGE
-    if craft.motion == at.PIVOT:
-        q[0] = turn @ craft.pivot_axis
-    if craft.motion == at.FREE:
-        angle = float(np.linalg.norm(turn))
-        half = np.sinc(angle / 2.0 / np.pi) / 2.0
-        q[3:6], q[6] = half * turn, np.cos(angle / 2.0)
-        v, w = q[3:6], q[6]
-        once = np.cross(v, place)
-        q[:3] = place + 2.0 * w * once + 2.0 * np.cross(v, once)
-    return q
-
-
-def stiffened(craft: Spacecraft, p: Vector, factor: float) -> Vector:
-    """Return packed numbers with the modes' stiffness times factor, damping ratios kept."""
-    out = p.copy()
-    table = int(p[at.APPENDAGE_TABLE])
-    for k in range(len(craft.appendages)):
-        b = int(p[table + k])
-        n = int(p[b + at.COUNT])
-        rest = b + at.SUMS + 3 * n + 9 * n * (n + 1)
-        out[rest + n : rest + 2 * n] *= factor
-        out[rest + 2 * n : rest + 2 * n + n * n] *= np.sqrt(factor)
-    return out
-
-
-def _appendages(craft: Spacecraft) -> Appendages:
-    """Return three displacements of each tip along body axes, then their rates."""
-    names: list[str] = []
-    tip, rate, curvature = [], [], []
-    for k, a in enumerate(craft.appendages):
-        if a.shape is None:
-            continue
-        n, first = a.modes, craft.first_mode(k)
-        rows = np.zeros((3, craft.modes))
-        rows[:, first : first + n] = a.axes.T @ a.shape.tip.displacement
-        bent = np.zeros((3, craft.modes))
-        if a.shape.along is not None:
-            bent[:2, first : first + n] = a.shape.along.spot(0.0).curvature
-        names += [f"{a.name}_{axis}" for axis in "xyz"]
-        names += [f"{a.name}_rate_{axis}" for axis in "xyz"]
-        still = np.zeros_like(rows)
-        tip += [rows, still]
-        rate += [still, rows]
-        curvature += [bent, still]
-    empty = np.zeros((0, craft.modes))
-    return Appendages(
-        tuple(names),
-        np.vstack([empty, *tip]),
-        np.vstack([empty, *curvature]),
-        np.vstack([empty, *rate]),
-    )

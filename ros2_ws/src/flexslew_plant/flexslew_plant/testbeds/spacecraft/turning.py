@@ -6,9 +6,9 @@ import numpy as np
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.contract import RigidTurn
-from flexslew_plant.testbeds.spacecraft import layout as at
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.clamped import platform_inputs
-from flexslew_plant.testbeds.spacecraft.packing import Spacecraft
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.settings import AppendageSettings
 
 

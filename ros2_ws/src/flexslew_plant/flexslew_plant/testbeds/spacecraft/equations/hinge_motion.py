@@ -3,8 +3,15 @@
 import numpy as np
 
 from flexslew_plant.arrays import Vector, called
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.geometry import Nine, Triple, nine, scaled, triple, turned
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.equations.geometry import (
+    Nine,
+    Triple,
+    nine,
+    scaled,
+    triple,
+    turned,
+)
 
 
 @called

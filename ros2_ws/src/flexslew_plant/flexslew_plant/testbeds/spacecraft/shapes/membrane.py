@@ -8,8 +8,8 @@ import numpy as np
 from scipy.special import jn_zeros, jv
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.testbeds.spacecraft.integrals import Points, integrals_of
-from flexslew_plant.testbeds.spacecraft.shape import FlexibleShape, Spot
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, integrals_of
+from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
 
 RADIAL, ANGULAR = 24, 32  # points of the quadrature: exact to rounding for the first modes
 

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.spacecraft.integrals import Integrals
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals
 
 
 class Spot(NamedTuple):

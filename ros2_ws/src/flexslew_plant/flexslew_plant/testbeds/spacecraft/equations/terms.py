@@ -11,11 +11,15 @@ momentum and the energy are kept by this form exactly, whatever the integrals ar
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector, called, compiled
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.geometry import (
-    Nine,
-    Triple,
+from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.equations.frames import (
+    deflected,
+    hinge_frame,
+    offsets,
+    platform_velocity,
+)
+from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     apply,
     apply_transposed,
     cross,
@@ -25,109 +29,12 @@ from flexslew_plant.testbeds.spacecraft.geometry import (
     scaled,
     symmetric,
     triple,
-    turned,
 )
-from flexslew_plant.testbeds.spacecraft.hinge_motion import prescribed
-
-
-@called
-def offsets(p: Vector) -> tuple[int, int, int, int]:
-    """Return how many positions and velocities the platform has, and q and v altogether."""
-    others = int(p[at.HINGES]) + int(p[at.WHEELS]) + int(p[at.MODES])
-    if p[at.MOTION] == at.FREE:
-        return 7, 6, 7 + others, 6 + others
-    if p[at.MOTION] == at.HELD:
-        return 0, 0, others, others
-    return 1, 1, 1 + others, 1 + others
-
-
-@called
-def platform_velocity(p: Vector, x: Vector, v: int) -> tuple[Triple, Triple]:
-    """Return V and w along body axes; v is where the velocities begin."""
-    if p[at.MOTION] == at.FREE:
-        return triple(x, v), triple(x, v + 3)
-    still = (0.0, 0.0, 0.0)
-    if p[at.MOTION] == at.HELD:
-        return still, still
-    rate = x[v]
-    return (
-        scaled(rate, triple(p, at.PIVOT_AXES)),
-        scaled(rate, triple(p, at.PIVOT_AXES + 3)),
-    )
-
-
-@called
-def hinge_frame(
-    p: Vector, b: int, t: float, angle: float, rate: float
-) -> tuple[Nine, Triple, Triple]:
-    """Return E, the relative rate and its derivative without the hinge's own acceleration.
-
-    Args:
-        p: packed spacecraft.
-        b: where the appendage's block lies.
-        t: time [s].
-        angle, rate: of a driven hinge [rad, rad/s].
-    """
-    if p[b + at.KIND] == at.DRIVEN:
-        axis = triple(p, b + at.AXIS)
-        e = turned(axis, np.cos(angle), np.sin(angle), nine(p, b + at.AXES))
-        return e, scaled(rate, axis), (0.0, 0.0, 0.0)
-    return prescribed(p, b, t)
-
-
-@called
-def deflected(p: Vector, b: int, x: Vector, q: int, w: Vector) -> None:
-    """Write [D, C] of an appendage at the deflected shape, component by component, (9 n,).
-
-    D_j = dJ/dq_j in the order xx, yy, zz, xy, xz, yz; C = sum m x~ Phi.
-
-    Args:
-        p: packed spacecraft.
-        b: where the appendage's block lies.
-        x: state; its modal coordinates begin at q.
-        w: out, at least 9 n long.
-    """
-    n = int(p[b + at.COUNT])
-    base = b + at.SUMS + 3 * n
-    for c in range(9 * n):
-        w[c] = p[base + c]
-    if p[b + at.SECOND_ORDER] > 0.5:
-        row = base + 9 * n
-        for i in range(n):
-            qi = x[q + i]
-            for c in range(9 * n):
-                w[c] += qi * p[row + c]
-            row += 9 * n
-
-
-@called
-def add_point_mass_row(
-    mass: Matrix, s: Triple, j: tuple[float, float, float, float, float, float], m: float
-) -> None:
-    """Add the rigid block [m, -s~; s~, J] to the platform's rows."""
-    mass[0, 0] += m
-    mass[1, 1] += m
-    mass[2, 2] += m
-    mass[0, 4] += s[2]
-    mass[0, 5] -= s[1]
-    mass[1, 3] -= s[2]
-    mass[1, 5] += s[0]
-    mass[2, 3] += s[1]
-    mass[2, 4] -= s[0]
-    mass[3, 3] += j[0]
-    mass[4, 4] += j[1]
-    mass[5, 5] += j[2]
-    mass[3, 4] += j[3]
-    mass[3, 5] += j[4]
-    mass[4, 5] += j[5]
-
-
-@called
-def put(a: Vector, i: int, f: Triple) -> None:
-    """Add f to three numbers of a."""
-    a[i] += f[0]
-    a[i + 1] += f[1]
-    a[i + 2] += f[2]
+from flexslew_plant.testbeds.spacecraft.equations.rigid_block import (
+    add_point_mass_row,
+    inertia_about_body,
+    put,
+)
 
 
 @compiled
@@ -290,7 +197,7 @@ def unprojected(
         put(bias, 0, pull)
         put(bias, 3, plus(cross(place, pull), apply_transposed(e, torque)))
         total = plus(at_body, scaled(m, place))
-        add_point_mass_row(mass, total, _about(e, j, at_body, place, m), m)
+        add_point_mass_row(mass, total, inertia_about_body(e, j, at_body, place, m), m)
         for i in range(n):
             along = apply_transposed(e, (p[sums + i], p[sums + n + i], p[sums + 2 * n + i]))
             about = apply_transposed(e, (work[6 * n + i], work[7 * n + i], work[8 * n + i]))
@@ -314,37 +221,6 @@ def unprojected(
                     + axis[1] * work[7 * n + i]
                     + axis[2] * work[8 * n + i]
                 )
-
-
-@called
-def _about(
-    e: Nine,
-    j: tuple[float, float, float, float, float, float],
-    s: Triple,
-    r: Triple,
-    m: float,
-) -> tuple[float, float, float, float, float, float]:
-    """Return E^T J E + m (r.r 1 - r r^T) + 2 r.s 1 - r s^T - s r^T: inertia about the body origin.
-
-    Args:
-        e: direction cosines, body to appendage.
-        j: inertia about the hinge in appendage axes.
-        s: first moment about the hinge in body axes.
-        r: place of the hinge.
-        m: mass.
-    """
-    x = apply_transposed(e, symmetric(j, (e[0], e[3], e[6])))
-    y = apply_transposed(e, symmetric(j, (e[1], e[4], e[7])))
-    z = apply_transposed(e, symmetric(j, (e[2], e[5], e[8])))
-    both = m * dot(r, r) + 2.0 * dot(r, s)
-    return (
-        x[0] + both - m * r[0] * r[0] - 2.0 * r[0] * s[0],
-        y[1] + both - m * r[1] * r[1] - 2.0 * r[1] * s[1],
-        z[2] + both - m * r[2] * r[2] - 2.0 * r[2] * s[2],
-        y[0] - m * r[0] * r[1] - r[0] * s[1] - s[0] * r[1],
-        z[0] - m * r[0] * r[2] - r[0] * s[2] - s[0] * r[2],
-        z[1] - m * r[1] * r[2] - r[1] * s[2] - s[1] * r[2],
-    )
 
 
 @compiled
@@ -395,46 +271,3 @@ def terms(
                 coupling[0, j] += a * across[i, j]
         for j in range(1, m):
             joints[j, 0] = joints[0, j]
-
-
-@compiled
-def potential(p: Vector, t: float, q: Vector) -> float:
-    """Return the strain energy of appendages and sprung hinges [J]."""
-    energy = 0.0
-    own_q = offsets(p)[0]
-    mode_q = own_q + int(p[at.HINGES]) + int(p[at.WHEELS])
-    table = int(p[at.APPENDAGE_TABLE])
-    for k in range(int(p[at.APPENDAGES])):
-        b = int(p[table + k])
-        n, first = int(p[b + at.COUNT]), mode_q + int(p[b + at.START])
-        stiffness = b + at.SUMS + 3 * n + 9 * n * (n + 1) + n
-        for i in range(n):
-            energy += 0.5 * p[stiffness + i] * q[first + i] ** 2
-        if p[b + at.KIND] == at.DRIVEN:
-            angle = q[own_q + int(p[b + at.HINGE_INDEX])]
-            energy += 0.5 * p[b + at.HINGE_STIFFNESS] * angle * angle
-    return energy
-
-
-@compiled
-def kinematics(p: Vector, t: float, x: Vector, rate: Vector) -> None:
-    """Write q' = N(q) v, shape (nq,): R' = A V, quaternion' = quaternion (w, 0) / 2."""
-    own_q, own_v, nq, nv = offsets(p)
-    for i in range(nv - own_v):
-        rate[own_q + i] = x[nq + own_v + i]
-    if p[at.MOTION] == at.PIVOT:
-        rate[0] = x[nq]
-    if p[at.MOTION] == at.FREE:
-        a, b, c, d = x[3], x[4], x[5], x[6]
-        vx, vy, vz = x[nq], x[nq + 1], x[nq + 2]
-        wx, wy, wz = x[nq + 3], x[nq + 4], x[nq + 5]
-        rate[0] = (d * d + a * a - b * b - c * c) * vx
-        rate[0] += 2.0 * ((a * b - c * d) * vy + (a * c + b * d) * vz)
-        rate[1] = (d * d - a * a + b * b - c * c) * vy
-        rate[1] += 2.0 * ((a * b + c * d) * vx + (b * c - a * d) * vz)
-        rate[2] = (d * d - a * a - b * b + c * c) * vz
-        rate[2] += 2.0 * ((a * c - b * d) * vx + (b * c + a * d) * vy)
-        rate[3] = 0.5 * (d * wx + b * wz - c * wy)
-        rate[4] = 0.5 * (d * wy + c * wx - a * wz)
-        rate[5] = 0.5 * (d * wz + a * wy - b * wx)
-        rate[6] = -0.5 * (a * wx + b * wy + c * wz)

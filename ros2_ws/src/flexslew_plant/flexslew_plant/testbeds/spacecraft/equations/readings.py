@@ -3,9 +3,9 @@
 import numpy as np
 
 from flexslew_plant.arrays import Vector, called, compiled
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.geometry import Triple, cross, dot, plus, triple
-from flexslew_plant.testbeds.spacecraft.kernels import offsets, platform_velocity
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.equations.frames import offsets, platform_velocity
+from flexslew_plant.testbeds.spacecraft.equations.geometry import Triple, cross, dot, plus, triple
 
 
 @called

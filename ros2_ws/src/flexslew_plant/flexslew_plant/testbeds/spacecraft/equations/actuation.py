@@ -3,8 +3,9 @@
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, called, compiled
-from flexslew_plant.testbeds.spacecraft import layout as at
-from flexslew_plant.testbeds.spacecraft.geometry import (
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.equations.frames import hinge_frame, offsets
+from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     Triple,
     apply_transposed,
     cross,
@@ -14,7 +15,7 @@ from flexslew_plant.testbeds.spacecraft.geometry import (
     scaled,
     triple,
 )
-from flexslew_plant.testbeds.spacecraft.kernels import hinge_frame, offsets, put
+from flexslew_plant.testbeds.spacecraft.equations.rigid_block import put
 
 
 @called

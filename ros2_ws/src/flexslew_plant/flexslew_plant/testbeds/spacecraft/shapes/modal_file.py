@@ -29,13 +29,20 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml
-from flexslew_plant.testbeds.spacecraft.integrals import (
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import (
     Integrals,
     Points,
     integrals_of,
     second_of,
 )
-from flexslew_plant.testbeds.spacecraft.shape import FlexibleShape, Spot
+from flexslew_plant.testbeds.spacecraft.shapes.modal_checks import (
+    MASS_TOLERANCE,
+    array_of,
+    compare_rigid,
+    modal_masses,
+    require_orthogonal,
+)
+from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
 from flexslew_plant.testbeds.spacecraft.units import UNITS, hint
 
 _KEYS = {
@@ -52,8 +59,6 @@ _KEYS = {
     "rigid",
 }
 _SHIPPED = Path(str(resources.files("flexslew_plant.testbeds.spacecraft"))) / "data"
-_MASS_TOLERANCE = 0.02  # of the rigid sums that are given
-_ORTHOGONAL = 1e-3  # of the modal masses
 
 
 def modal_shape(path: Path) -> FlexibleShape:
@@ -75,14 +80,14 @@ def modal_shape(path: Path) -> FlexibleShape:
     if system not in UNITS:
         raise BadInput(f"{path}: units: {system!r} is not allowed: {', '.join(UNITS)}")
     units = UNITS[system]
-    frequencies = _array(data, "frequencies_hz", (None,), path)
+    frequencies = array_of(data, "frequencies_hz", (None,), path)
     n = len(frequencies)
     if not (frequencies > 0.0).all():
         raise BadInput(f"{path}: frequencies_hz: {frequencies.min():g} is not positive")
-    ratios = _array(data, "damping_ratios", (n,), path) if "damping_ratios" in data else None
+    ratios = array_of(data, "damping_ratios", (n,), path) if "damping_ratios" in data else None
     if ratios is not None and not ((ratios >= 0.0) & (ratios < 1.0)).all():
         raise BadInput(f"{path}: damping_ratios: {ratios} are not all in 0 to 1")
-    mass = _modal_mass(data, n, path)
+    mass = modal_masses(data, n, path)
     rigid = _rigid(data, path)
     if "points" in data:
         integrals, mass, tip, line, line_shape = _from_points(data, n, mass, rigid, path)
@@ -151,54 +156,6 @@ def _read_csv(text: str, path: Path) -> dict[str, Any]:
     return {**data, "points": table[:, :3], "masses": table[:, 3], "shapes": shapes}
 
 
-def _array(data: dict[str, Any], key: str, shape: tuple[int | None, ...], path: Path) -> Vector:
-    """Return a key as numbers of the shape asked for; None: any length."""
-    if key not in data:
-        raise BadInput(f"{path}: {key}: missing")
-    try:
-        values = np.array(data[key], dtype=float)
-    except (TypeError, ValueError):
-        raise BadInput(f"{path}: {key}: is not an array of numbers") from None
-    fits = values.ndim == len(shape) and all(
-        b is None or a == b for a, b in zip(values.shape, shape, strict=True)
-    )
-    if not fits:
-        asked = " x ".join("any" if b is None else str(b) for b in shape)
-        raise BadInput(f"{path}: {key}: has shape {values.shape}; it must be {asked}")
-    if not np.isfinite(values).all():
-        raise BadInput(f"{path}: {key}: holds a number that is not finite")
-    return values
-
-
-def _modal_mass(data: dict[str, Any], n: int, path: Path) -> Vector | None:
-    """Return the diagonal of the modal masses, checked; None where the file gives none."""
-    if "modal_mass" not in data:
-        return None
-    values = np.array(data["modal_mass"], dtype=float)
-    matrix = np.diag(values) if values.shape == (n,) else _array(data, "modal_mass", (n, n), path)
-    worst = float(abs(matrix - matrix.T).max(initial=0.0))
-    if worst > 1e-6 * float(abs(matrix).max()):
-        raise BadInput(f"{path}: modal_mass: is not symmetric: entries differ by {worst:.3g}")
-    lowest = float(np.linalg.eigvalsh(matrix).min())
-    if lowest <= 0.0:
-        raise BadInput(f"{path}: modal_mass: is not positive definite: eigenvalue {lowest:.3g}")
-    _require_orthogonal(matrix, "modal_mass", path)
-    return np.diag(matrix).copy()
-
-
-def _require_orthogonal(matrix: Matrix, key: str, path: Path) -> None:
-    size = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
-    off = abs(matrix / size - np.eye(len(matrix)))
-    np.fill_diagonal(off, 0.0)
-    worst = np.unravel_index(int(np.argmax(off)), off.shape)
-    if off.max(initial=0.0) > _ORTHOGONAL:
-        i, j = (int(k) + 1 for k in worst)
-        raise BadInput(
-            f"{path}: {key}: modes {i} and {j} are not orthogonal in mass: "
-            f"{off.max():.3g} of their modal masses; allowed: {_ORTHOGONAL:g}"
-        )
-
-
 def _rigid(data: dict[str, Any], path: Path) -> tuple[float, Vector, Matrix] | None:
     """Return mass, first moment and inertia as the file gives them."""
     given = data.get("rigid")
@@ -206,12 +163,12 @@ def _rigid(data: dict[str, Any], path: Path) -> tuple[float, Vector, Matrix] | N
         return None
     if not isinstance(given, dict):
         raise BadInput(f"{path}: rigid: must give mass, first_moment and inertia")
-    mass = float(_array(given, "mass", (), path))
+    mass = float(array_of(given, "mass", (), path))
     if not mass > 0.0:
         raise BadInput(f"{path}: rigid.mass: {mass:g} is not positive")
     first, inertia = (
-        _array(given, "first_moment", (3,), path),
-        _array(given, "inertia", (3, 3), path),
+        array_of(given, "first_moment", (3,), path),
+        array_of(given, "inertia", (3, 3), path),
     )
     return mass, first, inertia
 
@@ -224,12 +181,12 @@ def _from_points(
     path: Path,
 ) -> tuple[Integrals, Vector, Spot, Matrix, Matrix]:
     """Return sums, modal masses, tip and a line to draw, from mass points and mode shapes."""
-    points = _array(data, "points", (None, 3), path)
+    points = array_of(data, "points", (None, 3), path)
     k = len(points)
-    masses = _array(data, "masses", (k,), path)
+    masses = array_of(data, "masses", (k,), path)
     if not (masses > 0.0).all():
         raise BadInput(f"{path}: masses: {masses.min():g} is not positive")
-    shapes = _array(data, "shapes", (n, k, 3), path).transpose(1, 2, 0)
+    shapes = array_of(data, "shapes", (n, k, 3), path).transpose(1, 2, 0)
     integrals = integrals_of(Points(points, masses, shapes))
     own = np.einsum("ijaa->ij", integrals.second_2) / 2.0
     lowest = float(np.linalg.eigvalsh(own).min())
@@ -238,9 +195,9 @@ def _from_points(
             f"{path}: shapes: are not independent: their mass matrix has eigenvalue {lowest:.3g}"
         )
     if mass is None:
-        _require_orthogonal(own, "shapes", path)
+        require_orthogonal(own, "shapes", path)
         mass = np.diag(own).copy()
-    elif not np.allclose(np.diag(own), mass, rtol=_MASS_TOLERANCE):
+    elif not np.allclose(np.diag(own), mass, rtol=MASS_TOLERANCE):
         worst = int(np.argmax(abs(np.diag(own) / mass - 1.0)))
         ratio = float(mass[worst] / own[worst, worst])
         raise BadInput(
@@ -248,38 +205,13 @@ def _from_points(
             f"{own[worst, worst]:.6g}{hint(ratio, 'mass')}"
         )
     if rigid is not None:
-        _compare(integrals, rigid, path)
+        compare_rigid(integrals, rigid, path)
     at = int(data.get("tip", int(np.argmax(np.linalg.norm(points, axis=1)))))
     if not 0 <= at < k:
         raise BadInput(f"{path}: tip: {at} is not allowed: 0 to {k - 1}")
     tip = Spot(points[at], shapes[at], np.zeros((3, n)), np.zeros((2, n)))
     order = np.argsort(np.linalg.norm(points, axis=1), kind="stable")
     return integrals, mass, tip, points[order], shapes[order]
-
-
-def _compare(integrals: Integrals, rigid: tuple[float, Vector, Matrix], path: Path) -> None:
-    """Refuse points whose sums are not the rigid ones of the same file."""
-    mass, first, inertia = rigid
-    if abs(integrals.mass / mass - 1.0) > _MASS_TOLERANCE:
-        raise BadInput(
-            f"{path}: rigid.mass: {mass:.6g} is given, the points weigh {integrals.mass:.6g}"
-            f"{hint(mass / integrals.mass, 'mass')}"
-        )
-    size = np.sqrt(np.trace(inertia) / mass)
-    found = np.sqrt(np.trace(integrals.inertia) / integrals.mass)
-    if abs(found / size - 1.0) > _MASS_TOLERANCE:
-        raise BadInput(
-            f"{path}: rigid.inertia: radius of gyration {size:.6g} is given, that of the points is "
-            f"{found:.6g}{hint(size / found, 'length')}"
-        )
-    worst = float(np.linalg.norm(integrals.first - first))
-    if worst > _MASS_TOLERANCE * mass * size:
-        raise BadInput(
-            f"{path}: rigid.first_moment: {first} is given, that of the points is {integrals.first}"
-        )
-    off = float(abs(integrals.inertia - inertia).max())
-    if off > 2.0 * _MASS_TOLERANCE * float(np.trace(inertia)):
-        raise BadInput(f"{path}: rigid.inertia: differs by {off:.6g} from that of the points")
 
 
 def _from_participation(
@@ -294,7 +226,9 @@ def _from_participation(
         raise BadInput(f"{path}: rigid: missing; participation factors need the rigid sums")
     weight, first, inertia = rigid
     mass = np.ones(n) if mass is None else mass
-    translation, rotation = (_array(data, key, (3, n), path) for key in ("translation", "rotation"))
+    translation, rotation = (
+        array_of(data, key, (3, n), path) for key in ("translation", "rotation")
+    )
     return Integrals(
         weight,
         first,

@@ -11,12 +11,8 @@ from scipy.linalg import eigh
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.beam import ClampedFreeBeam
-from flexslew_plant.testbeds.spacecraft.integrals import (
-    Points,
-    integrals_of,
-    rigid_points,
-)
-from flexslew_plant.testbeds.spacecraft.shape import FlexibleShape, Spot
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, integrals_of, rigid_points
+from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
 
 DOF = 5  # of a node: u, u', v, v', twist
 GAUSS = 4  # points of an element: exact for products of two cubics and for their moments

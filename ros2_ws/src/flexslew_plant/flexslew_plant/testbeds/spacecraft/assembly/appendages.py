@@ -1,0 +1,144 @@
+"""Appendages of a trial file in SI: hinge, flexible shape, rigid body, damping."""
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import (
+    orthonormal,
+    rigid_body,
+    turn,
+    unit_direction,
+)
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Manoeuvre
+from flexslew_plant.testbeds.spacecraft.assembly.flexible import flexible_shape
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.settings import (
+    AppendageSettings,
+    Damping,
+    Hinge,
+    Motion,
+)
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals, second_of
+from flexslew_plant.testbeds.spacecraft.shapes.selected import chosen_modes
+from flexslew_plant.testbeds.spacecraft.units import Units
+
+_PROFILES = {"smooth": at.SMOOTH, "bang_bang": at.BANG_BANG, "table": at.TABLE}
+
+_HINGES = {"fixed": at.FIXED, "prescribed": at.PRESCRIBED, "driven": at.DRIVEN}
+
+
+def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> Appendage:
+    """Return an appendage in SI; BadInput, by its key, if it cannot exist."""
+    if a.shape is None and a.body is None:
+        raise BadInput(f"{key}: has neither shape nor body; give one of them")
+    shape = None if a.shape is None else flexible_shape(a.shape, units, key)
+    if shape is not None and a.only_modes is not None:
+        if max(a.only_modes, default=0) > shape.modes:
+            raise BadInput(
+                f"{key}.only_modes: {max(a.only_modes)} is not allowed: 1 to {shape.modes}"
+            )
+        shape = chosen_modes(shape, [k - 1 for k in a.only_modes])
+    n = 0 if shape is None else shape.modes
+    integrals = _nothing(n) if shape is None else shape.integrals
+    if a.body is not None:
+        mass, first, inertia = rigid_body(a.body, units, f"{key}.body")
+        integrals = _joined(integrals, mass, first, second_of(inertia))
+    h = a.hinge
+    axes = orthonormal(h.axes, f"{key}.hinge.axes")
+    if h.turned is not None:
+        axes = (
+            turn(unit_direction(h.turned.axis, f"{key}.hinge.turned.axis"), h.turned.angle) @ axes
+        )
+    axis = unit_direction(h.axis, f"{key}.hinge.axis")
+    manoeuvres = _manoeuvres(h, axis, f"{key}.hinge")
+    kind = h.kind or ("prescribed" if manoeuvres else "fixed")
+    modal_mass = np.zeros(0) if shape is None else shape.mass
+    stiffness = np.zeros(0) if shape is None else a.stiffness * shape.stiffness
+    own = None if shape is None or shape.damping is None else shape.damping * a.stiffness**0.5
+    return Appendage(
+        name,
+        integrals if a.second_order else integrals.first_order(),
+        modal_mass,
+        stiffness,
+        _damping(a.damping, modal_mass, stiffness, own, f"{key}.damping"),
+        np.array(h.place) * units.length,
+        axes,
+        _HINGES[kind],
+        axis,
+        h.spring * units.torque,
+        h.damper * units.torque,
+        a.second_order,
+        manoeuvres,
+        shape,
+    )
+
+
+def _nothing(n: int) -> Integrals:
+    return Integrals(
+        0.0,
+        np.zeros(3),
+        np.zeros((3, 3)),
+        np.zeros((3, n)),
+        np.zeros((3, n)),
+        np.zeros((n, 3, 3)),
+        np.zeros((n, n, 3, 3)),
+        np.zeros((n, n, 3)),
+    )
+
+
+def _joined(i: Integrals, mass: float, first: Vector, second: Matrix) -> Integrals:
+    """Return the sums with a rigid body at the root, which no mode moves."""
+    return Integrals(
+        i.mass + mass,
+        i.first + first,
+        i.second + second,
+        i.translation,
+        i.rotation,
+        i.second_1,
+        i.second_2,
+        i.gyroscopic,
+    )
+
+
+def _damping(d: Damping, mass: Vector, stiffness: Vector, own: Matrix | None, key: str) -> Matrix:
+    """Return the modal damping matrix, shape (n, n)."""
+    ratios = np.broadcast_to(d.ratio, (len(mass),)) if np.ndim(d.ratio) == 0 else np.array(d.ratio)
+    if len(ratios) != len(mass):
+        raise BadInput(f"{key}.ratio: {len(ratios)} numbers for {len(mass)} modes")
+    modal = 2.0 * ratios * np.sqrt(mass * stiffness)
+    both: Matrix = np.diag(d.alpha * mass + d.beta * stiffness + modal)
+    return both if own is None else both + own
+
+
+def _manoeuvres(h: Hinge, axis: Vector, key: str) -> tuple[Manoeuvre, ...]:
+    """Return the prescribed motions of a hinge, checked against its range and each other."""
+    given = (h.motion,) if isinstance(h.motion, Motion) else (h.motion or ())
+    found: list[Manoeuvre] = []
+    angle, end = 0.0, 0.0
+    for k, m in enumerate(sorted(given, key=lambda motion: motion.at)):
+        if h.range is not None and not h.range[0] <= m.to <= h.range[1]:
+            raise BadInput(
+                f"{key}.motion.{k}.to: {m.to:g} rad is outside of the range {h.range[0]:g} to "
+                f"{h.range[1]:g} rad"
+            )
+        if m.at < end - 1e-12:
+            raise BadInput(
+                f"{key}.motion.{k}.at: begins at {m.at:g} s, before the last one ends at {end:g} s"
+            )
+        about = axis if m.axis is None else unit_direction(m.axis, f"{key}.motion.{k}.axis")
+        table = np.array(m.table, dtype=float).reshape(-1, 4)
+        if m.profile == "table":
+            _require_table(table, f"{key}.motion.{k}.table")
+        found.append(Manoeuvre(m.at, m.duration, m.to - angle, about, _PROFILES[m.profile], table))
+        angle, end = m.to, m.at + m.duration
+    return tuple(found)
+
+
+def _require_table(table: Matrix, key: str) -> None:
+    """Check that a table runs from rest to rest over times 0 to 1 that rise."""
+    ends = len(table) >= 2 and (table[0] == 0.0).all() and (table[-1] == (1.0, 1.0, 0.0, 0.0)).all()
+    if not ends or not (np.diff(table[:, 0]) > 0.0).all():
+        raise BadInput(
+            f"{key}: must rise in its first column from the row [0, 0, 0, 0] to [1, 1, 0, 0]"
+        )

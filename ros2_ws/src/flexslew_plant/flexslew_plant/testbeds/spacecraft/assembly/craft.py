@@ -1,0 +1,151 @@
+"""A spacecraft as plain numbers in SI."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals
+from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """A turn of a prescribed hinge.
+
+    Args:
+        begin: [s].
+        duration: [s].
+        angle: of the turn [rad].
+        axis: unit vector in appendage axes, shape (3,).
+        profile: smooth, bang_bang or table (layout.SMOOTH ...).
+        table: rows (s, share, slope, curvature) with s from 0 to 1, shape (k, 4).
+    """
+
+    begin: float
+    duration: float
+    angle: float
+    axis: Vector
+    profile: int = at.SMOOTH
+    table: Matrix = field(default_factory=lambda: np.zeros((0, 4)))
+
+
+@dataclass(frozen=True)
+class Appendage:
+    """What hangs on the platform.
+
+    Args:
+        name: its name.
+        integrals: of all its points, rigid ones included.
+        mass, stiffness: diagonals of the modal matrices, shape (n,).
+        damping: modal damping matrix, shape (n, n).
+        place: r_o of the hinge in body axes, shape (3,) [m].
+        axes: E, body to appendage at angle zero, shape (3, 3).
+        hinge: fixed, prescribed or driven (layout.FIXED ...).
+        axis: of a driven hinge, unit vector in both frames, shape (3,).
+        spring, damper: of a driven hinge [N m/rad, N m s/rad].
+        second_order: whether terms of second order in the deflections count.
+        manoeuvres: of a prescribed hinge, in the order of time.
+        shape: what it was made from; none for a rigid one.
+    """
+
+    name: str
+    integrals: Integrals
+    mass: Vector
+    stiffness: Vector
+    damping: Matrix
+    place: Vector
+    axes: Matrix
+    hinge: int = at.FIXED
+    axis: Vector = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    spring: float = 0.0
+    damper: float = 0.0
+    second_order: bool = True
+    manoeuvres: tuple[Manoeuvre, ...] = ()
+    shape: FlexibleShape | None = None
+
+    @property
+    def modes(self) -> int:
+        """N."""
+        return len(self.mass)
+
+
+class Wheel(NamedTuple):
+    """A reaction wheel, whose mass and inertia at rest belong to the platform's."""
+
+    name: str
+    axis: Vector  # unit vector in body axes, (3,)
+    inertia: float  # about it [kg m^2]
+    largest_speed: float  # [rad/s]; infinite: no limit
+
+
+class Drive(NamedTuple):
+    """An actuator; its effort is a force [N] or a torque [N m]."""
+
+    name: str
+    what: int  # layout.FORCE ...
+    owner: int = -1  # appendage or wheel; -1: the platform
+    direction: Vector = np.zeros(3)  # unit vector in the owner's axes
+    spot: Spot | None = None  # where it acts
+    limit: float = np.inf
+
+    @property
+    def unit(self) -> str:
+        """N or N m."""
+        return "N" if self.what in (at.FORCE, at.POINT_FORCE) else "N m"
+
+
+@dataclass(frozen=True)
+class Spacecraft:
+    """A platform with appendages, wheels and actuators.
+
+    Args:
+        mass: m_r [kg].
+        first: S_r, first moment, shape (3,) [kg m].
+        inertia: I_r about the body origin, shape (3, 3) [kg m^2].
+        appendages, wheels, drives: what it carries.
+        motion: free, held or about a pivot (layout.FREE ...).
+        pivot_axis: unit vector in body axes, shape (3,).
+        pivot_place: of the pivot in body axes, shape (3,) [m].
+    """
+
+    mass: float
+    first: Vector
+    inertia: Matrix
+    appendages: tuple[Appendage, ...] = ()
+    wheels: tuple[Wheel, ...] = ()
+    drives: tuple[Drive, ...] = ()
+    motion: int = at.FREE
+    pivot_axis: Vector = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    pivot_place: Vector = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def hinged(self) -> tuple[Appendage, ...]:
+        """The appendages on driven hinges, in the order of their joints."""
+        return tuple(a for a in self.appendages if a.hinge == at.DRIVEN)
+
+    @property
+    def modes(self) -> int:
+        """Of all appendages together."""
+        return sum(a.modes for a in self.appendages)
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """How many entries q and v have."""
+        others = len(self.hinged) + len(self.wheels) + self.modes
+        own = {at.FREE: (7, 6), at.HELD: (0, 0), at.PIVOT: (1, 1)}[self.motion]
+        return own[0] + others, own[1] + others
+
+    def first_mode(self, index: int) -> int:
+        """Return where the modes of an appendage begin among all modes."""
+        return sum(a.modes for a in self.appendages[:index])
+
+    def rigid(self) -> tuple[float, Vector, Matrix]:
+        """Return mass, first moment and inertia about the body origin, all undeformed."""
+        mass, first, inertia = self.mass, self.first.copy(), self.inertia.copy()
+        for a in self.appendages:
+            seen = a.integrals.seen_from(a.place, a.axes)
+            mass, first, inertia = mass + seen.mass, first + seen.first, inertia + seen.inertia
+        return mass, first, inertia

@@ -1,0 +1,61 @@
+"""Actuators of a trial file in SI: where they sit and what they push."""
+
+import numpy as np
+
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Drive
+from flexslew_plant.testbeds.spacecraft.assembly.described import Described
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.settings import (
+    ActuatorPlace,
+)
+from flexslew_plant.testbeds.spacecraft.shapes.shape import Spot
+from flexslew_plant.testbeds.spacecraft.units import Units
+
+
+def drives_of(
+    described: Described, parts: tuple[Appendage, ...], units: Units
+) -> tuple[Drive, ...]:
+    """Return the actuators as listed, then the hinges' motors, then the wheels'."""
+    names = [a.name for a in parts]
+    found = []
+    for name, d in described.actuators.items():
+        key = f"testbed.actuators.{name}"
+        direction = unit_direction(d.direction, f"{key}.direction")
+        limit = d.limit * (units.force if d.kind == "force" else units.torque)
+        if d.appendage is None:
+            what = at.FORCE if d.kind == "force" else at.TORQUE
+            empty = np.zeros((3, 0))
+            spot = Spot(np.array(d.place) * units.length, empty, empty, np.zeros((2, 0)))
+            found.append(Drive(name, what, -1, direction, spot, limit))
+            continue
+        if d.appendage not in names:
+            raise BadInput(
+                f"{key}.appendage: {d.appendage} is no appendage; allowed: {', '.join(names)}"
+            )
+        index = names.index(d.appendage)
+        what = at.POINT_FORCE if d.kind == "force" else at.TIP_TORQUE
+        found.append(Drive(name, what, index, direction, _spot(parts[index], d, units, key), limit))
+    hinges = [(k, a) for k, a in enumerate(parts) if a.hinge == at.DRIVEN]
+    for k, a in hinges:
+        limit = described.appendages[a.name].hinge.limit * units.torque
+        found.append(Drive(f"{a.name}_hinge", at.HINGE, k, np.zeros(3), None, limit))
+    for k, (name, w) in enumerate(described.wheels.items()):
+        found.append(Drive(name, at.WHEEL, k, np.zeros(3), None, w.limit * units.torque))
+    twice = sorted({d.name for d in found if sum(e.name == d.name for e in found) > 1})
+    if twice:
+        raise BadInput(f"testbed: two actuators are called {twice[0]}")
+    return tuple(found)
+
+
+def _spot(a: Appendage, d: ActuatorPlace, units: Units, key: str) -> Spot:
+    """Return where an actuator sits on an appendage."""
+    if a.shape is None:
+        empty = np.zeros((3, 0))
+        return Spot(np.array(d.place) * units.length, empty, empty, np.zeros((2, 0)))
+    if d.at is None:
+        return a.shape.tip
+    if a.shape.along is None:
+        raise BadInput(f"{key}.at: {a.name} is no beam; leave it out for the tip")
+    return a.shape.along.spot(d.at * units.length)

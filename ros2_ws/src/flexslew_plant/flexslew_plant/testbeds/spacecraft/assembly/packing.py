@@ -1,0 +1,145 @@
+"""A spacecraft packed into the vector that the kernels read."""
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Drive, Spacecraft
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import SIX, Integrals, inertia_of
+from flexslew_plant.testbeds.spacecraft.shapes.shape import Spot
+
+
+def packed(craft: Spacecraft) -> Vector:
+    """Return the numbers as layout says.
+
+    Raises:
+        BadInput: an appendage is heavier in motion than it is as a whole: its modal masses and
+            participation are not positive definite with the platform.
+    """
+    mass, first, inertia = craft.mass, craft.first.copy(), craft.inertia.copy()
+    blocks: list[Vector] = []
+    hinge = start = 0
+    for a in craft.appendages:
+        i = a.integrals
+        if a.hinge == at.FIXED:  # in body axes once and for all
+            i = i.seen_from(a.place, a.axes)
+            mass, first, inertia = mass + i.mass, first + i.first, inertia + i.inertia
+        blocks.append(_block(a, i, start, hinge))
+        start += a.modes
+        hinge += a.hinge == at.DRIVEN
+    head = np.zeros(at.HEAD)
+    head[at.MOTION], head[at.HINGES] = craft.motion, hinge
+    head[at.WHEELS], head[at.MODES] = len(craft.wheels), start
+    head[at.APPENDAGES], head[at.ACTUATORS] = len(blocks), len(craft.drives)
+    axis = craft.pivot_axis
+    head[at.PIVOT_AXES : at.PIVOT_AXES + 6] = [*np.cross(craft.pivot_place, axis), *axis]
+    head[at.MASS], head[at.FIRST : at.FIRST + 3] = mass, first
+    head[at.INERTIA : at.INERTIA + 6] = [inertia[k] for k in SIX]
+    wheels = [np.append(w.axis, w.inertia) for w in craft.wheels]
+    # tables first, then what they point to
+    head[at.APPENDAGE_TABLE] = at.HEAD
+    head[at.ACTUATOR_TABLE] = at.HEAD + len(blocks)
+    head[at.WHEEL_TABLE] = head[at.ACTUATOR_TABLE] + len(craft.drives)
+    position = int(head[at.WHEEL_TABLE]) + at.WHEEL_SIZE * len(wheels)
+    places = []
+    for block, a in zip(blocks, craft.appendages, strict=True):
+        places.append(position)
+        _place_manoeuvres(block, a, position)
+        position += len(block)
+    drives = [_drive(craft, d, places) for d in craft.drives]
+    ends = np.cumsum([position, *map(len, drives)])
+    tables = np.array([*places, *ends[:-1]], dtype=float)
+    p: Vector = np.concatenate((head, tables, *wheels, *blocks, *drives))
+    return p
+
+
+def _block(a: Appendage, i: Integrals, start: int, hinge: int) -> Vector:
+    """Return the block of an appendage, its manoeuvres' place still relative to it."""
+    n = a.modes
+    head = np.zeros(at.SUMS)
+    head[at.KIND], head[at.COUNT], head[at.START] = a.hinge, n, start
+    head[at.HINGE_INDEX], head[at.SECOND_ORDER] = hinge, a.second_order and n > 0
+    head[at.PLACE : at.PLACE + 3] = a.place
+    head[at.AXES : at.AXES + 9] = a.axes.ravel()
+    head[at.AXIS : at.AXIS + 3] = a.axis
+    head[at.HINGE_STIFFNESS], head[at.HINGE_DAMPING] = a.spring, a.damper
+    if a.hinge != at.FIXED:
+        head[at.OWN_MASS], head[at.OWN_FIRST : at.OWN_FIRST + 3] = i.mass, i.first
+        head[at.OWN_INERTIA : at.OWN_INERTIA + 6] = [i.inertia[k] for k in SIX]
+    one, two = inertia_of(i.second_1), inertia_of(i.second_2)
+    base = np.concatenate([*(one[:, r, c] for r, c in SIX), *i.rotation]).reshape(9 * n)
+    rows = np.concatenate(
+        [*(two[:, :, r, c] for r, c in SIX), *(i.gyroscopic[:, :, k] for k in range(3))], axis=1
+    )
+    if not a.second_order:
+        rows = np.zeros_like(rows)
+    sums = (i.translation.ravel(), base, rows.ravel(), a.mass, a.stiffness, a.damping.ravel())
+    return np.concatenate((head, *sums, *_manoeuvres(a)))
+
+
+def _manoeuvres(a: Appendage) -> list[Vector]:
+    """Return the manoeuvres of a hinge, each from the axes where the last one ended."""
+    axes, rows = a.axes, []
+    for m in a.manoeuvres:
+        row = np.zeros(at.MANOEUVRE_SIZE)
+        row[: at.TURN_AXIS] = m.begin, m.duration, m.angle, m.profile, 0.0, len(m.table)
+        row[at.TURN_AXIS : at.TURN_AXIS + 3] = m.axis
+        row[at.FROM_AXES :] = axes.ravel()
+        axes = turn(m.axis, m.angle) @ axes
+        rows.append(row)
+    return rows + [m.table.ravel() for m in a.manoeuvres]
+
+
+def _place_manoeuvres(block: Vector, a: Appendage, position: int) -> None:
+    """Write where the manoeuvres and their tables lie once the block lies at `position`."""
+    tables = sum(m.table.size for m in a.manoeuvres)
+    begin = len(block) - tables - at.MANOEUVRE_SIZE * len(a.manoeuvres)
+    block[at.MOTION_AT], block[at.MANOEUVRES] = position + begin, len(a.manoeuvres)
+    table = position + len(block) - tables
+    for k, m in enumerate(a.manoeuvres):
+        block[begin + k * at.MANOEUVRE_SIZE + at.TABLE_AT] = table
+        table += m.table.size
+
+
+def _drive(craft: Spacecraft, d: Drive, places: list[int]) -> Vector:
+    """Return the block of an actuator; see layout."""
+    head = np.zeros(at.SHAPES)
+    direction = np.asarray(d.direction, dtype=float)
+    spot = d.spot
+    head[at.WHAT], head[at.WHOSE], head[at.BOUND] = d.what, -1, np.inf
+    if d.what == at.WHEEL:
+        wheel = craft.wheels[d.owner]
+        head[at.INDEX], head[at.BOUND], direction = d.owner, wheel.largest_speed, wheel.axis
+    elif d.what == at.HINGE:
+        before = craft.appendages[: d.owner]
+        head[at.INDEX] = sum(a.hinge == at.DRIVEN for a in before)
+    elif spot is not None and d.owner >= 0:
+        a = craft.appendages[d.owner]
+        head[at.WHOSE] = places[d.owner]
+        if a.hinge == at.FIXED:  # its numbers are in body axes
+            r = a.axes.T
+            direction = r @ direction
+            spot = Spot(
+                a.place + r @ spot.place, r @ spot.displacement, r @ spot.turn, spot.curvature
+            )
+    if spot is not None:
+        head[at.AT : at.AT + 3] = spot.place
+    head[at.DIRECTION : at.DIRECTION + 3] = direction
+    if spot is None or d.owner < 0 or d.what in (at.WHEEL, at.HINGE):
+        return head
+    works = spot.turn if d.what == at.TIP_TORQUE else spot.displacement
+    return np.concatenate((head, spot.displacement.ravel(), works.T @ direction))
+
+
+def stiffened(craft: Spacecraft, p: Vector, factor: float) -> Vector:
+    """Return packed numbers with the modes' stiffness times factor, damping ratios kept."""
+    out = p.copy()
+    table = int(p[at.APPENDAGE_TABLE])
+    for k in range(len(craft.appendages)):
+        b = int(p[table + k])
+        n = int(p[b + at.COUNT])
+        rest = b + at.SUMS + 3 * n + 9 * n * (n + 1)
+        out[rest + n : rest + 2 * n] *= factor
+        out[rest + 2 * n : rest + 2 * n + n * n] *= np.sqrt(factor)
+    return out

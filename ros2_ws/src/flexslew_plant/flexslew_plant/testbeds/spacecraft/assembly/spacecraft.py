@@ -1,0 +1,99 @@
+"""From the sections of a trial file to a spacecraft in SI, checked."""
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.spacecraft.assembly.appendages import appendage_of
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import rigid_body, unit_direction
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft, Wheel
+from flexslew_plant.testbeds.spacecraft.assembly.described import Described
+from flexslew_plant.testbeds.spacecraft.assembly.drives import drives_of
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.settings import (
+    Body,
+    WheelSettings,
+)
+from flexslew_plant.testbeds.spacecraft.units import UNITS, Units
+
+_MOTIONS = {"free": at.FREE, "held": at.HELD, "pivot": at.PIVOT}
+
+
+def spacecraft(described: Described) -> Spacecraft:
+    """Return the spacecraft in SI.
+
+    Raises:
+        BadInput: a body that cannot exist, directions that are not orthonormal, modes of the
+            wrong shape, or a mass matrix that is not positive definite; with the numbers.
+    """
+    units, p = UNITS[described.units], described.platform
+    mass, first, inertia = rigid_body(
+        Body(mass=p.mass, centre=p.centre, inertia=p.inertia), units, "testbed.platform"
+    )
+    parts = tuple(
+        appendage_of(name, a, units, f"testbed.appendages.{name}")
+        for name, a in described.appendages.items()
+    )
+    wheels = tuple(
+        Wheel(
+            name,
+            unit_direction(w.axis, f"testbed.wheels.{name}.axis"),
+            w.inertia * units.torque,
+            _largest_speed(w, units),
+        )
+        for name, w in described.wheels.items()
+    )
+    craft = Spacecraft(
+        mass,
+        first,
+        inertia,
+        parts,
+        wheels,
+        drives_of(described, parts, units),
+        _MOTIONS[p.motion],
+        unit_direction(p.axis, "testbed.platform.axis"),
+        np.array(p.place) * units.length,
+    )
+    require_positive_definite(craft)
+    return craft
+
+
+def require_positive_definite(craft: Spacecraft) -> None:
+    """Check the mass matrix at rest, one appendage after another.
+
+    Raises:
+        BadInput: names the appendage and the lowest eigenvalue, masses scaled to one.
+    """
+    mass, first, inertia = craft.mass, craft.first.copy(), craft.inertia.copy()
+    for w in craft.wheels:
+        inertia = inertia - w.inertia * np.outer(w.axis, w.axis)
+    blocks, modal = [np.zeros((6, 0))], np.zeros(0)
+    for a in (None, *craft.appendages):
+        if a is not None:
+            seen = a.integrals.seen_from(a.place, a.axes)
+            mass, first, inertia = mass + seen.mass, first + seen.first, inertia + seen.inertia
+            blocks.append(np.vstack((seen.translation, seen.rotation)))
+            modal = np.concatenate((modal, a.mass))
+        across = np.hstack(blocks)
+        full = np.block([[_rigid_block(mass, first, inertia), across], [across.T, np.diag(modal)]])
+        scale = 1.0 / np.sqrt(abs(np.diag(full)))
+        lowest = float(np.linalg.eigvalsh(scale[:, None] * full * scale).min())
+        if not lowest > 1e-12:
+            culprit = "wheels" if a is None else f"appendages.{a.name}"
+            raise BadInput(
+                f"testbed.{culprit}: the mass matrix with the platform is not positive definite: "
+                f"lowest eigenvalue {lowest:.3g} (diagonal scaled to one); "
+                "check its masses, inertias and participation factors"
+            )
+
+
+def _rigid_block(mass: float, first: Vector, inertia: Matrix) -> Matrix:
+    x, y, z = first
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.block([[mass * np.eye(3), -skew], [skew, inertia]])
+
+
+def _largest_speed(w: WheelSettings, units: Units) -> float:
+    """Return the lower of a wheel's two limits [rad/s]."""
+    by_momentum = np.inf if w.momentum_limit is None else w.momentum_limit / w.inertia
+    return float(min(by_momentum, np.inf if w.speed_limit is None else w.speed_limit))

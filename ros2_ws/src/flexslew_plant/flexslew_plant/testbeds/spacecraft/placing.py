@@ -1,0 +1,49 @@
+"""Where a spacecraft rests, by the positions along its efforts."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Drive, Spacecraft
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+
+
+def position_unit(drive: Drive) -> str:
+    """Return the unit of the position beside an effort."""
+    return "m" if drive.unit == "N" else "rad"
+
+
+def placed(craft: Spacecraft, positions: Mapping[str, float]) -> Vector:
+    """Return q at rest with the platform placed and turned and the hinges at their angles.
+
+    Args:
+        craft: the spacecraft.
+        positions: along the actuators, by name [rad or m].
+    """
+    q = np.zeros(craft.sizes[0])
+    place, turn = np.zeros(3), np.zeros(3)
+    own = {at.FREE: 7, at.HELD: 0, at.PIVOT: 1}[craft.motion]
+    hinge = 0
+    for d in craft.drives:
+        value = positions.get(d.name, 0.0)
+        if d.what == at.FORCE:
+            place += value * d.direction
+        elif d.what in (at.TORQUE, at.WHEEL):
+            turn += value * (craft.wheels[d.owner].axis if d.what == at.WHEEL else d.direction)
+        elif d.what == at.HINGE:
+            q[own + hinge] = value
+        elif value:
+            raise BadInput(f"initial: {d.name}: {value:g} is not allowed: appendages start at rest")
+        hinge += d.what == at.HINGE
+    if craft.motion == at.PIVOT:
+        q[0] = turn @ craft.pivot_axis
+    if craft.motion == at.FREE:
+        angle = float(np.linalg.norm(turn))
+        half = np.sinc(angle / 2.0 / np.pi) / 2.0
+        q[3:6], q[6] = half * turn, np.cos(angle / 2.0)
+        v, w = q[3:6], q[6]
+        once = np.cross(v, place)
+        q[:3] = place + 2.0 * w * once + 2.0 * np.cross(v, once)
+    return q

@@ -1,0 +1,88 @@
+"""What modal data must fulfil: masses that are, modes that are orthogonal, sums that agree."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals
+from flexslew_plant.testbeds.spacecraft.units import hint
+
+MASS_TOLERANCE = 0.02  # of the rigid sums that are given
+_ORTHOGONAL = 1e-3  # of the modal masses
+
+
+def array_of(data: dict[str, Any], key: str, shape: tuple[int | None, ...], path: Path) -> Vector:
+    """Return a key as numbers of the shape asked for; None: any length."""
+    if key not in data:
+        raise BadInput(f"{path}: {key}: missing")
+    try:
+        values = np.array(data[key], dtype=float)
+    except (TypeError, ValueError):
+        raise BadInput(f"{path}: {key}: is not an array of numbers") from None
+    fits = values.ndim == len(shape) and all(
+        b is None or a == b for a, b in zip(values.shape, shape, strict=True)
+    )
+    if not fits:
+        asked = " x ".join("any" if b is None else str(b) for b in shape)
+        raise BadInput(f"{path}: {key}: has shape {values.shape}; it must be {asked}")
+    if not np.isfinite(values).all():
+        raise BadInput(f"{path}: {key}: holds a number that is not finite")
+    return values
+
+
+def modal_masses(data: dict[str, Any], n: int, path: Path) -> Vector | None:
+    """Return the diagonal of the modal masses, checked; None where the file gives none."""
+    if "modal_mass" not in data:
+        return None
+    values = np.array(data["modal_mass"], dtype=float)
+    matrix = np.diag(values) if values.shape == (n,) else array_of(data, "modal_mass", (n, n), path)
+    worst = float(abs(matrix - matrix.T).max(initial=0.0))
+    if worst > 1e-6 * float(abs(matrix).max()):
+        raise BadInput(f"{path}: modal_mass: is not symmetric: entries differ by {worst:.3g}")
+    lowest = float(np.linalg.eigvalsh(matrix).min())
+    if lowest <= 0.0:
+        raise BadInput(f"{path}: modal_mass: is not positive definite: eigenvalue {lowest:.3g}")
+    require_orthogonal(matrix, "modal_mass", path)
+    return np.diag(matrix).copy()
+
+
+def require_orthogonal(matrix: Matrix, key: str, path: Path) -> None:
+    """Refuse a matrix of modal masses, shape (n, n), whose modes share mass."""
+    size = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+    off = abs(matrix / size - np.eye(len(matrix)))
+    np.fill_diagonal(off, 0.0)
+    worst = np.unravel_index(int(np.argmax(off)), off.shape)
+    if off.max(initial=0.0) > _ORTHOGONAL:
+        i, j = (int(k) + 1 for k in worst)
+        raise BadInput(
+            f"{path}: {key}: modes {i} and {j} are not orthogonal in mass: "
+            f"{off.max():.3g} of their modal masses; allowed: {_ORTHOGONAL:g}"
+        )
+
+
+def compare_rigid(integrals: Integrals, rigid: tuple[float, Vector, Matrix], path: Path) -> None:
+    """Refuse points whose sums are not the rigid ones of the same file."""
+    mass, first, inertia = rigid
+    if abs(integrals.mass / mass - 1.0) > MASS_TOLERANCE:
+        raise BadInput(
+            f"{path}: rigid.mass: {mass:.6g} is given, the points weigh {integrals.mass:.6g}"
+            f"{hint(mass / integrals.mass, 'mass')}"
+        )
+    size = np.sqrt(np.trace(inertia) / mass)
+    found = np.sqrt(np.trace(integrals.inertia) / integrals.mass)
+    if abs(found / size - 1.0) > MASS_TOLERANCE:
+        raise BadInput(
+            f"{path}: rigid.inertia: radius of gyration {size:.6g} is given, that of the points is "
+            f"{found:.6g}{hint(size / found, 'length')}"
+        )
+    worst = float(np.linalg.norm(integrals.first - first))
+    if worst > MASS_TOLERANCE * mass * size:
+        raise BadInput(
+            f"{path}: rigid.first_moment: {first} is given, that of the points is {integrals.first}"
+        )
+    off = float(abs(integrals.inertia - inertia).max())
+    if off > 2.0 * MASS_TOLERANCE * float(np.trace(inertia)):
+        raise BadInput(f"{path}: rigid.inertia: differs by {off:.6g} from that of the points")
