@@ -43,6 +43,9 @@ class StartCoastStop:
     # whether the effort moves q_d too; zero_order: rigid, its value at each tick (44)
     feedforward: Literal["elastic", "rigid", "zero_order"] = "elastic"
     equal_frequencies: bool = False  # the tracking model's modes all swing as the first does
+    # how long after the end the tracking model's modes are followed as they swing on [s]; then,
+    # and where it is 0, the reference is straight and at rest
+    swing_on: NonNegative = 0.0
 
 
 @dataclass(frozen=True)
@@ -173,7 +176,7 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
     else:
         raise BadInput("plan: amplitude and duration: only one of them may be given; leave one out")
     duration = motion.duration + delay
-    ticks = tick_times(settings.start, duration, slew.period)
+    ticks = tick_times(settings.start, duration + settings.swing_on, slew.period)
     h = slew.period / FINE
     t: Vector = np.arange(FINE * (len(ticks) - 1) + 1, dtype=np.float64) * h
     rate = shape(motion.rate)(t)
@@ -184,7 +187,8 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
         q, v = nominal_motion(slew, path, rate, h, settings.equal_frequencies)
     except BadInput as error:
         raise BadInput(f"plan: goal: {error}") from None
-    q[-1, :joints], v[-1, :joints] = slew.goal, 0.0
+    over = FINE * (len(tick_times(settings.start, duration, slew.period)) - 1)
+    q[over:, :joints], v[over:, :joints] = slew.goal, 0.0
     stiff = np.arange(model.coordinates) < joints
     moved = (q, v) if settings.feedforward == "elastic" else (q * stiff, v * stiff)
     effort = mean_efforts(model, *moved, h)
@@ -214,7 +218,7 @@ def plan_start_coast_stop(settings: StartCoastStop, slew: Slew, progress: Progre
             "coast_end": motion.stop,
             "shaper_delay": delay,
             "peak_effort": [float(x) for x in peak],
-            **_ringing(settings, slew, q, v),
+            **_ringing(settings, slew, q[: over + 1], v[: over + 1]),
         },
     )
 
