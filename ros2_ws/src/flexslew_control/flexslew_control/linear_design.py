@@ -1,20 +1,65 @@
 """What a linear design asks of a model about a rest, refused in words where it does not hold."""
 
+from collections.abc import Mapping
+from typing import Protocol
+
 import numpy as np
 from scipy.linalg import eig, matrix_balance
 
 from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.model import Appendages, Linearisation
 
 _RANK_TOLERANCE = 1e-9  # of the balanced pair
 _RIGID = 1e-6  # of its norm: an eigenvalue below is a rigid motion's, zero
 _DUST = 1e-14  # of the largest entry: rounding, such as cos(pi / 2)
 
 
+class Designed(Protocol):
+    """What a linear design and its filter ask of a model; see testbeds.model.Model."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """In the order of the first coordinates."""
+
+    @property
+    def joints(self) -> int:
+        """How many joints."""
+
+    @property
+    def coordinates(self) -> int:
+        """n, joints and modes together."""
+
+    @property
+    def modes(self) -> int:
+        """How many coordinates stand after the joints."""
+
+    @property
+    def appendages(self) -> Appendages:
+        """What the sensors of the appendages read."""
+
+    @property
+    def time_varying(self) -> bool:
+        """Whether it depends on time."""
+
+    def rest(self, positions: Mapping[str, float]) -> Vector:
+        """Return q at rest with joints at these positions."""
+
+    def linearise(self, q: Vector, t: float = 0.0) -> Linearisation:
+        """Return the small motions about the rest at q."""
+
+    def jacobian(self, x: Vector, effort: Vector, t: float = 0.0) -> tuple[Matrix, Matrix]:
+        """Return df/dx and df/du."""
+
+    def advance(
+        self, x: Vector, effort: Vector, dt: float, steps: int = 1, t: float = 0.0
+    ) -> Vector:
+        """Return the state dt after t with the effort held."""
+
+
 def set_point_of(
-    plant: PlantDescription, model: Model, given: dict[str, float] | None, share: float = 1.0
+    plant: PlantDescription, model: Designed, given: dict[str, float] | None, share: float = 1.0
 ) -> Vector:
     """Return the rest q about which a law is designed, shape (n,).
 
@@ -34,13 +79,13 @@ def set_point_of(
         raise BadInput(f"set_point: {error}") from None
 
 
-def state_names(model: Model) -> tuple[str, ...]:
+def state_names(model: Designed) -> tuple[str, ...]:
     """Return a name for each entry of [q, v]."""
     q = (*model.joint_names, *(f"mode {j + 1}" for j in range(model.modes)))
     return (*q, *(f"{name} rate" for name in q))
 
 
-def output_matrix(model: Model, with_tip: bool) -> Matrix:
+def output_matrix(model: Designed, with_tip: bool) -> Matrix:
     """Return C of y = C x: joint positions, joint rates and, if measured, the first tip.
 
     Shape (2 joints, 2 n), or one row more.

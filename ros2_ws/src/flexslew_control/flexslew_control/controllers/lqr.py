@@ -7,13 +7,14 @@ import numpy as np
 from scipy.linalg import LinAlgError, solve_continuous_are
 
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
-from flexslew_control.law import Estimate, PlantDescription, Reference, nominal_state
-from flexslew_control.linear_design import require_controllable, set_point_of, state_names
+from flexslew_control.free_platform import joints_first, nominal
+from flexslew_control.law import Estimate, PlantDescription, Reference
+from flexslew_control.linear_design import Designed, require_controllable, set_point_of, state_names
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds.model import Linearisation, Model
+from flexslew_plant.testbeds.model import Linearisation
 
 
 @section
@@ -123,7 +124,7 @@ class LqrLaw:
         disturbance_gain: (B*)^+ D on the disturbances of the joints, shape (joints, joints).
     """
 
-    model: Model
+    model: Designed
     gain: Matrix
     disturbance_gain: Matrix
     terms: dict[str, Vector] = field(init=False, default_factory=dict)
@@ -135,8 +136,8 @@ class LqrLaw:
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the joint efforts, shape (joints,) [N m or N]."""
-        nominal = nominal_state(reference.state, reference, self.model.joints, self.model.modes)
-        deviation = np.concatenate((estimate.position, estimate.velocity)) - nominal
+        deviation = np.concatenate((estimate.position, estimate.velocity))
+        deviation = deviation - nominal(self.model, reference)
         regulating = -(self.gain @ deviation)
         cancelling = -(self.disturbance_gain @ estimate.disturbance)
         self.terms = {
@@ -153,7 +154,8 @@ def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter, LqrLaw]
     Raises:
         BadInput: a mode is not controllable or not observable, or the weights give no regulator.
     """
-    model = plant.believed(settings.model)
+    believed = plant.believed(settings.model)
+    model = joints_first(believed, set_point_of(plant, believed, settings.set_point))
     rest = set_point_of(plant, model, settings.set_point)
     linear = model.linearise(rest)
     problem = scaled_problem(linear, settings.weights)

@@ -10,8 +10,10 @@ from scipy.linalg import LinAlgError, solve_continuous_are
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
-from flexslew_control.law import Estimate, PlantDescription, Reference, nominal_state
+from flexslew_control.free_platform import joints_first, nominal
+from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.linear_design import (
+    Designed,
     require_controllable,
     require_stable,
     set_point_of,
@@ -20,7 +22,7 @@ from flexslew_control.linear_design import (
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
-from flexslew_plant.testbeds.model import Linearisation, Model
+from flexslew_plant.testbeds.model import Linearisation
 
 Rows: TypeAlias = tuple[tuple[float, ...], ...]
 
@@ -118,14 +120,14 @@ def closed_loop(linear: Linearisation, gains: PiGains) -> Matrix:
 class NominalDeviation:
     """-Ki e, -Kp e, -Kd e' of the deviation e from the nominal trajectory, deflections included."""
 
-    model: Model
+    model: Designed
     gains: PiGains
 
     def __call__(self, estimate: Estimate, reference: Reference) -> Action:
         """Return what the deviation of the estimate asks for."""
         n = self.model.coordinates
-        nominal = nominal_state(reference.state, reference, self.model.joints, self.model.modes)
-        e, rate = estimate.position - nominal[:n], estimate.velocity - nominal[n:]
+        wanted = nominal(self.model, reference)
+        e, rate = estimate.position - wanted[:n], estimate.velocity - wanted[n:]
         return Action(-(self.gains.ki @ e), -(self.gains.kp @ e), -(self.gains.kd @ rate))
 
 
@@ -138,7 +140,8 @@ def build(
         BadInput: a mode is not controllable or not observable, the weights give no regulator, or
             gains given by hand have the wrong shape or do not stabilise the set point.
     """
-    model = plant.believed(settings.model)
+    believed = plant.believed(settings.model)
+    model = joints_first(believed, set_point_of(plant, believed, settings.set_point))
     rest = set_point_of(plant, model, settings.set_point)
     linear = model.linearise(rest)
     require_controllable(linear.state_matrix, linear.state_input_matrix, state_names(model))
@@ -153,7 +156,7 @@ def build(
     return KalmanFilter(model, rest, settings.filter, plant.period), law
 
 
-def _given(model: Model, gains: GivenGains) -> PiGains:
+def _given(model: Designed, gains: GivenGains) -> PiGains:
     """Return the gains of the settings as matrices, checked for their shape."""
     shape = (model.joints, model.coordinates)
     found = []

@@ -7,12 +7,11 @@ import numpy as np
 from scipy.linalg import LinAlgError, expm, solve_continuous_are, solve_discrete_are
 
 from flexslew_control.law import Estimate
-from flexslew_control.linear_design import output_matrix, require_observable, state_names
+from flexslew_control.linear_design import Designed, output_matrix, require_observable, state_names
 from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds.model import Model
 
 
 @section
@@ -152,7 +151,7 @@ class KalmanFilter:
             without disturbances; None: with them, and with the noises of the settings.
     """
 
-    model: Model
+    model: Designed
     rest: Vector
     settings: FilterSettings
     period: float
@@ -260,7 +259,7 @@ def outputs(measurement: Measurement, count: int) -> Vector:
     return np.concatenate((*joints, measurement.tip_deflection[: count - 2 * m]))
 
 
-def _require_linear(model: Model, rest: Vector) -> None:
+def _require_linear(model: Designed, rest: Vector) -> None:
     """Check that the equations of motion are linear: the same Jacobian wherever it moves.
 
     Raises:

@@ -68,6 +68,7 @@ PLANNERS: dict[str, _Planner] = {
 }
 
 _EXACT = 1e-5  # residual above which efforts are made exact for their hold [m]
+_MOST_FUNCTIONS = 200  # that a section may ask for
 _LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
 
 # what sections of several methods share
@@ -198,9 +199,11 @@ def _complete(settings: Any, slew: Slew) -> dict[str, Any]:
 
 
 def _enough_time(settings: Any, slew: Slew) -> str:
-    """Return what duration would do for a section that has one, or that none was found."""
+    """Return what would do: more functions, or a longer duration, or that none was found."""
     now = settings.duration
     rigid = rigid_duration(slew.model, slew.start, slew.goal, slew.effort_limit)
+    if now >= rigid and (finer := _enough_functions(settings, slew)):
+        return finer
     for longer in now * 1.05 ** np.arange(1, _LONGER + 1):
         duration = rounded_up(longer)  # what is said is what was tried
         if duration < rigid:
@@ -214,6 +217,32 @@ def _enough_time(settings: Any, slew: Slew) -> str:
             f"{rigid:.4g} s"
         )
     return f"no duration up to {duration:g} s (now {now:g} s) is enough; use a higher effort_limit"
+
+
+def _enough_functions(settings: Any, slew: Slew) -> str:
+    """Return how many functions of time would do, where there are any; else an empty text.
+
+    Functions that are long beside the period of a mode hardly move it: the weights that bring it
+    to rest grow with the square of their length, and without bound where a function spans whole
+    periods.
+    """
+    if not slew.model.modes:
+        return ""
+    fewer = getattr(settings, "functions", _MOST_FUNCTIONS)
+    lasts = settings.duration / (fewer + 1)
+    fastest = 2.0 * np.pi / float(slew.model.linearise(slew.model.rest({})).frequencies[-1])
+    if lasts < 0.5 * fastest:
+        return ""
+    for functions in (fewer * factor for factor in (2, 4, 8) if fewer * factor <= _MOST_FUNCTIONS):
+        try:
+            PLANNERS[settings.method].plan(replace(settings, functions=functions), slew, _unheard)
+        except PlanFailed:
+            continue
+        return (
+            f"functions: {functions} (now {fewer}) is enough: with {fewer}, each lasts "
+            f"{lasts:.3g} s and hardly moves the mode whose period is {fastest:.3g} s"
+        )
+    return ""
 
 
 def _unheard(update: Update) -> None:

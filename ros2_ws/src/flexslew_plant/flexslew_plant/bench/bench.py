@@ -91,7 +91,9 @@ class Bench:
         self.saturated_ticks = 0
         self.failure = ""  # why the run cannot go on, one line
         self._sensors = Sensors(
-            self.settings.sensors, np.random.default_rng([self.settings.seed, self.epoch])
+            self.settings.sensors,
+            np.random.default_rng([self.settings.seed, self.epoch]),
+            self.appendages.errors,
         )
         self._x: Vector = self._start
         self._applied: Vector = np.zeros(self.model.joints)
@@ -294,9 +296,10 @@ class Bench:
         self._answer, self._lost = None, False
         position, velocity = self.model.joint_state(self._x)
         modes, rates = self.model.modal_state(self._x)
-        tip = self.appendages.tip.dot(modes)
-        if self.appendages.rate is not None:
-            tip = tip + self.appendages.rate.dot(rates)
+        tip = self.appendages.reading(modes, rates)
+        if self.appendages.felt is not None:
+            slope = self.model.derivative(self._x, self._applied + self._extra, self.time)
+            tip = tip + self.appendages.felt(self._x, slope, self.time)
         readings = self._sensors.read(
             Readings(position, velocity, tip, self.appendages.curvature.dot(modes))
         )

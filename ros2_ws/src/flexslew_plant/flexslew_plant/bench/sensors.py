@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, section
 
 
@@ -39,7 +39,17 @@ class Readings(NamedTuple):
 class Sensors:
     """Turn the truth into readings. The same seed gives the same noise."""
 
-    def __init__(self, settings: SensorSettings, rng: np.random.Generator) -> None:
+    def __init__(
+        self, settings: SensorSettings, rng: np.random.Generator, tips: Matrix | None = None
+    ) -> None:
+        """Take the errors.
+
+        Args:
+            settings: of every kind of sensor.
+            rng: of the noise.
+            tips: noise, bias and quantisation of each tip reading, in its own unit and besides
+                those of its kind, shape (3, tips); None: none.
+        """
         self._channels = (
             settings.joint_position,
             settings.joint_velocity,
@@ -48,12 +58,18 @@ class Sensors:
         )
         self._perfect = all(channel == Channel() for channel in self._channels)
         self._rng = rng
+        self._tips = None if tips is None or not tips.any() else tips
 
     def read(self, truth: Readings) -> Readings:
         """Return what the sensors say; a perfect set returns the truth itself."""
-        if self._perfect:
+        if not self._perfect:
+            truth = Readings(*map(self._reading, self._channels, truth))
+        if self._tips is None:
             return truth
-        return Readings(*map(self._reading, self._channels, truth))
+        noise, bias, step = self._tips
+        tip = truth.tip_deflection + bias + noise * self._rng.standard_normal(bias.size)
+        rounded = step * np.round(tip / np.where(step > 0.0, step, 1.0))
+        return truth._replace(tip_deflection=np.where(step > 0.0, rounded, tip))
 
     def _reading(self, channel: Channel, value: Vector) -> Vector:
         reading = value + channel.bias

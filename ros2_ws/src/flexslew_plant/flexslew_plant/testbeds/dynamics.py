@@ -4,10 +4,6 @@ A testbed is M(q, t) a + h(q, v, t) = B u, x = [q, v], with the joints first and
 them. `kernels` says whose equations they are.
 """
 
-from collections.abc import Callable
-from functools import lru_cache
-from typing import NamedTuple
-
 import numpy as np
 from scipy.integrate import DOP853
 
@@ -112,13 +108,34 @@ def take_steps(
         n, m: coordinates and joints.
         x: in and out, state [q, v].
     """
-    first = n + interface.extra(kernels)  # of v in x
     s, size = interface.square(kernels, n, m), n + n + interface.extra(kernels)
     work = np.empty((STAGES + 2 + 2 * s, size))  # one allocation instead of six
-    slopes, at, a = work[:STAGES], work[STAGES], work[STAGES + 1, :n]
     modal = work[STAGES + 1, n : 2 * n - s]
     joints = work[STAGES + 2 : STAGES + 2 + s, :s]
     coupling = work[STAGES + 2 + s :, : n - s]
+    slopes, at, a = work[:STAGES], work[STAGES], work[STAGES + 1, :n]
+    step_within(kernels, p, t, effort, h, steps, n, x, slopes, at, a, joints, coupling, modal)
+
+
+@inlined
+def step_within(
+    kernels: Kernels,
+    p: Vector,
+    t: float,
+    effort: Vector,
+    h: float,
+    steps: int,
+    n: int,
+    x: Vector,
+    slopes: Matrix,
+    at: Vector,
+    a: Vector,
+    joints: Matrix,
+    coupling: Matrix,
+    modal: Vector,
+) -> None:
+    """Take steps as take_steps does, within arrays that are there."""
+    first = n + interface.extra(kernels)  # of v in x
     for step in range(steps):
         for i in range(STAGES):
             stage_state(x, slopes, i, h, at)
@@ -128,87 +145,6 @@ def take_steps(
             for k in range(n):
                 slopes[i, first + k] = a[k]
         complete_step(x, slopes, h)
-
-
-class Bound(NamedTuple):
-    """The kernels of one testbed with their sizes built in.
-
-    The compiler unrolls the short loops of sizes that it knows, and the call from Python costs
-    less: half the time of a general function, to the same bits.
-    """
-
-    terms: Callable[[Vector, float, Vector, Matrix, Matrix, Vector, Vector], None]
-    derivative: Callable[[Vector, float, Vector, Vector], Vector]
-    advance: Callable[[Vector, float, Vector, float, int, Vector], None]
-    jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
-    residual_jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
-    energy: Callable[[Vector, float, Vector], float]
-    actuation: Callable[[Vector, float, Vector, Vector, Vector], None]
-    position_rates: Callable[[Vector, float, Vector, Vector], None]
-
-
-@lru_cache
-def bound(kernels: Kernels, n: int, m: int) -> Bound:
-    """Return the kernels of a testbed for one size of state.
-
-    Args:
-        kernels: its equations.
-        n: coordinates.
-        m: joints.
-    """
-
-    @compiled
-    def terms(
-        p: Vector,
-        t: float,
-        x: Vector,
-        joints: Matrix,
-        coupling: Matrix,
-        modal: Vector,
-        bias: Vector,
-    ) -> None:
-        interface.terms(kernels, p, t, x, joints, coupling, modal, bias)
-
-    @compiled
-    def derivative_(p: Vector, t: float, x: Vector, effort: Vector) -> Vector:
-        return derivative(kernels, p, t, x, effort, m)
-
-    @compiled
-    def advance(p: Vector, t: float, effort: Vector, dt: float, steps: int, x: Vector) -> None:
-        take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
-
-    @compiled
-    def jacobian_(p: Vector, t: float, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
-        jacobian(kernels, p, t, x, effort, m, dx, du)
-
-    @compiled
-    def residual_jacobian(
-        p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix
-    ) -> None:
-        interface.residual_jacobian(kernels, p, t, x, a, dq, dv)
-
-    @compiled
-    def energy_(p: Vector, t: float, x: Vector) -> float:
-        return energy(kernels, p, t, x, m)
-
-    @compiled
-    def actuation(p: Vector, t: float, x: Vector, effort: Vector, force: Vector) -> None:
-        interface.actuation(kernels, p, t, x, effort, force)
-
-    @compiled
-    def position_rates(p: Vector, t: float, x: Vector, rate: Vector) -> None:
-        interface.position_rates(kernels, p, t, x, rate)
-
-    return Bound(
-        terms,
-        derivative_,
-        advance,
-        jacobian_,
-        residual_jacobian,
-        energy_,
-        actuation,
-        position_rates,
-    )
 
 
 @compiled

@@ -41,6 +41,9 @@ class Kernels:
         terms, residual_jacobian, potential, actuation, kinematics: as above.
         full_mass: whether terms writes the whole mass matrix.
         extra_positions: how many entries q has more than v (a quaternion: 1); needs kinematics.
+        any_size: whether they are compiled once for all sizes of a state rather than for each: for
+            equations that take long to compile and whose own loops outweigh the others; needs
+            actuation and kinematics, and functions that their author has compiled.
         token: names the functions in the compiler's files; made from their sources.
     """
 
@@ -51,14 +54,17 @@ class Kernels:
     kinematics: Callable[..., None] | None = None
     full_mass: bool = False
     extra_positions: int = 0
+    any_size: bool = False
     token: str = field(init=False)
 
     def __post_init__(self) -> None:
         """Make the token.
 
         Raises:
-            ValueError: extra positions without kinematics.
+            ValueError: extra positions without kinematics, or any size without both.
         """
+        if self.any_size and (self.actuation is None or self.kinematics is None):
+            raise ValueError("any_size needs actuation and kinematics")
         if self.extra_positions and self.kinematics is None:
             raise ValueError("extra_positions needs kinematics, which says how they change")
         digest = hashlib.sha256(f"{self.full_mass} {self.extra_positions}".encode())
@@ -103,7 +109,7 @@ def _sources(function: Callable[..., Any]) -> set[Path]:
         seen.add(now)
         found.add(Path(inspect.getfile(now)))
         called = (now.__globals__.get(name) for name in now.__code__.co_names)
-        waiting += {c.py_func for c in called if hasattr(c, "py_func")} - seen
+        waiting += {getattr(c, "py_func", None) for c in called} - seen - {None}
     return found
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,8 @@ from scipy.linalg import eigvals
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import dynamics
+from flexslew_plant.testbeds.appendages import Appendages as Appendages
+from flexslew_plant.testbeds.bound import Bound, bound
 from flexslew_plant.testbeds.kernels import Kernels
 
 
@@ -58,15 +58,6 @@ class Linearisation:
         """Natural frequencies without the rigid motions, rising [rad/s]."""
         squares = np.sort(eigvals(self.stiffness, self.mass).real)
         return np.asarray(np.sqrt(squares[squares > 1e-9 * abs(squares).max()]))
-
-
-class Appendages(NamedTuple):
-    """Linear maps from the modal coordinates to what a sensor at each appendage reads."""
-
-    names: tuple[str, ...]
-    tip: Matrix  # (appendages, modes) [-]
-    curvature: Matrix  # at the root, (appendages, modes) [1/m^2]
-    rate: Matrix | None = None  # of the modes' rates, added to the tip's reading [s]
 
 
 @dataclass(frozen=True)
@@ -128,8 +119,8 @@ class Model:
         return self.coordinates + self.kernels.extra_positions
 
     @cached_property
-    def _bound(self) -> dynamics.Bound:
-        return dynamics.bound(self.kernels, self.coordinates, self.before_modes)
+    def _bound(self) -> Bound:
+        return bound(self.kernels, self.coordinates, self.before_modes)
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:

@@ -1,34 +1,178 @@
-"""What the sensors on the appendages read, as linear maps of the modes."""
+"""What the sensors on the appendages and the platform read."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from flexslew_plant.testbeds.model import Appendages
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.appendages import Appendages
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.drives import spot_on
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.settings import SensorPlace
+from flexslew_plant.testbeds.spacecraft.units import Units
 
 
-def tip_channels(craft: Spacecraft) -> Appendages:
-    """Return three displacements of each tip along body axes, then their rates."""
+@dataclass(frozen=True)
+class Accelerometer:
+    """One at a point of the platform or of an appendage on a fixed hinge, all in body axes.
+
+    Args:
+        direction: unit vector, shape (3,).
+        place: of the point, undeformed, shape (3,) [m].
+        displacement: what all modes do there, shape (3, modes) [-].
+    """
+
+    direction: Vector
+    place: Vector
+    displacement: Matrix
+
+    def read(self, craft: Spacecraft, x: Vector, slope: Vector) -> float:
+        """Return V' + w x V + w' x rho + w x (w x rho) + 2 w x Phi q' + Phi q'' along it [m/s^2].
+
+        Args:
+            craft: whose state it is.
+            x: state [q, v].
+            slope: its derivative.
+        """
+        q, v = x[: craft.sizes[0]], x[craft.sizes[0] :]
+        rates = slope[craft.sizes[0] :]
+        velocity, spin = _body(craft, v)
+        push, turning = _body(craft, rates)
+        modes = craft.modes
+        rho = self.place + self.displacement @ q[q.size - modes :]
+        moved = self.displacement @ v[v.size - modes :]
+        total = push + np.cross(spin, velocity) + np.cross(turning, rho)
+        total = total + np.cross(spin, np.cross(spin, rho) + 2.0 * moved)
+        total = total + self.displacement @ rates[v.size - modes :]
+        return float(self.direction @ total)
+
+
+def _body(craft: Spacecraft, v: Vector) -> tuple[Vector, Vector]:
+    """Return the platform's part of v as a linear and an angular one in body axes."""
+    if craft.motion == at.FREE:
+        return v[:3], v[3:6]
+    rate = v[0] if craft.motion == at.PIVOT else 0.0
+    return rate * np.cross(craft.pivot_place, craft.pivot_axis), rate * craft.pivot_axis
+
+
+def channels(craft: Spacecraft, sensors: dict[str, SensorPlace], units: Units) -> Appendages:
+    """Return three displacements of each tip along body axes, their rates, then the sensors.
+
+    Raises:
+        BadInput: a sensor sits where it cannot, by its key.
+    """
     names: list[str] = []
+    none = np.zeros(craft.modes)
     tip, rate, curvature = [], [], []
     for k, a in enumerate(craft.appendages):
         if a.shape is None:
             continue
-        n, first = a.modes, craft.first_mode(k)
-        rows = np.zeros((3, craft.modes))
-        rows[:, first : first + n] = a.axes.T @ a.shape.tip.displacement
-        bent = np.zeros((3, craft.modes))
+        rows = _of_all(craft, k, a.axes.T @ a.shape.tip.displacement)
+        bent = np.zeros_like(rows)
         if a.shape.along is not None:
-            bent[:2, first : first + n] = a.shape.along.spot(0.0).curvature
+            bent = _of_all(craft, k, a.axes.T @ a.shape.along.spot(0.0).curvature)
         names += [f"{a.name}_{axis}" for axis in "xyz"]
         names += [f"{a.name}_rate_{axis}" for axis in "xyz"]
         still = np.zeros_like(rows)
-        tip += [rows, still]
-        rate += [still, rows]
-        curvature += [bent, still]
+        tip += [*rows, *still]
+        rate += [*still, *rows]
+        curvature += [*bent, *still]
+    felt: dict[int, Accelerometer] = {}
+    for name, sensor in sensors.items():
+        key = f"testbed.sensors.{name}"
+        if name in names:
+            raise BadInput(f"{key}: this name is taken; give another one")
+        if sensor.kind == "accelerometer":
+            felt[len(names)] = _accelerometer(craft, sensor, units, key)
+            row = none
+        else:
+            row = _row(craft, sensor, units, key)
+        names.append(name)
+        tip.append(none if sensor.kind == "rate" else row)
+        rate.append(row if sensor.kind == "rate" else none)
+        curvature.append(none)
     empty = np.zeros((0, craft.modes))
     return Appendages(
         tuple(names),
         np.vstack([empty, *tip]),
         np.vstack([empty, *curvature]),
         np.vstack([empty, *rate]),
+        _felt(craft, felt, len(names)) if felt else None,
+        _errors(sensors, len(names)) if sensors else None,
     )
+
+
+def _of_all(craft: Spacecraft, k: int, rows: Matrix) -> Matrix:
+    """Return maps of the modes of appendage k as maps of all modes."""
+    first = craft.first_mode(k)
+    wide = np.zeros((len(rows), craft.modes))
+    wide[:, first : first + rows.shape[1]] = rows
+    return wide
+
+
+def _index(craft: Spacecraft, sensor: SensorPlace, key: str) -> int:
+    names = [a.name for a in craft.appendages]
+    if sensor.appendage not in names:
+        raise BadInput(
+            f"{key}.appendage: {sensor.appendage} is no appendage; allowed: {', '.join(names)}"
+        )
+    return names.index(sensor.appendage)
+
+
+def _row(craft: Spacecraft, sensor: SensorPlace, units: Units, key: str) -> Vector:
+    """Return a displacement's, a rate's or a strain's map of all modes, shape (modes,)."""
+    k = _index(craft, sensor, key)
+    a = craft.appendages[k]
+    if sensor.kind != "strain":
+        spot = spot_on(a, sensor, units, key)
+        along = unit_direction(sensor.direction, f"{key}.direction")
+        return _of_all(craft, k, along[None] @ spot.displacement)[0]
+    if a.shape is None or a.shape.along is None:
+        raise BadInput(f"{key}.appendage: {a.name} is no beam, so its strain is not known")
+    at_root = 0.0 if sensor.at is None else sensor.at * units.length
+    bent = a.shape.along.spot(at_root).curvature
+    fibre = np.array(sensor.fibre) * units.length
+    return _of_all(craft, k, -(fibre[None] @ bent))[0]
+
+
+def _accelerometer(craft: Spacecraft, sensor: SensorPlace, units: Units, key: str) -> Accelerometer:
+    """Return it in body axes."""
+    along = unit_direction(sensor.direction, f"{key}.direction")
+    place = np.array(sensor.place) * units.length
+    if sensor.appendage is None:
+        return Accelerometer(along, place, np.zeros((3, craft.modes)))
+    k = _index(craft, sensor, key)
+    a: Appendage = craft.appendages[k]
+    if a.hinge != at.FIXED:
+        raise BadInput(
+            f"{key}.appendage: {a.name} turns in its hinge; accelerometers sit on the platform and "
+            "on appendages with a fixed hinge"
+        )
+    spot, r = spot_on(a, sensor, units, key), a.axes.T
+    return Accelerometer(
+        r @ along, a.place + r @ spot.place, _of_all(craft, k, r @ spot.displacement)
+    )
+
+
+def _felt(
+    craft: Spacecraft, felt: dict[int, Accelerometer], count: int
+) -> Callable[[Vector, Vector, float], Vector]:
+    def read(x: Vector, slope: Vector, t: float) -> Vector:
+        out = np.zeros(count)
+        for k, accelerometer in felt.items():
+            out[k] = accelerometer.read(craft, x, slope)
+        return out
+
+    return read
+
+
+def _errors(sensors: dict[str, SensorPlace], count: int) -> Matrix:
+    """Return noise, bias and quantisation of every reading, shape (3, count)."""
+    own = [(s.noise, s.bias, s.quantisation) for s in sensors.values()]
+    errors = np.zeros((3, count))
+    errors[:, count - len(own) :] = np.array(own).T
+    return errors

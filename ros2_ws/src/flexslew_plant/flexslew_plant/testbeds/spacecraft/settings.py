@@ -177,3 +177,18 @@ class ActuatorPlace:
     appendage: str | None = None  # left out: on the platform
     at: float | None = None  # along its beam; left out: its tip
     place: Triple = (0.0, 0.0, 0.0)  # on the platform
+
+
+@section
+class SensorPlace:
+    """A sensor on an appendage, or an accelerometer on the platform; errors in its own unit."""
+
+    kind: Literal["displacement", "rate", "strain", "accelerometer"]
+    appendage: str | None = None  # left out: an accelerometer on the platform
+    at: float | None = None  # along its beam; left out: its tip, of a strain its root
+    direction: Triple = (1.0, 0.0, 0.0)  # in the axes of what it sits on
+    fibre: Triple = (0.0, 0.0, 0.0)  # of a strain: from the beam's centre line
+    place: Triple = (0.0, 0.0, 0.0)  # on the platform
+    noise: NonNegative = 0.0  # standard deviation of white noise, each tick
+    bias: float = 0.0
+    quantisation: NonNegative = 0.0

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds.contract import RigidTurn
@@ -20,7 +20,7 @@ from flexslew_plant.testbeds.scene import Scene
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed, stiffened
 from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
-from flexslew_plant.testbeds.spacecraft.channels import tip_channels
+from flexslew_plant.testbeds.spacecraft.channels import channels
 from flexslew_plant.testbeds.spacecraft.clamped import Clamped, clamped
 from flexslew_plant.testbeds.spacecraft.drawing import scene_of
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
@@ -39,19 +39,11 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     Body,
     Inertia,
     Platform,
+    SensorPlace,
     WheelSettings,
 )
 from flexslew_plant.testbeds.spacecraft.turning import driven_most, rigid_turn, turning_point
 from flexslew_plant.testbeds.spacecraft.units import UNITS, UnitSystem
-
-
-@compiled
-def _grounded(
-    p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
-) -> None:
-    """Write M and h of a platform that is held or pivots; its q has as many entries as v."""
-    terms(p, t, x, joints, coupling, modal, bias)
-
 
 FLOATING = Kernels(
     terms,
@@ -60,8 +52,10 @@ FLOATING = Kernels(
     actuation,
     kinematics,
     extra_positions=1,
+    any_size=True,
 )
-GROUNDED = Kernels(_grounded, residual_jacobian, potential, actuation)
+# a platform that is held or pivots: its q has as many entries as v
+GROUNDED = Kernels(terms, residual_jacobian, potential, actuation, kinematics, any_size=True)
 
 
 def _torques(limit: float) -> dict[str, ActuatorPlace]:
@@ -80,6 +74,7 @@ class SpacecraftTestbed:
     appendages: dict[str, AppendageSettings] = field(default_factory=dict)
     wheels: dict[str, WheelSettings] = field(default_factory=dict)
     actuators: dict[str, ActuatorPlace] = field(default_factory=lambda: _torques(100.0))
+    sensors: dict[str, SensorPlace] = field(default_factory=dict)  # besides pose, rates and tips
     initial: dict[str, float] = field(default_factory=dict)  # by joint [rad or m]
     pointing_tolerance: Positive = 3.490658503988659e-4  # of an appendage: .02 deg [rad]
 
@@ -95,6 +90,7 @@ class SpacecraftTestbed:
         """
         try:
             craft = spacecraft(self)
+            channels(craft, self.sensors, UNITS[self.units])
         except BadInput as error:
             raise ValueError(str(error)) from None
         if not craft.drives:
@@ -170,6 +166,7 @@ class SpacecraftTestbed:
             ),
             appendages=parts,
             wheels={},
+            sensors={},
             actuators={joint: ActuatorPlace(kind="torque", direction=(x, y, z), limit=limit)},
             initial={k: v for k, v in self.initial.items() if k == joint},
         )
@@ -245,7 +242,7 @@ def _model(same: _Same) -> Model:
         tuple(d.name for d in drives),
         tuple(position_unit(d) for d in drives),
         craft.modes,
-        tip_channels(craft),
+        channels(craft, same.testbed.sensors, UNITS[same.testbed.units]),
         scale_stiffness=lambda packed_, factor: stiffened(craft, packed_, factor),
         leading=craft.sizes[1] - craft.modes,
         reading=lambda x: _read(p, x, len(drives)),

@@ -11,6 +11,8 @@ from flexslew_plant.testbeds.spacecraft.clamped import platform_inputs
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.settings import AppendageSettings
 
+_SAME = 1e-6  # relative difference of what rounding alone tells apart
+
 
 def turning_point(craft: Spacecraft) -> Vector:
     """Return about which point it turns: the body origin if forces hold it, else the centre."""
@@ -62,25 +64,36 @@ def driven_most(
 ) -> dict[str, AppendageSettings]:
     """Return the appendages with those modes alone that a turn about an axis deflects most.
 
+    Modes of one frequency, as two equal panels have them, count as one: they swing together.
+
     Args:
         craft: the spacecraft.
         parts: its appendages, by name.
         axis: of the turn, shape (3,).
         place: on that axis, shape (3,).
-        modes: how many are kept altogether.
+        modes: how many different frequencies are kept altogether.
     """
     found = []
     for a in craft.appendages:
         seen = a.integrals.seen_from(a.place - place, a.axes)
         pull = axis @ seen.rotation  # of the angular acceleration on each mode
         deflection = abs(pull) / np.sqrt(a.mass) / np.where(a.stiffness > 0.0, a.stiffness, 1.0)
+        square = a.stiffness / a.mass
         found += [
-            (size * mass, a.name, k + 1)
+            (size * mass, a.name, k + 1, float(square[k]))
             for k, (size, mass) in enumerate(zip(deflection, a.mass, strict=True))
         ]
-    kept = sorted(found, reverse=True)[:modes]
-    out = {}
-    for name, part in parts.items():
-        own = tuple(sorted(k for _, n, k in kept if n == name))
-        out[name] = replace(part, only_modes=own)
-    return out
+    found.sort(reverse=True)
+    squares: list[float] = []
+    kept = []
+    for size, name, k, square_of in found:
+        known = any(abs(square_of - other) <= _SAME * other for other in squares)
+        if not known and len(squares) < modes:
+            squares.append(square_of)
+        elif not known or size <= _SAME * found[0][0]:  # of another frequency, or not driven
+            continue
+        kept.append((name, k))
+    return {
+        name: replace(part, only_modes=tuple(sorted(k for n, k in kept if n == name)))
+        for name, part in parts.items()
+    }

@@ -9,6 +9,7 @@ from flexslew_plant.testbeds.spacecraft.assembly.described import Described
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.settings import (
     ActuatorPlace,
+    SensorPlace,
 )
 from flexslew_plant.testbeds.spacecraft.shapes.shape import Spot
 from flexslew_plant.testbeds.spacecraft.units import Units
@@ -27,7 +28,7 @@ def drives_of(
         if d.appendage is None:
             what = at.FORCE if d.kind == "force" else at.TORQUE
             empty = np.zeros((3, 0))
-            spot = Spot(np.array(d.place) * units.length, empty, empty, np.zeros((2, 0)))
+            spot = Spot(np.array(d.place) * units.length, empty, empty, empty)
             found.append(Drive(name, what, -1, direction, spot, limit))
             continue
         if d.appendage not in names:
@@ -36,7 +37,9 @@ def drives_of(
             )
         index = names.index(d.appendage)
         what = at.POINT_FORCE if d.kind == "force" else at.TIP_TORQUE
-        found.append(Drive(name, what, index, direction, _spot(parts[index], d, units, key), limit))
+        found.append(
+            Drive(name, what, index, direction, spot_on(parts[index], d, units, key), limit)
+        )
     hinges = [(k, a) for k, a in enumerate(parts) if a.hinge == at.DRIVEN]
     for k, a in hinges:
         limit = described.appendages[a.name].hinge.limit * units.torque
@@ -49,11 +52,11 @@ def drives_of(
     return tuple(found)
 
 
-def _spot(a: Appendage, d: ActuatorPlace, units: Units, key: str) -> Spot:
-    """Return where an actuator sits on an appendage."""
+def spot_on(a: Appendage, d: ActuatorPlace | SensorPlace, units: Units, key: str) -> Spot:
+    """Return where an actuator or a sensor sits on an appendage."""
     if a.shape is None:
         empty = np.zeros((3, 0))
-        return Spot(np.array(d.place) * units.length, empty, empty, np.zeros((2, 0)))
+        return Spot(np.array(d.place) * units.length, empty, empty, empty)
     if d.at is None:
         return a.shape.tip
     if a.shape.along is None:

@@ -239,16 +239,19 @@ def terms(
         bias: out, h, shape (m + modes,).
     """
     m, n = coupling.shape
-    if p[at.MOTION] == at.FREE:
-        unprojected(p, t, x, joints, coupling, modal, bias)
+    free = p[at.MOTION] == at.FREE
+    own = 1 if p[at.MOTION] == at.PIVOT else 0
+    mass, across, h = joints, coupling, bias
+    if not free:
+        k = m + 6 - own
+        mass, across, h = np.empty((k, k)), np.empty((k, n)), np.empty(k + n)
+    unprojected(p, t, x, mass, across, modal, h)
+    if free:
         for i in range(m):
             for j in range(i):
                 joints[i, j] = joints[j, i]
         return
-    own = 1 if p[at.MOTION] == at.PIVOT else 0
     k = m + 6 - own
-    mass, across, h = np.empty((k, k)), np.empty((k, n)), np.empty(k + n)
-    unprojected(p, t, x, mass, across, modal, h)
     bias[own:] = h[6:]
     for i in range(6, k):
         coupling[i - 6 + own] = across[i]

@@ -106,7 +106,7 @@ class FiniteElementModes:
             np.array([0.0, 0.0, s]),
             np.stack([n0 @ u, n0 @ v, np.zeros_like(twist)]),
             np.stack([-n1 @ v, n1 @ u, twist]),
-            np.stack([n2 @ u, n2 @ v]),
+            np.stack([n2 @ u, n2 @ v, np.zeros_like(twist)]),
         )
 
 
@@ -186,7 +186,7 @@ class ClosedFormModes:
         a, b = self.x.modes, self.y.modes
         n = a + b + self.twists
         at = np.array([s])
-        displacement, turn, curvature = np.zeros((3, n)), np.zeros((3, n)), np.zeros((2, n))
+        displacement, turn, curvature = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n))
         for row, beam, modes in ((0, self.x, slice(0, a)), (1, self.y, slice(a, a + b))):
             if beam.modes:
                 displacement[row, modes] = beam.shape(at)[:, 0]

@@ -56,7 +56,7 @@ def membrane(
         integrals_of(Points(place, weights.ravel(), shape)),
         np.ones(len(modes)),
         frequencies**2,
-        Spot(np.array([0.0, 0.0, height]), centre, still, still[:2]),
+        Spot(np.array([0.0, 0.0, height]), centre, still, still),
         line,
         line_shape,
     )

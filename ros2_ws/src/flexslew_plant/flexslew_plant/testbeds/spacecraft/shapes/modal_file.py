@@ -93,7 +93,7 @@ def modal_shape(path: Path) -> FlexibleShape:
         integrals, mass, tip, line, line_shape = _from_points(data, n, mass, rigid, path)
     elif "translation" in data:
         integrals, mass = _from_participation(data, n, mass, rigid, path)
-        tip = Spot(np.zeros(3), np.zeros((3, n)), np.zeros((3, n)), np.zeros((2, n)))
+        tip = Spot(np.zeros(3), np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n)))
         line, line_shape = np.zeros((2, 3)), np.zeros((2, 3, n))
     else:
         raise BadInput(f"{path}: points or translation: missing; give mode shapes or participation")
@@ -108,7 +108,7 @@ def modal_shape(path: Path) -> FlexibleShape:
             tip.place * units.length,
             tip.displacement,
             tip.turn / units.length,
-            tip.curvature,
+            tip.curvature / units.length**2,
         ),
         line * units.length,
         line_shape,
@@ -209,7 +209,7 @@ def _from_points(
     at = int(data.get("tip", int(np.argmax(np.linalg.norm(points, axis=1)))))
     if not 0 <= at < k:
         raise BadInput(f"{path}: tip: {at} is not allowed: 0 to {k - 1}")
-    tip = Spot(points[at], shapes[at], np.zeros((3, n)), np.zeros((2, n)))
+    tip = Spot(points[at], shapes[at], np.zeros((3, n)), np.zeros((3, n)))
     order = np.argsort(np.linalg.norm(points, axis=1), kind="stable")
     return integrals, mass, tip, points[order], shapes[order]
 

@@ -61,4 +61,4 @@ class Turned(NamedTuple):
 
 def turned_spot(r: Matrix, spot: Spot) -> Spot:
     """Return a spot in other axes."""
-    return Spot(r @ spot.place, r @ spot.displacement, r @ spot.turn, spot.curvature)
+    return Spot(r @ spot.place, r @ spot.displacement, r @ spot.turn, r @ spot.curvature)

@@ -15,7 +15,7 @@ class Spot(NamedTuple):
     place: Vector  # undeformed, shape (3,) [m]
     displacement: Matrix  # Phi, shape (3, n) [-]
     turn: Matrix  # Psi, shape (3, n) [rad/m]
-    curvature: Matrix  # d^2/ds^2 of the two deflections, shape (2, n) [1/m^2]
+    curvature: Matrix  # d^2/ds^2 of the displacement, shape (3, n) [1/m^2]
 
 
 class Placed(Protocol):

@@ -1,0 +1,183 @@
+"""A spacecraft as a linear law sees it: its joints first, without what no effort moves.
+
+Small motions z about a rest: M z'' + D z' + K z = B u, joint readings C z. The motions that the
+efforts reach are modes whose share B^T phi is not zero; of these, coordinates are chosen with
+C z = the first of them, such that a joint that turns the platform turns it as a rigid body.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import eigh, expm, null_space
+
+from flexslew_control.law import Reference, nominal_state
+from flexslew_control.linear_design import Designed
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.model import Appendages, Linearisation, Model
+
+_RIGID = 1e-9  # of the largest squared frequency: zero but for rounding
+_SAME = 1e-7  # of it: frequencies of one group
+_REACHED = 1e-7  # of the largest share: an effort moves it
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """M z'' + D z' + K z = B u with the joints as the first coordinates.
+
+    Args:
+        joint_names: of the first coordinates.
+        linear: its matrices, shapes (n, n) and (n, joints).
+        appendages: readings of the tips, as maps of the coordinates after the joints.
+    """
+
+    joint_names: tuple[str, ...]
+    linear: Linearisation
+    appendages: Appendages
+    time_varying: bool = False
+    _steps: dict[float, tuple[Matrix, Matrix]] = field(default_factory=dict)
+
+    @property
+    def joints(self) -> int:
+        """How many joints."""
+        return len(self.joint_names)
+
+    @property
+    def coordinates(self) -> int:
+        """n, joints and others."""
+        return len(self.linear.mass)
+
+    @property
+    def modes(self) -> int:
+        """How many coordinates stand after the joints."""
+        return self.coordinates - self.joints
+
+    @cached_property
+    def _matrices(self) -> tuple[Matrix, Matrix]:
+        return self.linear.state_matrix, self.linear.state_input_matrix
+
+    def rest(self, positions: Mapping[str, float]) -> Vector:
+        """Return z with the joints named at these positions, shape (n,); see Model.rest."""
+        unknown = sorted(set(positions) - set(self.joint_names))
+        if unknown:
+            names = ", ".join(self.joint_names)
+            raise BadInput(f"{unknown[0]} is not a joint of the testbed; allowed: {names}")
+        rest = np.zeros(self.coordinates)
+        rest[: self.joints] = [positions.get(name, 0.0) for name in self.joint_names]
+        return rest
+
+    def linearise(self, q: Vector, t: float = 0.0) -> Linearisation:
+        """Return its matrices, the same everywhere."""
+        return self.linear
+
+    def jacobian(self, x: Vector, effort: Vector, t: float = 0.0) -> tuple[Matrix, Matrix]:
+        """Return A and B of x' = A x + B u, the same everywhere."""
+        return self._matrices
+
+    def advance(
+        self, x: Vector, effort: Vector, dt: float, steps: int = 1, t: float = 0.0
+    ) -> Vector:
+        """Return the state dt later with the effort held, exactly."""
+        if dt not in self._steps:
+            a, b = self._matrices
+            k, m = b.shape
+            both = np.zeros((k + m, k + m))
+            both[:k, :k], both[:k, k:] = a, b
+            both = expm(both * dt)
+            self._steps[dt] = both[:k, :k], both[:k, k:]
+        f, g = self._steps[dt]
+        return np.asarray(f @ x + g @ effort)
+
+
+def joints_first(model: Model, rest: Vector) -> Designed:
+    """Return a model whose first coordinates are the joints: itself, or its small motions.
+
+    Args:
+        model: what a law believes.
+        rest: about which it is linear, shape (positions,).
+
+    Raises:
+        BadInput: the joints do not move independently of each other.
+    """
+    if model.leading is None:
+        return model
+    linear = model.linearise(rest)
+    readings = _readings(model, rest)
+    reached, rigid = _reached(linear)
+    seen = readings @ reached
+    of_rigid = readings @ reached[:, rigid]
+    size = np.linalg.norm(readings, axis=1)
+    turns = np.linalg.norm(of_rigid, axis=1) > _REACHED * np.where(size > 0.0, size, 1.0)
+    chosen = np.linalg.pinv(seen)
+    chosen[:, turns] = 0.0
+    chosen[np.ix_(np.flatnonzero(rigid), np.flatnonzero(turns))] = np.linalg.pinv(of_rigid[turns])
+    if not np.allclose(seen @ chosen, np.eye(len(seen)), atol=1e-6):
+        off = int(np.argmax(abs(seen @ chosen - np.eye(len(seen))).max(axis=0)))
+        raise BadInput(
+            f"{model.joint_names[off]} does not move independently of the other joints "
+            f"({', '.join(model.joint_names)}), so no linear law of full state can be designed; "
+            "take pd_feedforward"
+        )
+    basis = reached @ np.hstack((chosen, null_space(seen)))
+    tips, modes = model.appendages, model.modes
+    elastic = basis[len(basis) - modes :, len(seen) :]
+    return LinearModel(
+        model.joint_names,
+        Linearisation(
+            _symmetric(basis.T @ linear.mass @ basis),
+            basis.T @ linear.damping @ basis,
+            basis.T @ linear.stiffness @ basis,
+            basis.T @ linear.input_matrix,
+        ),
+        Appendages(tips.names, tips.tip @ elastic, tips.curvature @ elastic),
+    )
+
+
+def _symmetric(a: Matrix) -> Matrix:
+    """Return a without the rounding that makes it unsymmetric."""
+    both: Matrix = 0.5 * (a + a.T)
+    return both
+
+
+def _readings(model: Model, rest: Vector) -> Matrix:
+    """Return C: what each joint's rate sensor reads of every entry of v, shape (joints, n)."""
+    columns = [
+        model.joint_state(np.concatenate((rest, one)))[1] for one in np.eye(model.coordinates)
+    ]
+    return np.array(columns).T
+
+
+def _reached(linear: Linearisation) -> tuple[Matrix, Vector]:
+    """Return a basis of the motions that efforts reach, (n, r), and which of it are rigid, (r,).
+
+    Modes of one frequency are turned among themselves such that as few as possible are reached.
+    """
+    stiffness = _symmetric(linear.stiffness)
+    squares, modes = eigh(stiffness, _symmetric(linear.mass))
+    largest = float(abs(squares).max(initial=1e-300))
+    squares[abs(squares) <= _RIGID * largest] = 0.0
+    shares = modes.T @ linear.input_matrix
+    scale = float(np.linalg.norm(shares, axis=0).min())
+    kept, rigid = [], []
+    first = 0
+    for k in range(1, len(squares) + 1):
+        if k < len(squares) and squares[k] - squares[first] <= _SAME * largest:
+            continue
+        left, sizes, _ = np.linalg.svd(shares[first:k])
+        count = int((sizes > _REACHED * scale).sum())
+        kept.append(modes[:, first:k] @ left[:, :count])
+        rigid += [squares[first] == 0.0] * count
+        first = k
+    return np.hstack(kept), np.array(rigid)
+
+
+def nominal(model: Designed, reference: Reference) -> Vector:
+    """Return the nominal state as a law with this model sees it, shape (2 n,).
+
+    About a free platform it is that of the joints: a plan about one axis says nothing else that
+    these coordinates know.
+    """
+    state = np.zeros(0) if isinstance(model, LinearModel) else reference.state
+    return nominal_state(state, reference, model.joints, model.modes)

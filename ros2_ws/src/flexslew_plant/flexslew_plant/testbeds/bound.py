@@ -1,0 +1,152 @@
+"""A testbed's kernels as Python calls them: of one size of state, or compiled once for all."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.testbeds import dynamics, interface
+from flexslew_plant.testbeds.kernels import Kernels
+
+
+class Bound(NamedTuple):
+    """The kernels of one testbed, called from Python."""
+
+    terms: Callable[[Vector, float, Vector, Matrix, Matrix, Vector, Vector], None]
+    derivative: Callable[[Vector, float, Vector, Vector], Vector]
+    advance: Callable[[Vector, float, Vector, float, int, Vector], None]
+    jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
+    residual_jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
+    energy: Callable[[Vector, float, Vector], float]
+    actuation: Callable[[Vector, float, Vector, Vector, Vector], None]
+    position_rates: Callable[[Vector, float, Vector, Vector], None]
+
+
+def bound(kernels: Kernels, n: int, m: int) -> Bound:
+    """Return the kernels of a testbed for one size of state.
+
+    Args:
+        kernels: its equations.
+        n: coordinates.
+        m: joints.
+    """
+    return _of_any_size(kernels, m) if kernels.any_size else _of_size(kernels, n, m)
+
+
+@lru_cache
+def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
+    """Return kernels with their sizes built in.
+
+    The compiler unrolls the short loops of sizes that it knows, and the call from Python costs
+    less: half the time of a general function, to the same bits.
+
+    Args:
+        kernels: its equations.
+        n: coordinates.
+        m: joints.
+    """
+
+    @compiled
+    def terms(
+        p: Vector,
+        t: float,
+        x: Vector,
+        joints: Matrix,
+        coupling: Matrix,
+        modal: Vector,
+        bias: Vector,
+    ) -> None:
+        interface.terms(kernels, p, t, x, joints, coupling, modal, bias)
+
+    @compiled
+    def derivative_(p: Vector, t: float, x: Vector, effort: Vector) -> Vector:
+        return dynamics.derivative(kernels, p, t, x, effort, m)
+
+    @compiled
+    def advance(p: Vector, t: float, effort: Vector, dt: float, steps: int, x: Vector) -> None:
+        dynamics.take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
+
+    @compiled
+    def jacobian_(p: Vector, t: float, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
+        dynamics.jacobian(kernels, p, t, x, effort, m, dx, du)
+
+    @compiled
+    def residual_jacobian(
+        p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix
+    ) -> None:
+        interface.residual_jacobian(kernels, p, t, x, a, dq, dv)
+
+    @compiled
+    def energy_(p: Vector, t: float, x: Vector) -> float:
+        return dynamics.energy(kernels, p, t, x, m)
+
+    @compiled
+    def actuation(p: Vector, t: float, x: Vector, effort: Vector, force: Vector) -> None:
+        interface.actuation(kernels, p, t, x, effort, force)
+
+    @compiled
+    def position_rates(p: Vector, t: float, x: Vector, rate: Vector) -> None:
+        interface.position_rates(kernels, p, t, x, rate)
+
+    return Bound(
+        terms,
+        derivative_,
+        advance,
+        jacobian_,
+        residual_jacobian,
+        energy_,
+        actuation,
+        position_rates,
+    )
+
+
+@lru_cache
+def _advance(kernels: Kernels) -> Callable[..., None]:
+    """Return the integration of a state of any size; m: entries of v before the modes."""
+
+    @compiled
+    def advance(
+        p: Vector, t: float, effort: Vector, dt: float, steps: int, m: int, x: Vector
+    ) -> None:
+        n = (x.size - interface.extra(kernels)) // 2
+        s = interface.square(kernels, n, m)
+        dynamics.step_within(
+            kernels,
+            p,
+            t,
+            effort,
+            dt / steps,
+            steps,
+            n,
+            x,
+            np.empty((dynamics.STAGES, x.size)),
+            np.empty(x.size),
+            np.empty(n),
+            np.empty((s, s)),
+            np.empty((s, n - s)),
+            np.empty(n - s),
+        )
+
+    return advance
+
+
+@lru_cache
+def _of_any_size(kernels: Kernels, m: int) -> Bound:
+    """Return kernels that are compiled once for all sizes; the author's own are called as is."""
+    own, advance = kernels.compiled, _advance(kernels)
+
+    def jacobian(p: Vector, t: float, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
+        dynamics.jacobian(kernels, p, t, x, effort, m, dx, du)
+
+    return Bound(
+        own["terms"],
+        lambda p, t, x, effort: dynamics.derivative(kernels, p, t, x, effort, m),
+        lambda p, t, effort, dt, steps, x: advance(p, t, effort, dt, steps, m, x),
+        jacobian,
+        own["residual_jacobian"],
+        lambda p, t, x: dynamics.energy(kernels, p, t, x, m),
+        own["actuation"],
+        own["kinematics"],
+    )
