@@ -1,13 +1,20 @@
 """How fast SCOLE-S is integrated, beside NumPy with the same equations, in the same run."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from importlib import resources
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 
 import numpy as np
 from scipy.integrate import DOP853
 from scipy.linalg import cho_factor, cho_solve
 
+from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.trial.run import run_trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import Model, read_testbed
@@ -27,6 +34,10 @@ def figures() -> dict[str, float]:
     spacecraft_numpy_step_us: the same equations and method in NumPy [us].
     spacecraft_ratio: how many times longer that takes [-].
     spacecraft_step_<n>_modes_us: the step with another number of modes [us].
+    spacecraft_trial_s: the 12 s trial scole_s_a in process, compiled, without a report [s].
+    spacecraft_compile_s, spacecraft_compile_other_size_s: until the first step of SCOLE-S in a new
+        process with nothing compiled, then of one with another number of modes [s].
+    spacecraft_load_s: the same as the first with everything compiled [s].
     """
     testbed = _scole(8)
     model, x = testbed.model(), _state(testbed.model())
@@ -43,7 +54,41 @@ def figures() -> dict[str, float]:
         at = _state(other)
         name = f"spacecraft_step_{modes}_modes_us"
         found |= _best({name: (_stepped(other, at, effort), _TIMES)})
-    return found
+    return found | _whole_trial() | _first_steps()
+
+
+def _whole_trial() -> dict[str, float]:
+    trial, seconds = shipped("scole_s_a"), []
+    for _ in range(3):
+        with TemporaryDirectory() as folder:
+            began = perf_counter()
+            run_trial(trial, "scole_s_a", Path(folder) / "run", in_process=True, report=False)
+            seconds.append(perf_counter() - began)
+    return {"spacecraft_trial_s": min(seconds)}
+
+
+def _say_first_steps() -> None:
+    """Print how long the first step takes, and that of another size [s]."""
+    for modes in (8, 5):
+        model = _scole(modes).model()
+        began = perf_counter()
+        model.advance(_state(model), np.full(model.efforts, 0.5), _PERIOD)
+        print(perf_counter() - began)
+
+
+def _first_steps() -> dict[str, float]:
+    with TemporaryDirectory() as folder:
+        environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
+        command = [sys.executable, __file__, "first"]
+        rows = [
+            [float(line) for line in subprocess.check_output(command, env=environment).split()]
+            for _ in range(2)
+        ]
+    return {
+        "spacecraft_compile_s": rows[0][0],
+        "spacecraft_compile_other_size_s": rows[0][1],
+        "spacecraft_load_s": rows[1][0],
+    }
 
 
 def _stepped(model: Model, x: Vector, effort: Vector) -> Callable[[], object]:
@@ -141,6 +186,8 @@ def _inertias(second: Matrix) -> Matrix:
     return inertias
 
 
-if __name__ == "__main__":
+if __name__ == "__main__" and sys.argv[1:] == ["first"]:
+    _say_first_steps()
+elif __name__ == "__main__":
     for name, value in figures().items():
         print(f"{name:32s} {value:10.2f}")

@@ -104,8 +104,8 @@ def test_the_animation_holds_poses_and_shapes(page: str) -> None:
     assert found
     (scene,) = json.loads(found.group(1))
     assert len(scene["beams"]) == 2
-    assert len(scene["poses"]) == len(scene["time"]) == len(scene["modes"]) > 200
-    pose = np.array(scene["poses"][-1])
+    assert len(scene["poses"][0]) == len(scene["time"]) == len(scene["modes"]) > 200
+    pose = np.array(scene["poses"][0][-1])
     rotation = pose[:9].reshape(3, 3)
     assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4)
     assert np.arctan2(-rotation[0, 1], rotation[1, 1]) == pytest.approx(1.0, abs=1e-3)

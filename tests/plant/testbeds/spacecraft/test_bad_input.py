@@ -21,6 +21,7 @@ def craft(**changes: Any) -> dict[str, Any]:
 
 
 TORQUE = {"kind": "torque", "direction": [1.0, 0.0, 0.0], "limit": 1.0}
+WHEEL = {"axis": [1, 0, 0], "limit": 1.0}
 
 
 def hinged(**hinge: Any) -> dict[str, Any]:
@@ -72,6 +73,30 @@ def hinged(**hinge: Any) -> dict[str, Any]:
             hinged(range=[-1, 1], motion={"to": 2.0, "duration": 3.0}),
             "outside of the range -1 to 1 rad",
         ),
+        ({"platform": {"mass": 0.0}}, "mass 0 kg is not positive"),
+        ({"platform": {"inertia": {"xx": 5.0, "yy": 5.0, "zz": -1.0}}}, "triangle inequality"),
+        (
+            {"platform": {"mass": 10.0, "centre": [3.0, 0.0, 0.0], "inertia": {"yy": 1.0}}},
+            "about the centre of mass violate the triangle inequality",
+        ),
+        (
+            {"appendages": {"boom": {"shape": {**BOOM["shape"], "tip_body": {"mass": -2.0}}}}},
+            "tip_body: mass -2 kg is not positive",
+        ),
+        (hinged(axes=[[1, 0, 0], [0, 1, 0], [0, 0, -1]]), "left-handed"),
+        (hinged(axis=[0, 0, 0]), "has no direction"),
+        ({"appendages": {"boom": {}}}, "has neither shape nor body"),
+        (
+            {"appendages": {"boom": {**BOOM, "damping": {"ratio": [0.1, 0.1]}}}},
+            "2 numbers for 4 modes",
+        ),
+        ({"actuators": {}}, "has no actuators"),
+        ({"actuators": {"a": {**TORQUE, "direction": [0, 0, 0]}}}, "has no direction"),
+        (
+            {"actuators": {"spin": TORQUE}, "wheels": {"spin": {**WHEEL, "inertia": 0.1}}},
+            "two actuators are called spin",
+        ),
+        ({"appendages": {"boom": {"shape": {**BOOM["shape"], "modes": 200}}}}, "modes"),
     ],
 )
 def test_impossible_spacecraft_are_refused(changes: dict[str, Any], words: str) -> None:
@@ -113,6 +138,14 @@ def test_a_modal_file_gives_its_masses_and_frequencies(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        ({"units": "cgs"}, "'cgs' is not allowed: si, slug_ft_lb"),
+        ({"frequencies_hz": "fast"}, "is not an array of numbers"),
+        ({"damping_ratios": [0.1, 1.2]}, "are not all in 0 to 1"),
+        ({"modal_mass": [1.0, -1.0]}, "not positive definite"),
+        ({"modal_mass": [2.0, 1.16]}, "mode 1 has 2, its points sum to 1.16"),
+        ({"tip": 7}, "7 is not allowed: 0 to 1"),
+        ({"points": [[1.0, 0, 0], [float("nan"), 0, 0]]}, "not finite"),
+        ({"rigid": {"mass": 2.0}}, "first_moment: missing"),
         (
             {"shapes": [[[0, 0, 1.0]], [[0, 0, 1.0]]]},
             "has shape \\(2, 1, 3\\); it must be 2 x 2 x 3",
@@ -131,5 +164,18 @@ def test_wrong_modal_files_are_refused_with_the_numbers(
 ) -> None:
     path = tmp_path / "panel.yaml"
     path.write_text(yaml.safe_dump({**panel(), **changes}))
-    with pytest.raises(BadInput, match=words):
+    with pytest.raises(BadInput, match=words) as error:
         modal_shape(path)
+    assert "\n" not in str(error.value)
+    assert str(path) in str(error.value)
+
+
+def test_an_appendage_that_moves_more_mass_than_it_has_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "light.yaml"
+    participation = {"translation": [[0.0], [0.0], [4.0]], "rotation": [[0.0], [-6.0], [0.0]]}
+    kept = {"frequencies_hz": [0.6], "rigid": panel()["rigid"], **participation}
+    path.write_text(yaml.safe_dump(kept))
+    sail = {"shape": {"kind": "modal_data", "file": str(path)}}
+    with pytest.raises(BadInput, match=r"appendages.sail: .* not positive definite: lowest") as e:
+        read_testbed(craft(appendages={"sail": sail}, platform={"mass": 3.0}), "here")
+    assert "\n" not in str(e.value)

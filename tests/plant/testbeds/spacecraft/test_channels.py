@@ -68,7 +68,7 @@ def place_of(model: Any, testbed: Any, x: Any, name: str) -> Any:
 def test_an_accelerometer_reads_the_second_derivative_of_its_place(name: str) -> None:
     testbed = craft()
     model = testbed.model()
-    x, effort, h = moving(model), np.array([3.0, -2.0, 1.0]), 1e-3
+    x, effort, h = moving(model), np.array([3.0, -2.0, 1.0]), 1e-4
     tips = model.appendages
     read = tips.felt(x, model.derivative(x, effort), 0.0)[tips.names.index(name)]
     ahead, behind = (model.advance(x, effort, dt) for dt in (h, -h))

@@ -65,10 +65,10 @@ class PiGains:
 def design(linear: Linearisation, weights: ScaledWeights) -> PiGains:
     """Return the gains of the regulator for z = (x, u), u' its input (3-16) to (3-24).
 
-    u' = G1 x + G2 u; with the left inverse B^L = [0, D^T M] of B (momentum in place of the
-    pseudo-inverse) f = Gp x + Gi integral(x), Gp = G2 B^L, Gi = G1 - G2 B^L A. Gp has rates
-    only, so Kd = -Gp; the integral of the rates is the displacement, so Kp is the rate block of
-    -Gi and Ki its displacement block. The equation is solved in scaled units.
+    u' = G1 x + G2 u; with the left inverse B^L = [0, D^L M] of B, D^L = (D^T D)^-1 D^T (momentum
+    in place of the pseudo-inverse), f = Gp x + Gi integral(x), Gp = G2 B^L, Gi = G1 - G2 B^L A.
+    Gp has rates only, so Kd = -Gp; the integral of the rates is the displacement, so Kp is the
+    rate block of -Gi and Ki its displacement block. The equation is solved in scaled units.
 
     Args:
         linear: the small motions about the set point.
@@ -97,7 +97,9 @@ def design(linear: Linearisation, weights: ScaledWeights) -> PiGains:
         raise BadInput(f"no optimal PI law: {error}; weigh every mode") from None
     gain = -input_scale @ np.linalg.solve(r, b.T @ riccati) @ np.linalg.inv(scale)
     g1, g2 = gain[:, : 2 * n], gain[:, 2 * n :]
-    left_inverse = np.hstack((np.zeros((m, n)), linear.input_matrix.T @ linear.mass))
+    d = linear.input_matrix
+    momentum = np.linalg.solve(d.T @ d, d.T @ linear.mass)
+    left_inverse = np.hstack((np.zeros((m, n)), momentum))
     proportional = g2 @ left_inverse
     integral = g1 - proportional @ p.a
     poles = np.linalg.eigvals(augmented + inputs @ gain)

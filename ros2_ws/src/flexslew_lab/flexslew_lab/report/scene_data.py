@@ -1,4 +1,4 @@
-"""What the animated view of a report draws: poses of the hub and the bent appendages as numbers."""
+"""What the animated view of a report draws: poses of frames and bent appendages as numbers."""
 
 from itertools import pairwise
 from typing import Any
@@ -8,64 +8,87 @@ import numpy as np
 from flexslew_lab.report.run_data import RunData
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.scene import Scene
+from flexslew_plant.testbeds import Testbed, read_testbed
+from flexslew_plant.testbeds.scene import Frame
+
+_BEND = 3  # how much a bend that can be seen anyway is exaggerated
+_SEEN = 0.02  # of the drawn size: a bend below cannot be seen
+_SHOWN = 0.1  # of the drawn size: as large is a smaller bend made
 
 
 def scene_of(run: RunData) -> dict[str, Any] | None:
     """Return the animation of a run as plain data; None where its testbed cannot be drawn.
 
-    The appendages are a straight line plus the modal coordinates times the beam's shapes, so
-    the page only adds up: `line + sum_j q_j shape_j`, points in the hub's frame [m].
+    An appendage is a straight line plus the modal coordinates times its shapes, so the page only
+    adds up: `line + gain sum_j q_j shape_j`, points in the frame of the line [m]. `body` is the
+    frame of the hub or platform; `turntable` tells a hub on a base from a body in space.
     """
     section = run.trial.get("testbed")
     position = run.frame_position
-    joints = len(run.joint_names)
-    if section is None or position.ndim != 2 or position.shape[1] <= joints:
+    if section is None or position.ndim != 2:
         return None
     try:
-        scene = read_testbed(section, str(run.path)).scene()
+        testbed = read_testbed(section, str(run.path))
+        scene = testbed.scene()
     except BadInput:
         return None
-    modes = position.shape[1] - joints
-    try:
-        still = np.zeros(joints)
-        straight = scene.lines(np.zeros(joints + modes))
-        bent = [scene.lines(np.concatenate((still, row))) for row in np.eye(modes)]
-    except ValueError:  # the trial's testbed has another number of modes than its truth
-        return None
-    if not _is_chain(scene, position[0]):
-        return None
-    poses = [_pose(scene, row) for row in position]
+    modes = testbed.modes
+    leading = testbed.model().positions - modes
+    if position.shape[1] != leading + modes or not modes:
+        return None  # the trial's testbed has another number of modes than its truth
+    rest = np.zeros(leading + modes)
+    straight = scene.lines(rest)
+    bent = [scene.lines(np.concatenate((rest[:leading], row))) for row in np.eye(modes)]
+    frames = scene.frames(position[0])
+    chain = all(a.child == b.parent for a, b in pairwise(frames))
+    names = [frames[-1].child if chain else frames[0].child]
+    names += sorted(set(scene.line_frames) - set(names))
+    poses = [[_pose(scene.frames(row), name) for row in position] for name in names]
+    shapes = [np.array([b[k] - line for b in bent]) for k, line in enumerate(straight)]
     return {
         "label": run.label,
         "time": _rounded(run.frame_time, 3),
-        "joints": _rounded(position[:, :joints], 5),
+        "joints": _rounded(_joints(testbed, position), 5),
         "joint_names": list(run.joint_names),
-        "modes": _rounded(position[:, joints:], 5),
+        "modes": _rounded(position[:, leading:], 6),
         "poses": [_rounded(pose, 5) for pose in poses],
+        "turntable": chain,
+        "gain": _gain(straight, shapes, position[:, leading:]),
         "beams": [
-            {
-                "line": _rounded(line, 3),
-                "shapes": [_rounded(b[k] - line, 4) for b in bent],
-            }
-            for k, line in enumerate(straight)
+            {"line": _rounded(line, 3), "shapes": _rounded(shape, 5), "frame": names.index(frame)}
+            for line, shape, frame in zip(straight, shapes, scene.line_frames, strict=True)
         ],
     }
 
 
-def _is_chain(scene: Scene, position: Vector) -> bool:
-    """Return whether every frame hangs on the one before, so that the last carries all lines."""
-    frames = scene.frames(position)
-    return all(a.child == b.parent for a, b in pairwise(frames))
+def _joints(testbed: Testbed, position: Matrix) -> Matrix:
+    """Return where each joint is, shape (frames, joints)."""
+    model = testbed.model()
+    still = np.zeros(model.coordinates)
+    return np.array([model.joint_state(np.concatenate((row, still)))[0] for row in position])
 
 
-def _pose(scene: Scene, position: Vector) -> Vector:
-    """Return where the hub is in the world: rotation matrix, then translation, shape (12,)."""
+def _gain(straight: list[Matrix], shapes: list[Matrix], modes: Matrix) -> int:
+    """Return how much the page exaggerates the bend: a round number that shows it."""
+    size = max(float(np.linalg.norm(line, axis=1).max()) for line in straight)
+    moved = [np.linalg.norm(np.einsum("kj,jpa->kpa", modes, s), axis=2).max() for s in shapes]
+    largest = float(max(moved))
+    if largest <= 0.0 or largest > _SEEN * size:
+        return _BEND
+    wanted = _SHOWN * size / largest
+    decade = 10.0 ** np.floor(np.log10(wanted))
+    return int(max(step for step in (1.0, 2.0, 5.0) if step * decade <= wanted) * decade)
+
+
+def _pose(frames: list[Frame], name: str) -> Vector:
+    """Return where a frame is in the world: rotation matrix, then translation, shape (12,)."""
+    by_child = {frame.child: frame for frame in frames}
     rotation, translation = np.eye(3), np.zeros(3)
-    for frame in scene.frames(position):
-        translation = translation + rotation @ np.array(frame.translation)
-        rotation = rotation @ _matrix(frame.rotation)
+    while name in by_child:
+        frame = by_child[name]
+        turn = _matrix(frame.rotation)
+        translation = np.array(frame.translation) + turn @ translation
+        rotation, name = turn @ rotation, frame.parent
     return np.concatenate((rotation.ravel(), translation))
 
 

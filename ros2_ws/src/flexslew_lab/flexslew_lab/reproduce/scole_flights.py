@@ -64,11 +64,15 @@ class _Collector(Observer):
         self.measured.truth(truth)
 
 
-def shipped(name: str, changes: dict[str, Any] | None = None) -> Trial:
-    """Return a shipped trial with some of its keys changed, nested sections key by key."""
+def shipped_values(name: str, changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Return a shipped trial's file with some of its keys changed, nested sections key by key."""
     text = (resources.files("flexslew_lab") / "trials" / f"{name}.yaml").read_text()
-    values = load_yaml(text, name)
-    return trial_of_values(_merged(values, changes or {}), name)
+    return _merged(load_yaml(text, name), changes or {})
+
+
+def shipped(name: str, changes: dict[str, Any] | None = None) -> Trial:
+    """Return a shipped trial with some of its keys changed; see shipped_values."""
+    return trial_of_values(shipped_values(name, changes), name)
 
 
 def _merged(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:

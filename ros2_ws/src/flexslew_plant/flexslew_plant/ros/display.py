@@ -32,6 +32,7 @@ class Display:
         self._prefix = f"{node.get_namespace()}/".lstrip("/")
         self.set_rate(rate)
         self._scene = bench.settings.testbed.scene()
+        self._frame = (*self._scene.line_frames, "world")[0]  # of the appendages
         self._clock = publisher(node, topics.CLOCK)
         self._joints = publisher(node, topics.JOINT_STATES)
         self._appendages = publisher(node, topics.APPENDAGE_STATES)
@@ -69,7 +70,7 @@ class Display:
             modal_position=doubles(modes),
             modal_velocity=doubles(rates),
         )
-        state.header.stamp, state.header.frame_id = at, self._prefix + self._scene.line_frames[0]
+        state.header.stamp, state.header.frame_id = at, self._prefix + self._frame
         self._appendages.publish(state)
         transforms = []
         for frame in self._scene.frames(truth.position):

@@ -74,6 +74,10 @@ def solve(joints: Matrix, coupling: Matrix, modal: Vector, r: Vector) -> None:
                 r[m + j] -= coupling[i, j] * r[i]
             r[m + j] /= modal[j]
         return
+    if m == 0:  # every joint is held
+        for j in range(n):
+            r[j] /= modal[j]
+        return
     a, b, d = joints[0, 0], 0.0, 1.0
     if m == 2:
         b, d = joints[0, 1], joints[1, 1]
@@ -144,7 +148,7 @@ def solve_rows(
             first, second = mu[r], mu[rows + r]
             mu[r] = inverse * (joints[1, 1] * first - joints[0, 1] * second)
             mu[rows + r] = inverse * (joints[0, 0] * second - joints[1, 0] * first)
-    else:
+    elif m == 1:
         inverse = 1.0 / joints[0, 0]
         for r in range(rows):
             mu[r] *= inverse

@@ -130,13 +130,15 @@ def _row(craft: Spacecraft, sensor: SensorPlace, units: Units, key: str) -> Vect
     if sensor.kind != "strain":
         spot = spot_on(a, sensor, units, key)
         along = unit_direction(sensor.direction, f"{key}.direction")
-        return _of_all(craft, k, along[None] @ spot.displacement)[0]
+        shown: Vector = _of_all(craft, k, along[None] @ spot.displacement)[0]
+        return shown
     if a.shape is None or a.shape.along is None:
         raise BadInput(f"{key}.appendage: {a.name} is no beam, so its strain is not known")
     at_root = 0.0 if sensor.at is None else sensor.at * units.length
     bent = a.shape.along.spot(at_root).curvature
     fibre = np.array(sensor.fibre) * units.length
-    return _of_all(craft, k, -(fibre[None] @ bent))[0]
+    strain: Vector = _of_all(craft, k, -(fibre[None] @ bent))[0]
+    return strain
 
 
 def _accelerometer(craft: Spacecraft, sensor: SensorPlace, units: Units, key: str) -> Accelerometer:

@@ -1,0 +1,59 @@
+"""Spacecraft over ROS 2: swaps and faults on them, the same bits as in process, flown again."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.replay.check import check
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.trial import trial_of_values
+
+from .flight import Flight
+
+HOLD = {"kp": [400.0], "kd": [900.0]}
+TRIALS: dict[str, dict[str, Any]] = {
+    "scole_s_a": {
+        "duration": 1.2,
+        "controllers": {"pd_feedforward": HOLD},
+        "schedule": [
+            {"at": 0.2, "until": 0.4, "fault": {"kind": "actuator_stuck", "joint": "mast_tip_x"}},
+            {
+                "at": 0.3,
+                "until": 0.5,
+                "fault": {"kind": "sensor_dropout", "channel": "tip_deflection", "of": "mast_y"},
+            },
+            {"at": 0.8, "switch": "pd_feedforward"},
+        ],
+    },
+    "own_spacecraft": {
+        "duration": 4.0,
+        "controllers": {"collocated_pid": {"kp": [12.0], "kd": [60.0], "ki": [0.1]}},
+        "schedule": [
+            {
+                "at": 1.0,
+                "until": 1.5,
+                "fault": {"kind": "actuator_gain", "joint": "roll", "gain": 0.0},
+            },
+            {"at": 2.0, "switch": "collocated_pid"},
+        ],
+    },
+}
+
+
+@pytest.mark.parametrize("name", TRIALS)
+def test_a_spacecraft_flies_over_ros_as_in_process(name: str, tmp_path: Path) -> None:
+    values = shipped_values(name, TRIALS[name]) | {"allow_faults": True}
+    trial = trial_of_values(values, name)
+    flight = Flight(trial, tmp_path / "ros")
+    assert flight.outcome.exit_code == 0, flight.log
+    here = run_trial(trial, name, tmp_path / "here", in_process=True, report=False)
+    assert flight.metrics["trajectory_hash"] == here.metrics["trajectory_hash"]
+    assert flight.metrics["switches"] == 1
+    assert flight.metrics["faults"] >= 1
+    assert resim(flight.bag).identical
+    assert check(flight.bag, "pd_feedforward").ok
+    assert BagReader(flight.bag).overview.cut is None
