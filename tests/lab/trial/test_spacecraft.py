@@ -9,7 +9,8 @@ from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.trial.run import run_trial
-from flexslew_lab.trial.trial import trial_of_values
+from flexslew_lab.trial.trial import bench_settings, build_controllers, trial_of_values
+from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FAULTS
 
@@ -64,6 +65,23 @@ def test_every_law_turns_a_free_platform(law: str, tmp_path: Path) -> None:
     errors = flown(values, tmp_path / "run")["final_error"]
     assert max(abs(errors[name]) for name in ("roll", "pitch", "yaw")) < 2e-3
     assert max(abs(errors[name]) for name in "xyz") < 1e-3
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_law_that_is_unstable_at_the_period_is_refused_with_one_that_works(law: str) -> None:
+    feedback = LAWS[law]
+    if "kd" in feedback:
+        feedback = feedback | {"kp": [4e5] * 9, "kd": [9e4] * 9}
+    values = shipped_values("scole_s_a") | {
+        "period": 0.5,
+        "controllers": {law: feedback},
+        "active": law,
+        "plan": {"method": "none"},
+    }
+    trial = trial_of_values(values, "here")
+    with pytest.raises(BadInput, match=rf"{law}.* spectral radius of one tick is .*; ") as error:
+        build_controllers(trial, Bench(bench_settings(trial)), "here")
+    assert "\n" not in str(error.value)
 
 
 def test_the_matrix_holds_every_fault() -> None:

@@ -104,7 +104,7 @@ def joints_first(model: Model, rest: Vector) -> Designed:
     if model.leading is None:
         return model
     linear = model.linearise(rest)
-    readings = _readings(model, rest)
+    readings = rate_readings(model, rest)
     reached, rigid = _reached(linear)
     seen = readings @ reached
     of_rigid = readings @ reached[:, rigid]
@@ -141,7 +141,7 @@ def _symmetric(a: Matrix) -> Matrix:
     return both
 
 
-def _readings(model: Model, rest: Vector) -> Matrix:
+def rate_readings(model: Model, rest: Vector) -> Matrix:
     """Return C: what each joint's rate sensor reads of every entry of v, shape (joints, n)."""
     columns = [
         model.joint_state(np.concatenate((rest, one)))[1] for one in np.eye(model.coordinates)

@@ -75,11 +75,17 @@ class Plan:
     def _after(self) -> Reference:
         """The last position, its nominal state with straight appendages at rest."""
         final = np.zeros(self.state.shape[1])
-        if 0 < final.size < 2 * len(self.joint_names):  # of a turn about one joint
+        if final.size and (self._turns_one or final.size < 2 * len(self.joint_names)):
             final[0] = self.state[-1, 0]
         elif final.size:
             final[: len(self.joint_names)] = self.position[-1]
         return self._at_rest(self.position[-1], final)
+
+    @property
+    def _turns_one(self) -> bool:
+        """Whether the nominal states are those of a turn about one of many joints."""
+        goal = self.request.get("goal")
+        return isinstance(goal, dict) and 0 < len(goal) < len(self.joint_names)
 
     def _at_rest(self, position: Vector, state: Vector) -> Reference:
         rest = np.zeros(len(self.joint_names))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
+from flexslew_control.controllers.sampled_loop import require_sampled_pd
 from flexslew_control.law import (
     Estimate,
     MeasuredJoints,
@@ -79,6 +80,8 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[MeasuredJoi
     ]
     names = (*state_names(model), *integrals)
     require_stable(closed_loop(linear, kp, ki, kd), names, "collocated_pid with these gains")
+    bench = plant.testbed.model()
+    require_sampled_pd(bench, bench.rest({}), kp, kd, plant.period, "collocated_pid")
     limit = plant.effort_limit
     law = IntegralLaw(JointDeviation(kp, ki, kd), limit, settings.tracking_time, plant.period)
     return MeasuredJoints(), law

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import LinAlgError, solve_continuous_are
 
+from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
-from flexslew_control.free_platform import joints_first, nominal
+from flexslew_control.free_platform import LinearModel, joints_first, nominal
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.linear_design import Designed, require_controllable, set_point_of, state_names
 from flexslew_plant.arrays import Matrix, Vector
@@ -161,6 +162,13 @@ def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter, LqrLaw]
     problem = scaled_problem(linear, settings.weights)
     require_controllable(problem.a, problem.b, state_names(model))
     gain, _ = regulator(problem.a, problem.b, problem.q, problem.effort_weight)
+    if isinstance(model, LinearModel):
+        n = model.coordinates
+        require_sampled_stability(
+            lambda h: integrating_loop(linear, gain[:, :n], gain[:, n:], None, h),
+            plant.period,
+            "lqr",
+        )
     b = linear.input_matrix
     cancel = (
         disturbance_gain(b) @ b if settings.minimise_disturbance else np.zeros((b.shape[1],) * 2)

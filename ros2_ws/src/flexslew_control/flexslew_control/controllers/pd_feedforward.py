@@ -3,6 +3,7 @@
 Gorinevsky and Vukovich 1998, eqs 12-13.
 """
 
+from flexslew_control.controllers.sampled_loop import require_sampled_pd
 from flexslew_control.law import (
     Estimate,
     Estimator,
@@ -58,9 +59,10 @@ def build(settings: PdFeedforwardSettings, plant: PlantDescription) -> tuple[Est
         plant: what the law is for.
 
     Raises:
-        BadInput: neither one gain nor one per joint.
+        BadInput: neither one gain nor one per joint, or not stable at this period.
     """
     joints = plant.joint_names
-    return MeasuredJoints(), PdFeedforward(
-        per_joint("kp", settings.kp, joints), per_joint("kd", settings.kd, joints)
-    )
+    kp, kd = per_joint("kp", settings.kp, joints), per_joint("kd", settings.kd, joints)
+    model = plant.testbed.model()
+    require_sampled_pd(model, model.rest({}), kp, kd, plant.period, "pd_feedforward")
+    return MeasuredJoints(), PdFeedforward(kp, kd)

@@ -9,8 +9,9 @@ from scipy.linalg import LinAlgError, solve_continuous_are
 
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
+from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
-from flexslew_control.free_platform import joints_first, nominal
+from flexslew_control.free_platform import LinearModel, joints_first, nominal
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.linear_design import (
     Designed,
@@ -153,6 +154,12 @@ def build(
         gains = _given(model, settings.gains)
     names = (*state_names(model), *(f"integral of {name}" for name in model.joint_names))
     require_stable(closed_loop(linear, gains), names, "proportional_integral with these gains")
+    if isinstance(model, LinearModel):
+        require_sampled_stability(
+            lambda h: integrating_loop(linear, gains.kp, gains.kd, gains.ki, h),
+            plant.period,
+            "proportional_integral",
+        )
     limit = plant.effort_limit
     law = IntegralLaw(NominalDeviation(model, gains), limit, settings.tracking_time, plant.period)
     return KalmanFilter(model, rest, settings.filter, plant.period), law

@@ -8,12 +8,22 @@ from scipy.linalg import expm
 from flexslew_control.controllers.design_model import held_step
 from flexslew_control.controllers.one_appendage import OneAppendage
 from flexslew_control.controllers.sliding_surface import SlidingDesign
+from flexslew_control.free_platform import rate_readings
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import Model
+from flexslew_plant.testbeds.model import Linearisation, Model
 
 _CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
 _SHORTEST = 1e-3  # of the period: shorter ones are not looked at
+
+
+def _held(a: Matrix, b: Matrix, period: float) -> tuple[Matrix, Matrix]:
+    """Return F and G of x+ = F x + G u of x' = A x + B u with u held over a period."""
+    k, m = b.shape
+    both = np.zeros((k + m, k + m))
+    both[:k, :k], both[:k, k:] = a, b
+    both = expm(both * period)
+    return both[:k, :k], both[:k, k:]
 
 
 class LinearPlant:
@@ -28,9 +38,9 @@ class LinearPlant:
         linear = model.linearise(rest)
         n, modes = model.coordinates, model.modes
         self._a, self._b = linear.state_matrix, linear.state_input_matrix
-        still = np.zeros((model.joints, n))
-        self.position = np.hstack((linear.input_matrix.T, still))
-        self.velocity = np.hstack((still, linear.input_matrix.T))
+        readings, still = rate_readings(model, rest), np.zeros((model.joints, n))
+        self.position = np.hstack((readings, still))
+        self.velocity = np.hstack((still, readings))
         tips = model.appendages
         self.tip = np.zeros((len(tips.names), 2 * n))
         self.tip[:, n - modes : n] = tips.tip
@@ -39,11 +49,7 @@ class LinearPlant:
 
     def step(self, period: float) -> tuple[Matrix, Matrix]:
         """Return F and G of x+ = F x + G u over a tick with u held."""
-        k, m = self._b.shape
-        both = np.zeros((k + m, k + m))
-        both[:k, :k], both[:k, k:] = self._a, self._b
-        both = expm(both * period)
-        return both[:k, :k], both[:k, k:]
+        return _held(self._a, self._b, period)
 
 
 def collocated_loop(plant: LinearPlant, kp: Vector, kd: Vector, period: float) -> Matrix:
@@ -51,6 +57,41 @@ def collocated_loop(plant: LinearPlant, kp: Vector, kd: Vector, period: float) -
     f, g = plant.step(period)
     closed: Matrix = f - g @ (kp[:, None] * plant.position + kd[:, None] * plant.velocity)
     return closed
+
+
+def integrating_loop(
+    linear: Linearisation, kp: Matrix, kd: Matrix, ki: Matrix | None, period: float
+) -> Matrix:
+    """Return the map of one tick under u = s - kp q - kd q', s+ = s - period ki q, all q known.
+
+    Args:
+        linear: M q'' + D q' + K q = B u.
+        kp: shape (efforts, n).
+        kd: of the same shape.
+        ki: of the same shape; none: no integral.
+        period: [s].
+    """
+    f, g = _held(linear.state_matrix, linear.state_input_matrix, period)
+    closed: Matrix = f - g @ np.hstack((kp, kd))
+    if ki is None:
+        return closed
+    m = len(ki)
+    below = np.hstack((-period * ki, np.zeros_like(ki), np.eye(m)))
+    return np.vstack((np.hstack((closed, g)), below))
+
+
+def require_sampled_pd(
+    model: Model, rest: Vector, kp: Vector, kd: Vector, period: float, what: str
+) -> None:
+    """Check a collocated law on a free platform, whose modes are fast beside a tick.
+
+    Raises:
+        BadInput: see require_sampled_stability.
+    """
+    if model.leading is None or not (kp.any() or kd.any()):
+        return
+    plant = LinearPlant(model, rest)
+    require_sampled_stability(lambda h: collocated_loop(plant, kp, kd, h), period, what)
 
 
 def appendage_loop(

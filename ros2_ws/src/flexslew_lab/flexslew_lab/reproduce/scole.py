@@ -1,4 +1,4 @@
-"""SCOLE with output feedback control (papers/002, section 4): its table, frequencies, figures."""
+"""SCOLE with output feedback control (Sung and Joo, section 4): its table, frequencies, figures."""
 
 from typing import Any
 
@@ -184,7 +184,7 @@ def free_frequencies(name: str) -> Vector:
 
 
 def scole_figures() -> dict[str, go.Figure]:
-    """Return Figures 3 to 9 of papers/002, computed anew, by name."""
+    """Return Figures 3 to 9 of Sung and Joo, computed anew, by name."""
     flights = {case: flown(case) for case in list(CASES)[:4]}
     a = flights["tracking (a)"]
     t = a.time[: len(a.feedforward)]

@@ -1,4 +1,4 @@
-"""The flights of SCOLE-S and the numbers of its table (papers/002, section 4)."""
+"""The flights of SCOLE-S and the numbers of its table (Sung and Joo, section 4)."""
 
 from functools import lru_cache
 from importlib import resources

@@ -1,1 +1,1 @@
-"""A rigid platform in space with any number of flexible appendages (papers/002, papers/004)."""
+"""A rigid platform in space with any number of flexible appendages (Sung and Joo, Kwak 1989)."""

@@ -26,7 +26,7 @@ def rigid_turn(craft: Spacecraft, axis: Vector) -> RigidTurn:
     """Return what every joint does while the rigid spacecraft turns about an axis.
 
     Force m (w' x c + w x (w x c)) and torque I w' + w x I w about the body origin, shared out by
-    least squares where there are more or fewer efforts than needed (papers/002, (44) to (46)).
+    least squares where there are more or fewer efforts than needed (Sung and Joo, (44) to (46)).
     """
     mass, first, inertia = craft.rigid()
     centre = turning_point(craft)

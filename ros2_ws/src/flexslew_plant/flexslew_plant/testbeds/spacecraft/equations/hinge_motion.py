@@ -1,4 +1,4 @@
-"""Prescribed hinge motions E(t), w_e and w_e' (papers/004): smooth, bang-bang or from a table."""
+"""Prescribed hinge motions E(t), w_e and w_e' (Kwak 1989): smooth, bang-bang or from a table."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A circular membrane with a fixed rim, in closed form (papers/004, eqs 4-17).
+"""A circular membrane with a fixed rim, in closed form (Kwak 1989, eqs 4-17).
 
 w = sqrt(2 or 1) / (sqrt(pi m) a J_(k+1)(beta a)) J_k(beta r) (1, cos k phi, sin k phi), of modal
 mass one, along the appendage's z; omega = c beta.

@@ -1,0 +1,57 @@
+"""A spacecraft is planned about one axis: which modes count, and what a plan says of all joints."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_control.planners import make_plan
+from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.trial.trial import feedback_of, plant_of
+from flexslew_plant.errors import PlanFailed
+
+
+def planned(name: str, **changes: Any) -> Any:
+    trial = shipped(name, {"plan": changes})
+    return make_plan(trial.plan, plant_of(trial), feedback_of(trial))
+
+
+@pytest.mark.parametrize("modes", [2, 8])
+def test_after_a_plan_the_modes_are_at_rest_however_many_it_has(modes: int) -> None:
+    plan = planned("scole_s_a", model={"appendages": {"mast": {"shape": {"modes": modes}}}})
+    assert plan.state.shape[1] == 2 * (1 + modes)
+    after = plan.reference(len(plan.effort) + 5)
+    np.testing.assert_allclose(after.state, [plan.position[-1, 3], *np.zeros(1 + 2 * modes)])
+
+
+def test_the_reference_may_swing_on_after_the_end() -> None:
+    plan = planned("scole_s_a", equal_frequencies=False, swing_on=2.0)
+    end = round(plan.duration / plan.period) + 2
+    assert plan.ticks == pytest.approx((plan.duration + 2.0) / plan.period, abs=2)
+    assert (plan.position[end:] == plan.position[-1]).all()
+    assert abs(plan.effort[end:]).max() < 1e-9
+    second = plan.state[end:, 2]
+    assert abs(second).max() > 0.01 * abs(plan.state[:, 2]).max()
+    assert planned("scole_s_a", equal_frequencies=False).ticks < plan.ticks
+
+
+def test_equal_panels_swing_together_in_the_planners_model() -> None:
+    testbed = shipped("own_spacecraft").testbed
+    one = testbed.turning("roll", 1)
+    assert {name: part.only_modes for name, part in one.appendages.items()} == {
+        "left": (1,),
+        "right": (1,),
+    }
+    model, whole = one.model(), testbed.turning("roll").model()
+    # the pair reproduces the first frequency of the whole; one panel alone would not
+    found, expected = (m.linearise(m.rest({})).frequencies for m in (model, whole))
+    assert found.max() == pytest.approx(expected[abs(expected - found.max()).argmin()], rel=0.02)
+    assert found.max() == pytest.approx(6.7419, rel=1e-4)
+
+
+def test_functions_too_long_for_a_mode_are_told_with_a_number_that_is_enough() -> None:
+    with pytest.raises(PlanFailed, match=r"functions: 72 \(now 9\) is enough") as e:
+        planned("own_spacecraft", functions=9)
+    assert "period is 0.932 s" in str(e.value)
+    plan = planned("own_spacecraft", functions=72)
+    assert abs(plan.effort).max() <= 0.5
