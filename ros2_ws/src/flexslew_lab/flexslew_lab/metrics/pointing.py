@@ -27,8 +27,7 @@ class Pointing:
         "pointing_settled_at": Key(
             "s",
             False,
-            "by appendage: last time with an error about the slew's axis above the pointing "
-            "tolerance (without a slew: about any); null: never",
+            "by appendage: last time with any component above the pointing tolerance; null: never",
         ),
         "control_effort_by_actuator": Key(
             "(N m)^2 s or N^2 s", False, "by actuator: integral of its squared effort"
@@ -50,7 +49,6 @@ class Pointing:
         self._turn: dict[str, Vector] = {}
         self._tip: dict[str, float] = {}
         self._settled: dict[str, float] = {}
-        self._axes: Matrix | None = None  # about which a pointing error counts, (k, 3)
         self._wheels: dict[str, float] = {}
         self._effort = np.zeros(len(self._names))
         self._attitude, self._place = np.zeros(3), np.zeros(3)
@@ -63,8 +61,6 @@ class Pointing:
         m = self._testbed.motions(block.position, block.velocity, self._goal)
         self._effort += (block.effort**2).T @ block.held
         self._last_time = float(block.time[-1])
-        if self._axes is None:
-            self._axes = _slew_axes(m.turned[0] - m.attitude[0])
         self._attitude = np.maximum(self._attitude, abs(m.turned).max(axis=0))
         self._place = np.maximum(self._place, abs(m.place).max(axis=0))
         for name, momentum in m.wheels.items():
@@ -73,8 +69,7 @@ class Pointing:
             farthest = float(np.linalg.norm(tip, axis=1).max())
             self._tip[name] = max(self._tip.get(name, 0.0), farthest)
             error = m.attitude + m.turns[name]
-            off = abs(error @ self._axes.T) > self._testbed.pointing_tolerance
-            beyond = np.flatnonzero(off.any(axis=1))
+            beyond = np.flatnonzero((abs(error) > self._testbed.pointing_tolerance).any(axis=1))
             if beyond.size:
                 self._settled[name] = float(block.time[beyond[-1]])
             if block.over.any():
@@ -99,13 +94,6 @@ class Pointing:
             "peak_tip_deflection": self._tip,
             "peak_wheel_momentum": self._wheels,
         }
-
-
-def _slew_axes(turn: Vector) -> Matrix:
-    """Return the axis of a turn as one row; all three axes where it does not turn."""
-    angle = float(np.linalg.norm(turn))
-    axes: Matrix = np.eye(3) if angle < 1e-9 else turn[None] / angle
-    return axes
 
 
 def _larger(before: Vector | None, values: Matrix) -> Vector:
