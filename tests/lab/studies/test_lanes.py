@@ -19,6 +19,14 @@ TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 LAWS: dict[str, dict[str, Any]] = {
     "pd_feedforward": {"kp": [300.0, 460.0], "kd": 800.0},
     "collocated_pid": {},
+    "lqr": {},
+    "proportional_integral": {},
+    "output_feedback": {"mode": "tracking_b"},
+    "output_feedback, steady": {
+        "mode": "tracking_b",
+        "observer": "steady",
+        "attitude_gain": 0.1,
+    },
 }
 PLAN = {
     "method": "reference_only",
@@ -38,10 +46,10 @@ DISTURBED = [{"at": 2.0, "until": 3.0, "disturbance": {"base_yaw": 20.0}}]
 def prepared(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
     """Return a function that gives a study in lanes with another trial."""
 
-    def make(vary: dict[str, Any] | None = None, **trial: Any) -> Preparation:
+    def make(vary: dict[str, Any] | None = None, replan: bool = False, **trial: Any) -> Preparation:
         whole = {"duration": 9.0, "testbed": {"modes": 2, "damping_ratio": 0.01}, "plan": PLAN}
         keys = {} if vary is None else {"vary": vary}
-        return prepare(study_of(flown=whole | trial, lanes=True, **keys))
+        return prepare(study_of(flown=whole | trial, lanes=True, replan=replan, **keys))
 
     return make
 
@@ -66,7 +74,15 @@ def require_equal(ready: Preparation, numbers: list[int]) -> None:
 def test_every_linear_law_flies_as_on_the_bench(
     prepared: Callable[..., Preparation], law: str
 ) -> None:
-    ready = prepared(controllers={law: LAWS[law]}, active=law, sensors=NOISE, schedule=DISTURBED)
+    name = law.split(",", maxsplit=1)[0]
+    ready = prepared(controllers={name: LAWS[law]}, active=name, sensors=NOISE, schedule=DISTURBED)
+    require_equal(ready, [0, 5])
+
+
+def test_what_a_law_believes_of_each_bench_is_its_own(prepared: Callable[..., Preparation]) -> None:
+    belief = {"model": {"damping_ratio": 0.02}}  # all else as on the bench that it meets
+    controllers = {"output_feedback": {"mode": "tracking_b", "observer": "steady"} | belief}
+    ready = prepared(controllers=controllers, active="output_feedback", replan=True)
     require_equal(ready, [0, 5])
 
 
@@ -84,7 +100,7 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
 @pytest.mark.parametrize(
     "trial",
     [
-        {"controllers": {"lqr": {}}, "active": "lqr"},  # its filter predicts non-linearly
+        {"controllers": {"output_feedback": {}}, "active": "output_feedback"},  # tracking (a)
         {"sensors": {"joint_position": {"quantisation": 1e-5}}},
         {"actuator": {"lag": 0.1}},
         {"plan": None},

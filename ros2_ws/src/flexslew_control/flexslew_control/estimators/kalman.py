@@ -1,7 +1,7 @@
 """The Kalman filter: linear or with non-linear prediction, with disturbances among its states."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.linalg import LinAlgError, expm, solve_continuous_are, solve_discrete_are
@@ -134,6 +134,18 @@ def corrected(
     return x, 0.5 * (p + p.T), innovation, nis
 
 
+class FilterMatrices(NamedTuple):
+    """The constants of a KalmanFilter of k states with l outputs."""
+
+    f: Matrix  # of one tick about the rest, (k, k)
+    g: Matrix  # (k, joints)
+    q: Matrix  # noise of one tick, (k, k)
+    c: Matrix  # (l, k)
+    r: Vector  # variances of the sensors, (l,)
+    origin: Vector  # the rest, (k,)
+    first: Matrix  # covariance after a reset, (k, k)
+
+
 @dataclass
 class KalmanFilter:
     """The estimator of [q, v, d], d the disturbance of each effort.
@@ -198,6 +210,11 @@ class KalmanFilter:
         first = [s.angle_sigma] * m + [s.initial_deflection] * (n - m)
         first += [s.rate_sigma] * m + [s.initial_deflection] * (n - m)
         self._p0 = np.diag(np.square(np.array(first + [s.initial_disturbance] * d)))
+
+    @property
+    def matrices(self) -> FilterMatrices:
+        """What does not change while it runs."""
+        return FilterMatrices(self._f, self._g, self._q, self._c, self._r, self._origin, self._p0)
 
     def stationary_gain(self) -> Matrix:
         """Return the gain towards which it tends at rest at `rest`, shape (k, l).

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -79,11 +79,26 @@ def plan_key(trial: Trial) -> str:
     """Return what a trial's plan depends on, as text: less where its beliefs are written out."""
     plan = plain(trial.plan) or {}
     asked = [plan, trial.period, list(trial.testbed.effort_limit)]
-    if not (plan.get("model") and plan.get("initial")):
+    initial = plan.get("initial") or {}
+    rests = all(name in initial for name in trial.testbed.model().joint_names)
+    if not (rests and leaves_nothing(plan.get("model"), trial.testbed)):
         asked.append(plain(trial.testbed))
     if not plan.get("feedback"):
         asked.append(plain(feedback_of(trial)))
     return json.dumps(asked, sort_keys=True)
+
+
+def leaves_nothing(belief: Any, testbed: Any) -> bool:
+    """Return whether a `model` section says every key of a testbed."""
+    if not isinstance(belief, dict):
+        return False
+    for field_ in fields(testbed):
+        value = getattr(testbed, field_.name)
+        if field_.name not in belief:
+            return False
+        if is_dataclass(value) and not leaves_nothing(belief[field_.name], value):
+            return False
+    return True
 
 
 def flown(study: Study, case: Case, plans: Plans) -> Flown:

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
+from flexslew_lab.studies.lane_observers import Observe, Signals
+from flexslew_plant.arrays import Matrix, Vector, vectorised
 from flexslew_plant.testbeds.lanes import LANES, LaneKernel
 
 MARGIN = 1.0 - 1e-12  # of the limit: an effort from there on is saturated, as in metrics.efforts
@@ -22,7 +23,7 @@ class Sizes(NamedTuple):
 
     joints: int
     modes: int
-    states: int  # of the law's filter
+    states: int  # z of linear_form
     outputs: int  # that the law reads: joints, rates, perhaps the first tip
     appendages: int
 
@@ -41,14 +42,8 @@ class Schedule(NamedTuple):
 
 
 class Matrices(NamedTuple):
-    """The law's; see linear_form."""
+    """The law's; see linear_form.LawForm."""
 
-    start: Matrix
-    state: Tensor
-    effort: Tensor
-    output: Tensor
-    before: Matrix
-    constant: Matrix
     from_state: Matrix
     from_output: Matrix
     to_integral: Matrix
@@ -83,12 +78,13 @@ Loop = Callable[..., None]
 
 
 @lru_cache
-def lane_loop(kernel: LaneKernel, sizes: Sizes) -> Loop:
+def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
     It takes (constants, dt, steps, x, Schedule, Matrices, Aim, gains, integral, unwinding, error,
-    Counted): `gains` kp, ki, kd, flat; `error` of the readings, (ticks + 1 or 1, outputs LANES);
-    x and Counted in and out.
+    observer, z, memory, filled, Counted): `gains` kp, ki, kd, flat; `error` of the readings,
+    (ticks + 1 or 1, outputs LANES); x, z, memory and Counted in and out; `observer` as `observe`
+    wants it, which is asked for the first `filled` lanes at least.
     """
     m, modes, nz, ny, tips = sizes
     n = m + modes
@@ -110,39 +106,6 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes) -> Loop:
                 shape = tip[i - 2 * m, j]
                 for lane in range(LANES):
                     y[i * LANES + lane] += shape * x[(m + j) * LANES + lane]
-
-    @vectorised
-    def filtered(
-        k: int, law: Any, y: Vector, earlier: Vector, u: Vector, z: Vector, after: Vector
-    ) -> None:
-        """Take z to this tick, with the outputs of both ticks and the effort between them."""
-        row = min(k - 1, law.state.shape[0] - 1)
-        out = min(k - 1, law.output.shape[0] - 1)
-        for i in range(nz):
-            base = law.constant[row, i] if k > 0 else 0.0
-            for lane in range(LANES):
-                after[i * LANES + lane] = base
-            if k == 0:
-                for j in range(ny):
-                    weight = law.start[i, j]
-                    for lane in range(LANES):
-                        after[i * LANES + lane] += weight * y[j * LANES + lane]
-                continue
-            for j in range(nz):
-                weight = law.state[row, i, j]
-                for lane in range(LANES):
-                    after[i * LANES + lane] += weight * z[j * LANES + lane]
-            for j in range(m):
-                weight = law.effort[row, i, j]
-                for lane in range(LANES):
-                    after[i * LANES + lane] += weight * u[j * LANES + lane]
-            for j in range(ny):
-                now, then = law.output[out, i, j], law.before[i, j]
-                for lane in range(LANES):
-                    at = j * LANES + lane
-                    after[i * LANES + lane] += now * y[at] + then * earlier[at]
-        for i in range(nz * LANES):
-            z[i] = after[i]
 
     @vectorised
     def effort(
@@ -251,13 +214,17 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes) -> Loop:
         integral: bool,
         unwinding: float,
         error: Matrix,
+        observer: Any,
+        z: Vector,
+        memory: Vector,
+        filled: int,
         counted: Any,
     ) -> None:
         ticks = schedule.demand.shape[0]
         work = np.empty(scratch * 2 * n * LANES)
         u, total = np.zeros(m * LANES), np.empty(m * LANES)
         y, earlier = np.zeros(ny * LANES), np.zeros(ny * LANES)
-        z, after, s = np.zeros(nz * LANES), np.empty(nz * LANES), np.zeros(m * LANES)
+        s = np.zeros(m * LANES)
         seen = False
         for k in range(ticks):
             measure(k, schedule, aim, x, u, seen, counted)
@@ -265,8 +232,8 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes) -> Loop:
             for i in range(ny * LANES):
                 earlier[i] = y[i]
             read(k, x, aim.tip, error, y)
-            if nz > 0:
-                filtered(k, law, y, earlier, u, z, after)
+            signals = Signals(y, earlier, u)
+            observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
             effort(k, dt, schedule, law, aim, gains, integral, unwinding, y, z, s, u)
             for i in range(m):
                 pushed = schedule.disturbance[k, i]

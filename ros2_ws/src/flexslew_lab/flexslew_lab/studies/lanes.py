@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.controllers import build_controller
+from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.linear_form import LinearForm, References, linear_form, references
+from flexslew_control.linear_form import LawForm, LinearForm, linear_form
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.course import Course
 from flexslew_lab.metrics.efforts import Efforts
@@ -21,7 +21,7 @@ from flexslew_lab.metrics.settling import Settling, settling_band
 from flexslew_lab.metrics.takeovers import Takeovers
 from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_lab.studies.cases import Case, case_trial
-from flexslew_lab.studies.flight import Flown, Plans, columns_of, plan_key
+from flexslew_lab.studies.flight import Flown, Plans, columns_of, leaves_nothing, plan_key
 from flexslew_lab.studies.lane_loop import (
     Aim,
     Counted,
@@ -30,6 +30,7 @@ from flexslew_lab.studies.lane_loop import (
     Sizes,
     lane_loop,
 )
+from flexslew_lab.studies.lane_observers import beginning
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.arrays import Matrix, Vector
@@ -44,8 +45,8 @@ from flexslew_plant.testbeds.model import Model
 
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _PER_LANE = ("kp", "ki", "kd")  # gains that each lane may have for itself
-_FIRST = ("pd_feedforward", "collocated_pid")  # the laws whose gains may
-_KEPT = 16  # laws on a plan that are kept
+_COLLOCATED = ("pd_feedforward", "collocated_pid")  # the laws whose gains may
+_KEPT = 32  # laws on a plan that are kept
 
 
 class Passenger(NamedTuple):
@@ -64,7 +65,6 @@ class _Prepared(NamedTuple):
     """What a group has in common."""
 
     form: LinearForm
-    wanted: References
     schedule: Schedule
 
 
@@ -123,17 +123,17 @@ class Lanes:
         prepared = self._prepare(first)
         if prepared is None:
             return [], [passenger.case for passenger in group]
-        form, schedule = prepared.form, prepared.schedule
+        form, schedule = prepared.form.law, prepared.schedule
         model, m = first.model, first.model.joints
-        sizes = Sizes(
-            m, model.modes, form.start.shape[0], form.start.shape[1], len(model.appendages.names)
-        )
+        states, outputs = form.from_state.shape[1], form.from_output.shape[1]
+        sizes = Sizes(m, model.modes, states, outputs, len(model.appendages.names))
+        observer = beginning(prepared.form)
         aim, goal = _aim(first, form)
         lanes = [group[min(k, len(group) - 1)] for k in range(LANES)]  # the last one fills up
         packed = np.array([lane.model.packed for lane in lanes]).T
         x = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T.ravel()
         counted = _nothing_yet(m)
-        lane_loop(first.kernel, sizes)(
+        lane_loop(first.kernel, sizes, observer.observe)(
             first.kernel.constants(np.ascontiguousarray(packed)),
             first.trial.period,
             first.steps,
@@ -145,6 +145,10 @@ class Lanes:
             form.integral,
             form.unwinding,
             _errors(lanes, sizes.outputs, len(schedule.time)),
+            observer.constants,
+            observer.z,
+            observer.memory,
+            len(group),
             counted,
         )
         results, lost = [], []
@@ -166,13 +170,12 @@ class Lanes:
         if controller.adopt(plan):
             return None
         ticks = round(trial.duration / trial.period)
-        wanted = references(plan, ticks)
-        form = linear_form(controller.law, wanted)
+        form = linear_form(controller.estimator, controller.law, plan, ticks)
         if form is None:
             return None
         while len(self._prepared) >= _KEPT:
             self._prepared.pop(next(iter(self._prepared)))
-        made = _Prepared(form, wanted, _schedule(passenger, form, wanted, ticks))
+        made = _Prepared(form, _schedule(passenger, form.law, ticks))
         self._prepared[passenger.alike] = made
         return made
 
@@ -188,14 +191,16 @@ def _simple(trial: Trial) -> bool:
 
 def _linear(trial: Trial) -> bool:
     """Return whether the law may be linear; linear_form has the last word."""
-    law, _ = law_of(trial.active, trial.controllers[trial.active] or {})
-    return law in _FIRST
+    law, own = law_of(trial.active, trial.controllers[trial.active] or {})
+    if law == "output_feedback":
+        return own.get("mode") == "tracking_b"
+    return law in CONTROLLERS
 
 
 def _alike(trial: Trial, model: Model, steps: int) -> str:
     """Return everything that trials in lanes beside each other must share, as text."""
     law, own = law_of(trial.active, trial.controllers[trial.active] or {})
-    if law in _FIRST:
+    if law in _COLLOCATED:
         own = {key: value for key, value in own.items() if key not in _PER_LANE}
     shared = [
         law,
@@ -209,7 +214,7 @@ def _alike(trial: Trial, model: Model, steps: int) -> str:
         model.appendages.tip.tolist(),
         [bool(channel.noise or channel.bias) for channel in _read_channels(trial)],
     ]
-    if law not in _FIRST and not own.get("model"):
+    if law not in _COLLOCATED and not leaves_nothing(own.get("model"), trial.testbed):
         shared.append(plain(trial.testbed))  # in which the law believes
     return json.dumps(shared, sort_keys=True)
 
@@ -224,7 +229,7 @@ def _read_channels(trial: Trial) -> tuple[Any, Any, Any]:
     return s.joint_position, s.joint_velocity, s.tip_deflection
 
 
-def _schedule(passenger: Passenger, form: LinearForm, wanted: References, ticks: int) -> Schedule:
+def _schedule(passenger: Passenger, form: LawForm, ticks: int) -> Schedule:
     trial, plan = passenger.trial, passenger.plan
     stamps = (stamp_of(k * trial.period) for k in range(ticks + 1))
     time = np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps])
@@ -232,12 +237,17 @@ def _schedule(passenger: Passenger, form: LinearForm, wanted: References, ticks:
         time,
         time >= plan.start + plan.duration - 1e-9,
         time >= plan.start - 1e-9,
-        wanted.position,
-        wanted.velocity,
+        *_joint_references(plan, ticks),
         np.ascontiguousarray(form.demand),
         np.ascontiguousarray(form.integrand),
         _disturbances(trial, passenger.model, ticks),
     )
+
+
+def _joint_references(plan: Plan, ticks: int) -> tuple[Matrix, Matrix]:
+    """Return what the plan wants of the joints and of their rates, each (ticks, joints)."""
+    rows = [plan.reference(k) for k in range(ticks)]
+    return np.array([r.position for r in rows]), np.array([r.velocity for r in rows])
 
 
 def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
@@ -252,7 +262,7 @@ def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
     return total
 
 
-def _aim(passenger: Passenger, form: LinearForm) -> tuple[Aim, Manoeuvre]:
+def _aim(passenger: Passenger, form: LawForm) -> tuple[Aim, Manoeuvre]:
     goal = manoeuvre_of(passenger.plan.position, passenger.plan.start, passenger.plan.duration)
     assert goal.goal is not None
     return (
@@ -268,10 +278,10 @@ def _aim(passenger: Passenger, form: LinearForm) -> tuple[Aim, Manoeuvre]:
     )
 
 
-def _gains(lanes: list[Passenger], form: LinearForm) -> Vector:
+def _gains(lanes: list[Passenger], form: LawForm) -> Vector:
     """Return kp, ki and kd of every lane, flat."""
     law, _ = law_of(lanes[0].trial.active, lanes[0].trial.controllers[lanes[0].trial.active] or {})
-    if law not in _FIRST:
+    if law not in _COLLOCATED:
         return np.repeat(np.concatenate((form.kp, form.ki, form.kd)), LANES)
     found: dict[str, Vector] = {}
     columns = []

@@ -1,0 +1,85 @@
+"""The tick of a Kalman filter for other machine code, which keeps its state."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple, TypeAlias, cast
+
+import numpy as np
+
+from flexslew_control.estimators.kalman import corrected, predicted_covariance
+from flexslew_plant.arrays import Matrix, Vector, inlined
+from flexslew_plant.testbeds import dynamics
+from flexslew_plant.testbeds.kernels import Kernels
+
+# (belief, t, dt, effort, y, x, P, e): replaces state, covariance and innovation of t [s] by those
+# dt later, when y is measured; effort was held in between
+Tick: TypeAlias = Callable[..., None]
+
+
+class Belief(NamedTuple):
+    """The constants of a filter: the model's numbers, then kalman.FilterMatrices."""
+
+    packed: Vector
+    f: Matrix
+    g: Matrix
+    q: Matrix
+    c: Matrix
+    r: Vector
+    origin: Vector
+    first: Matrix
+
+
+@lru_cache
+def kalman_tick(kernels: Kernels, n: int, m: int, linear: bool) -> Tick:
+    """Return what KalmanFilter.update does to [q, v, d], as machine code.
+
+    Args:
+        kernels: the equations of the model that it believes in.
+        n: its coordinates.
+        m: those before its modes.
+        linear: whether it predicts by F and G instead of the equations.
+    """
+    model = dynamics.bound(kernels, n, m)
+    advance, jacobian, k = model.advance, model.jacobian, 2 * n
+
+    @inlined
+    def predicted_by_matrices(
+        belief: Belief, t: float, dt: float, effort: Vector, x: Vector, p: Matrix
+    ) -> Matrix:
+        x[:] = belief.origin + belief.f @ (x - belief.origin) + belief.g @ effort
+        return belief.f @ p @ belief.f.T + belief.q
+
+    @inlined
+    def predicted_by_equations(
+        belief: Belief, t: float, dt: float, effort: Vector, x: Vector, p: Matrix
+    ) -> Matrix:
+        total, d = effort.copy(), x.size - k
+        for i in range(d):
+            total[i] += x[k + i]
+        state = x[:k].copy()
+        dx, du = np.empty((k, k)), np.empty((k, effort.size))
+        jacobian(belief.packed, t, state, total, dx, du)
+        advance(belief.packed, t, total, dt, 1, state)
+        x[:k] = state
+        return predicted_covariance(dx, du[:, :d].copy(), p, belief.q, dt)
+
+    predicted = predicted_by_matrices if linear else predicted_by_equations
+
+    @inlined
+    def tick(
+        belief: Belief,
+        t: float,
+        dt: float,
+        effort: Vector,
+        y: Vector,
+        x: Vector,
+        p: Matrix,
+        e: Vector,
+    ) -> None:
+        ahead = predicted(belief, t, dt, effort, x, p)
+        state, covariance, innovation, _ = corrected(x, ahead, y, belief.c, belief.r)
+        x[:] = state
+        p[:] = covariance
+        e[:] = innovation
+
+    return cast(Tick, tick)
