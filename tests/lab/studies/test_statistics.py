@@ -36,6 +36,25 @@ def test_the_success_bound_is_that_of_scipy_s_exact_test() -> None:
         assert success_bound(successes, n, 0.9) == pytest.approx(exact.low, abs=1e-12)
 
 
+@pytest.mark.parametrize("n", [1, 20, 300])
+@pytest.mark.parametrize("p", [0.02, 0.5, 0.9, 0.9973])
+def test_a_success_bound_is_below_the_probability_as_often_as_it_says(n: int, p: float) -> None:
+    """Exactly: summed over all that n trials can show."""
+    k = np.arange(n + 1)
+    holds = np.array([success_bound(int(successes), n, 0.9) <= p for successes in k])
+    assert stats.binom.pmf(k, n, p)[holds].sum() >= 0.9 - 1e-12
+
+
+@pytest.mark.parametrize("n", [20, 300])
+@pytest.mark.parametrize("q", [0.5, 0.9])
+def test_simulated_quantiles_lie_in_their_bounds(n: int, q: float) -> None:
+    """Of a skewed distribution, whose quantile is known, 500 times over."""
+    rng, truth = np.random.default_rng(23), float(stats.lognorm(1.0).ppf(q))
+    found = [quantile_bounds(rng.lognormal(size=n), q, 0.9) for _ in range(500)]
+    inside = np.mean([low <= truth <= high for low, high in found])
+    assert inside >= 0.9 - 3.0 * np.sqrt(0.09 / 500)
+
+
 @pytest.mark.parametrize("n", [5, 40, 300])
 @pytest.mark.parametrize("q", [0.05, 0.5, 0.9, 0.99])
 def test_order_statistics_cover_the_quantile_as_often_as_they_say(n: int, q: float) -> None:

@@ -12,7 +12,7 @@ from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import print_table, say, screen
 from flexslew_plant.errors import BadInput
 
-LONG = ("day",)  # benchmarks that take hours
+LONG = ("day", "study_bad_days")  # benchmarks that take long, or much of the machine
 
 
 def bench(
@@ -23,7 +23,8 @@ def bench(
 ) -> None:
     """Run the benchmarks, each figure with a reference floor measured in the same run.
 
-    `day`, memory and reading over a run of FLEXSLEW_BENCH_HOURS (24), is measured only when named.
+    Only when named: `day`, memory and reading over a run of FLEXSLEW_BENCH_HOURS (24), and
+    `study_bad_days`, a study that is killed, robbed of a process and of its disk.
 
     Example: `./flexslew bench planning --json`
     """

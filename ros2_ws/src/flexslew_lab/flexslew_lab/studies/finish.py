@@ -5,8 +5,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+
 from flexslew_lab.studies.cases import case_of, case_trial
-from flexslew_lab.studies.flight import Flown, Plans, flown
+from flexslew_lab.studies.flight import Flown, Plans, columns_of, flown
+from flexslew_lab.studies.lane_check import TOLERANCE, apart
 from flexslew_lab.studies.run import flights_of
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
@@ -46,12 +49,25 @@ def fly_again(
     result = run_trial(trial, f"{study.source}: trial {number}", out, in_process=True, report=False)
     if store is None or not store.table_path.is_file():
         return result, ""
-    rows = store.table(["index", "trajectory_hash"])
-    numbers = rows["index"].to_pylist()
-    known = rows["trajectory_hash"][numbers.index(number)].as_py() if number in numbers else None
-    if known is None or known == result.metrics.get("trajectory_hash"):
-        return result, ""
-    return result, f"its trajectory hash was {known} in the study"
+    return result, _difference(store, number, result.metrics)
+
+
+def _difference(store: Store, number: int, metrics: dict[str, Any]) -> str:
+    """Return how a trial differs from its row: by its hash, or by its metrics if it has none."""
+    rows = store.table(["index", "trajectory_hash", "status", *store.identity["columns"]])
+    rows = rows.filter(pa.array(rows["index"].to_numpy() == number))
+    if not rows.num_rows or rows["status"][0].as_py() != "ok":
+        return ""
+    known = rows["trajectory_hash"][0].as_py()
+    if known is not None:
+        same = known == metrics.get("trajectory_hash")
+        return "" if same else f"its trajectory hash was {known} in the study"
+    again = columns_of(metrics)
+    for name in store.identity["columns"]:
+        before = rows[name][0].as_py()
+        if not apart(before, again.get(name)) <= TOLERANCE:
+            return f"its {name} was {before} in the study, flown in lanes"
+    return ""
 
 
 def keep_worst(

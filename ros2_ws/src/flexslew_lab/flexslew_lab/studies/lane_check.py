@@ -73,15 +73,15 @@ def check_lanes(ready: Preparation, store: Store, bench: Executor) -> dict[str, 
         for result in results:
             row = rows.slice(places[result.number], 1)
             for name in columns:
-                apart = _apart(row[name][0].as_py(), result.metrics.get(name))
-                if not apart <= found["largest"]:
-                    found |= {"largest": apart, "metric": name, "index": result.number}
+                far = apart(row[name][0].as_py(), result.metrics.get(name))
+                if not far <= found["largest"]:
+                    found |= {"largest": far, "metric": name, "index": result.number}
     found["ok"] = bool(found["largest"] <= TOLERANCE)
     note(store, check=found)
     return found
 
 
-def _apart(ours: float | None, theirs: float | None) -> float:
+def apart(ours: float | None, theirs: float | None) -> float:
     """Return how far two values are apart, relative to the larger of the value and one."""
     if ours is None or theirs is None:
         return 0.0 if ours is theirs else 1e9

@@ -181,7 +181,9 @@ class Lanes:
 
 
 def _simple(trial: Trial) -> bool:
-    """Return whether motors, sensors and schedule are such as lanes know."""
+    """Return whether motors, sensors, schedule and metrics are such as lanes know."""
+    if trial.metrics:
+        return False
     s = trial.sensors
     channels = (s.joint_position, s.joint_velocity, s.tip_deflection, s.root_curvature)
     pushed = all(entry.disturbance is not None for entry in trial.schedule)
