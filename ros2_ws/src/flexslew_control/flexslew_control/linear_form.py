@@ -105,6 +105,8 @@ def _about_nominal(
 ) -> LinearForm | None:
     """Return LQR or PI, which work on the deviation of [q, v] from the nominal state."""
     model = estimator.model
+    if not isinstance(model, Model):
+        return None  # the small motions of a free platform: no kernel flies them in lanes
     n, m, outputs = model.coordinates, model.joints, len(estimator.matrices.c)
     nominal = np.array([nominal_state(w.state, w, m, model.modes) for w in wanted])
     demand = np.array([w.effort for w in wanted])
@@ -130,7 +132,7 @@ def _about_nominal(
         integrand,
         **_integral(law if isinstance(law, IntegralLaw) else None, m),
     )
-    return LinearForm(form, _kalman(estimator))
+    return LinearForm(form, _kalman(estimator, model))
 
 
 def _sliding(estimator: Estimator, law: SlidingLaw, wanted: list[Reference]) -> LinearForm | None:
@@ -150,7 +152,7 @@ def _sliding(estimator: Estimator, law: SlidingLaw, wanted: list[Reference]) -> 
     of_state, outputs = -equivalent - reaching, len(system.c)
     found: Observer | KalmanForm
     if isinstance(estimator, KalmanFilter):
-        found, of_output = _kalman(estimator), np.zeros((m, outputs))
+        found, of_output = _kalman(estimator, observed.model), np.zeros((m, outputs))
         of_state = np.hstack((of_state, innovation))
     elif isinstance(estimator, SampledObserver):
         found, of_output = _sampled(observed), innovation  # of e = y - C z
@@ -164,9 +166,9 @@ def _sliding(estimator: Estimator, law: SlidingLaw, wanted: list[Reference]) -> 
     return LinearForm(form, found)
 
 
-def _kalman(estimator: KalmanFilter) -> KalmanForm:
+def _kalman(estimator: KalmanFilter, model: Model) -> KalmanForm:
     linear = estimator.settings.prediction == "linear"
-    return KalmanForm(estimator.model, linear, estimator.matrices)
+    return KalmanForm(model, linear, estimator.matrices)
 
 
 def _sampled(observed: JointsAndModes) -> Observer:

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexslew_control.estimators.kalman import corrected, predicted_covariance
 from flexslew_plant.arrays import Matrix, Vector, inlined
-from flexslew_plant.testbeds import dynamics
+from flexslew_plant.testbeds.bound import bound
 from flexslew_plant.testbeds.kernels import Kernels
 
 # (belief, t, dt, effort, y, x, P, e): replaces state, covariance and innovation of t [s] by those
@@ -39,7 +39,7 @@ def kalman_tick(kernels: Kernels, n: int, m: int, linear: bool) -> Tick:
         m: those before its modes.
         linear: whether it predicts by F and G instead of the equations.
     """
-    model = dynamics.bound(kernels, n, m)
+    model = bound(kernels, n, m)
     advance, jacobian, k = model.advance, model.jacobian, 2 * n
 
     @inlined
