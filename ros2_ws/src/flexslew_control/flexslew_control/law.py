@@ -97,6 +97,7 @@ class Reference(NamedTuple):
     effort: Vector  # feedforward, mean over the coming tick, (joints,) [N m or N]
     state: Vector  # nominal state [q, v] of the planner's model, (2 n,); empty where there is none
     next_state: Vector = _NOTHING  # the same one tick later; empty where there is none
+    gains: Vector = _NOTHING  # of a law that takes them from the plan; empty where there is none
 
 
 class Estimate(NamedTuple):

@@ -11,6 +11,7 @@ from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml, yaml_text
 
+_NO_GAINS: Matrix = np.zeros((0, 0))
 TEXTS = ("request", "summary", "versions")  # YAML in the message
 
 
@@ -49,6 +50,7 @@ def plan_fields(plan: Plan) -> dict[str, Any]:
         "velocity": plan.velocity.ravel(),
         "effort": plan.effort.ravel(),
         "state": plan.state.ravel(),
+        **({"gains": plan.gains.ravel()} if plan.gains.size else {}),
         **{name: yaml_text(getattr(plan, name)) for name in TEXTS},
     }
 
@@ -89,6 +91,7 @@ def plan_of(message: Any, source: str) -> Plan:
             effort=rows("effort", ticks),
             state=rows("state", ticks + 1),
             duration=float(message.duration),
+            gains=rows("gains", ticks + 1) if len(getattr(message, "gains", ())) else _NO_GAINS,
             **{name: text(name) for name in TEXTS},
         )
         if plan.position.shape[1] != joints or plan.velocity.shape[1] != joints:

@@ -24,6 +24,8 @@ class Plan:
         effort: feedforward, its mean over each tick, shape (ticks, joints) [N m or N].
         state: nominal state of the planner's model, shape (ticks + 1, 2 n); or (ticks + 1, 0).
         duration: length of the manoeuvre [s]; the last tick may end after it.
+        gains: of a law, row by row for each tick and then for all after the end, shape
+            (ticks + 1, k); or (0, 0): the plan has none.
         request: the `plan` section that asked for it, with model and manoeuvre, as plain data.
         summary: objective, iterations, switch_times, ... as plain data; what --json prints.
         versions: of the software that made it.
@@ -38,6 +40,7 @@ class Plan:
     effort: Matrix
     state: Matrix
     duration: float
+    gains: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
     request: dict[str, Any] = field(default_factory=dict)
     summary: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
@@ -60,7 +63,12 @@ class Plan:
         if k >= len(self.effort):
             return self._after
         return Reference(
-            self.position[k], self.velocity[k], self.effort[k], self.state[k], self.state[k + 1]
+            self.position[k],
+            self.velocity[k],
+            self.effort[k],
+            self.state[k],
+            self.state[k + 1],
+            self._gains(k),
         )
 
     @cached_property
@@ -69,7 +77,7 @@ class Plan:
 
     @cached_property
     def _before(self) -> Reference:
-        return self._at_rest(self.position[0], self.state[0])
+        return self._at_rest(self.position[0], self.state[0], 0)
 
     @cached_property
     def _after(self) -> Reference:
@@ -79,7 +87,7 @@ class Plan:
             final[0] = self.state[-1, 0]
         elif final.size:
             final[: len(self.joint_names)] = self.position[-1]
-        return self._at_rest(self.position[-1], final)
+        return self._at_rest(self.position[-1], final, -1)
 
     @property
     def _turns_one(self) -> bool:
@@ -87,6 +95,9 @@ class Plan:
         goal = self.request.get("goal")
         return isinstance(goal, dict) and 0 < len(goal) < len(self.joint_names)
 
-    def _at_rest(self, position: Vector, state: Vector) -> Reference:
+    def _at_rest(self, position: Vector, state: Vector, row: int) -> Reference:
         rest = np.zeros(len(self.joint_names))
-        return Reference(position, rest, rest, state, state)
+        return Reference(position, rest, rest, state, state, self._gains(row))
+
+    def _gains(self, row: int) -> Vector:
+        return self.gains[row] if self.gains.size else self.gains.ravel()

@@ -15,6 +15,7 @@ from flexslew_plant.errors import BadInput
 
 VERSION = 1  # of the layout of the file
 _ARRAYS = ("position", "velocity", "effort", "state")
+_GAINS = "gains"  # an array that most plans do not have, in their files and hashes neither
 _Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -34,7 +35,7 @@ def plan_hash(plan: Plan) -> str:
         "request": plan.request,
     }
     digest = hashlib.sha256(json.dumps(head, sort_keys=True, separators=(",", ":")).encode())
-    for name in _ARRAYS:
+    for name in _arrays(plan):
         array = getattr(plan, name)
         digest.update(json.dumps([name, *array.shape]).encode())
         digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
@@ -55,7 +56,7 @@ def save_plan(plan: Plan, path: Path | str) -> None:
         "period": plan.period,
         "duration": plan.duration,
     }
-    content |= {name: getattr(plan, name).tolist() for name in _ARRAYS}
+    content |= {name: getattr(plan, name).tolist() for name in _arrays(plan)}
     target = Path(path)
     partial = target.with_name(f".{target.name}.{os.getpid()}")
     try:
@@ -99,8 +100,12 @@ def load_plan(path: Path | str) -> Plan:
     return plan
 
 
+def _arrays(plan: Plan) -> tuple[str, ...]:
+    return (*_ARRAYS, _GAINS) if plan.gains.size else _ARRAYS
+
+
 def _names() -> list[str]:
-    return [entry.name for entry in fields(Plan)]
+    return [entry.name for entry in fields(Plan) if entry.name != _GAINS]
 
 
 def _read(content: dict[str, Any]) -> Plan:
@@ -110,5 +115,7 @@ def _read(content: dict[str, Any]) -> Plan:
     for name in _ARRAYS:
         array = np.array(values[name], dtype=np.float64)
         values[name] = array if array.ndim == 2 else array.reshape(0, joints)
+    if _GAINS in content:
+        values[_GAINS] = np.array(content[_GAINS], dtype=np.float64)
     values["joint_names"] = tuple(values["joint_names"])
     return Plan(**values)

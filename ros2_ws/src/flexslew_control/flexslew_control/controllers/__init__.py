@@ -14,6 +14,12 @@ from flexslew_control.controllers import (
     proportional_integral,
 )
 from flexslew_control.controllers.controller import Controller
+from flexslew_control.controllers.retargeting import (
+    disturbance_accommodating,
+    disturbance_minimisation,
+    modal_space,
+    planned_gains,
+)
 from flexslew_control.controllers.user_law import build_user_law, find_law
 from flexslew_control.law import Estimator, Law, PlantDescription
 from flexslew_plant.errors import BadInput
@@ -38,6 +44,14 @@ CONTROLLERS: dict[str, _Kind] = {
     ),
     "lqr": _Kind(lqr.Lqr, lqr.build),
     "collocated_pid": _Kind(collocated_pid.CollocatedPid, collocated_pid.build),
+    "disturbance_minimisation": _Kind(
+        disturbance_minimisation.DisturbanceMinimisation, disturbance_minimisation.build
+    ),
+    "disturbance_accommodating": _Kind(
+        disturbance_accommodating.DisturbanceAccommodating, disturbance_accommodating.build
+    ),
+    "planned_gains": _Kind(planned_gains.PlannedGains, planned_gains.build),
+    "modal_space": _Kind(modal_space.ModalSpace, modal_space.build),
 }
 
 

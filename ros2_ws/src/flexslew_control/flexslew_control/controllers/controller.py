@@ -51,6 +51,8 @@ class Controller:
         self._estimator, self._law = estimator, law
         # told what the plan wants, where it makes use of that
         self._expect: Callable[[Reference], None] | None = getattr(estimator, "expect", None)
+        # says why it cannot fly this plan, where it needs more of it than a reference
+        self._objection: Callable[[Plan | None], str] | None = getattr(law, "objection", None)
         self._handover_ticks = max(1, round(handover_time / period))
         self._requires_plan = requires_plan
         self.plan: Plan | None = None
@@ -84,6 +86,8 @@ class Controller:
         """Why it could not take charge now; empty when it could."""
         if self._requires_plan and self.plan is None:
             return "no plan yet"
+        if self._objection is not None and (objection := self._objection(self.plan)):
+            return objection
         if self._failure:
             return self._failure
         return "its estimate is not finite" if self._blind else ""

@@ -32,6 +32,7 @@ from flexslew_control.planners.reference import (
     plan_none,
     plan_reference_only,
 )
+from flexslew_control.planners.retargeting import Retargeting, plan_retargeting
 from flexslew_control.planners.slew import (
     Feedback,
     Slew,
@@ -81,7 +82,8 @@ PlanSettings: TypeAlias = Annotated[
     | RobustFeedforward
     | InputShaping
     | StartCoastStop
-    | TimeOptimal,
+    | TimeOptimal
+    | Retargeting,
     Field(discriminator="method"),
 ]
 
@@ -152,6 +154,8 @@ def make_plan(
     if limit.ndim != 1 or not limit.size or not np.all(limit > 0.0):
         raise BadInput(f"effort_limit: {limit.tolist()} is not allowed: positive, one per actuator")
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
+    if isinstance(settings, Retargeting):  # no joint goes anywhere, and the efforts are as many
+        return replace(plan_retargeting(settings, plant), versions=software_versions())
     reduced = None if isinstance(settings, NoPlan) else one_axis(settings, plant, feedback)
     if reduced is not None:
         own = make_plan(reduced.settings, reduced.plant, reduced.feedback, progress)

@@ -79,6 +79,47 @@ class Shaped(Protocol):
         """
 
 
+class UnitSizes(NamedTuple):
+    """What one unit of each quantity of a section is, for weights that are given in its units."""
+
+    coordinates: Vector  # of v's integrals, modes as their source scales them, (n,)
+    efforts: Vector  # (actuators,)
+    energy: float  # [J]
+
+
+@runtime_checkable
+class OwnUnits(Protocol):
+    """A testbed whose section is not in SI; any other one counts in SI."""
+
+    def unit_sizes(self) -> UnitSizes:
+        """Return the units of the section in SI."""
+
+
+def unit_sizes(testbed: Testbed) -> UnitSizes:
+    """Return the units in which weights on a testbed's coordinates and efforts are given."""
+    if isinstance(testbed, OwnUnits):
+        return testbed.unit_sizes()
+    model = testbed.model()
+    return UnitSizes(np.ones(model.coordinates), np.ones(model.efforts), 1.0)
+
+
+class HingeTurn(NamedTuple):
+    """A prescribed turn of an appendage."""
+
+    appendage: str
+    begin: float  # [s]
+    end: float  # [s]
+    to: float  # angle from the hinge's rest [rad]
+
+
+@runtime_checkable
+class Retargeting(Protocol):
+    """A testbed with appendages that turn in a prescribed way."""
+
+    def hinge_turns(self) -> tuple[HingeTurn, ...]:
+        """Return all turns, in the order of their begin."""
+
+
 class RigidTurn(NamedTuple):
     """The efforts that turn a rigid spacecraft about one axis, u = a rate' + b rate^2."""
 

@@ -169,12 +169,17 @@ class WheelSettings:
 
 @section
 class ActuatorPlace:
-    """A force or a torque on the platform or on an appendage."""
+    """A force or a torque on the platform or on an appendage, or a modal force.
 
-    kind: Literal["force", "torque"]
-    direction: Triple  # in the axes of what it acts on
+    A modal force is spread over an appendage as its mass times a mode: it drives that mode and no
+    other, and acts on the platform by its resultant.
+    """
+
+    kind: Literal["force", "torque", "modal"]
+    direction: Triple = (0.0, 0.0, 0.0)  # in the axes of what it acts on; not of a modal force
     limit: Positive
     appendage: str | None = None  # left out: on the platform
+    mode: Annotated[int, Field(ge=1)] | None = None  # of a modal force, counted from 1
     at: float | None = None  # along its beam; left out: its tip
     place: Triple = (0.0, 0.0, 0.0)  # on the platform
 

@@ -13,7 +13,7 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
-from flexslew_plant.testbeds.contract import RigidTurn
+from flexslew_plant.testbeds.contract import HingeTurn, RigidTurn, UnitSizes
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
@@ -31,6 +31,7 @@ from flexslew_plant.testbeds.spacecraft.equations.readings import read
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
 from flexslew_plant.testbeds.spacecraft.motions import Motions, motions
 from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit
+from flexslew_plant.testbeds.spacecraft.retargeting import hinge_turns, section_units
 from flexslew_plant.testbeds.spacecraft.settings import (
     IDENTITY,
     ActuatorPlace,
@@ -196,6 +197,14 @@ class SpacecraftTestbed:
         """Return an appendage clamped to the platform; see clamped.Carrying."""
         return clamped(self.craft, name, self.model().appendages.names)
 
+    def unit_sizes(self) -> UnitSizes:
+        """Return the units of the section; see contract.OwnUnits."""
+        return section_units(self.craft, UNITS[self.units])
+
+    def hinge_turns(self) -> tuple[HingeTurn, ...]:
+        """Return the prescribed turns; see contract.Retargeting."""
+        return hinge_turns(self.craft)
+
     def scene(self) -> Scene:
         """Return how it is drawn."""
         return scene_of(self.craft)
@@ -244,6 +253,7 @@ def _model(same: _Same) -> Model:
         craft.modes,
         channels(craft, same.testbed.sensors, UNITS[same.testbed.units]),
         scale_stiffness=lambda packed_, factor: stiffened(craft, packed_, factor),
+        time_varying=any(a.manoeuvres for a in craft.appendages),
         leading=craft.sizes[1] - craft.modes,
         reading=lambda x: _read(p, x, len(drives)),
         placed=lambda positions: placed(craft, positions),

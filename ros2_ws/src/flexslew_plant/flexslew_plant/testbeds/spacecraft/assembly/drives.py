@@ -7,6 +7,7 @@ from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Drive
 from flexslew_plant.testbeds.spacecraft.assembly.described import Described
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.retargeting import modal_effort
 from flexslew_plant.testbeds.spacecraft.settings import (
     ActuatorPlace,
     SensorPlace,
@@ -23,6 +24,11 @@ def drives_of(
     found = []
     for name, d in described.actuators.items():
         key = f"testbed.actuators.{name}"
+        if d.kind == "modal":
+            found.append(_modal(name, d, parts, units, key))
+            continue
+        if d.mode is not None:
+            raise BadInput(f"{key}.mode: {d.mode} is not allowed: kind modal alone has a mode")
         direction = unit_direction(d.direction, f"{key}.direction")
         limit = d.limit * (units.force if d.kind == "force" else units.torque)
         if d.appendage is None:
@@ -50,6 +56,27 @@ def drives_of(
     if twice:
         raise BadInput(f"testbed: two actuators are called {twice[0]}")
     return tuple(found)
+
+
+def _modal(
+    name: str, d: ActuatorPlace, parts: tuple[Appendage, ...], units: Units, key: str
+) -> Drive:
+    """Return a modal force; the displacement of its spot is the coordinate that it drives."""
+    flexible = {a.name: k for k, a in enumerate(parts) if a.modes}
+    if d.appendage not in flexible:
+        known = ", ".join(flexible)
+        raise BadInput(f"{key}.appendage: {d.appendage} has no modes; allowed: {known}")
+    index = flexible[d.appendage]
+    n = parts[index].modes
+    if parts[index].hinge == at.DRIVEN:
+        raise BadInput(f"{key}.appendage: {d.appendage} is on a driven hinge; give a force")
+    if d.mode is None or d.mode > n:
+        raise BadInput(f"{key}.mode: {d.mode} is not allowed: 1 to {n}")
+    chosen, none = np.zeros((3, n)), np.zeros((3, n))
+    chosen[0, d.mode - 1] = 1.0
+    spot = Spot(np.zeros(3), chosen, none, none)
+    limit = d.limit * modal_effort(parts[index], d.mode - 1, units)
+    return Drive(name, at.MODAL, index, np.zeros(3), spot, limit)
 
 
 def spot_on(a: Appendage, d: ActuatorPlace | SensorPlace, units: Units, key: str) -> Spot:

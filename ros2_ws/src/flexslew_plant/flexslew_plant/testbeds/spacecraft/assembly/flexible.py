@@ -87,6 +87,7 @@ def _beam(b: BeamSettings, units: Units, key: str) -> FlexibleShape:
         np.einsum("ab,kbn->kan", r, shape.line_shape),
         None if shape.along is None else Turned(r, shape.along),
         None,
+        shape.tip_scaled,
     )
 
 

@@ -128,6 +128,12 @@ def _drive(craft: Spacecraft, d: Drive, places: list[int]) -> Vector:
     head[at.DIRECTION : at.DIRECTION + 3] = direction
     if spot is None or d.owner < 0 or d.what in (at.WHEEL, at.HINGE):
         return head
+    if d.what == at.MODAL and d.spot is not None:
+        a, share = craft.appendages[d.owner], d.spot.displacement[0]
+        i = a.integrals.seen_from(a.place, a.axes) if a.hinge == at.FIXED else a.integrals
+        head[at.DIRECTION : at.DIRECTION + 3] = i.translation @ share
+        head[at.AT : at.AT + 3] = i.rotation @ share
+        return np.concatenate((head, np.zeros(3 * share.size), share))
     works = spot.turn if d.what == at.TIP_TORQUE else spot.displacement
     return np.concatenate((head, spot.displacement.ravel(), works.T @ direction))
 

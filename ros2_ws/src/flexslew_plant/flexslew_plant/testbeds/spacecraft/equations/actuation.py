@@ -45,6 +45,14 @@ def _platform_force(
         return direction, cross(place, direction), 0.0
     if what == at.TORQUE:
         return none, direction, 0.0
+    if what == at.MODAL:  # its resultant, and its moment about the hinge or the body origin
+        force, moment = direction, scaled(u, place)
+        if p[b + at.KIND] == at.FIXED:
+            return force, moment, 0.0
+        e, _, _ = hinge_frame(p, b, t, 0.0, 0.0)
+        pull = apply_transposed(e, force)
+        arm = cross(triple(p, b + at.PLACE), pull)
+        return pull, plus(arm, apply_transposed(e, moment)), 0.0
     n = int(p[b + at.COUNT])
     q = own_q + int(p[at.HINGES]) + int(p[at.WHEELS]) + int(p[b + at.START])
     shape = d + at.SHAPES

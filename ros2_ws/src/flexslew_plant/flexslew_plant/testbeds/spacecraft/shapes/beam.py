@@ -4,7 +4,7 @@ Local axes: z along the beam, deflections u along x and v along y, twist about z
 by (-v', u', twist). Slender sections: their own inertia counts for the twist alone.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eigh
@@ -224,7 +224,7 @@ def closed_form_beam(beam: Beam, modes_x: int, modes_y: int, twists: int) -> Fle
     half = 0.5 * beam.torsion_stiffness * beam.length
     twisting = np.asarray(half * numbers**2, dtype=np.float64)
     stiffness.append(twisting)
-    return _shape(
+    shape = _shape(
         beam,
         None,
         line,
@@ -233,6 +233,7 @@ def closed_form_beam(beam: Beam, modes_x: int, modes_y: int, twists: int) -> Fle
         np.concatenate(mass),
         np.concatenate(stiffness),
     )
+    return replace(shape, tip_scaled=True)
 
 
 def _shape(

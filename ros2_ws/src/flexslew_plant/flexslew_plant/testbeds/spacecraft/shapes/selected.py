@@ -45,6 +45,7 @@ def chosen_modes(shape: FlexibleShape, n: list[int]) -> FlexibleShape:
         shape.line_shape[:, :, n],
         None if shape.along is None else _Chosen(shape.along, n),
         None if shape.damping is None else shape.damping[np.ix_(n, n)],
+        shape.tip_scaled,
     )
 
 

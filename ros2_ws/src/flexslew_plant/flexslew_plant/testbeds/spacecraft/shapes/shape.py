@@ -38,6 +38,7 @@ class FlexibleShape:
         line_shape: what the modes do there, shape (k, 3, n) [-].
         along: finds other places on it; none for modal data.
         damping: modal damping matrix that came with the data, shape (n, n), or none [N s/m].
+        tip_scaled: whether a mode is one at the tip; else its modal mass is one.
     """
 
     integrals: Integrals
@@ -48,6 +49,7 @@ class FlexibleShape:
     line_shape: Matrix
     along: Placed | None = None
     damping: Matrix | None = None
+    tip_scaled: bool = False
 
     @property
     def modes(self) -> int:

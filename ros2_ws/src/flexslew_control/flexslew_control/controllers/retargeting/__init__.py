@@ -1,0 +1,1 @@
+"""Laws on the small motions of a platform whose appendages turn (Kwak 1989)."""

@@ -1,0 +1,54 @@
+"""Disturbance minimisation with a linear quadratic regulator (Kwak 1989, (3-1) to (3-10)).
+
+f = -(B*)^+ d(t) - R^-1 B^T P x: the first part is the plan's (method retargeting, feedforward
+disturbance_minimisation), which knows d(t); the gains are those of the start configuration.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from flexslew_control.controllers.retargeting.sampled_regulator import Design, held_regulator
+from flexslew_control.controllers.retargeting.small_motion_laws import StateFeedback
+from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
+from flexslew_control.law import Estimator, PlantDescription
+from flexslew_control.linear_design import require_controllable
+from flexslew_control.small_motion import moving
+from flexslew_plant.settings import Positive, section
+
+
+@section
+class RegulatorWeights:
+    """Q and R of the regulator, in the units of the testbed's section."""
+
+    state: Positive = 100.0  # on every coordinate and rate
+    effort: Positive = 0.001  # on every effort
+
+
+@section
+class DisturbanceMinimisation:
+    """The settings of controller `disturbance_minimisation`."""
+
+    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: none
+    weights: RegulatorWeights = RegulatorWeights()
+    design: Design = "continuous"  # or sampled: for efforts that are held over a tick
+    observer: ObserverSettings = ObserverSettings()
+
+
+def build(
+    settings: DisturbanceMinimisation, plant: PlantDescription
+) -> tuple[Estimator, StateFeedback]:
+    """Return the estimator of small motions and the law.
+
+    Raises:
+        BadInput: a motion is not controllable or does not show in the readings, or the loop is
+            not stable at this period.
+    """
+    motion = moving(plant, settings.model)
+    before = motion.before()
+    a, b = before.state_matrix, before.state_input_matrix
+    require_controllable(a, b, (*motion.names, *(f"{name} rate" for name in motion.names)))
+    w = settings.weights
+    q, r = w.state * np.eye(len(a)), w.effort * np.eye(b.shape[1])
+    gain = held_regulator(a, b, q, r, plant.period, settings.design)
+    return observer(motion, settings.observer, plant.period), StateFeedback(motion.gains(gain))

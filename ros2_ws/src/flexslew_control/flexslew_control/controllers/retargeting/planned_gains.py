@@ -1,0 +1,33 @@
+"""PI control with gains that change with time, as the plan has computed them (Kwak 1989, (3-52)).
+
+The plan (method retargeting, gains perturbation or adiabatic) holds a row of gains for each tick;
+the tick itself computes none.
+"""
+
+from typing import Any
+
+from flexslew_control.controllers.retargeting.small_motion_laws import IntegralFeedback
+from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
+from flexslew_control.law import Estimator, PlantDescription
+from flexslew_control.small_motion import moving
+from flexslew_plant.settings import Positive, section
+
+
+@section
+class PlannedGains:
+    """The settings of controller `planned_gains`."""
+
+    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: none
+    observer: ObserverSettings = ObserverSettings()
+    tracking_time: Positive | None = 10.0  # T_t of the anti-windup [s]; null: none
+
+
+def build(settings: PlannedGains, plant: PlantDescription) -> tuple[Estimator, IntegralFeedback]:
+    """Return the estimator of small motions and the law.
+
+    Raises:
+        BadInput: a motion does not show in the readings.
+    """
+    motion = moving(plant, settings.model)
+    law = IntegralFeedback(None, plant.effort_limit, settings.tracking_time, plant.period)
+    return observer(motion, settings.observer, plant.period), law

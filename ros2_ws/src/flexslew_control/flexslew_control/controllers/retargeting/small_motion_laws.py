@@ -1,0 +1,98 @@
+"""Laws on the small motions of a platform with retargeting appendages, as gains on the estimate."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexslew_control.law import Estimate, Reference
+from flexslew_control.plan import Plan
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.measurement import Measurement
+
+NO_GAINS = "its plan has no gains; set plan.gains to constant, perturbation or adiabatic"
+
+
+@dataclass
+class StateFeedback:
+    """u = u_ff - K (x, x') (3-1), (3-8).
+
+    Args:
+        gain: K on all coordinates and their rates, SI, shape (m, 2 n).
+    """
+
+    gain: Matrix
+    terms: dict[str, Vector] = field(init=False, default_factory=dict)
+
+    def reset(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
+    ) -> None:
+        """Nothing to choose: the law has no state of its own."""
+
+    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
+        """Return the efforts, shape (m,) [N m or N]."""
+        regulating = -(self.gain @ np.concatenate((estimate.position, estimate.velocity)))
+        self.terms = {"feedforward": reference.effort, "regulator": regulating}
+        return reference.effort + regulating
+
+
+@dataclass
+class IntegralFeedback:
+    """u = u_ff - Kp x - Kd x' - Ki z, z' = x + Ki^+ (u - sat(u)) / T_t (3-23), (3-52).
+
+    The gains stand outside of the integral, as Kwak's (1989) changing ones do.
+
+    Args:
+        gains: [Kp, Kd, Ki] on all coordinates, SI, shape (m, 3 n); None: those of the plan.
+        limit: of the efforts, shape (m,) [N m or N].
+        tracking_time: T_t [s]; None: the integral winds up.
+        period: one tick [s].
+    """
+
+    gains: Matrix | None
+    limit: Vector
+    tracking_time: float | None
+    period: float
+    terms: dict[str, Vector] = field(init=False, default_factory=dict)
+    _z: Vector = field(init=False, default_factory=lambda: np.zeros(0))
+    _before: Vector = field(init=False, default_factory=lambda: np.zeros(0))
+
+    def objection(self, plan: Plan | None) -> str:
+        """Return why it cannot fly without a plan, or with this one; empty if it can."""
+        return "" if self.gains is not None or (plan and plan.gains.size) else NO_GAINS
+
+    def reset(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
+    ) -> None:
+        """Choose the integral such that the next effort is nearest to `effort`."""
+        kp, kd, ki = self._three(reference)
+        rest = reference.effort - kp @ estimate.position - kd @ estimate.velocity - effort
+        self._z = np.linalg.lstsq(ki, rest, rcond=None)[0]
+        self._before = estimate.position
+
+    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
+        """Return the efforts within the limit, shape (m,) [N m or N]."""
+        kp, kd, ki = self._three(reference)
+        x = estimate.position
+        if measurement.tick == 0:
+            self._z, self._before = np.zeros_like(x), x
+        self._z = self._z + 0.5 * self.period * (self._before + x)
+        self._before = x
+        self.terms = {
+            "feedforward": reference.effort,
+            "proportional": -(kp @ x),
+            "derivative": -(kd @ estimate.velocity),
+            "integral": -(ki @ self._z),
+        }
+        demand: Vector = sum(self.terms.values(), np.zeros(len(self.limit)))
+        effort = np.clip(demand, -self.limit, self.limit)
+        if self.tracking_time is not None and (effort != demand).any():
+            back = np.linalg.lstsq(ki, demand - effort, rcond=None)[0]
+            self._z = self._z + self.period / self.tracking_time * back
+        return effort
+
+    def _three(self, reference: Reference) -> tuple[Matrix, Matrix, Matrix]:
+        gains = self.gains
+        if gains is None:
+            gains = reference.gains.reshape(len(self.limit), -1)
+        n = gains.shape[1] // 3
+        return gains[:, :n], gains[:, n : 2 * n], gains[:, 2 * n :]

@@ -1,0 +1,141 @@
+"""The small motions of a platform and its appendages, from the readings beside the efforts."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve_discrete_are
+
+from flexslew_control.estimators.kalman import discretised
+from flexslew_control.law import Estimate
+from flexslew_control.linear_design import require_observable
+from flexslew_control.small_motion import SmallMotion
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import Positive, section
+
+_WORST_CONDITION = 1e6  # of readings that are inverted
+_QUIET: Vector = np.zeros(0)
+_NO_COVARIANCE: Matrix = np.zeros((0, 0))
+
+
+@section
+class ObserverSettings:
+    """Noises that weigh prediction against readings; used where readings are too few to invert."""
+
+    position_sigma: Positive = 1e-4  # of a reading [m or rad]
+    rate_sigma: Positive = 1e-3  # of its rate [m/s or rad/s]
+    process_noise: Positive = 1e-6  # density of every acceleration, in SI
+
+
+@dataclass
+class InvertedReadings:
+    """As many readings as coordinates: x = C^-1 y, and the same for the rates.
+
+    Args:
+        inverse: of the readings, on all coordinates, shape (n, m).
+    """
+
+    inverse: Matrix
+
+    def reset(self, measurement: Measurement) -> None:
+        """Nothing to start."""
+
+    def update(self, measurement: Measurement) -> Estimate:
+        """Return the coordinates and their rates."""
+        return Estimate(
+            self.inverse @ measurement.joint_position,
+            self.inverse @ measurement.joint_velocity,
+            _QUIET,
+            _NO_COVARIANCE,
+            _QUIET,
+        )
+
+
+@dataclass
+class SmallMotionObserver:
+    """Fewer readings than coordinates: the model, turning hinges included, and a constant gain.
+
+    Args:
+        motion: what moves.
+        gain: from innovations of positions and rates to (x, x'), shape (2 n, 2 m).
+        period: one tick [s].
+    """
+
+    motion: SmallMotion
+    gain: Matrix
+    period: float
+    _x: Vector = field(init=False)
+    _tick: int = field(init=False, default=-1)
+    _last: Estimate = field(init=False)
+
+    def reset(self, measurement: Measurement) -> None:
+        """Start at rest, appendages straight, and take in the first readings."""
+        model = self.motion.model
+        self._x = np.concatenate((self.motion.rest, np.zeros(model.coordinates)))
+        self._corrected(measurement)
+        self._tick = measurement.tick
+
+    def update(self, measurement: Measurement) -> Estimate:
+        """Return the coordinates and their rates."""
+        if measurement.tick == self._tick:
+            return self._last
+        model, t = self.motion.model, measurement.time - self.period
+        self._x = model.advance(self._x, measurement.applied_effort, self.period, t=t)
+        self._corrected(measurement)
+        self._tick = measurement.tick
+        return self._last
+
+    def _corrected(self, measurement: Measurement) -> None:
+        model = self.motion.model
+        n, first = model.coordinates, model.positions
+        there, rate = model.joint_state(self._x)
+        innovation = np.concatenate(
+            (measurement.joint_position - there, measurement.joint_velocity - rate)
+        )
+        step = self.gain @ innovation
+        q = self._x[:first]
+        self._x[:first] = q + model.position_rates(q) @ step[:n]
+        self._x[first:] += step[n:]
+        extra = first - n
+        if extra:  # a unit quaternion
+            self._x[3:7] /= np.linalg.norm(self._x[3:7])
+        # q of a small turn: half the turn
+        deviation = model.position_rates(self.motion.rest).T @ (self._x[:first] - self.motion.rest)
+        if extra:
+            deviation[3:6] *= 4.0
+        self._last = Estimate(deviation, self._x[first:].copy(), _QUIET, _NO_COVARIANCE, innovation)
+
+
+def observer(
+    motion: SmallMotion, settings: ObserverSettings, period: float
+) -> InvertedReadings | SmallMotionObserver:
+    """Return the estimator of small motions: readings inverted where they suffice.
+
+    Raises:
+        BadInput: a motion does not show in the readings.
+    """
+    kept, n = motion.kept, motion.model.coordinates
+    c = motion.readings[:, kept]
+    if c.shape[0] == c.shape[1] and np.linalg.cond(c) < _WORST_CONDITION:
+        inverse = np.zeros((n, len(c)))
+        inverse[kept] = np.linalg.inv(c)
+        return InvertedReadings(inverse)
+    linear, k, m = motion.model.linearise(motion.rest), len(kept), len(c)
+    mass = linear.mass[np.ix_(kept, kept)]
+    lower = -np.linalg.solve(
+        mass, np.hstack((linear.stiffness[np.ix_(kept, kept)], linear.damping[np.ix_(kept, kept)]))
+    )
+    a = np.vstack((np.hstack((np.zeros((k, k)), np.eye(k))), lower))
+    shows = np.block([[c, np.zeros_like(c)], [np.zeros_like(c), c]])
+    require_observable(a, shows, (*motion.names, *(f"{name} rate" for name in motion.names)))
+    noise = np.diag([0.0] * k + [settings.process_noise] * k)
+    f, _, q = discretised(a, np.zeros((2 * k, 1)), noise, period)
+    r = np.diag(np.square([settings.position_sigma] * m + [settings.rate_sigma] * m))
+    try:
+        p = solve_discrete_are(f.T, shows.T, q, r)
+    except (LinAlgError, ValueError) as error:
+        raise BadInput(f"observer: no stationary gain: {error}; give other noises") from None
+    gain = np.zeros((2 * n, 2 * m))
+    gain[np.concatenate((kept, n + kept))] = np.linalg.solve(shows @ p @ shows.T + r, shows @ p).T
+    return SmallMotionObserver(motion, gain, period)

@@ -1,0 +1,206 @@
+"""The planner of retargeting manoeuvres: what balances the inertial loading, and changing gains.
+
+The turns of the hinges are the testbed's; the plan holds, tick by tick, the efforts -(B*)^+ d(t)
+(Kwak 1989, (3-5)) and the gains of a regulator with an integral, whose Riccati equation is solved
+by perturbation or adiabatically ((3-25) to (3-56)).
+"""
+
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from flexslew_control.law import PlantDescription
+from flexslew_control.perturbation import (
+    Change,
+    EndCondition,
+    Regulator,
+    backward,
+    regulator,
+    require_positive_definite,
+)
+from flexslew_control.plan import Plan
+from flexslew_control.planners.slew import tick_times
+from flexslew_control.small_motion import (
+    Frozen,
+    SmallMotion,
+    last_turn,
+    require_balancing,
+    small_motion,
+)
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.settings import NonNegative, Positive, plain, section
+from flexslew_plant.testbeds import believed
+
+_AFTER = 1e-9  # the end of a turn, for good [s]
+_GAUSS = 0.5 * np.array([-1.0, 1.0]) / np.sqrt(3.0) + 0.5  # two places in a tick
+
+
+@section
+class ChangingWeights:
+    """Q and R of the regulator of (eta, eta', p), p the whole modal force (3-32)."""
+
+    state: Positive = 1.0  # on every modal coordinate and rate
+    force: Positive = 1.0  # on every modal force
+    force_rate: Positive = 0.01  # on the rate of every modal control force
+
+
+@section
+class Retargeting:
+    """The `plan` section for method retargeting."""
+
+    method: Literal["retargeting"] = "retargeting"
+    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: none
+    start: NonNegative = 0.0  # [s]
+    duration: Positive | None = None  # [s]; null: until the last turn has ended
+    feedforward: Literal["none", "disturbance_minimisation"] = "none"
+    gains: Literal["none", "constant", "perturbation", "adiabatic"] = "none"
+    end_condition: EndCondition = "adiabatic"  # of P1, for gains perturbation
+    weights: ChangingWeights = ChangingWeights()
+
+
+class _Ticks(NamedTuple):
+    """The ticks of a manoeuvre and the small motions in their middle."""
+
+    motion: SmallMotion
+    period: float
+    middle: list[Frozen]  # of every tick, then of what stays
+
+
+def plan_retargeting(settings: Retargeting, plant: PlantDescription) -> Plan:
+    """Return the plan of a retargeting manoeuvre.
+
+    Args:
+        settings: the `plan` section.
+        plant: what stands on the bench, its turns included.
+
+    Raises:
+        BadInput: nothing says how long it takes, two efforts do the same, or the gains have no
+            solution.
+        PlanFailed: it needs more effort than the drives have.
+    """
+    whole = settings.model is None
+    testbed = plant.testbed if whole else believed(plant.testbed, settings.model, "plan: model")
+    until = last_turn(testbed)
+    duration = settings.duration or until - settings.start
+    if not duration > 0.0:
+        raise BadInput("plan: duration: null is not allowed: no hinge turns after the start")
+    times = settings.start + tick_times(settings.start, duration, plant.period)
+    motion = small_motion(testbed, max(until, float(times[-1])))
+    ticks = len(times) - 1
+    model = motion.model
+    effort, summary = np.zeros((ticks, model.efforts)), {"duration": duration}
+    if settings.feedforward != "none":
+        effort, left = balancing(motion, times[:-1], plant.period)
+        summary |= {"unbalanced": left}
+        _require_effort(effort, plant.effort_limit, model.joint_names)
+    rows = np.zeros((0, 0))
+    if settings.gains != "none":
+        middle = [motion.at(t) for t in times[:-1] + 0.5 * plant.period]
+        middle.append(motion.at(max(until, float(times[-1])) + _AFTER))
+        rows, told = changing_gains(settings, _Ticks(motion, plant.period, middle))
+        summary |= told
+    summary["peak_effort"] = abs(effort).max(axis=0, initial=0.0).tolist()
+    still = np.concatenate((motion.rest, np.zeros(model.coordinates)))
+    rest = np.tile(model.joint_state(still)[0], (ticks + 1, 1))
+    return Plan(
+        method=settings.method,
+        joint_names=model.joint_names,
+        start=settings.start,
+        period=plant.period,
+        position=rest,
+        velocity=np.zeros_like(rest),
+        effort=effort,
+        state=np.zeros((ticks + 1, 0)),
+        duration=duration,
+        gains=rows,
+        request=plain(settings),
+        summary=summary,
+    )
+
+
+def balancing(motion: SmallMotion, begin: Vector, period: float) -> tuple[Matrix, dict[str, float]]:
+    """Return -(B*)^+ d, its mean over every tick, in SI, and the largest d that is left.
+
+    Args:
+        motion: what moves.
+        begin: of every tick, shape (ticks,) [s].
+        period: one tick [s].
+
+    Raises:
+        BadInput: B* has no full column rank.
+    """
+    effort = np.zeros((len(begin), motion.model.efforts))
+    left = np.zeros(len(motion.kept))
+    for k, t in enumerate(begin):
+        for share in _GAUSS:
+            frozen = motion.at(t + share * period)
+            if not frozen.disturbance.any():
+                continue
+            require_balancing(frozen, motion)
+            b, d = frozen.input_matrix, frozen.disturbance
+            u = -np.linalg.solve(b.T @ b, b.T @ d)
+            effort[k] += 0.5 * u
+            left = np.maximum(left, abs(d + b @ u))
+    return effort * motion.units.efforts, dict(zip(motion.names, left.tolist(), strict=True))
+
+
+def changing_gains(settings: Retargeting, ticks: _Ticks) -> tuple[Matrix, dict[str, Any]]:
+    """Return [Kp, Kd, Ki] on all coordinates for each tick and for all after, row by row, in SI.
+
+    Raises:
+        BadInput: there is not one effort for each coordinate, or no solution.
+    """
+    motion, w = ticks.motion, settings.weights
+    before = motion.before(settings.start)
+    k, m = before.input_matrix.shape
+    if k != m:
+        raise BadInput(
+            f"plan: gains: {settings.gains} is not allowed: it needs one effort for each motion, "
+            f"and {m} efforts move {k} coordinates ({', '.join(motion.names)})"
+        )
+    require_balancing(before, motion)
+    weight = np.diag([w.state] * (2 * k) + [w.force] * k)
+    r = regulator(before, weight, w.force_rate * np.eye(k))
+    if settings.gains == "constant":
+        changes: list[Change | None] = [None] * len(ticks.middle)
+        first: list[Matrix | None] = [None] * len(ticks.middle)
+    else:
+        changes = [r.change(frozen) for frozen in ticks.middle]
+        first = list(_first_order(settings, r, changes, ticks.period))
+    rows = []
+    inverse = np.linalg.inv(r.modes)
+    for frozen, change, p in zip(ticks.middle, changes, first, strict=True):
+        gains = r.gains(change, p)
+        wanted = np.hstack([g @ inverse for g in (gains.proportional, gains.rate, gains.integral)])
+        u = np.linalg.solve(r.modes.T @ frozen.input_matrix, wanted)
+        rows.append(motion.gains(u).ravel())
+    told = {"frequencies": np.sqrt(r.squares).tolist(), "slowest_pole": _slowest(r)}
+    return np.array(rows), told
+
+
+def _first_order(
+    settings: Retargeting, r: Regulator, changes: list[Any], period: float
+) -> list[Matrix]:
+    """Return P1 in the middle of every tick, and after the last."""
+    if settings.gains == "adiabatic":
+        found = [r.adiabatic(change) for change in changes]
+        require_positive_definite(r.riccati + found[-1], "gains: adiabatic")
+        return found
+    edges = backward(r, changes, period, settings.end_condition)
+    return [0.5 * (a + b) for a, b in pairwise(edges)] + edges[-1:]
+
+
+def _slowest(r: Regulator) -> float:
+    return float(np.linalg.eigvals(r.closed_loop).real.max())
+
+
+def _require_effort(effort: Matrix, limit: Vector, names: tuple[str, ...]) -> None:
+    peak = abs(effort).max(axis=0, initial=0.0)
+    for name, needed, allowed in zip(names, peak, limit, strict=True):
+        if needed > allowed:
+            raise PlanFailed(
+                f"the turns need {needed:.4g} on {name} to be balanced, the limit is {allowed:g}; "
+                "take more time for them or a higher limit"
+            )

@@ -1,0 +1,178 @@
+"""The small motions of a plant that changes with time: M(t) x'' + D(t) x' + K(t) x = B(t) u + d(t).
+
+These are the linearised equations of a platform with retargeting appendages (Kwak 1989, (2-34),
+(2-49)): d is the inertial loading of the prescribed motion. Numbers are in the units of the
+testbed's section, in which the weights of its laws are given.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.law import PlantDescription
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import Testbed, believed
+from flexslew_plant.testbeds.contract import Retargeting, UnitSizes, unit_sizes
+from flexslew_plant.testbeds.model import Model
+
+_COUPLED = 1e-9  # of the largest entry of a row: less is no coupling
+_RANK = 1e-9  # of the largest singular value
+
+
+class Frozen(NamedTuple):
+    """The equations at one instant, for k coordinates and m efforts."""
+
+    mass: Matrix  # M, (k, k)
+    damping: Matrix  # D, (k, k)
+    stiffness: Matrix  # K, (k, k)
+    input_matrix: Matrix  # B*, (k, m)
+    disturbance: Vector  # d, (k,)
+
+    @property
+    def state_matrix(self) -> Matrix:
+        """A of (x, x')' = A (x, x') + B u (2-36), shape (2 k, 2 k)."""
+        k = len(self.mass)
+        lower = -np.linalg.solve(self.mass, np.hstack((self.stiffness, self.damping)))
+        return np.vstack((np.hstack((np.zeros((k, k)), np.eye(k))), lower))
+
+    @property
+    def state_input_matrix(self) -> Matrix:
+        """B of the same (2-37), shape (2 k, m)."""
+        return np.vstack(
+            (np.zeros_like(self.input_matrix), np.linalg.solve(self.mass, self.input_matrix))
+        )
+
+
+@dataclass(frozen=True)
+class SmallMotion:
+    """A testbed at rest whose small motions are asked for.
+
+    Args:
+        model: its equations.
+        rest: q at rest, shape (positions,).
+        kept: which coordinates the efforts reach, shape (k,).
+        units: of its section.
+        readings: C of y = C x for the joints beside the efforts, SI, shape (m, n).
+    """
+
+    model: Model
+    rest: Vector
+    kept: Vector
+    units: UnitSizes
+    readings: Matrix
+
+    def at(self, t: float) -> Frozen:
+        """Return the equations at a time [s]."""
+        frozen = _frozen(self.model, self.rest, self.units, t)
+        pairs = np.ix_(self.kept, self.kept)
+        return Frozen(
+            frozen.mass[pairs],
+            frozen.damping[pairs],
+            frozen.stiffness[pairs],
+            frozen.input_matrix[self.kept],
+            frozen.disturbance[self.kept],
+        )
+
+    def before(self, start: float = 0.0) -> Frozen:
+        """Return the equations an instant before a manoeuvre that starts then [s]."""
+        return self.at(float(np.nextafter(start, -np.inf)))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the coordinates that are kept."""
+        rates = self.model.state_names[self.model.positions :]
+        return tuple(rates[k].removesuffix(" rate") for k in self.kept)
+
+    def gains(self, gains: Matrix) -> Matrix:
+        """Return gains on all coordinates in SI, from gains on the kept ones.
+
+        Args:
+            gains: blocks of columns (k each), shape (m, b k).
+        """
+        n, k = self.model.coordinates, len(self.kept)
+        wide = np.zeros((len(gains), gains.shape[1] // k, n))
+        sizes = self.units.coordinates[self.kept]
+        wide[:, :, self.kept] = gains.reshape(len(gains), -1, k) / sizes
+        return self.units.efforts[:, None] * wide.reshape(len(gains), -1)
+
+
+def small_motion(testbed: Testbed, until: float = 0.0) -> SmallMotion:
+    """Return the small motions of a testbed about its rest.
+
+    Coordinates that no effort reaches, over any coupling at any time, are left out.
+
+    Args:
+        testbed: what is believed.
+        until: the configuration changes until then [s].
+    """
+    model = testbed.model()
+    rest, units = model.rest({}), unit_sizes(testbed)
+    reached = np.zeros(model.coordinates, dtype=bool)
+    linked = np.zeros((model.coordinates,) * 2)
+    for t in (0.0, 0.3 * until, until):
+        frozen = _frozen(model, rest, units, t)
+        reached |= abs(frozen.input_matrix).max(axis=1) > _COUPLED
+        for matrix in (frozen.mass, frozen.stiffness + frozen.stiffness.T):
+            linked += abs(matrix) > _COUPLED * abs(matrix).max()
+    for _ in range(model.coordinates):
+        reached |= linked @ reached > 0.0
+    columns = [
+        model.joint_state(np.concatenate((rest, one)))[1] for one in np.eye(model.coordinates)
+    ]
+    return SmallMotion(model, rest, np.flatnonzero(reached), units, np.array(columns).T)
+
+
+def _frozen(model: Model, rest: Vector, units: UnitSizes, t: float) -> Frozen:
+    linear = model.linearise(rest, t)
+    d = -model.bias(rest, np.zeros(model.coordinates), t)
+    s, e, scale = units.coordinates, units.efforts, units.energy
+    return Frozen(
+        s[:, None] * linear.mass * s / scale,
+        s[:, None] * linear.damping * s / scale,
+        s[:, None] * linear.stiffness * s / scale,
+        s[:, None] * linear.input_matrix * e / scale,
+        s * d / scale,
+    )
+
+
+def require_balancing(frozen: Frozen, motion: SmallMotion) -> None:
+    """Check that B* has full column rank, so that B*^T B* can be inverted (3-5).
+
+    Raises:
+        BadInput: it has not; names the efforts that do the same, and the motion that they leave
+            without a balance.
+    """
+    left, singular, right = np.linalg.svd(frozen.input_matrix)
+    if len(singular) == frozen.input_matrix.shape[1] and singular[-1] > _RANK * singular[0]:
+        return
+    rank = int((singular > _RANK * singular[0]).sum())
+    twin = np.argsort(-abs(right[-1]))[:2]
+    alike = " and ".join(sorted(motion.model.joint_names[k] for k in twin))
+    lost = left[:, rank:]
+    free = motion.names[int(np.argmax((lost**2).sum(axis=1)))] if lost.size else "none"
+    raise BadInput(
+        f"B* has rank {rank} for {frozen.input_matrix.shape[1]} efforts: {alike} do the same; the "
+        f"motion of {free} cannot be balanced; remove one of them or move it"
+    )
+
+
+def moving(plant: PlantDescription, changes: dict[str, Any] | None) -> SmallMotion:
+    """Return the small motions that a law believes in.
+
+    Args:
+        plant: what stands on the bench.
+        changes: keys of the testbed believed otherwise; None: none.
+
+    Raises:
+        BadInput: an unknown key or a value that is not allowed.
+    """
+    testbed = plant.testbed if changes is None else believed(plant.testbed, changes, "model")
+    return small_motion(testbed, last_turn(testbed))
+
+
+def last_turn(testbed: Testbed) -> float:
+    """Return when the last prescribed turn ends [s]; 0: there is none."""
+    turns = testbed.hinge_turns() if isinstance(testbed, Retargeting) else ()
+    return max((turn.end for turn in turns), default=0.0)

@@ -1,0 +1,277 @@
+"""Flights of the linear examples of Kwak (1989), by the implicit midpoint rule on M, D, K, B, d."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.controllers.lqr import regulator
+from flexslew_control.controllers.retargeting.disturbance_accommodating import (
+    IntegralWeights,
+    integral_gains,
+)
+from flexslew_control.controllers.retargeting.modal_space import modal_gains
+from flexslew_control.perturbation import ModalGains, Regulator, backward
+from flexslew_control.perturbation import regulator as zero_order
+from flexslew_control.small_motion import Frozen, SmallMotion, last_turn, small_motion
+from flexslew_lab.reproduce import planar_antenna
+from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.spacecraft.packing import packed
+from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
+from flexslew_plant.testbeds.spacecraft.units import UNITS
+
+RUN, TURN = 6.0, 3.0  # of examples 1, 2 and 5: the whole, and the turns in it [s]
+STEP = 0.004  # [s]
+FINE = 0.001  # of the short examples 3 and 4 [s]
+
+
+class Feedback(NamedTuple):
+    """u = -[Kp, Kd, Ki] (x, x', integral of x) + f over one step."""
+
+    gains: Matrix  # (m, 3 k)
+    effort: Vector  # f, (m,)
+
+
+def flown(middle: Sequence[Frozen], step: float, control: Sequence[Feedback] | None) -> Matrix:
+    """Return the coordinates at the edges of all steps, from rest, shape (steps + 1, k).
+
+    Args:
+        middle: the equations in the middle of every step.
+        step: [s].
+        control: over every step; None: none.
+    """
+    k = len(middle[0].mass)
+    y, one = np.zeros(3 * k), np.eye(3 * k)
+    found, last, solved, pushed = [y[:k]], None, one, y
+    for index, frozen in enumerate(middle):
+        now = frozen, None if control is None else control[index]
+        if last is None or now[0] is not last[0] or now[1] is not last[1]:
+            moved, pushed = _rates(*now)
+            half = 0.5 * step * moved
+            inverse = np.linalg.inv(one - half)
+            solved, pushed, last = inverse @ (one + half), step * (inverse @ pushed), now
+        y = solved @ y + pushed
+        found.append(y[:k])
+    return np.array(found)
+
+
+def _rates(frozen: Frozen, control: Feedback | None) -> tuple[Matrix, Vector]:
+    """Return F and b of y' = F y + b for y = (x, x', integral of x)."""
+    k = len(frozen.mass)
+    f, force = np.zeros((3 * k, 3 * k)), frozen.disturbance
+    f[: 2 * k, : 2 * k] = frozen.state_matrix
+    f[2 * k :, :k] = np.eye(k)
+    if control is not None:
+        force = force + frozen.input_matrix @ control.effort
+        pulled = np.linalg.solve(frozen.mass, frozen.input_matrix @ control.gains)
+        f[k : 2 * k] -= pulled
+    pushed = np.zeros(3 * k)
+    pushed[k : 2 * k] = np.linalg.solve(frozen.mass, force)
+    return f, pushed
+
+
+class Example(NamedTuple):
+    """An example's small motions over a run."""
+
+    motion: SmallMotion
+    middle: list[Frozen]  # of every step
+
+    def metres(self, path: Matrix) -> Matrix:
+        """Return coordinates in SI from those in the example's units."""
+        kept: Vector = self.motion.units.coordinates[self.motion.kept]
+        return np.asarray(path * kept)
+
+    def tips(self, path: Matrix) -> Matrix:
+        """Return displacements of the tips in the example's lengths, shape (steps + 1, tips)."""
+        model = self.motion.model
+        modes = np.zeros((len(path), model.coordinates))
+        modes[:, self.motion.kept] = self.metres(path)
+        length = float(self.motion.units.coordinates[0])
+        return np.asarray(modes[:, model.before_modes :] @ model.appendages.tip.T / length)
+
+
+@lru_cache
+def example(name: str, changes: tuple[tuple[str, Any], ...] = ()) -> Example:
+    """Return a shipped example's small motions.
+
+    Args:
+        name: of the trial.
+        changes: keys of the shape of its appendage, with other values.
+    """
+    values: dict[str, Any] = {}
+    if changes:
+        testbed = shipped(name).testbed
+        assert isinstance(testbed, SpacecraftTestbed)
+        values = _shaped(next(iter(testbed.appendages)), changes)
+    testbed = shipped(name, values).testbed
+    motion = small_motion(testbed, last_turn(testbed))
+    turning = [motion.at(t) for t in STEP * (np.arange(round(TURN / STEP)) + 0.5)]
+    return Example(motion, turning + [motion.at(TURN + STEP)] * round((RUN - TURN) / STEP))
+
+
+def _shaped(appendage: str, changes: tuple[tuple[str, Any], ...]) -> dict[str, Any]:
+    """Return changes of an appendage's shape as changes of a trial."""
+    return {"testbed": {"appendages": {appendage: {"shape": dict(changes)}}}}
+
+
+@lru_cache
+def open_path(name: str, changes: tuple[tuple[str, Any], ...] = ()) -> Matrix:
+    """Return the path of an example without control, in its units."""
+    return flown(example(name, changes).middle, STEP, None)
+
+
+@lru_cache
+def printed_tips(modes: int) -> Matrix:
+    """Return the tip of example 1 with m_e, S_e and I_e as printed, open, in the turn [ft].
+
+    No beam has these numbers (S^2 / m > I): a model takes them all the same.
+
+    Args:
+        modes: admissible functions in each direction.
+    """
+    changes = (("linear_density", 0.06), ("modes_across", modes), ("modes_third", modes))
+    case = example("antenna_1", changes)
+    unit, motion = UNITS["slug_ft_lb"], case.motion
+    testbed = shipped("antenna_1", _shaped("beam", changes)).testbed
+    assert isinstance(testbed, SpacecraftTestbed)
+    craft = testbed.craft
+    a = craft.appendages[0]
+    first, second = np.zeros(3), np.zeros((3, 3))
+    first[2], second[2, 2] = 1.65 * unit.mass * unit.length, 1.25 * unit.torque
+    a = replace(a, integrals=replace(a.integrals, first=first, second=second))
+    model = replace(motion.model, packed=packed(replace(craft, appendages=(a,))))
+    case = case._replace(motion=replace(motion, model=model))
+    steps = round(TURN / STEP)
+    middle = [case.motion.at(t) for t in STEP * (np.arange(steps) + 0.5)]
+    return case.tips(flown(middle, STEP, None))
+
+
+@lru_cache
+def minimised_path() -> Matrix:
+    """Return the path of example 1 under disturbance minimisation and a regulator."""
+    case = example("antenna_1")
+    before = case.motion.before()
+    a, b = before.state_matrix, before.state_input_matrix
+    gain, _ = regulator(a, b, 100.0 * np.eye(len(a)), 0.001 * np.eye(b.shape[1]))
+    gains = np.hstack((gain, np.zeros((len(gain), len(a) // 2))))
+    known: dict[int, Feedback] = {}
+    for frozen in case.middle:
+        if id(frozen) not in known:
+            s, d = frozen.input_matrix, frozen.disturbance
+            known[id(frozen)] = Feedback(gains, -np.linalg.solve(s.T @ s, s.T @ d))
+    return flown(case.middle, STEP, [known[id(frozen)] for frozen in case.middle])
+
+
+@lru_cache
+def accommodated_path() -> Matrix:
+    """Return the path of example 2 under PI control."""
+    case = example("antenna_2")
+    before = case.motion.before()
+    gains = integral_gains(before, IntegralWeights())
+    control = Feedback(gains, np.zeros(len(gains)))
+    return flown(case.middle, STEP, [control] * len(case.middle))
+
+
+class Changing(NamedTuple):
+    """An example with gains that change: 3, the oscillator, or 4, the planar antenna."""
+
+    regulator: Regulator
+    middle: list[Frozen]  # of every step
+    after: Frozen
+
+
+@lru_cache
+def changing(number: int) -> Changing:
+    """Return example 3 or 4."""
+    times = FINE * (np.arange(round(TURN / FINE)) + 0.5)
+    if number == 4:
+        before = planar_antenna.before()
+        middle, after = [planar_antenna.planar(t) for t in times], planar_antenna.planar(TURN)
+        after = after._replace(  # at rest at its end
+            damping=0.0 * after.damping, stiffness=before.stiffness, disturbance=0.0 * times[:4]
+        )
+    else:
+        motion = small_motion(shipped("antenna_3").testbed, TURN)
+        before, middle, after = motion.before(), [motion.at(t) for t in times], motion.before()
+    k = len(before.mass)
+    return Changing(zero_order(before, np.eye(3 * k), 0.01 * np.eye(k)), middle, after)
+
+
+@lru_cache
+def first_order(number: int, end: str) -> list[Matrix]:
+    """Return P1 at the edges of the steps: backward from `zero` or `adiabatic`, or `frozen`."""
+    case = changing(number)
+    changes = [case.regulator.change(frozen) for frozen in (*case.middle, case.after)]
+    if end == "frozen":
+        return [case.regulator.adiabatic(change) for change in changes]
+    return backward(case.regulator, changes, FINE, end)  # type: ignore[arg-type]
+
+
+def modal_gains_of(number: int, end: str) -> list[ModalGains]:
+    """Return the gains over every step."""
+    case = changing(number)
+    edges = first_order(number, end)
+    return [
+        case.regulator.gains(case.regulator.change(frozen), 0.5 * (a + b))
+        for frozen, a, b in zip(case.middle, edges, edges[1:], strict=False)
+    ]
+
+
+@lru_cache
+def changing_path(number: int, law: str) -> Matrix:
+    """Return the path of example 3 or 4 under `none`, `zero`, `adiabatic`, `frozen` or `imsc`."""
+    case = changing(number)
+    if law == "none":
+        return flown(case.middle, FINE, None)
+    if law == "imsc":
+        gain = modal_gains(case.regulator.squares, 0.01)
+        control = Feedback(np.array([[gain[0][0], gain[1][0], 0.0]]), np.zeros(1))
+        return flown(case.middle, FINE, [control] * len(case.middle))
+    u = np.linalg.inv(case.regulator.modes)
+    controls = [
+        Feedback(
+            u.T @ np.hstack([part @ u for part in (g.proportional, g.rate, g.integral)]), 0 * u[0]
+        )
+        for g in modal_gains_of(number, law)
+    ]
+    return flown(case.middle, FINE, controls)
+
+
+def exact_riccati(number: int) -> list[Matrix]:
+    """Return P of the full Riccati equation (3-34) at the edges, backward from the end."""
+    case = changing(number)
+    r = case.regulator
+    b, k = r.input_matrix, len(r.squares)
+    s = b @ r.inverse_weight @ b.T
+    still = r.state_matrix + r.perturbation(r.change(case.after))
+    _, p = regulator(still, b, r.state_weight, r.effort_weight)
+    found = [p]
+    for frozen in reversed(case.middle):
+        a = r.state_matrix + r.perturbation(r.change(frozen))
+
+        def slope(p: Matrix, a: Matrix = a) -> Matrix:
+            return np.asarray(p @ a + a.T @ p + r.state_weight - p @ s @ p)
+
+        first = slope(p)
+        second = slope(p + 0.5 * FINE * first)
+        third = slope(p + 0.5 * FINE * second)
+        p = p + FINE / 6.0 * (first + 2.0 * (second + third) + slope(p + FINE * third))
+        found.append(p)
+    assert len(p) == 3 * k
+    return found[::-1]
+
+
+def riccati_error(number: int, end: str) -> float:
+    """Return the root mean square over the run of the norm of P0 + P1 - P."""
+    p0 = changing(number).regulator.riccati
+    pairs = zip(first_order(number, end), exact_riccati_of(number), strict=True)
+    return float(np.sqrt(np.mean([((p0 + p1 - p) ** 2).sum() for p1, p in pairs])))
+
+
+@lru_cache
+def exact_riccati_of(number: int) -> list[Matrix]:
+    """Return exact_riccati, once."""
+    return exact_riccati(number)

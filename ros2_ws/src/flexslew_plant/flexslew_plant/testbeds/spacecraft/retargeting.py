@@ -1,0 +1,58 @@
+"""Antennas that turn on prescribed hinges: their turns, and the units of a section's weights."""
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.testbeds.contract import HingeTurn, UnitSizes
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Spacecraft
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.units import Units
+
+
+def hinge_turns(craft: Spacecraft) -> tuple[HingeTurn, ...]:
+    """Return all prescribed turns, in the order of their begin."""
+    turns = []
+    for a in craft.appendages:
+        angle = 0.0
+        for m in a.manoeuvres:
+            angle += m.angle
+            turns.append(HingeTurn(a.name, m.begin, m.begin + m.duration, angle))
+    return tuple(sorted(turns, key=lambda turn: (turn.begin, turn.appendage)))
+
+
+def mode_sizes(a: Appendage, units: Units) -> Vector:
+    """Return one unit of each modal coordinate of a section in SI, shape (n,).
+
+    A mode of a beam in closed form, which is a cantilever function times a coordinate in units of
+    length (Kwak 1989, (4-1)), has the beam's mass for its modal mass; any other one has the unit
+    of mass.
+    """
+    scaled = a.shape is not None and a.shape.tip_scaled
+    sizes: Vector = units.length * np.sqrt((a.integrals.mass if scaled else units.mass) / a.mass)
+    return sizes
+
+
+def modal_effort(a: Appendage, mode: int, units: Units) -> float:
+    """Return one unit of a force on a modal coordinate in SI; modes count from 0."""
+    return units.torque / float(mode_sizes(a, units)[mode])
+
+
+def section_units(craft: Spacecraft, units: Units) -> UnitSizes:
+    """Return the units of places, angles, modes and efforts in SI.
+
+    Args:
+        craft: the spacecraft.
+        units: of its section.
+    """
+    own = {at.FREE: [units.length] * 3 + [1.0] * 3, at.HELD: [], at.PIVOT: [1.0]}[craft.motion]
+    sizes = own + [1.0] * (len(craft.hinged) + len(craft.wheels))
+    for a in craft.appendages:
+        sizes += mode_sizes(a, units).tolist()
+    efforts = []
+    for d in craft.drives:
+        if d.what == at.MODAL and d.spot is not None:
+            mode = int(np.argmax(d.spot.displacement[0]))
+            efforts.append(modal_effort(craft.appendages[d.owner], mode, units))
+        else:
+            efforts.append(units.force if d.unit == "N" else units.torque)
+    return UnitSizes(np.array(sizes), np.array(efforts), units.torque)

@@ -1,0 +1,20 @@
+"""`./flexslew reproduce antennas`: the parts that take seconds; the command flies all rows."""
+
+from flexslew_lab.reproduce import antennas
+
+
+def test_every_constant_is_as_published() -> None:
+    rows = antennas._beam_constants()
+    assert [row["item"] for row in rows if not row["ok"]] == []
+
+
+def test_the_oscillator_flies_as_published() -> None:
+    rows = antennas._example_3()
+    assert [row["item"] for row in rows if not row["ok"]] == []
+    assert len(rows) == 7
+
+
+def test_the_planar_antenna_flies_as_published() -> None:
+    rows = antennas._example_4()
+    assert [row["item"] for row in rows if not row["ok"]] == []
+    assert len(rows) == 12
