@@ -69,7 +69,7 @@ class Regulator:
     @cached_property
     def inverse_weight(self) -> Matrix:
         """R^-1."""
-        return np.linalg.inv(self.effort_weight)
+        return np.asarray(np.linalg.inv(self.effort_weight), dtype=np.float64)
 
     @cached_property
     def riccati(self) -> Matrix:

@@ -6,9 +6,10 @@ testbed's section, in which the weights of its laws are given.
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
@@ -17,6 +18,7 @@ from flexslew_plant.testbeds import Testbed, believed
 from flexslew_plant.testbeds.contract import Retargeting, UnitSizes, unit_sizes
 from flexslew_plant.testbeds.model import Model
 
+Indices: TypeAlias = NDArray[np.intp]
 _COUPLED = 1e-9  # of the largest entry of a row: less is no coupling
 _RANK = 1e-9  # of the largest singular value
 
@@ -59,7 +61,7 @@ class SmallMotion:
 
     model: Model
     rest: Vector
-    kept: Vector
+    kept: Indices
     units: UnitSizes
     readings: Matrix
 

@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from flexslew_control.controllers.lqr import disturbance_gain
 from flexslew_control.law import PlantDescription
 from flexslew_control.perturbation import (
     Change,
@@ -90,7 +91,8 @@ def plan_retargeting(settings: Retargeting, plant: PlantDescription) -> Plan:
     motion = small_motion(testbed, max(until, float(times[-1])))
     ticks = len(times) - 1
     model = motion.model
-    effort, summary = np.zeros((ticks, model.efforts)), {"duration": duration}
+    effort: Matrix = np.zeros((ticks, model.efforts))
+    summary: dict[str, Any] = {"duration": duration}
     if settings.feedforward != "none":
         effort, left = balancing(motion, times[:-1], plant.period)
         summary |= {"unbalanced": left}
@@ -140,7 +142,7 @@ def balancing(motion: SmallMotion, begin: Vector, period: float) -> tuple[Matrix
                 continue
             require_balancing(frozen, motion)
             b, d = frozen.input_matrix, frozen.disturbance
-            u = -np.linalg.solve(b.T @ b, b.T @ d)
+            u = -(disturbance_gain(b) @ d)
             effort[k] += 0.5 * u
             left = np.maximum(left, abs(d + b @ u))
     return effort * motion.units.efforts, dict(zip(motion.names, left.tolist(), strict=True))

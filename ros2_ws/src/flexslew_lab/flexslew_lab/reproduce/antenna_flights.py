@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.controllers.lqr import regulator
+from flexslew_control.controllers.lqr import disturbance_gain, regulator
 from flexslew_control.controllers.retargeting.disturbance_accommodating import (
     IntegralWeights,
     integral_gains,
@@ -161,7 +161,7 @@ def minimised_path() -> Matrix:
     for frozen in case.middle:
         if id(frozen) not in known:
             s, d = frozen.input_matrix, frozen.disturbance
-            known[id(frozen)] = Feedback(gains, -np.linalg.solve(s.T @ s, s.T @ d))
+            known[id(frozen)] = Feedback(gains, -(disturbance_gain(s) @ d))
     return flown(case.middle, STEP, [known[id(frozen)] for frozen in case.middle])
 
 
@@ -191,7 +191,7 @@ def changing(number: int) -> Changing:
         before = planar_antenna.before()
         middle, after = [planar_antenna.planar(t) for t in times], planar_antenna.planar(TURN)
         after = after._replace(  # at rest at its end
-            damping=0.0 * after.damping, stiffness=before.stiffness, disturbance=0.0 * times[:4]
+            damping=0.0 * after.damping, stiffness=before.stiffness, disturbance=before.disturbance
         )
     else:
         motion = small_motion(shipped("antenna_3").testbed, TURN)

@@ -10,6 +10,7 @@ from flexslew_control.controllers.retargeting.disturbance_accommodating import (
     IntegralWeights,
     augmented,
 )
+from flexslew_control.controllers.retargeting.modal_space import modal_gains
 from flexslew_lab.reproduce import antenna_flights as flights
 from flexslew_lab.reproduce.laws import row
 from flexslew_lab.reproduce.membrane_flights import membrane_peaks
@@ -152,7 +153,7 @@ def _example_3() -> list[dict[str, Any]]:
     ):
         item = f"example 3: gain {name} of zero order"
         rows.append(row(item, NOT_PRINTED, reference, float(ours[0, 0]), 1e-6))
-    stiffening, _ = flights.modal_gains(np.array([100.0]), 0.01)
+    stiffening, _ = modal_gains(np.array([100.0]), 0.01)
     static = 100.0 / (100.0 + float(stiffening[0]))
     item = "example 3: static error of independent modal space [m]"
     rows.append(row(item, NOT_PRINTED, 0.7071, static, 1e-4))
@@ -166,8 +167,8 @@ def _example_4() -> list[dict[str, Any]]:
         ("zero", "perturbation, P1(tf) = 0", (0.000872318, 0.000855591, 0.237500)),
     ):
         x = flights.changing_path(4, law)
-        ours = (*_largest(x)[:2], float(np.degrees(_largest(x)[2])))
-        named = zip(("R_y [ft]", "R_z [ft]", "theta [deg]"), references, ours, strict=True)
+        peaks = (*_largest(x)[:2], float(np.degrees(_largest(x)[2])))
+        named = zip(("R_y [ft]", "R_z [ft]", "theta [deg]"), references, peaks, strict=True)
         rows += _peaks(f"example 4, {name}", {key: (there, here) for key, there, here in named})
     shape, unit = _shape("antenna_4"), UNITS["slug_ft_lb"]
     bar = 2.0 * float(abs(shape.integrals.translation[:, 0]).max()) / unit.mass
@@ -204,11 +205,11 @@ def _example_5() -> list[dict[str, Any]]:
         ours = float(shape.frequencies[(0, 1, 2, 3, 6, 7)[k]])
         item = f"example 5: omega_{k + 1} [rad/s]"
         rows.append(row(item, NOT_PRINTED, reference, ours, 1e-6))
-    for k, (paper, reference, ours) in enumerate(
+    for k, (printed, reference, ours) in enumerate(
         zip(_PRINTED, _MEMBRANE, _membrane_constants(shape), strict=True)
     ):
         item = f"example 5: mode constant {k + 1} of (4-21) [-]"
-        rows.append(row(item, str(paper), reference, ours, 1e-3))
+        rows.append(row(item, str(printed), reference, ours, 1e-3))
     case, path = flights.example("antenna_5_1"), flights.open_path("antenna_5_1")
     linear = (*_largest(path)[1:4], float(abs(case.tips(path)).max()))
     for name, references, peaks in (

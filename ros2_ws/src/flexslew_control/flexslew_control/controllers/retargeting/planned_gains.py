@@ -6,6 +6,10 @@ the tick itself computes none.
 
 from typing import Any
 
+from flexslew_control.controllers.retargeting.disturbance_accommodating import (
+    IntegralWeights,
+    integral_gains,
+)
 from flexslew_control.controllers.retargeting.small_motion_laws import IntegralFeedback
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
@@ -18,6 +22,7 @@ class PlannedGains:
     """The settings of controller `planned_gains`."""
 
     model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: none
+    weights: IntegralWeights = IntegralWeights()  # of the gains before there are others
     observer: ObserverSettings = ObserverSettings()
     tracking_time: Positive | None = 10.0  # T_t of the anti-windup [s]; null: none
 
@@ -26,8 +31,11 @@ def build(settings: PlannedGains, plant: PlantDescription) -> tuple[Estimator, I
     """Return the estimator of small motions and the law.
 
     Raises:
-        BadInput: a motion does not show in the readings.
+        BadInput: a motion is not controllable or does not show in the readings.
     """
     motion = moving(plant, settings.model)
-    law = IntegralFeedback(None, plant.effort_limit, settings.tracking_time, plant.period)
+    gains = motion.gains(integral_gains(motion.before(), settings.weights))
+    law = IntegralFeedback(
+        gains, plant.effort_limit, settings.tracking_time, plant.period, planned=True
+    )
     return observer(motion, settings.observer, plant.period), law

@@ -42,23 +42,25 @@ class IntegralFeedback:
     The gains stand outside of the integral, as Kwak's (1989) changing ones do.
 
     Args:
-        gains: [Kp, Kd, Ki] on all coordinates, SI, shape (m, 3 n); None: those of the plan.
+        gains: [Kp, Kd, Ki] on all coordinates, SI, shape (m, 3 n).
         limit: of the efforts, shape (m,) [N m or N].
         tracking_time: T_t [s]; None: the integral winds up.
         period: one tick [s].
+        planned: whether it flies with the gains of its plan alone.
     """
 
-    gains: Matrix | None
+    gains: Matrix
     limit: Vector
     tracking_time: float | None
     period: float
+    planned: bool = False
     terms: dict[str, Vector] = field(init=False, default_factory=dict)
     _z: Vector = field(init=False, default_factory=lambda: np.zeros(0))
     _before: Vector = field(init=False, default_factory=lambda: np.zeros(0))
 
     def objection(self, plan: Plan | None) -> str:
         """Return why it cannot fly without a plan, or with this one; empty if it can."""
-        return "" if self.gains is not None or (plan and plan.gains.size) else NO_GAINS
+        return NO_GAINS if self.planned and not (plan and plan.gains.size) else ""
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
@@ -66,7 +68,7 @@ class IntegralFeedback:
         """Choose the integral such that the next effort is nearest to `effort`."""
         kp, kd, ki = self._three(reference)
         rest = reference.effort - kp @ estimate.position - kd @ estimate.velocity - effort
-        self._z = np.linalg.lstsq(ki, rest, rcond=None)[0]
+        self._z = np.asarray(np.linalg.lstsq(ki, rest, rcond=None)[0], dtype=np.float64)
         self._before = estimate.position
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
@@ -92,7 +94,7 @@ class IntegralFeedback:
 
     def _three(self, reference: Reference) -> tuple[Matrix, Matrix, Matrix]:
         gains = self.gains
-        if gains is None:
+        if self.planned and reference.gains.size:
             gains = reference.gains.reshape(len(self.limit), -1)
         n = gains.shape[1] // 3
         return gains[:, :n], gains[:, n : 2 * n], gains[:, 2 * n :]
