@@ -19,7 +19,7 @@ from flexslew_control.small_motion import Frozen, SmallMotion, last_turn, small_
 from flexslew_lab.reproduce import planar_antenna
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.spacecraft.packing import packed
+from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 from flexslew_plant.testbeds.spacecraft.units import UNITS
 

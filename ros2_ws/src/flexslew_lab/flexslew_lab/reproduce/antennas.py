@@ -18,7 +18,7 @@ from flexslew_lab.reproduce.planar_antenna import ROUNDED, constant
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.beam import wave_numbers
-from flexslew_plant.testbeds.spacecraft.shape import FlexibleShape
+from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 from flexslew_plant.testbeds.spacecraft.units import FOOT, UNITS
 
