@@ -226,7 +226,7 @@ def _tell(missing: str, changed: dict[str, tuple[str, str]]) -> None:
     for name, (there, here) in changed.items():
         screen.print(f"{name} is another file: SHA-256 {there[:16]} in the log, {here[:16]} here")
     if missing:
-        screen.print(f"[yellow]only a part:[/yellow] {missing}", highlight=False)
+        say(missing, head="only a part: ")
 
 
 def _settings(pairs: list[str]) -> dict[str, Any]:
