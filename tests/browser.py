@@ -107,11 +107,11 @@ class Browser:
         entries = _call("POST", f"{self._address}/se/log", {"type": "browser"})
         return [e["message"] for e in entries if e["level"] in ("SEVERE", "WARNING")]
 
-    def picture(self, path: Path) -> None:
-        """Save the whole page as PNG."""
+    def picture(self, path: Path, whole: bool = True) -> None:
+        """Save the page as PNG: the whole of it, or what the window shows without drawing anew."""
         from base64 import b64decode
 
-        shot = self.devtools("Page.captureScreenshot", {"captureBeyondViewport": True})
+        shot = self.devtools("Page.captureScreenshot", {"captureBeyondViewport": whole})
         path.write_bytes(b64decode(shot["data"]))
 
 

@@ -30,7 +30,12 @@ class Page:
 
     def choose(self, label: str, option: str) -> None:
         self.browser.click(f"{_field(label)}//input")
-        self.browser.click(f"//*[@role='option' and normalize-space()='{option}']")
+        place = self.browser.until(
+            "return document.querySelector('input[aria-expanded=true]')"
+            "?.getAttribute('aria-controls')"
+        )
+        wanted = f"@role='option' and normalize-space()='{option}'"
+        self.browser.click(f"//*[@id='{place}']//*[{wanted}]")
 
     def state(self, words: str) -> None:
         """Wait until the state of the bench says this."""

@@ -48,15 +48,72 @@ def test_a_session_worked_by_hand_flies_again_with_the_same_bits(tmp_path: Path)
         page.choose("Controller", "pd_feedforward")
         page.click("Switch")
         page.state("in charge\tpd_feedforward")
+        tune(page)
+        disturb(page)
+        plan(page)
+        note(page)
         page.tab("Run")
         page.choose("Rate", "fast")
         page.click("Set the rate")
         page.state("finished")
+        page.tab("End")
+        page.write("Earlier run", str(run))
+        page.click("Overlay it")
+        page.says("largest difference: position 0")
+        page.click("Open the report")
+        browser.until("return document.querySelector('iframe')?.contentDocument?.body?.innerText")
         assert not [c for c in browser.complaints() if "Refused" in c or "SEVERE" in c]
     events = BagReader(run / "bag").overview.events
     asked = [e for e in events if "page" in str(e.data.get("who", ""))]
     kinds = ["step", "started", "switch_requested", "brake_requested", "brake_requested"]
-    kinds += ["switch_requested", "rate"]
+    kinds += ["switch_requested", "tuned", "injected", "fault_ended", "planned", "note", "rate"]
     assert [e.kind for e in asked] == kinds
     assert all(", page 0" in e.data["who"] for e in asked)
     assert resim(run / "bag").identical
+
+
+def tune(page: Page) -> None:
+    page.tab("Tune")
+    page.choose("Tuned controller", "pd_feedforward")
+    page.write("kp", "[-1.0, 460.0]")
+    page.click("Tune")
+    page.says("kp.0: -1.0 is not allowed")
+    page.write("kp", "[500.0, 500.0]")
+    page.click("Tune")
+    page.says("kp: [500.0, 500.0] from tick")
+
+
+def disturb(page: Page) -> None:
+    page.tab("Break")
+    page.write("effort", "much")
+    page.click("Disturb")
+    page.says("effort: 'much' is not allowed: give a number")
+    page.write("effort", "2.0")
+    page.click("Disturb")
+    page.browser.until(
+        "return [...document.querySelectorAll('input')].some(e => e.value.startsWith('0: '))"
+    )
+    page.click("End it")
+    page.says("ends at tick")
+
+
+def plan(page: Page) -> None:
+    page.tab("Plan")
+    page.choose("Method", "reference_only")
+    page.write("goal of hub_pitch", "0.2")
+    page.write("start", "0.5")
+    page.click("Plan and fly it from its start on")
+    page.says("start: 0.5 is over")
+    page.write("start", "40.0")
+    page.write("duration", "5.0")
+    page.click("Plan and fly it from its start on")
+    page.says("reference_only: 5 s from 40 s on is published")
+    page.says("planned hub_pitch")
+
+
+def note(page: Page) -> None:
+    page.tab("Log")
+    page.write("Remark", "the beams ring")
+    page.click("Note it")
+    page.says("noted at tick")
+    page.says("the beams ring")

@@ -27,15 +27,22 @@ def meanings(settings: Any, prefix: str = "") -> dict[str, FieldMeaning]:
         prefix: of the names.
     """
     found: dict[str, FieldMeaning] = {}
-    kind = type(settings)
-    comments = dict(_LINE.findall(_source(kind)))
-    schema = TypeAdapter(kind).json_schema().get("properties", {})
-    for item in fields(settings):
-        value, name = getattr(settings, item.name), prefix + item.name
+    for key, meaning in own_meanings(type(settings)).items():
+        value, name = getattr(settings, key), prefix + key
         if is_dataclass(value):
             found |= meanings(value, f"{name}.")
-        found[name] = FieldMeaning(comments.get(item.name, ""), *_range(schema.get(item.name, {})))
+        found[name] = meaning
     return found
+
+
+def own_meanings(kind: type[Any]) -> dict[str, FieldMeaning]:
+    """Return what the keys of a section mean, nested sections not followed."""
+    comments = dict(_LINE.findall(_source(kind)))
+    schema = TypeAdapter(kind).json_schema().get("properties", {})
+    return {
+        item.name: FieldMeaning(comments.get(item.name, ""), *_range(schema.get(item.name, {})))
+        for item in fields(kind)
+    }
 
 
 def _source(kind: type) -> str:

@@ -17,6 +17,7 @@ from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, patient
 from flexslew_lab.cli.log import bag_of
 from flexslew_lab.cli.missing import require_ros
 from flexslew_lab.cli.operate import Namespace, bench_domain
+from flexslew_lab.cli.replay import Trust
 from flexslew_lab.cli.terminal import link, progress, say
 from flexslew_plant.errors import BadInput
 
@@ -42,6 +43,7 @@ def console(
     out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
     rate: Annotated[float, typer.Option(help="At the start; 1 is real time, 0 fast.")] = 1.0,
     namespace: Namespace = "",
+    trust: Trust = None,
 ) -> None:
     """Work at a bench from the browser: start, pause, swap, break, watch.
 
@@ -56,9 +58,9 @@ def console(
     if sum((file is not None, attach, replay is not None)) > 1:
         raise BadInput("console: give one of a trial, --attach and --replay")
     if replay is not None:
-        from flexslew_lab.console.replay import serve
+        from flexslew_lab.console.replay_page import serve
 
-        serve(bag_of(replay), host, port, say)
+        serve(bag_of(replay), host, port, say, trust or ())
         return
     require_ros()
     if attach:

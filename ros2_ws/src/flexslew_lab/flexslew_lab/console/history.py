@@ -129,7 +129,7 @@ def marked(
         known = np.isfinite(row)
         at = np.full(len(more), np.nan)
         if known.any():
-            at = np.interp(more, axis[known], row[known], left=np.nan, right=np.nan)
+            at = np.interp(more, axis[known], row[known])
         filled.append(np.concatenate((row, at))[order])
     up = np.concatenate((np.full(len(axis), -1.0), np.tile([-1.0, 2.0, -1.0], len(events))))
     return whole[order], filled, up[order]
@@ -138,6 +138,14 @@ def marked(
 def _placed(curve: Curve, axis: Vector) -> Vector:
     row = np.full(len(axis), np.nan)
     row[np.searchsorted(axis, curve.time)] = curve.value
+    return _begun(row)
+
+
+def _begun(row: Vector) -> Vector:
+    """Return a row whose first number is one: the chart takes its scale from there."""
+    known = np.flatnonzero(np.isfinite(row))
+    if len(known):
+        row[0] = row[known[0]]
     return row
 
 
@@ -147,11 +155,11 @@ def _extremes(curve: Curve, edges: Vector) -> Vector:
     bounds: NDArray[np.intp] = np.searchsorted(curve.time, edges)
     there = np.flatnonzero(np.diff(bounds) > 0)
     if not len(there):
-        return out.ravel()
+        return np.zeros(out.size)
     part, starts = curve.value[: bounds[-1]], bounds[there]
     low, high = np.fmin.reduceat(part, starts), np.fmax.reduceat(part, starts)
     rising = part[bounds[there + 1] - 1] >= part[starts]
     out[there] = np.where(
         rising[:, None], np.column_stack((low, high)), np.column_stack((high, low))
     )
-    return out.ravel()
+    return _begun(out.ravel())

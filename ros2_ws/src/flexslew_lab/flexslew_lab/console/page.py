@@ -1,20 +1,29 @@
 """The page: which panels stand where."""
 
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from time import monotonic
 
 from flexslew_lab.console.desk import Desk, Panel
 from flexslew_lab.console.link import Link
+from flexslew_lab.console.panels.breakage import ActivePanel, BreakPanel, DisturbPanel
 from flexslew_lab.console.panels.charts import ChartsPanel
+from flexslew_lab.console.panels.compare import ComparePanel
+from flexslew_lab.console.panels.end import EndPanel
+from flexslew_lab.console.panels.log import EventsPanel, NotePanel
+from flexslew_lab.console.panels.plan import PlanPanel
 from flexslew_lab.console.panels.replay import Recording, ReplayPanel
 from flexslew_lab.console.panels.run import BrakePanel, RunPanel
 from flexslew_lab.console.panels.scene import ScenePanel
 from flexslew_lab.console.panels.state import StatePanel
 from flexslew_lab.console.panels.swap import SwapPanel
+from flexslew_lab.console.panels.tune import TunePanel
 from flexslew_lab.console.server import ConsoleServer
 
 FRAME = 0.05  # between two frames at least [wall s]
-LEFT, RIGHT = 340, 560  # widths [px]
+LEFT, RIGHT = 400, 560  # widths [px]
+Make = Callable[[Desk], Panel]
 
 
 class Page:
@@ -42,7 +51,7 @@ class Page:
         self._link = link
         self.server = ConsoleServer(host, port, say)
         self._desk = Desk(self.server.viser, link)
-        self._panels = _built(self._desk, recording)
+        self._panels = _built(self._desk, recording, self.server.gate.files)
         self._next = 0.0
         say(f"open {self.server.address}")
 
@@ -62,23 +71,34 @@ class Page:
         self.server.close()
 
 
-def _built(desk: Desk, recording: Recording | None) -> list[Panel]:
+def _built(desk: Desk, recording: Recording | None, files: dict[str, Path]) -> list[Panel]:
     gui = desk.gui
     gui.configure_theme(show_logo=False, show_share_button=False)
     gui.set_panel_label("flexslew")
-    panels: list[Panel] = [StatePanel(desk)]
-    panels.append(BrakePanel(desk) if recording is None else ReplayPanel(desk, recording))
-    tabs = gui.add_tab_group()
-    if recording is None:
-        with tabs.add_tab("Run"):
-            panels.append(RunPanel(desk))
-        with tabs.add_tab("Swap"):
-            panels.append(SwapPanel(desk))
-    with tabs.add_tab("View"):
-        panels.append(ScenePanel(desk))
     right = gui.add_panel()
     with right.add_tab("Charts"):
-        panels.append(ChartsPanel(desk))
+        charts = ChartsPanel(desk)
+    panels: list[Panel] = [charts, StatePanel(desk)]
+    if recording is not None:
+        panels.append(ReplayPanel(desk, recording))
+        tabs: dict[str, tuple[Make, ...]] = {}
+    else:
+        panels.append(BrakePanel(desk))
+        tabs = {
+            "Run": (RunPanel,),
+            "Swap": (SwapPanel,),
+            "Tune": (TunePanel,),
+            "Plan": (PlanPanel,),
+            "Break": (ActivePanel, DisturbPanel, BreakPanel),
+        }
+    events: Make = partial(EventsPanel, jump=charts.jump)
+    tabs["Log"] = (events,) if recording else (NotePanel, events)
+    tabs["View"] = (ScenePanel,)
+    tabs["End"] = (partial(EndPanel, files=files), partial(ComparePanel, charts=charts))
+    group = gui.add_tab_group()
+    for name, makes in tabs.items():
+        with group.add_tab(name):
+            panels += [make(desk) for make in makes]
     gui.main_panel.dock_left()
     gui.main_panel.set_width(LEFT)
     right.dock_right()

@@ -1,13 +1,11 @@
-"""The same page over the log of a run."""
+"""The log of a run as a page asks for it."""
 
-import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from flexslew_lab.console.link import Iterate, Then, Told
-from flexslew_lab.console.page import Page
 from flexslew_lab.console.view import BenchView, Now
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.replay.player import Outgoing, Player, PlaySettings
@@ -98,18 +96,3 @@ class Replay:
             lots.setdefault(message.topic, []).append(message.data)
         for topic, data in lots.items():
             self.view.take(topic.lstrip("/"), TOPICS[topic].type, data)
-
-
-def serve(bag: Path, host: str, port: int, say: Callable[[str], None]) -> None:
-    """Serve a page over a log until interrupted.
-
-    Raises:
-        BadInput: the bag cannot be read, or the port cannot be opened.
-    """
-    link = Replay(bag)
-    page = Page(link, host, port, say, link)
-    try:
-        while True:
-            time.sleep(page.poll())
-    finally:
-        page.close()

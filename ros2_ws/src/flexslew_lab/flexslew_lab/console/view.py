@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexslew_control.law import described
 from flexslew_lab.console.history import Track
 from flexslew_lab.log.bag_columns import blocks_of
 from flexslew_lab.log.files.mcap_scan import RawMessage
@@ -15,8 +16,7 @@ from flexslew_lab.log.messages.record_schema import LoggedEvent, logged_event
 from flexslew_plant import topics
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
-from flexslew_plant.testbeds import Testbed, read_testbed
+from flexslew_plant.testbeds import Testbed
 
 EVENTS = 2000  # that are kept
 
@@ -148,11 +148,13 @@ class BenchView:
             tuple(float(limit) for limit in m.effort_limit), m.period,
         )  # fmt: skip
         try:
-            settings = load_yaml(m.settings, "testbed")
-            self.testbed = read_testbed(settings["bench"]["testbed"], "testbed")
-        except (BadInput, KeyError, TypeError):
+            self.testbed = described(m.settings, "the bench").testbed
+        except BadInput:
             self.testbed = None
 
     def _take_event(self, m: Any) -> None:
-        self.events.append(logged_event(m, "the bench"))
+        event = logged_event(m, "the bench")
+        self.events.append(event)
         self.heard += 1
+        if event.kind == "finished":  # the plant may leave before it shows its state again
+            self.now = self.now._replace(state="finished", tick=event.tick)

@@ -17,6 +17,7 @@ _HEARD = (
     topics.TESTBED, topics.BENCH_STATE, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN,
     topics.TRUTH, topics.CONTROLLER_STATE,
 )  # fmt: skip
+_SILENT = 5.0  # after which the plant is taken for gone; it shows its state twice a second [wall s]
 
 
 class LiveLink:
@@ -33,6 +34,7 @@ class LiveLink:
     def __init__(self, node: Node, folder: str, command: str) -> None:
         self.view, self.folder, self.command = BenchView(), folder, command
         self._client = BenchClient(node)
+        self._heard = 0.0  # of the plant, last [wall s]
         self._listener = HiddenListener(node, {name: TOPICS[name] for name in _HEARD})
 
     def poll(self, now: float) -> None:
@@ -42,6 +44,10 @@ class LiveLink:
             lots.setdefault(name, []).append(data)
         for name, lot in lots.items():
             self.view.take(name, TOPICS[name].type, lot)
+        if topics.BENCH_STATE in lots:
+            self._heard = now
+        elif now - self._heard > _SILENT and self.view.now.state in ("running", "paused"):
+            self.view.now = self.view.now._replace(state="silent: no sign of life of the plant")
         self._client.poll(now)
 
     def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:

@@ -60,9 +60,11 @@ def node_processes(
         }
         processes.append(NodeProcess("recorder", "flexslew_lab", "recorder", parameters))
     planned = trial.plan is not None
-    if planned:
+    if planned or not autostart:  # an operator may want to plan
         parameters = {"exit_with_plant": True}
-        if plan is not None:
+        if trial.plan is None:
+            pass
+        elif plan is not None:
             parameters["file"] = str(plan.resolve())
         elif isinstance(trial.plan, SavedPlan):
             parameters["file"] = str(Path(trial.plan.file).resolve())

@@ -13,7 +13,7 @@ from flexslew_plant.arrays import Vector
 
 _SHOWN = (quantities.POSITION, quantities.ERROR, quantities.EFFORT, quantities.TIPS)
 _WINDOWS = {"10 s": 10.0, "30 s": 30.0, "100 s": 100.0, "300 s": 300.0, "whole run": 0.0}
-_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555", "#8a2be2")
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555", "#8a2be2")
 _EVENTS = "events"
 _QUIET = frozenset({"missed", "late", "ready", "not_ready"})  # too many for lines
 _NONE = "nothing"
@@ -84,13 +84,13 @@ class _Chart:
         self._plot = desk.gui.add_uplot(
             (nothing, nothing, nothing),
             _series([]),
-            height=150,
+            height=170,
             scales={
                 "x": uplot.Scale(time=False, auto=True),
                 _EVENTS: uplot.Scale(auto=False, range=(0.0, 1.0)),
             },
             axes=(
-                uplot.Axis(label="simulated time [s]", labelSize=18, size=34),
+                uplot.Axis(size=30),
                 uplot.Axis(size=56),
             ),
             cursor=uplot.Cursor(sync=uplot.Cursor_Sync(key="bench")),
@@ -133,7 +133,7 @@ def _series(curves: list[Curve]) -> tuple[Any, ...]:
     shown = [
         uplot.Series(
             label=curve.label,
-            stroke=_COLORS[k % len(_COLORS)],
+            stroke=COLORS[k % len(COLORS)],
             width=1.5,
             points={"show": False},
             **({"dash": (6.0, 4.0)} if curve.dashed else {}),

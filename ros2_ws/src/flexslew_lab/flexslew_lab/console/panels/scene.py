@@ -1,5 +1,6 @@
 """The testbed in three dimensions: bent as it is, with the reference as a ghost."""
 
+from contextlib import suppress
 from functools import partial
 from typing import Any
 from xml.etree import ElementTree
@@ -73,15 +74,16 @@ class ScenePanel:
             section_size=self._reach,
         )  # fmt: skip
         camera = self._desk.server.initial_camera
-        camera.position = tuple(2.2 * self._reach * np.array(_FIRST))
+        camera.position = tuple(3.0 * self._reach * np.array(_FIRST))
         camera.look_at = (0.0, 0.0, 0.0)
         self._look(_FIRST, "")
 
     def _look(self, direction: tuple[float, float, float], who: str) -> None:
         """Turn every page's camera."""
         for page in self._desk.server.get_clients().values():
-            page.camera.position = tuple(2.2 * self._reach * np.array(direction))
-            page.camera.look_at = (0.0, 0.0, 0.0)
+            with suppress(ValueError):  # a page that tells nonsense of its camera
+                page.camera.position = tuple(3.0 * self._reach * np.array(direction))
+                page.camera.look_at = (0.0, 0.0, 0.0)
 
 
 class _Drawing:

@@ -5,8 +5,6 @@ import html
 from flexslew_lab.console.desk import Desk
 from flexslew_lab.console.view import BenchView
 
-_SIGNS = {"running": "▶", "paused": "⏸", "finished": "■", "waiting": "…", "replaying": "▶"}
-
 
 class StatePanel:
     """Run state, time, rate, ticks, misses, who is in charge, who is ready or why not.
@@ -36,7 +34,7 @@ def _table(view: BenchView) -> str:
     period = view.joints.period if view.joints else 0.0
     tick = max(now.tick, round(view.time / period)) if period else now.tick
     rows = [
-        ("state", f"{_SIGNS.get(now.state, '?')} {now.state}"),
+        ("state", now.state),
         ("time", f"{view.time:.2f} s"),
         ("tick", f"{tick}{end}"),
         ("rate", rate),

@@ -1,0 +1,155 @@
+"""Forms made from sections of settings: a field for each key, what is wrong told beside it."""
+
+import dataclasses
+from collections.abc import Mapping
+from math import inf
+from typing import Any, NamedTuple, get_args
+
+from flexslew_lab.console.desk import Desk, line
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml, yaml_text
+from flexslew_plant.settings_fields import FieldMeaning, own_meanings
+
+_LONGEST = 4000  # characters of a field
+
+
+class Key(NamedTuple):
+    """One field of a form."""
+
+    name: str
+    words: str = ""
+    text: str = ""  # at first, YAML
+    options: tuple[str, ...] = ()  # of a choice; none: any text
+
+
+def text_of(value: Any) -> str:
+    """Return a value as a person writes it into a field; None is an empty field."""
+    return "" if value is None else yaml_text(value, flow=True).strip().removesuffix("\n...")
+
+
+def words_of(meaning: FieldMeaning) -> str:
+    """Return what a key means and what is allowed."""
+    low, high = meaning.low, meaning.high
+    limits = [f"at least {low:g}"] if low > -inf else []
+    limits += [f"at most {high:g}"] if high < inf else []
+    return "; ".join([meaning.words] * bool(meaning.words) + limits)
+
+
+def keys_of(
+    kind: type[Any], without: tuple[str, ...] = (), known: Mapping[str, tuple[str, ...]] = {}
+) -> list[Key]:
+    """Return a field for each key of a section.
+
+    Args:
+        kind: the section.
+        without: keys that are left out.
+        known: what a key may be, by its name, where the section cannot know.
+    """
+    words = own_meanings(kind)
+    found = []
+    for item in dataclasses.fields(kind):
+        if item.name in without:
+            continue
+        options = tuple(known.get(item.name, ())) or _choices(item.type)
+        required = item.default is dataclasses.MISSING
+        given = options[0] if options and required else None if required else item.default
+        optional = ("",) if options and not required and given is None else ()
+        found.append(
+            Key(item.name, words_of(words[item.name]), text_of(given), (*optional, *options))
+        )
+    return found
+
+
+def _choices(kind: Any) -> tuple[str, ...]:
+    """Return the texts that a Literal allows; none for another type."""
+    given = get_args(kind)
+    return given if given and all(isinstance(one, str) for one in given) else ()
+
+
+class Form:
+    """Fields below one another; `values` returns what they hold.
+
+    Args:
+        desk: of the page.
+        keys: of the fields.
+        place: a folder of the page that they stand in.
+    """
+
+    def __init__(self, desk: Desk, keys: list[Key], place: Any) -> None:
+        gui = desk.gui
+        self._keys = keys
+        self._elements: dict[str, Any] = {}
+        self._errors: dict[str, Any] = {}
+        with place:
+            for key in keys:
+                hint = key.words or None
+                if key.options:
+                    element = gui.add_dropdown(
+                        key.name, key.options, initial_value=key.text or key.options[0], hint=hint
+                    )
+                else:
+                    element = gui.add_text(key.name, key.text, hint=hint)
+                self._elements[key.name] = element
+                self._errors[key.name] = gui.add_html("", visible=False)
+
+    def changed(self) -> dict[str, Any] | None:
+        """Return the values of the fields that say something else than at first, or None."""
+        return self._read({key.name: key.text for key in self._keys})
+
+    def values(self) -> dict[str, Any] | None:
+        """Return the values of the fields that are not empty; None: a field is wrong."""
+        return self._read({})
+
+    def refuse(self, words: str) -> bool:
+        """Tell an error beside the field that it names; return whether there is one."""
+        for name in sorted(self._errors, key=len, reverse=True):
+            if words.startswith((f"{name}:", f"{name}.")):
+                self._tell(name, words)
+                return True
+        return False
+
+    def set(self, name: str, text: str) -> None:
+        """Write into a field."""
+        self._elements[name].value = text
+
+    def remove(self) -> None:
+        """Take the fields off the page."""
+        for element in (*self._elements.values(), *self._errors.values()):
+            element.remove()
+
+    def _read(self, known: Mapping[str, str]) -> dict[str, Any] | None:
+        for name in self._errors:
+            self._tell(name, "")
+        found, wrong = {}, False
+        for key in self._keys:
+            text = str(self._elements[key.name].value)
+            if text == known.get(key.name, ""):
+                continue
+            try:
+                found[key.name] = _value(key, text)
+            except BadInput as error:
+                wrong = True
+                self._tell(key.name, str(error))
+        return None if wrong else found
+
+    def _tell(self, name: str, words: str) -> None:
+        error = self._errors[name]
+        if error.visible != bool(words):
+            error.visible = bool(words)
+        if words:
+            error.content = line(words, "alert", "#b00020")
+
+
+def _value(key: Key, text: str) -> Any:
+    """Return what a field holds.
+
+    Raises:
+        BadInput: it is no YAML, or none of the choices.
+    """
+    if key.options:
+        if text not in key.options:
+            raise BadInput(f"{key.name}: {text!r:.40} is not allowed: {', '.join(key.options)}")
+        return text
+    if len(text) > _LONGEST:
+        raise BadInput(f"{key.name}: {len(text)} characters are too many: at most {_LONGEST}")
+    return load_yaml(text, key.name)

@@ -1,0 +1,166 @@
+"""Disturb the joints, break parts of the bench, and end both."""
+
+from collections.abc import Callable
+from typing import Any
+
+from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.forms import Form, Key, keys_of
+from flexslew_lab.console.link import Told
+from flexslew_plant import topics
+from flexslew_plant.bench.disturbances import PulseShape, SineShape
+from flexslew_plant.bench.schedule import injected_entry
+from flexslew_plant.errors import BadInput
+from flexslew_plant.faults import FAULTS
+from flexslew_plant.settings import validated, yaml_text
+
+_CONSTANT, _NOTHING = "constant", "(nothing)"
+_SHAPES: dict[str, type[Any]] = {"sine": SineShape, "pulse": PulseShape}
+_WHEN = [
+    Key("from", "simulated time [s]; empty: the next tick"),
+    Key("until", "simulated time [s]; empty: to the end of the run"),
+]
+Made = Callable[[dict[str, Any]], dict[str, Any]]  # from what the fields hold to a schedule entry
+
+
+class _Injection:
+    """A form whose keys follow a choice, and the button that sends it."""
+
+    def __init__(self, desk: Desk, label: str, options: tuple[str, ...], button: str) -> None:
+        gui = desk.gui
+        self._desk, self._view = desk, desk.view
+        self.choice = gui.add_dropdown(label, options)
+        self._place = gui.add_folder(label)
+        self._form: Form | None = None
+        self._shown: tuple[Any, ...] = ()
+        self.button = gui.add_button(button)
+        self._reply = Reply(desk)
+
+    def show(self, keys: Callable[[str], list[Key]]) -> None:
+        """Make the form anew where the choice or the bench has changed."""
+        state = (self.choice.value, self._view.joints, tuple(sorted(self._view.controllers)))
+        if state == self._shown or self._view.joints is None:
+            return
+        self._shown = state
+        if self._form is not None:
+            self._form.remove()
+        self._form = Form(self._desk, [*keys(self.choice.value), *_WHEN], self._place)
+
+    def send(self, who: str, made: Made) -> None:
+        """Check it as the bench will; send it, or tell beside the field what is wrong."""
+        given = self._form.values() if self._form else None
+        if given is None:
+            return
+        try:
+            at = validated(float, given.pop("from", 0.0), "from")
+            if not 0.0 <= at < 1e9 or 0.0 < at <= self._view.time:
+                now = f"{self._view.time:.2f}"
+                raise BadInput(f"from: {at:g} is over or no time: the bench is at {now} s")
+            until = {"until": given.pop("until")} if "until" in given else {}
+            text = yaml_text({**made(given), **until}, flow=True)
+            injected_entry(text, at)
+        except BadInput as error:
+            words = str(error)
+            if self._form is None or not self._form.refuse(_bare(words)):
+                self._reply.tell(Told(False, words))
+            return
+        self._reply.ask(topics.INJECT_FAULT, {"fault": text, "at": at, "who": who})
+
+
+def _bare(words: str) -> str:
+    """Return an error from the key on: the words before it name the section."""
+    rest = words.removeprefix("fault: ")
+    head, _, _ = rest.partition(":")
+    key = head.rpartition(".")[2]
+    return rest.replace(head, key, 1)
+
+
+class DisturbPanel:
+    """An effort on a joint: constant, sine or pulse.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        self._view = desk.view
+        self._injection = _Injection(desk, "Disturbance", (_CONSTANT, *_SHAPES), "Disturb")
+        desk.click(self._injection.button, lambda who: self._injection.send(who, self._made))
+
+    def refresh(self) -> None:
+        """Follow the choice."""
+        self._injection.show(self._keys)
+
+    def _keys(self, shape: str) -> list[Key]:
+        joints = self._view.joints.names if self._view.joints else ()
+        first = Key("on joint", "", joints[0] if joints else "", joints)
+        if shape in _SHAPES:
+            return [first, *keys_of(_SHAPES[shape])]
+        return [first, Key("effort", "[N m or N]", "5.0")]
+
+    def _made(self, given: dict[str, Any]) -> dict[str, Any]:
+        joint, shape = given.pop("on joint"), self._injection.choice.value
+        if shape in _SHAPES:
+            return {"disturbance": {joint: {shape: given}}}
+        return {"disturbance": {joint: validated(float, given.get("effort"), "effort")}}
+
+
+class BreakPanel:
+    """A fault of any kind.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        self._view = desk.view
+        self._injection = _Injection(desk, "Fault", tuple(FAULTS), "Break")
+        desk.click(self._injection.button, lambda who: self._injection.send(who, self._made))
+
+    def refresh(self) -> None:
+        """Follow the choice."""
+        self._injection.show(self._keys)
+
+    def _keys(self, kind: str) -> list[Key]:
+        if kind not in FAULTS or self._view.joints is None:
+            return []
+        joints = self._view.joints
+        known = {
+            "joint": joints.names,
+            "of": (*joints.names, *joints.appendages),
+            "controller": tuple(sorted(self._view.controllers)),
+        }
+        return keys_of(FAULTS[kind], ("kind",), known)
+
+    def _made(self, given: dict[str, Any]) -> dict[str, Any]:
+        kind = self._injection.choice.value
+        if kind not in FAULTS:
+            raise BadInput(f"Fault: {kind!r:.40} is not allowed: {', '.join(FAULTS)}")
+        return {"fault": {"kind": kind, **given}}
+
+
+class ActivePanel:
+    """What disturbs or breaks now, or will; any of it can be ended.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        gui = desk.gui
+        self._view = desk.view
+        self._which = gui.add_dropdown("Under way", (_NOTHING,))
+        desk.click(gui.add_button("End it"), self._end)
+        self._reply = Reply(desk)
+
+    def refresh(self) -> None:
+        """List it."""
+        options = tuple(f"{number}: {words}" for number, words in self._view.now.faults)
+        if (options or (_NOTHING,)) != tuple(self._which.options):
+            self._which.options = options or (_NOTHING,)
+
+    def _end(self, who: str) -> None:
+        number, sign, _ = str(self._which.value).partition(":")
+        if not sign or not number.isdigit() or int(number) >= 2**32:
+            self._reply.tell(Told(False, "Under way: there is nothing to end"))
+            return
+        self._reply.ask(topics.END_FAULT, {"number": int(number), "who": who})

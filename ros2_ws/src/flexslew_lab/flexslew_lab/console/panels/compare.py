@@ -1,0 +1,107 @@
+"""An earlier run over every chart, with the largest difference."""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from flexslew_lab.console import quantities
+from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.history import Curve
+from flexslew_lab.console.link import Told
+from flexslew_lab.console.panels.charts import ChartsPanel
+from flexslew_lab.console.replay import Replay
+from flexslew_plant.errors import BadInput
+
+_COMPARED = tuple(name for name in quantities.NAMES if name != quantities.INNOVATION)
+Curves = dict[str, list[Curve]]  # by quantity
+
+
+class ComparePanel:
+    """The overlay.
+
+    Args:
+        desk: of the page.
+        charts: that it is drawn in.
+    """
+
+    def __init__(self, desk: Desk, charts: ChartsPanel) -> None:
+        gui = desk.gui
+        self._view, self._charts = desk.view, charts
+        folder = Path(desk.link.folder) if desk.link.folder else Path("runs/run")
+        self._run = gui.add_text("Earlier run", _newest_beside(folder), hint="its folder or bag")
+        desk.click(gui.add_button("Overlay it"), self._overlay)
+        desk.click(gui.add_button("Remove the overlay"), self._remove)
+        self._reply = Reply(desk)
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="compare")
+        self._reading: Future[Curves] | None = None
+        self._compared = -1  # ticks
+
+    def refresh(self) -> None:
+        """Take what was read, and say the largest difference now and then."""
+        if self._reading is not None and self._reading.done():
+            done, self._reading = self._reading, None
+            try:
+                self._charts.overlays = done.result()
+                self._compared = -1
+            except (BadInput, OSError) as error:
+                self._reply.tell(Told(False, str(error)))
+        ticks = self._view.truth.time.size
+        if self._charts.overlays and abs(ticks - self._compared) >= 100:
+            self._compared = ticks
+            self._reply.tell(Told(True, _largest(self._view_curves(), self._charts.overlays)))
+
+    def _view_curves(self) -> Curves:
+        return {name: quantities.curves_of(self._view, name) for name in _COMPARED}
+
+    def _overlay(self, who: str) -> None:
+        place = Path(self._run.value.strip())
+        self._reply.tell(Told(True, "reading ..."))
+        self._reading = self._worker.submit(_read, place)
+
+    def _remove(self, who: str) -> None:
+        self._charts.overlays = {}
+        self._reply.clear()
+
+
+def _read(place: Path) -> Curves:
+    """Return the curves of a run.
+
+    Raises:
+        BadInput: it cannot be read.
+    """
+    if not place.exists():
+        raise BadInput(f"Earlier run: {place}: no such run")
+    log = Replay(place / "bag" if (place / "bag").is_dir() else place)
+    log.seek(log.last)
+    return {
+        name: [c._replace(label=f"earlier {c.label}", dashed=True) for c in curves]
+        for name in _COMPARED
+        if (curves := quantities.curves_of(log.view, name))
+    }
+
+
+def _largest(now: Curves, earlier: Curves) -> str:
+    """Return the largest difference of each quantity on the ticks that both have."""
+    words = []
+    for name in _COMPARED:
+        others = {c.label.removeprefix("earlier "): c for c in earlier.get(name, ())}
+        found = [
+            (float(np.nanmax(np.abs(c.value[a] - others[c.label].value[b]))), c.label)
+            for c in now.get(name, ())
+            if c.label in others
+            for _, a, b in [np.intersect1d(c.time, others[c.label].time, return_indices=True)]
+            if len(a)
+        ]
+        if found:
+            words.append(f"{name} {max(found)[0]:.3g} ({max(found)[1]})")
+    return "largest difference: " + ("; ".join(words) if words else "no common tick")
+
+
+def _newest_beside(folder: Path) -> str:
+    """Return the newest other run in the same place."""
+    try:
+        runs = [p for p in folder.parent.iterdir() if (p / "bag").is_dir() and p != folder]
+        return str(max(runs, key=lambda p: p.stat().st_mtime)) if runs else ""
+    except OSError:
+        return ""

@@ -1,0 +1,129 @@
+"""Plan a manoeuvre, see the iterations and the curve, let it be flown."""
+
+from typing import Any
+
+import numpy as np
+from viser import uplot
+
+from flexslew_control.planners import PLANNERS, plan_settings
+from flexslew_lab.console.desk import Desk, Reply, line
+from flexslew_lab.console.forms import Form, Key
+from flexslew_lab.console.link import Iterate, Told
+from flexslew_lab.console.panels.charts import COLORS
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import validated, yaml_text
+
+_METHOD, _GOAL = "optimized_feedforward", "goal of "
+_SHOWN = 8  # iterations
+
+
+class PlanPanel:
+    """Goal, method, duration, start; a plan is flown from its start on.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        gui = desk.gui
+        self._desk, self._view, self._link = desk, desk.view, desk.link
+        self._method = gui.add_dropdown("Method", tuple(PLANNERS), initial_value=_METHOD)
+        self._place = gui.add_folder("Manoeuvre")
+        self._form: Form | None = None
+        self._joints: Any = None
+        desk.click(gui.add_button("Plan and fly it from its start on"), self._plan)
+        desk.click(gui.add_button("Cancel planning"), lambda who: desk.link.cancel())
+        self._reply = Reply(desk)
+        self._progress = gui.add_html("")
+        self._iterations: list[str] = []
+        self._curve: Any = None
+        self._drawn = ""  # hash of the plan
+
+    def refresh(self) -> None:
+        """Make the form when the joints are known, and draw a plan that is new."""
+        joints, plan = self._view.joints, self._view.plan
+        if joints is not None and joints != self._joints:
+            self._joints = joints
+            if self._form is not None:
+                self._form.remove()
+            goals = zip(joints.names, joints.units, strict=True)
+            keys = [Key(f"{_GOAL}{name}", f"[{unit}]", "0.0") for name, unit in goals]
+            keys += [
+                Key("duration", "of the manoeuvre [s]; empty: what the method needs", "25.0"),
+                Key("start", "simulated time, later than now [s]", ""),
+                Key("more", "other keys of the method, YAML: {functions: 12}"),
+            ]
+            self._form = Form(self._desk, keys, self._place)
+        if plan is not None and plan.hash != self._drawn:
+            self._drawn = plan.hash
+            self._draw(plan)
+
+    def _plan(self, who: str) -> None:
+        if self._form is None:
+            self._reply.tell(Told(False, "no testbed has announced itself yet"))
+            return
+        given = self._form.values()
+        if given is None:
+            return
+        try:
+            values = self._request(given)
+        except BadInput as error:
+            words = str(error)
+            if not self._form.refuse(words):
+                self._reply.tell(Told(False, words))
+            return
+        self._iterations = []
+        self._progress.content = ""
+        self._reply.tell(Told(True, "planning ..."))
+        text = yaml_text(values, flow=True)
+        self._link.plan(text, who, self._iterate, self._reply.tell)
+
+    def _request(self, given: dict[str, Any]) -> dict[str, Any]:
+        """Return the `plan` section.
+
+        Raises:
+            BadInput: beginning with the field.
+        """
+        goal = {}
+        for key in [key for key in given if key.startswith(_GOAL)]:
+            goal[key.removeprefix(_GOAL)] = validated(float, given[key], key)
+        more = given.get("more", {})
+        if not isinstance(more, dict):
+            raise BadInput("more: give keys, for example {functions: 12}")
+        if "start" not in given:
+            raise BadInput(f"start: is missing; the bench is at {self._view.time:.2f} s")
+        start = validated(float, given["start"], "start")
+        if not self._view.time < start < 1e9:
+            raise BadInput(f"start: {start:g} is over: the bench is at {self._view.time:.2f} s")
+        values = {"method": self._method.value, "goal": goal, "start": start, **more}
+        if "duration" in given:
+            values["duration"] = given["duration"]
+        try:
+            plan_settings(values, "")
+        except BadInput as error:
+            raise BadInput(str(error).removeprefix(": ")) from None
+        return values
+
+    def _iterate(self, news: Iterate) -> None:
+        words = f"{news.number}: J {news.objective:.4e}, |Y| {news.norm_terminal_error:.2e}"
+        self._iterations = [*self._iterations, words][-_SHOWN:]
+        self._progress.content = "".join(line(one) for one in self._iterations)
+
+    def _draw(self, plan: Any) -> None:
+        """Show the planned positions."""
+        joints = len(plan.joint_names)
+        rows = np.asarray(plan.position, dtype=float).reshape(-1, max(joints, 1))
+        every = max(1, len(rows) // 500)
+        time = plan.start + plan.period * np.arange(len(rows))
+        data = (time[::every], *(np.ascontiguousarray(column) for column in rows[::every].T))
+        series = [uplot.Series(label="time [s]")]
+        for k, name in enumerate(plan.joint_names):
+            color = COLORS[k % len(COLORS)]
+            series.append(uplot.Series(label=f"planned {name}", stroke=color, width=1.5))
+        if self._curve is not None:
+            self._curve.remove()
+        with self._place:
+            self._curve = self._desk.gui.add_uplot(
+                data, tuple(series), title=f"{plan.method}, from {plan.start:g} s on", height=160,
+                scales={"x": uplot.Scale(time=False, auto=True)},
+            )  # fmt: skip

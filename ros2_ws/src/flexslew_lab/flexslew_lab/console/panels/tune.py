@@ -1,0 +1,111 @@
+"""Change the gains of a controller while it works."""
+
+from flexslew_control.controllers import CONTROLLERS, DERIVED
+from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.forms import Form, Key, text_of, words_of
+from flexslew_lab.console.link import Told
+from flexslew_lab.trial.overrides import overridden
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import flat, load_yaml, validated, yaml_text
+from flexslew_plant.settings_fields import meanings
+
+_NOBODY = "(nobody there)"
+_HANDOVER = "handover_time"
+
+
+class TunePanel:
+    """The settings of one controller.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        gui = desk.gui
+        self._desk, self._view = desk, desk.view
+        self._which = gui.add_dropdown("Tuned controller", (_NOBODY,))
+        self._place = gui.add_folder("Settings")
+        self._at = Form(
+            desk, [Key("from [s]", "simulated time; empty: the next tick")], self._place
+        )
+        desk.click(gui.add_button("Tune"), self._tune)
+        self._reply = Reply(desk)
+        self._form: Form | None = None
+        self._shown = ("", "")  # name and settings in the form
+
+    def refresh(self) -> None:
+        """List who is there; make the form anew where its controller has changed."""
+        names = tuple(sorted(self._view.controllers)) or (_NOBODY,)
+        if names != tuple(self._which.options):
+            self._which.options = names
+        known = self._view.controllers.get(self._which.value)
+        state = (known.name, known.settings) if known else ("", "")
+        if state == self._shown:
+            return
+        self._shown = state
+        if self._form is not None:
+            self._form.remove()
+        self._form = Form(self._desk, _keys(*state, known.law), self._place) if known else None
+
+    def _tune(self, who: str) -> None:
+        known = self._view.controllers.get(self._which.value)
+        at = self._at.values()
+        if known is None or self._form is None or at is None:
+            return
+        changes = self._form.changed()
+        if changes is None:
+            return
+        try:
+            when = validated(float, at.get("from [s]", 0.0), "from [s]")
+            if not 0.0 <= when < 1e9:
+                raise BadInput(f"from [s]: {when:g} is not allowed: at least 0, below 1e9")
+            if not changes:
+                raise BadInput("nothing has changed; write another value into a field")
+            nested = overridden({}, changes)
+            _check(known.law, known.settings, changes)
+        except BadInput as error:
+            words = str(error)
+            if not (self._form.refuse(words) or self._at.refuse(words)):
+                self._reply.tell(Told(False, words))
+            return
+        text = yaml_text(nested, flow=True)
+        values = {"settings": text, "at": when, "who": who}
+        self._reply.ask(f"{known.name}/tune", values)
+
+
+def _settings(text: str) -> dict[str, object]:
+    found = load_yaml(text, "settings") or {}
+    return {key: value for key, value in found.items() if key not in DERIVED}
+
+
+def _keys(name: str, text: str, law: str) -> list[Key]:
+    """Return a field for each setting that is no section of its own."""
+    settings = _settings(text)
+    own = {key: value for key, value in settings.items() if key != _HANDOVER}
+    words = {_HANDOVER: "blends in from the last effort [s]; at least 0"}
+    if law in CONTROLLERS:
+        section = validated(CONTROLLERS[law].settings, own, name)
+        words |= {key: words_of(meaning) for key, meaning in meanings(section).items()}
+        unset = {key: None for key, value in own.items() if value is None}
+        return [
+            Key(k, words.get(k, ""), text_of(v)) for k, v in {**flat(settings), **unset}.items()
+        ]
+    return [Key(k, words.get(k, ""), text_of(v)) for k, v in flat(settings).items()]
+
+
+def _check(law: str, text: str, changes: dict[str, object]) -> None:
+    """Check changes as the controller will, before anything is sent.
+
+    Raises:
+        BadInput: beginning with the key.
+    """
+    if law not in CONTROLLERS:
+        return
+    values = overridden(_settings(text), changes)
+    handover = values.pop(_HANDOVER, 1.0)
+    if validated(float, handover, _HANDOVER) < 0.0:
+        raise BadInput(f"{_HANDOVER}: {handover} is not allowed: at least 0")
+    try:
+        validated(CONTROLLERS[law].settings, values, "")
+    except BadInput as error:
+        raise BadInput(str(error).removeprefix(": ")) from None

@@ -1,0 +1,34 @@
+"""The same page over the log of a run."""
+
+import time
+from collections.abc import Callable, Collection
+from pathlib import Path
+
+from flexslew_lab.console.page import Page
+from flexslew_lab.console.replay import Replay
+from flexslew_plant.own_code import only_trusted
+
+
+def serve(
+    bag: Path, host: str, port: int, say: Callable[[str], None], trust: Collection[str] = ()
+) -> None:
+    """Serve a page over a log until interrupted.
+
+    Args:
+        bag: its folder or file.
+        host: address to listen on.
+        port: 0 takes any.
+        say: told where the page is.
+        trust: testbeds of the user's own that are drawn, as --trust names them.
+
+    Raises:
+        BadInput: the bag cannot be read, or the port cannot be opened.
+    """
+    with only_trusted(trust):
+        link = Replay(bag)
+        page = Page(link, host, port, say, link)
+        try:
+            while True:
+                time.sleep(page.poll())
+        finally:
+            page.close()

@@ -1,0 +1,37 @@
+"""A bench that answers everything with yes and notes what it was asked."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from flexslew_lab.console.link import Iterate, Then, Told
+from flexslew_lab.console.view import BenchView, Controller, Joints
+
+JOINTS = Joints("two", ("a", "b"), ("rad", "m"), ("tip",), (150.0, 20.0), 0.01)
+SETTINGS = "{kp: [460.0, 460.0], kd: [920.0, 920.0], handover_time: 1.0, computed: {}}"
+
+
+class FakeLink:
+    """A console.link.Link."""
+
+    replay = False
+
+    def __init__(self, folder: str = "") -> None:
+        self.view, self.folder, self.command = BenchView(), folder, "./flexslew trial"
+        self.view.joints = JOINTS
+        self.view.controllers["pd"] = Controller("pd", "pd_feedforward", True, "", SETTINGS)
+        self.asked: list[tuple[str, dict[str, Any]]] = []
+
+    def poll(self, now: float) -> None:
+        """Nothing comes."""
+
+    def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
+        self.asked.append((service, dict(values)))
+        then(Told(True, "done"))
+
+    def plan(self, request: str, who: str, told: Callable[[Iterate], None], then: Then) -> None:
+        self.asked.append(("plan_slew", {"request": request, "who": who}))
+        told(Iterate(1, 0.5, 1e-3, 2.0))
+        then(Told(True, "planned"))
+
+    def cancel(self) -> None:
+        self.asked.append(("cancel", {}))

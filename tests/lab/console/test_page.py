@@ -1,0 +1,202 @@
+"""The page's fields and buttons: what is asked of the bench, and what is told beside a field."""
+
+from collections.abc import Iterator
+from math import inf, nan
+from typing import Any
+
+import pytest
+from tests.fake_bench import FakeLink
+
+from flexslew_lab.console.page import Page
+from flexslew_plant.settings import load_yaml
+
+
+class Hands:
+    """Works the page as its elements, without a browser."""
+
+    def __init__(self, page: Page, link: FakeLink) -> None:
+        self.page, self.link, self.server = page, link, page.server
+
+    def elements(self, label: str) -> list[Any]:
+        known = self.server.gui._gui_input_handle_from_uuid.values()
+        return [e for e in known if getattr(e, "label", None) == label]
+
+    def set(self, label: str, value: Any) -> None:
+        self.elements(label)[-1]._impl.value = value  # as a browser does, unchecked
+
+    def click(self, label: str) -> list[tuple[str, dict[str, Any]]]:
+        """Return what the bench is asked for."""
+        self.link.asked.clear()
+        waiting = self.page._desk._waiting
+        for callback in self.elements(label)[0]._impl.update_cb:
+            with pytest.raises(StopIteration):
+                callback(_Event()).send(None)
+        assert waiting
+        self.page._desk.work()
+        self.refresh()
+        return list(self.link.asked)
+
+    def refresh(self) -> None:
+        for panel in self.page._panels:
+            panel.refresh()
+
+    def texts(self) -> str:
+        """Return everything that stands on the page as HTML."""
+        messages = self.server.viser._websock_server._broadcast_buffer.message_from_id.values()
+        found = []
+        for message in messages:
+            props = getattr(message, "props", None)
+            updates = getattr(message, "updates", {})
+            found.append(str(getattr(props, "content", "")) + str(updates.get("content", "")))
+        return "\n".join(found)
+
+
+class _Event:
+    client_id = 3
+
+
+@pytest.fixture(scope="module")
+def hands() -> Iterator[Hands]:
+    link = FakeLink()
+    page = Page(link, "127.0.0.1", 0, lambda words: None)
+    found = Hands(page, link)
+    found.refresh()
+    yield found
+    page.close()
+
+
+def test_the_run_is_asked_for_by_name_with_who(hands: Hands) -> None:
+    for button, action in (
+        ("Start", "start"),
+        ("Pause", "pause"),
+        ("Reset", "reset"),
+        ("Brake (space bar)", "brake"),
+        ("Release the brake", "release_brake"),
+    ):
+        [(service, values)] = hands.click(button)
+        assert (service, values["action"]) == ("operate", action)
+        assert values["who"].endswith(", page 3")
+
+
+@pytest.mark.parametrize("ticks", [0, -3, 1.5, nan, inf, 1e30])
+def test_a_step_that_is_none_is_told_and_not_sent(hands: Hands, ticks: float) -> None:
+    hands.set("Ticks", ticks)
+    assert hands.click("Step") == []
+    assert "is not allowed: a whole number from 1" in hands.texts()
+    hands.set("Ticks", 7)
+    assert hands.click("Step")[0][1]["ticks"] == 7
+
+
+@pytest.mark.parametrize("rate", ["0.1", "1", "10", "fast"])
+def test_rates_are_those_of_the_list(hands: Hands, rate: str) -> None:
+    hands.set("Rate", rate)
+    [(service, values)] = hands.click("Set the rate")
+    assert service == "set_rate"
+    assert values["rate_factor"] == (0.0 if rate == "fast" else float(rate))
+    hands.set("Rate", "warp")
+    assert hands.click("Set the rate") == []
+
+
+def test_a_switch_carries_its_limit_and_refuses_a_time_that_is_none(hands: Hands) -> None:
+    hands.set("Controller", "pd")
+    hands.set("Strict", True)
+    hands.set("Largest step", 0.25)
+    [(service, values)] = hands.click("Switch")
+    assert service == "switch_controller"
+    assert (values["controller"], values["strict"], values["max_effort_step"]) == ("pd", True, 0.25)
+    for wrong in (-1.0, nan, inf):
+        hands.set("At [s]", wrong)
+        assert hands.click("Switch") == []
+    hands.set("At [s]", 0.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "words"),
+    [
+        ("kp", "[-1.0, 460.0]", "kp.0: -1.0 is not allowed"),
+        ("kp", "[", "kp: line 2, column 1"),
+        ("kp", "lots", "kp: &#x27;lots&#x27; is not allowed"),
+        ("handover_time", "-1.0", "handover_time: -1.0 is not allowed"),
+        ("from [s]", "soon", "from [s]"),
+    ],
+)
+def test_a_wrong_gain_is_told_beside_its_field(
+    hands: Hands, key: str, text: str, words: str
+) -> None:
+    hands.set("Tuned controller", "pd")
+    hands.refresh()
+    field = hands.elements(key)[-1]
+    before = field.value
+    field._impl.value = text
+    assert hands.click("Tune") == []
+    assert words in hands.texts()
+    field._impl.value = before
+    assert hands.click("Tune") == []
+    assert "nothing has changed" in hands.texts()
+
+
+def test_only_what_has_changed_is_tuned(hands: Hands) -> None:
+    hands.set("Tuned controller", "pd")
+    hands.refresh()
+    hands.set("kd", "[900.0, 900.0]")
+    [(service, values)] = hands.click("Tune")
+    assert service == "pd/tune"
+    assert load_yaml(values["settings"], "") == {"kd": [900.0, 900.0]}
+    hands.set("kd", "[920.0, 920.0]")
+
+
+def test_disturbances_are_made_from_their_schema(hands: Hands) -> None:
+    for shape, fields, expected in (
+        ("constant", {"effort": "5"}, 5),
+        ("sine", {"amplitude": "3", "frequency": "0.5"}, {"sine": {}}),
+        ("pulse", {"amplitude": "3", "width": "0.2"}, {"pulse": {}}),
+    ):
+        hands.set("Disturbance", shape)
+        hands.refresh()
+        for name, text in fields.items():
+            hands.set(name, text)
+        [(service, values)] = hands.click("Disturb")
+        assert service == "inject_fault"
+        entry = load_yaml(values["fault"], "")["disturbance"]["a"]
+        assert entry == expected or set(entry) == set(expected)
+    hands.set("frequency" if hands.elements("frequency") else "width", "-1")
+    assert hands.click("Disturb") == []
+    assert "width: -1 is not allowed" in hands.texts()
+
+
+def test_every_fault_has_a_form_that_the_bench_can_read(hands: Hands) -> None:
+    from flexslew_plant.faults import FAULTS
+
+    for kind in FAULTS:
+        hands.set("Fault", kind)
+        hands.refresh()
+        for name, text in (("gain", "0.5"), ("ticks", "2"), ("bias", "0.1")):
+            if hands.elements(name):
+                hands.set(name, text)
+        [(service, values)] = hands.click("Break")
+        fault = load_yaml(values["fault"], "")["fault"]
+        assert (service, fault["kind"]) == ("inject_fault", kind)
+
+
+def test_a_plan_needs_a_start_to_come(hands: Hands) -> None:
+    hands.set("goal of a", "0.5")
+    assert hands.click("Plan and fly it from its start on") == []
+    assert "start: is missing" in hands.texts()
+    hands.set("start", "12.0")
+    hands.set("duration", "-1")
+    assert hands.click("Plan and fly it from its start on") == []
+    assert "duration: -1 is not allowed" in hands.texts()
+    hands.set("duration", "20")
+    [(service, values)] = hands.click("Plan and fly it from its start on")
+    assert service == "plan_slew"
+    request = load_yaml(values["request"], "")
+    assert (request["goal"], request["start"]) == ({"a": 0.5, "b": 0.0}, 12.0)
+    assert "1: J 5.0000e-01" in hands.texts()
+
+
+def test_a_remark_must_say_something(hands: Hands) -> None:
+    hands.set("Remark", "  ")
+    assert hands.click("Note it") == []
+    hands.set("Remark", "<b>it rings</b>")
+    [(service, values)] = hands.click("Note it")
+    assert (service, values["text"]) == ("note", "<b>it rings</b>")

@@ -1,0 +1,104 @@
+"""Pages that send anything: seeded random messages, valid and not, through their own connection."""
+
+import random
+from typing import Any
+
+import msgspec
+import pytest
+import viser
+from tests.fake_bench import FakeLink
+from viser import _messages
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
+
+from flexslew_lab.console.page import Page
+
+SERVICES = {
+    "operate", "step", "set_rate", "note", "switch_controller", "inject_fault", "end_fault",
+    "pd/tune", "plan_slew", "cancel",
+}  # fmt: skip
+ODD = [
+    None, True, -1, 0, 7, 1e300, float("nan"), float("inf"), "", "pd", "[1, 2]", "{", "a: b",
+    "&x [*x]", "9**9**9", "x" * 5000, [1, 2], {"a": 1}, "sine", "fast", "12.5", "!!python/none",
+]  # fmt: skip
+
+
+class Stranger:
+    """A page that speaks the protocol of viser."""
+
+    def __init__(self, page: Page) -> None:
+        server = page.server
+        self.socket = connect(
+            f"ws://127.0.0.1:{server.port}/?token={server.gate.token}",
+            origin=Origin(f"http://127.0.0.1:{server.port}"),
+            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
+            max_size=None,
+            max_queue=None,
+        )
+        zero = (0.0, 0.0, 0.0)
+        camera = _messages.ViewerCameraMessage(
+            (1.0, 0.0, 0.0, 0.0), zero, 1.0, 0.1, 10.0, 100, 100, zero, (0.0, 0.0, 1.0)
+        )
+        self.send(camera.as_serializable_dict([]))
+
+    def send(self, message: dict[str, Any]) -> None:
+        self.socket.send(msgspec.msgpack.encode(message))
+
+    def set(self, uuid: str, value: Any) -> None:
+        self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
+
+    def reach(self) -> None:
+        """Wait for the server to answer a ping: it has read what was sent before."""
+        assert self.socket.ping().wait(60.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_whatever_pages_send_the_console_goes_on_and_asks_only_what_there_is(
+    seed: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    said: list[str] = []
+    rng, link = random.Random(seed), FakeLink()
+    page = Page(link, "127.0.0.1", 0, said.append)
+    page.poll()
+    stranger = Stranger(page)
+    inputs = page.server.gui._gui_input_handle_from_uuid
+    for number in range(500):
+        uuid = rng.choice([*inputs, "nobody"])
+        handle = inputs.get(uuid)
+        button = handle is not None and handle._impl.is_button
+        stranger.set(uuid, True if button else rng.choice(ODD))
+        if number % 25 == 0:
+            page.poll()
+    [remark] = [e for e in inputs.values() if getattr(e, "label", "") == "Remark"]
+    [note] = [e for e in inputs.values() if getattr(e, "label", "") == "Note it"]
+    link.asked.clear()
+    for uuid, value in ((remark._impl.uuid, "the end"), (note._impl.uuid, True)):
+        stranger.set(uuid, value)
+    while ("note", "the end") not in [(s, v.get("text")) for s, v in link.asked]:
+        page.poll()
+        stranger.reach()
+    assert {service for service, _ in link.asked} <= SERVICES
+    page.close()
+    stranger.socket.close()
+    captured = capfd.readouterr()
+    assert "Traceback" not in captured.err + captured.out
+    assert all(words.startswith(("open ", "a page sent")) for words in said)
+
+
+def test_what_is_no_message_ends_its_page_and_no_other(capfd: pytest.CaptureFixture[str]) -> None:
+    link = FakeLink()
+    page = Page(link, "127.0.0.1", 0, lambda words: None)
+    page.poll()
+    for garbage in (b"", b"\xc1", msgspec.msgpack.encode({"type": "NoSuchMessage"}), b"\x00" * 999):
+        stranger = Stranger(page)
+        stranger.socket.send(garbage)
+    other = Stranger(page)
+    inputs = page.server.gui._gui_input_handle_from_uuid.values()
+    [start] = [e for e in inputs if getattr(e, "label", "") == "Start"]
+    other.set(start._impl.uuid, True)
+    while not link.asked:
+        page.poll()
+        other.reach()
+    assert link.asked[0][1]["action"] == "start"
+    page.close()
+    assert "Traceback" not in "".join(capfd.readouterr())
