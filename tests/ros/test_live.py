@@ -49,10 +49,16 @@ class Client:
         return json.loads(data) if first & 15 == 1 else data
 
     def send(self, message: dict[str, Any]) -> None:
-        data, mask = json.dumps(message).encode(), os.urandom(4)
+        self._send(0x81, json.dumps(message).encode())
+
+    def send_binary(self, data: bytes) -> None:
+        self._send(0x82, data)
+
+    def _send(self, kind: int, data: bytes) -> None:
+        mask = os.urandom(4)
         masked = bytes(byte ^ mask[i % 4] for i, byte in enumerate(data))
         assert len(data) < 126  # else the length takes more bytes
-        self._socket.sendall(struct.pack(">BB", 0x81, 0x80 | len(data)) + mask + masked)
+        self._socket.sendall(struct.pack(">BB", kind, 0x80 | len(data)) + mask + masked)
 
     def _read(self, size: int) -> bytes:
         data = b""
@@ -98,9 +104,12 @@ def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path: Path) -> Non
         try:
             client = connected(port, supervisor)
             channels: dict[Any, Any] = {}
-            assert client.receive()["capabilities"] == ["time"]
-            while not {"/truth", "/testbed"} <= {*channels}:
+            assert client.receive()["capabilities"] == ["time", "services"]
+            services: dict[str, int] = {}
+            while not ({"/truth", "/testbed"} <= {*channels} and services):
                 message = client.receive()
+                if isinstance(message, dict) and message["op"] == "advertiseServices":
+                    services |= {s["name"]: s["id"] for s in message["services"]}
                 if isinstance(message, dict) and message["op"] == "advertise":
                     channels |= {c["topic"]: c for c in message["channels"]}
             truth = channels["/truth"]
@@ -111,6 +120,12 @@ def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path: Path) -> Non
                 client.receive()
             found[8] = subscribed(client, 8, channels["/testbed"]["id"])
             (now,) = struct.unpack_from("<Q", binary(client, 2), 1)
+            assert set(services) == {
+                "/operate", "/step", "/set_rate", "/note", "/switch_controller", "/inject_fault",
+                "/end_fault",
+            }  # fmt: skip
+            answer = called(client, services["/step"], {"ticks": "many"})
+            assert answer["message"] == "ticks: 'many' is not allowed: of type uint32"
         finally:
             supervisor._end()
     for number, topic in ((7, "/truth"), (8, "/testbed")):
@@ -128,6 +143,18 @@ def binary(client: Client, kind: int) -> bytes:
         message = client.receive()
         if isinstance(message, bytes) and message[0] == kind:
             return message
+
+
+def called(client: Client, service: int, request: dict[str, Any]) -> Any:
+    """Return the answer of a service."""
+    client.send_binary(
+        struct.pack("<BIII4s", 2, service, 9, 4, b"json") + json.dumps(request).encode()
+    )
+    while True:
+        message = binary(client, 3)
+        of, call, length = struct.unpack_from("<III", message, 1)
+        if (of, call) == (service, 9):
+            return json.loads(message[13 + length :])
 
 
 def subscribed(client: Client, number: int, channel: int) -> tuple[int, bytes]:

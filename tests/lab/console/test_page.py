@@ -147,7 +147,7 @@ def test_only_what_has_changed_is_tuned(hands: Hands) -> None:
 
 def test_disturbances_are_made_from_their_schema(hands: Hands) -> None:
     for shape, fields, expected in (
-        ("constant", {"effort": "5"}, 5),
+        ("constant", {"constant effort": "5"}, 5),
         ("sine", {"amplitude": "3", "frequency": "0.5"}, {"sine": {}}),
         ("pulse", {"amplitude": "3", "width": "0.2"}, {"pulse": {}}),
     ):

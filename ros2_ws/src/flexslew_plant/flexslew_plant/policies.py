@@ -23,6 +23,7 @@ _OPERATE = (
     t.START, t.PAUSE, t.RESET, t.BRAKE, t.RELEASE_BRAKE, t.OPERATE, t.STEP, t.SET_RATE, t.NOTE,
     t.SWITCH_CONTROLLER, t.LIST_CONTROLLERS, t.INJECT_FAULT, t.END_FAULT,
 )  # fmt: skip
+_LAWS = ("pd_feedforward", "output_feedback", "proportional_integral", "lqr", "collocated_pid")
 _RECORDED = tuple(name for name in t.TOPICS if name not in t.NOT_RECORDED)
 
 ROLES: dict[str, Rights] = {
@@ -48,6 +49,14 @@ ROLES: dict[str, Rights] = {
         publish=(), subscribe=(t.EVENTS, t.BENCH_STATE, t.TRUTH, t.PLAN),
         request=_OPERATE, call=(t.PLAN_SLEW,),
     ),
+    "console": Rights(
+        publish=(), subscribe=(), call=(t.PLAN_SLEW,),
+        request=(*_OPERATE, *(t.TUNE.replace("~", law) for law in _LAWS)),
+    ),
+    "watcher": Rights(  # hidden, of the console
+        publish=(), subscribe=(t.TESTBED, t.BENCH_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.PLAN,
+                               t.TRUTH, t.CONTROLLER_STATE),
+    ),
 }  # fmt: skip
 
 # What rclpy gives every node.
@@ -63,10 +72,9 @@ NODES: dict[str, str] = {
     "recorder": "recorder",
     "_recorder": "listener",
     "operator": "operator",
-    **dict.fromkeys(
-        ("pd_feedforward", "output_feedback", "proportional_integral", "lqr", "collocated_pid"),
-        "controller",
-    ),
+    "console": "console",
+    "_console": "watcher",
+    **dict.fromkeys(_LAWS, "controller"),
 }
 
 

@@ -12,7 +12,7 @@ from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import print_table, say, screen
 from flexslew_plant.errors import BadInput
 
-LONG = ("day", "study_bad_days")  # benchmarks that take long, or much of the machine
+LONG = ("console", "day", "study_bad_days")  # benchmarks that take long, or much of the machine
 
 
 def bench(
@@ -23,8 +23,9 @@ def bench(
 ) -> None:
     """Run the benchmarks, each figure with a reference floor measured in the same run.
 
-    Only when named: `day`, memory and reading over a run of FLEXSLEW_BENCH_HOURS (24), and
-    `study_bad_days`, a study that is killed, robbed of a process and of its disk.
+    Only when named: `console`, a page beside a bench; `day`, memory and reading over a run of
+    FLEXSLEW_BENCH_HOURS (24), and `study_bad_days`, a study that is killed, robbed of a
+    process and of its disk.
 
     Example: `./flexslew bench planning --json`
     """

@@ -9,8 +9,9 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 
 from flexslew_lab.console.link import Iterate, Then, Told
+from flexslew_lab.ros.service_request import request_of
 from flexslew_plant import topics
-from flexslew_plant.ros.messages import stamp
+from flexslew_plant.errors import BadInput
 
 SERVICES: dict[str, Any] = {
     topics.OPERATE: srv.Operate,
@@ -59,11 +60,10 @@ class BenchClient:
         if service not in self._clients:
             self._clients[service] = self._node.create_client(kind, service)
         client = self._clients[service]
-        fields = {k: stamp(v) if k == "at" else v for k, v in values.items()}
         try:
-            request = kind.Request(**fields)
-        except (AssertionError, AttributeError, OverflowError) as error:
-            then(Told(False, f"{service}: {error}"))
+            request = request_of(kind, values)
+        except BadInput as error:
+            then(Told(False, str(error)))
             return
         future = client.call_async(request)
         self._asked.append(_Asked(service, future, monotonic() + PATIENCE, then))

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from functools import partial
+from time import monotonic
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -10,6 +11,7 @@ from pydantic import Field
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import stamp_of
 from flexslew_lab.log.messages.schemas import schema_text
+from flexslew_lab.ros.live_services import LiveServices
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.loop import Loop, run_node, within
 from flexslew_plant.ros.offers import SEVERAL, message_class, qos
@@ -67,13 +69,19 @@ class LiveNode:
         self._newcomers: deque[str] = deque()  # topics that somebody has begun to listen to
         self._latched: dict[str, deque[tuple[bytes, int]]] = {}  # with log times
         self._channels: dict[str, Any] = {}
+        self._services = LiveServices(node)
         self._context = context = foxglove.Context()  # its channels close with it
         try:
             self._server = foxglove.start_server(
                 name="flexslew",
                 host=HOST,
                 port=chosen.port,
-                capabilities=[foxglove.websocket.Capability.Time],
+                capabilities=[
+                    foxglove.websocket.Capability.Time,
+                    foxglove.websocket.Capability.Services,
+                ],
+                supported_encodings=["json"],
+                services=self._services.offered(foxglove),
                 context=context,
                 server_listener=_Listener(self._newcomers),
             )
@@ -105,6 +113,7 @@ class LiveNode:
 
     def poll(self) -> float:
         """Tell the time, and newcomers what is latched; return when to look again [wall s]."""
+        self._services.poll(monotonic())
         if self._newcomers or self._now != self._told:
             self._told = self._now
             self._server.broadcast_time(self._now)  # else a client plots over its own clock
@@ -117,6 +126,7 @@ class LiveNode:
     def close(self) -> None:
         """End the server and leave the graph."""
         self._server.stop()
+        self._services.close()
         self.node.destroy_node()
 
     def _forward(self, topic: str, kind: str, data: bytes) -> None:

@@ -14,6 +14,7 @@ from flexslew_plant.faults import FAULTS
 from flexslew_plant.settings import validated, yaml_text
 
 _CONSTANT, _NOTHING = "constant", "(nothing)"
+_EFFORT = "constant effort"
 _SHAPES: dict[str, type[Any]] = {"sine": SineShape, "pulse": PulseShape}
 _WHEN = [
     Key("from", "simulated time [s]; empty: the next tick"),
@@ -95,13 +96,13 @@ class DisturbPanel:
         first = Key("on joint", "", joints[0] if joints else "", joints)
         if shape in _SHAPES:
             return [first, *keys_of(_SHAPES[shape])]
-        return [first, Key("effort", "[N m or N]", "5.0")]
+        return [first, Key(_EFFORT, "[N m or N]", "5.0")]
 
     def _made(self, given: dict[str, Any]) -> dict[str, Any]:
         joint, shape = given.pop("on joint"), self._injection.choice.value
         if shape in _SHAPES:
             return {"disturbance": {joint: {shape: given}}}
-        return {"disturbance": {joint: validated(float, given.get("effort"), "effort")}}
+        return {"disturbance": {joint: validated(float, given.get(_EFFORT), _EFFORT)}}
 
 
 class BreakPanel:

@@ -1,0 +1,65 @@
+"""The page over a log in a real browser: the slider moves all of it, and nothing can be asked."""
+
+import os
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from tests.browser import Browser, chromium
+
+from flexslew_lab.console.page import Page
+from flexslew_lab.console.replay import Replay
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.sources import read_trial
+
+PICTURE = "FLEXSLEW_PICTURE"  # environment variable: where the picture of the README goes
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("replay") / "run"
+    trial, source = read_trial("swap_demo")
+    run_trial(trial, source, folder, in_process=True, report=False)
+    return folder
+
+
+@pytest.fixture
+def page(run: Path) -> Iterator[Page]:
+    """Yield a page that is served from a thread."""
+    log = Replay(run / "bag")
+    found, over = Page(log, "127.0.0.1", 0, lambda words: None, log), threading.Event()
+
+    def work() -> None:
+        while not over.wait(found.poll()):
+            pass
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    yield found
+    over.set()
+    thread.join()
+    found.close()
+
+
+def click(browser: Browser, name: str) -> None:
+    browser.click(f"//button[normalize-space()='{name}']")
+
+
+def test_a_log_is_moved_through_and_its_events_move_the_charts(page: Page, run: Path) -> None:
+    state = "return document.getElementById('bench-state')?.innerText.includes(arguments[0])"
+    shown = "return document.body.innerText.includes(arguments[0])"
+    with chromium() as browser:
+        browser.open(page.server.address, 1400, 950)
+        browser.until(state, "paused")
+        browser.write("//label[normalize-space()='Time [s]']/following::input[1]", "60\ue007")
+        browser.until(state, "60.00 s")
+        browser.until(state, "proportional_integral")
+        browser.click("//*[@role='tab' and normalize-space()='Log']")
+        click(browser, "12.50 s pd_feedforward -> output_feedback, e...")
+        browser.until(shown, "effort step")
+        assert not browser.run(shown, "Brake (space bar)")
+        if PICTURE in os.environ:
+            browser.picture(Path(os.environ[PICTURE]), whole=False)
+        click(browser, "Play")
+        browser.until(state, "replaying")
