@@ -119,6 +119,14 @@ def panel() -> dict[str, Any]:
     }
 
 
+def test_a_plate_is_drawn_as_the_line_through_its_middle() -> None:
+    own = modal_shape(Path("solar_panel.yaml"))
+    assert (own.line[0] == 0.0).all()
+    assert (np.diff(own.line[:, 0]) > 0.0).all()
+    np.testing.assert_allclose(own.line[:, 1:], 0.0, atol=1e-12)
+    assert own.line_shape.shape == (len(own.line), 3, own.modes)
+
+
 def test_a_modal_file_gives_its_masses_and_frequencies(tmp_path: Path) -> None:
     path = tmp_path / "panel.yaml"
     path.write_text(yaml.safe_dump(panel()))

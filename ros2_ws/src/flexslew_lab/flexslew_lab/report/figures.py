@@ -333,7 +333,16 @@ def _joints(runs: Sequence[RunData]) -> list[tuple[str, str]]:
 
 
 def _appendages(runs: Sequence[RunData]) -> list[str]:
-    return list(dict.fromkeys(name for run in runs for name in run.appendage_names))
+    """Return the readings of the appendages that deflect; all where none does."""
+    names = dict.fromkeys(name for run in runs for name in run.appendage_names)
+    bent = {
+        name
+        for run in runs
+        if "tip" in run.traces
+        for name, column in zip(run.appendage_names, run.traces["tip"].value.T, strict=True)
+        if np.nan_to_num(column).any()
+    }
+    return [name for name in names if name in bent] or list(names)
 
 
 def _efforts_of(run: RunData) -> list[tuple[str, str]]:

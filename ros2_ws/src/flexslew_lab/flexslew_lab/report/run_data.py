@@ -14,6 +14,8 @@ from flexslew_lab.report.matching import Waiting, keys_of
 from flexslew_lab.report.spans import Span, spans_of
 from flexslew_lab.report.thinning import Thinner, Trace
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import Model, read_testbed
 
 BUCKETS = 1200  # of which each keeps its smallest and its largest value
 FRAMES = 500  # of the animation
@@ -64,7 +66,9 @@ def read_run(path: Path, label: str = "") -> RunData:
     trial = logged_yaml(bag.trial_text, f"{bag.path}: trial")
     testbed = overview.testbed
     collector = _Collector(
-        overview.counts, len(testbed.joint_names) if testbed is not None else None
+        overview.counts,
+        len(testbed.joint_names) if testbed is not None else None,
+        _model_with_readings(trial, str(bag.path)),
     )
     for block in bag.blocks(["/truth", "/controller_state", "/measurement"]):
         collector.take(block.topic, block.columns)
@@ -101,6 +105,15 @@ def appendage_names_of(overview: Overview, count: int) -> tuple[str, ...]:
     return tuple(f"appendage_{k + 1}" for k in range(count))
 
 
+def _model_with_readings(trial: Mapping[str, Any], source: str) -> Model | None:
+    """Return the model of a trial whose joints are not the first entries of its state."""
+    try:
+        model = read_testbed(trial["testbed"], source).model()
+    except (BadInput, KeyError):
+        return None
+    return None if model.reading is None else model
+
+
 def _goal(overview: Overview) -> dict[str, float]:
     """Return where the last plan ends, by joint."""
     if not overview.plans:
@@ -113,8 +126,11 @@ def _goal(overview: Overview) -> dict[str, float]:
 class _Collector:
     """Takes blocks in the order of the bag; joins estimate and truth by epoch and tick."""
 
-    def __init__(self, counts: Mapping[str, int], joints: int | None) -> None:
+    def __init__(
+        self, counts: Mapping[str, int], joints: int | None, model: Model | None = None
+    ) -> None:
         self.joints = joints  # None: as many as efforts
+        self._model = model  # None: the joints are the first entries of the state
         ticks = counts.get("/truth", 0)
         self._size = -(-ticks // BUCKETS) if ticks > 2 * BUCKETS else 1
         self._frame_step = max(-(-ticks // FRAMES), 1)
@@ -142,21 +158,31 @@ class _Collector:
 
     def _take_truth(self, time: Vector, columns: Mapping[str, Any]) -> None:
         efforts = columns["applied_effort"].shape[1]
-        if self.joints is None or self.joints > columns["position"].shape[1]:
+        position = self._joints_and_modes(columns)
+        if self.joints is None or self.joints > position.shape[1]:
             self.joints = efforts
         joints = self.joints
-        self._put("position", time, columns["position"][:, :joints])
-        self._put("modes", time, columns["position"][:, joints:])
+        self._put("position", time, position[:, :joints])
+        self._put("modes", time, position[:, joints:])
         self._put("tip", time, columns["tip_deflection"])
         self._put("effort", time, columns["applied_effort"])
         self._put("disturbance", time, columns["disturbance"])
         self._put("energy", time, columns["energy"][:, None])
-        self._truth.add(keys_of(columns), columns["position"])
+        self._truth.add(keys_of(columns), position)
         self._join()
         rows = np.arange(-self._seen % self._frame_step, len(time), self._frame_step)
         self._seen += len(time)
         self.frame_time.extend(time[rows].tolist())
         self.frame_position.extend(columns["position"][rows])
+
+    def _joints_and_modes(self, columns: Mapping[str, Any]) -> Matrix:
+        """Return where joints and modes are, shape (ticks, joints + modes)."""
+        q: Matrix = columns["position"]
+        model = self._model
+        if model is None or q.shape[1] != model.positions:
+            return q
+        joints = [model.joint_state(x)[0] for x in np.hstack((q, columns["velocity"]))]
+        return np.hstack((np.array(joints), q[:, model.positions - model.modes :]))
 
     def _take_measurement(self, time: Vector, names: NDArray[np.str_]) -> None:
         name, start, end = str(names[0]), float(time[0]), float(time[-1])

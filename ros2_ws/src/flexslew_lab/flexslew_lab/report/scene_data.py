@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_lab.report.run_data import RunData
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import Testbed, read_testbed
+from flexslew_plant.testbeds import Model, read_testbed
 from flexslew_plant.testbeds.scene import Frame
 
 _BEND = 3  # how much a bend that can be seen anyway is exaggerated
@@ -33,7 +33,8 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
     except BadInput:
         return None
     modes = testbed.modes
-    leading = testbed.model().positions - modes
+    model = testbed.model()
+    leading = model.positions - modes
     if position.shape[1] != leading + modes or not modes:
         return None  # the trial's testbed has another number of modes than its truth
     rest = np.zeros(leading + modes)
@@ -41,18 +42,19 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
     bent = [scene.lines(np.concatenate((rest[:leading], row))) for row in np.eye(modes)]
     frames = scene.frames(position[0])
     chain = all(a.child == b.parent for a, b in pairwise(frames))
-    names = [frames[-1].child if chain else frames[0].child]
+    turntable = chain and model.leading is None
+    names = [frames[-1].child if turntable else frames[0].child]
     names += sorted(set(scene.line_frames) - set(names))
     poses = [[_pose(scene.frames(row), name) for row in position] for name in names]
     shapes = [np.array([b[k] - line for b in bent]) for k, line in enumerate(straight)]
     return {
         "label": run.label,
         "time": _rounded(run.frame_time, 3),
-        "joints": _rounded(_joints(testbed, position), 5),
+        "joints": _rounded(_joints(model, position), 5),
         "joint_names": list(run.joint_names),
         "modes": _rounded(position[:, leading:], 6),
         "poses": [_rounded(pose, 5) for pose in poses],
-        "turntable": chain,
+        "turntable": turntable,
         "gain": _gain(straight, shapes, position[:, leading:]),
         "beams": [
             {"line": _rounded(line, 3), "shapes": _rounded(shape, 5), "frame": names.index(frame)}
@@ -61,9 +63,8 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
     }
 
 
-def _joints(testbed: Testbed, position: Matrix) -> Matrix:
+def _joints(model: Model, position: Matrix) -> Matrix:
     """Return where each joint is, shape (frames, joints)."""
-    model = testbed.model()
     still = np.zeros(model.coordinates)
     return np.array([model.joint_state(np.concatenate((row, still)))[0] for row in position])
 

@@ -210,8 +210,27 @@ def _from_points(
     if not 0 <= at < k:
         raise BadInput(f"{path}: tip: {at} is not allowed: 0 to {k - 1}")
     tip = Spot(points[at], shapes[at], np.zeros((3, n)), np.zeros((3, n)))
-    order = np.argsort(np.linalg.norm(points, axis=1), kind="stable")
-    return integrals, mass, tip, points[order], shapes[order]
+    line, line_shape = _centre_line(points, masses, shapes)
+    return integrals, mass, tip, line, line_shape
+
+
+def _centre_line(points: Matrix, masses: Vector, shapes: Matrix) -> tuple[Matrix, Matrix]:
+    """Return places to draw it through from the hinge on, and what the modes do there.
+
+    Points at one distance along its longest direction are drawn as their mean.
+    """
+    along = np.linalg.svd(points * np.sqrt(masses)[:, None], full_matrices=False)[2][0]
+    distance = points @ along
+    distance = distance * np.sign(distance.sum() or 1.0)
+    size = max(float(np.ptp(distance)), 1e-9)
+    _, group = np.unique(np.round(distance / size, 3), return_inverse=True)
+    count = np.bincount(group).astype(float)
+    line, line_shape = np.zeros((len(count), 3)), np.zeros((len(count), *shapes.shape[1:]))
+    np.add.at(line, group, points)
+    np.add.at(line_shape, group, shapes)
+    line = np.vstack((np.zeros(3), line / count[:, None]))
+    still = np.zeros((1, *shapes.shape[1:]))
+    return line, np.concatenate((still, line_shape / count[:, None, None]))
 
 
 def _from_participation(
