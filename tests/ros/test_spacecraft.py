@@ -14,7 +14,11 @@ from flexslew_lab.trial.trial import trial_of_values
 
 from .flight import Flight
 
-HOLD = {"kp": [400.0], "kd": [900.0]}
+# one per joint: x, y, z, roll, pitch, yaw, torques at the tip
+HOLD = {
+    "kp": [4000.0, 4000.0, 4000.0, 400.0, 2400.0, 2400.0, 0.0, 0.0, 0.0],
+    "kd": [3000.0, 3000.0, 3000.0, 290.0, 1700.0, 1700.0, 0.0, 0.0, 0.0],
+}
 TRIALS: dict[str, dict[str, Any]] = {
     "scole_s_a": {
         "duration": 1.2,

@@ -90,7 +90,7 @@ class SpacecraftTestbed:
             ValueError: in words for the section's reader.
         """
         try:
-            craft = spacecraft(self)
+            craft = self.craft
             channels(craft, self.sensors, UNITS[self.units])
         except BadInput as error:
             raise ValueError(str(error)) from None
