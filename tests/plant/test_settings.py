@@ -111,8 +111,14 @@ def test_a_syntax_error_names_the_line() -> None:
 
 
 def test_flat_settings_are_ros_parameters() -> None:
-    values = {"a": {"b": 1, "c": {"d": [1.0, 2.0]}}, "e": None, "f": [], "g": [{"at": 1.0}]}
-    assert flat(values) == {"a.b": 1, "a.c.d": [1.0, 2.0], "g": "[{at: 1.0}]\n"}
+    values = {
+        "a": {"b": 1, "c": {"d": [1.0, 2.0]}},
+        "e": None,
+        "f": [],
+        "g": [{"at": 1.0}],
+        "h": {},
+    }
+    assert flat(values) == {"a.b": 1, "a.c.d": [1.0, 2.0], "g": "[{at: 1.0}]\n", "h": "{}"}
 
 
 def test_settings_cannot_be_changed() -> None:

@@ -118,11 +118,14 @@ def yaml_text(values: Any, flow: bool | None = None) -> str:
 
 
 def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested settings as ROS parameters: dotted names; None and empty lists left out."""
+    """Return nested settings as ROS parameters: dotted names; None and empty lists left out.
+
+    A mapping without entries is the text {}: left out, it would come back as its default.
+    """
     result: dict[str, Any] = {}
     for key, value in values.items():
         if isinstance(value, dict):
-            result |= flat(value, f"{prefix}{key}.")
+            result |= flat(value, f"{prefix}{key}.") if value else {prefix + key: "{}"}
         elif isinstance(value, list) and any(isinstance(entry, dict | list) for entry in value):
             result[prefix + key] = yaml_text(value, flow=True)
         elif value is not None and value != []:

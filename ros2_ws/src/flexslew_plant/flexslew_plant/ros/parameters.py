@@ -54,7 +54,7 @@ def nested(node: Node, parameters: Iterable[Parameter[Any]]) -> dict[str, Any]:
         for part in path:
             place = place.setdefault(part, {})
         value = parameter.value
-        if isinstance(value, str) and value.startswith("["):
+        if isinstance(value, str) and (value.startswith("[") or value == "{}"):
             value = load_yaml(value, f"node {node.get_name()}: {parameter.name}")
         place[last] = value.tolist() if isinstance(value, array) else value
     return given
