@@ -8,8 +8,10 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.bench.retarget import with_schedule
+from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.errors import BadInput, FlexslewError
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.settings import load_yaml, validated
 from flexslew_plant.testbeds import Model, Testbed, believed, read_testbed
 
 _NOTHING: Final[Vector] = np.zeros(0)
@@ -85,6 +87,8 @@ def described(settings: str, source: str) -> PlantDescription:
     if "testbed" not in bench or "period" not in bench:
         raise BadInput(f"{source}: does not say what stands on the bench (no testbed)")
     testbed = read_testbed(bench["testbed"], f"{source}: testbed")
+    schedule = validated(Schedule, bench.get("schedule") or (), f"{source}: schedule")
+    testbed = with_schedule(testbed, schedule)  # what turns when is known beforehand
     limit = np.array(testbed.effort_limit, dtype=np.float64)
     return PlantDescription(testbed, float(bench["period"]), limit)
 

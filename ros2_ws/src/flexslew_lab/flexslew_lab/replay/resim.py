@@ -125,7 +125,7 @@ def _flown_again(
     )
 
 
-WISHES = ("switch_requested", "injected", "fault_ended", "brake_requested")
+WISHES = ("switch_requested", "injected", "fault_ended", "brake_requested", "retargeted")
 
 
 class _Again:
@@ -222,6 +222,8 @@ class _Again:
         data = wish.data
         if wish.kind == "injected":
             self.bench.inject(data["text"], data["start"])
+        elif wish.kind == "retargeted":
+            self.bench.retarget(data["text"], data["start"])
         elif wish.kind == "fault_ended":
             self.bench.end_fault(data["number"])
         elif wish.kind == "brake_requested":

@@ -15,6 +15,7 @@ from flexslew_control.planners import PlanSettings, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.bench.actuator import ActuatorSettings
 from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import Schedule, require_allowed
 from flexslew_plant.bench.sensors import SensorSettings
 from flexslew_plant.errors import BadInput
@@ -212,7 +213,8 @@ def plan_section_of(trial: Trial, source: str) -> PlanSettings | None:
 def plant_of(trial: Trial) -> PlantDescription:
     """Return what stands on the trial's bench."""
     limit = np.array(trial.testbed.effort_limit, dtype=np.float64)
-    return PlantDescription(trial.testbed, trial.period, limit)
+    testbed = with_schedule(trial.testbed, trial.schedule)
+    return PlantDescription(testbed, trial.period, limit)
 
 
 def feedback_of(trial: Trial) -> Feedback | None:

@@ -24,6 +24,7 @@ from flexslew_plant.bench.records import InjectResult as InjectResult
 from flexslew_plant.bench.records import SwitchRequest as SwitchRequest
 from flexslew_plant.bench.records import SwitchResult as SwitchResult
 from flexslew_plant.bench.records import Truth as Truth
+from flexslew_plant.bench.retarget import retargeted, wanted_turn, with_schedule
 from flexslew_plant.bench.schedule import injected_entry, require_allowed
 from flexslew_plant.bench.sensors import Readings, Sensors
 from flexslew_plant.errors import BadInput
@@ -49,7 +50,8 @@ class Bench:
 
     def __init__(self, settings: BenchSettings) -> None:
         self.settings = settings
-        self.model = settings.testbed.model()
+        self._testbed = with_schedule(settings.testbed, settings.schedule)
+        self.model = self._testbed.model()
         self.appendages = self.model.appendages
         self.limit: Vector = np.array(settings.testbed.effort_limit, dtype=float)
         self._start = initial_state(settings.testbed)
@@ -72,7 +74,7 @@ class Bench:
         self._known = [
             breaking_of(entry, self._names, settings.period, f"schedule.{i}")
             for i, entry in enumerate(settings.schedule)
-            if entry.switch is None
+            if entry.switch is None and entry.retarget is None
         ]
         self.events: deque[Event] = deque()
         self.epoch, self.tick = -1, 0
@@ -85,6 +87,8 @@ class Bench:
             for entry in self.settings.schedule
             if entry.switch is not None
         )
+        self._turned = self._testbed  # with what operators have wanted besides
+        self.model = self._testbed.model()
         self.epoch += 1
         self.tick = 0
         self.actuator.reset()
@@ -243,6 +247,27 @@ class Bench:
         data = {"text": text, "start": start, "number": number, "who": who}
         self.say(Level.INFO, "injected", f"{word} wanted at tick {start}", data)
         return InjectResult(True, f"{word} {number} at tick {start}", start, number)
+
+    def retarget(self, text: str, tick: int = 0, who: str = "") -> InjectResult:
+        """Return whether an appendage gets a new target, or why not.
+
+        Args:
+            text: YAML, see retarget.retargeted.
+            tick: at which it begins to turn; 0: the next.
+            who: wants it.
+        """
+        start = max(tick, self.tick + 1)
+        if 0 < tick < self.tick:
+            return InjectResult(False, self._over(tick), self.tick)
+        try:
+            at = start * self.settings.period
+            turned = retargeted(self._turned, wanted_turn(text), at, "target")
+        except BadInput as error:
+            return InjectResult(False, str(error), self.tick)
+        self._turned, self.model = turned, turned.model()
+        words = f"a new target from tick {start} on: {text.strip()}"
+        self.say(Level.INFO, "retargeted", words, {"text": text, "start": start, "who": who})
+        return InjectResult(True, words, start)
 
     def end_fault(self, number: int, who: str = "") -> InjectResult:
         """Return whether a fault or disturbance ends with the next tick, or why not.

@@ -19,14 +19,17 @@ class ScheduleEntry:
     switch: str | None = None  # controller to hand the bench to
     disturbance: Disturbance | None = None  # effort on joints by name: constant, sine or pulse
     fault: FaultSettings | None = None  # what breaks; the trial must allow it
+    retarget: dict[str, Any] | None = None  # appendage and the keys of a motion of its hinge
 
     @model_validator(mode="after")
     def _one_thing(self) -> "ScheduleEntry":
-        given = [x for x in (self.switch, self.disturbance, self.fault) if x is not None]
+        given = [
+            x for x in (self.switch, self.disturbance, self.fault, self.retarget) if x is not None
+        ]
         if len(given) != 1:
-            raise ValueError("give exactly one of switch, disturbance, fault")
-        if self.switch is not None and self.until is not None:
-            raise ValueError("until goes with a disturbance or a fault, not with a switch")
+            raise ValueError("give exactly one of switch, disturbance, fault, retarget")
+        if self.until is not None and (self.switch is not None or self.retarget is not None):
+            raise ValueError("until goes with a disturbance or a fault alone")
         if self.until is not None and self.until <= self.at:
             raise ValueError("until must be later than at")
         return self
@@ -67,6 +70,6 @@ def injected_entry(text: str, at: float) -> ScheduleEntry:
         until = {"until": values["until"]} if "until" in values else {}
         values = {"fault": {k: v for k, v in values.items() if k != "until"}, **until}
     entry: ScheduleEntry = validated(ScheduleEntry, {**values, "at": at}, "fault")
-    if entry.switch is not None:
-        raise BadInput("fault: switch is not a fault; call switch_controller")
+    if entry.switch is not None or entry.retarget is not None:
+        raise BadInput("fault: switch and retarget are no faults; call their services")
     return entry

@@ -61,7 +61,7 @@ class Missed(TypedDict, total=False):
 
 @_more_keys
 class Injected(TypedDict):
-    """An operator wants something to break."""
+    """An operator wants something to break, or an antenna to turn."""
 
     text: Annotated[str, AfterValidator(_yaml)]
     start: Count
@@ -128,6 +128,7 @@ EVENTS: dict[str, TypeAdapter[Any]] = {
     "switch_refused": TypeAdapter(Switched),
     "missed": TypeAdapter(Missed),
     "injected": TypeAdapter(Injected),
+    "retargeted": TypeAdapter(Injected),
     "switch_requested": TypeAdapter(SwitchRequested),
     "switch_dropped": TypeAdapter(Dropped),
     "reset": TypeAdapter(Reset),

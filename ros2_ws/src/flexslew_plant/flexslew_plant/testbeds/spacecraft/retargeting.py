@@ -1,11 +1,16 @@
 """Antennas that turn on prescribed hinges: their turns, and the units of a section's weights."""
 
+from typing import Any
+
 import numpy as np
 
 from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.contract import HingeTurn, UnitSizes
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.settings import AppendageSettings, Motion
 from flexslew_plant.testbeds.spacecraft.units import Units
 
 
@@ -18,6 +23,32 @@ def hinge_turns(craft: Spacecraft) -> tuple[HingeTurn, ...]:
             angle += m.angle
             turns.append(HingeTurn(a.name, m.begin, m.begin + m.duration, angle))
     return tuple(sorted(turns, key=lambda turn: (turn.begin, turn.appendage)))
+
+
+def retargeted(
+    appendages: dict[str, AppendageSettings], wanted: dict[str, Any], at: float
+) -> dict[str, Any]:
+    """Return the keys of a section that give an appendage a new target.
+
+    Args:
+        appendages: of the section.
+        wanted: `appendage`, and the keys of a motion but for `at`.
+        at: when it begins to turn [s].
+
+    Raises:
+        BadInput: no such appendage, or its hinge does not turn in a prescribed way.
+    """
+    motion = dict(wanted)
+    name = motion.pop("appendage", None)
+    if name not in appendages:
+        known = ", ".join(appendages)
+        raise BadInput(f"appendage: {name} is not allowed; allowed: {known}")
+    hinge = appendages[name].hinge
+    given = (hinge.motion,) if isinstance(hinge.motion, Motion) else (hinge.motion or ())
+    if not given and hinge.kind != "prescribed":
+        raise BadInput(f"appendage: the hinge of {name} does not turn; set its kind to prescribed")
+    motions = [plain(m) for m in given] + [{**motion, "at": at}]
+    return {"appendages": {name: {"hinge": {"motion": motions}}}}
 
 
 def mode_sizes(a: Appendage, units: Units) -> Vector:

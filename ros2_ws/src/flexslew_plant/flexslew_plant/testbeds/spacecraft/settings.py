@@ -58,7 +58,9 @@ class Turn:
 class Motion:
     """A prescribed turn of a hinge, from where the one before has ended."""
 
-    to: float  # angle from the hinge's rest [rad]
+    to: float | None = None  # angle from the hinge's rest [rad]
+    # instead: where its z shall point, in inertia space with the platform at rest
+    line_of_sight: Triple | None = None
     duration: Positive  # [s]
     at: NonNegative = 0.0  # when it begins [s]
     profile: Literal["smooth", "bang_bang", "table"] = "smooth"

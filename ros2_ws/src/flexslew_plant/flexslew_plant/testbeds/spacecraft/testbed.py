@@ -31,7 +31,7 @@ from flexslew_plant.testbeds.spacecraft.equations.readings import read
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
 from flexslew_plant.testbeds.spacecraft.motions import Motions, motions
 from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit
-from flexslew_plant.testbeds.spacecraft.retargeting import hinge_turns, section_units
+from flexslew_plant.testbeds.spacecraft.retargeting import hinge_turns, retargeted, section_units
 from flexslew_plant.testbeds.spacecraft.settings import (
     IDENTITY,
     ActuatorPlace,
@@ -204,6 +204,10 @@ class SpacecraftTestbed:
     def hinge_turns(self) -> tuple[HingeTurn, ...]:
         """Return the prescribed turns; see contract.Retargeting."""
         return hinge_turns(self.craft)
+
+    def retargeted(self, wanted: dict[str, Any], at: float) -> dict[str, Any]:
+        """Return the keys that give an appendage a new target; see contract.Retargeting."""
+        return retargeted(self.appendages, wanted, at)
 
     def scene(self) -> Scene:
         """Return how it is drawn."""

@@ -27,6 +27,8 @@ _PROFILES = {"smooth": at.SMOOTH, "bang_bang": at.BANG_BANG, "table": at.TABLE}
 
 _HINGES = {"fixed": at.FIXED, "prescribed": at.PRESCRIBED, "driven": at.DRIVEN}
 
+_SIGHT = 1e-6  # between a target and where a hinge can point [rad]
+
 
 def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> Appendage:
     """Return an appendage in SI; BadInput, by its key, if it cannot exist."""
@@ -51,7 +53,7 @@ def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> App
             turn(unit_direction(h.turned.axis, f"{key}.hinge.turned.axis"), h.turned.angle) @ axes
         )
     axis = unit_direction(h.axis, f"{key}.hinge.axis")
-    manoeuvres = _manoeuvres(h, axis, f"{key}.hinge")
+    manoeuvres = _manoeuvres(h, axis, axes, f"{key}.hinge")
     kind = h.kind or ("prescribed" if manoeuvres else "fixed")
     modal_mass = np.zeros(0) if shape is None else shape.mass
     stiffness = np.zeros(0) if shape is None else a.stiffness * shape.stiffness
@@ -111,15 +113,16 @@ def _damping(d: Damping, mass: Vector, stiffness: Vector, own: Matrix | None, ke
     return both if own is None else both + own
 
 
-def _manoeuvres(h: Hinge, axis: Vector, key: str) -> tuple[Manoeuvre, ...]:
+def _manoeuvres(h: Hinge, axis: Vector, axes: Matrix, key: str) -> tuple[Manoeuvre, ...]:
     """Return the prescribed motions of a hinge, checked against its range and each other."""
     given = (h.motion,) if isinstance(h.motion, Motion) else (h.motion or ())
     found: list[Manoeuvre] = []
     angle, end = 0.0, 0.0
     for k, m in enumerate(sorted(given, key=lambda motion: motion.at)):
-        if h.range is not None and not h.range[0] <= m.to <= h.range[1]:
+        to = _target(m, axis, axes, f"{key}.motion.{k}")
+        if h.range is not None and not h.range[0] <= to <= h.range[1]:
             raise BadInput(
-                f"{key}.motion.{k}.to: {m.to:g} rad is outside of the range {h.range[0]:g} to "
+                f"{key}.motion.{k}.to: {to:g} rad is outside of the range {h.range[0]:g} to "
                 f"{h.range[1]:g} rad"
             )
         if m.at < end - 1e-12:
@@ -130,9 +133,39 @@ def _manoeuvres(h: Hinge, axis: Vector, key: str) -> tuple[Manoeuvre, ...]:
         table = np.array(m.table, dtype=float).reshape(-1, 4)
         if m.profile == "table":
             _require_table(table, f"{key}.motion.{k}.table")
-        found.append(Manoeuvre(m.at, m.duration, m.to - angle, about, _PROFILES[m.profile], table))
-        angle, end = m.to, m.at + m.duration
+        found.append(Manoeuvre(m.at, m.duration, to - angle, about, _PROFILES[m.profile], table))
+        angle, end = to, m.at + m.duration
     return tuple(found)
+
+
+def _target(m: Motion, axis: Vector, axes: Matrix, key: str) -> float:
+    """Return the angle of a hinge at which its appendage points to the target [rad].
+
+    Args:
+        m: the motion.
+        axis: of the hinge, in appendage axes, shape (3,).
+        axes: body to appendage at angle zero, shape (3, 3).
+        key: for an error.
+
+    Raises:
+        BadInput: there is not one target, or no angle of the hinge points there.
+    """
+    if (m.to is None) == (m.line_of_sight is None):
+        raise BadInput(f"{key}: give one of to and line_of_sight")
+    if m.to is not None:
+        return m.to
+    assert m.line_of_sight is not None
+    wanted = axes @ unit_direction(m.line_of_sight, f"{key}.line_of_sight")
+    z = np.array([0.0, 0.0, 1.0])
+    across, there = z - (z @ axis) * axis, wanted - (wanted @ axis) * axis
+    angle = float(np.arctan2(axis @ np.cross(across, there), across @ there))
+    away = float(np.arccos(np.clip(turn(axis, angle).T @ z @ wanted, -1.0, 1.0)))
+    if away > _SIGHT:
+        raise BadInput(
+            f"{key}.line_of_sight: {list(m.line_of_sight)} is not allowed: the hinge turns about "
+            f"{axis.round(6).tolist()} and comes within {away:.4g} rad of it at best"
+        )
+    return angle
 
 
 def _require_table(table: Matrix, key: str) -> None:

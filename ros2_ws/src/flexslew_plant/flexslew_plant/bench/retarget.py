@@ -1,0 +1,52 @@
+"""New targets for appendages on prescribed hinges: of the schedule, and of operators in flight."""
+
+from typing import Any
+
+from flexslew_plant.bench.schedule import Schedule
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
+from flexslew_plant.testbeds import Testbed, varied
+from flexslew_plant.testbeds.contract import Retargeting
+
+
+def retargeted(testbed: Testbed, wanted: Any, at: float, place: str) -> Testbed:
+    """Return a testbed with one more turn of a hinge.
+
+    Args:
+        testbed: that stands on the bench.
+        wanted: `appendage`, and the keys of a motion but for `at`.
+        at: when it begins [s].
+        place: where the wish stands, for an error.
+
+    Raises:
+        BadInput: no such appendage, a target outside of the hinge's range, or a turn before the
+            last one has ended.
+    """
+    if not isinstance(testbed, Retargeting):
+        raise BadInput(f"{place}: {testbed.kind} has no appendages that turn")
+    if not isinstance(wanted, dict):
+        raise BadInput(
+            f"{place}: give YAML keys, for example {{appendage: left, to: 0.3, duration: 2.0}}"
+        )
+    try:
+        changes = testbed.retargeted(wanted, at)
+    except BadInput as error:
+        raise BadInput(f"{place}.{error}") from None
+    return varied(testbed, changes, place)
+
+
+def with_schedule(testbed: Testbed, schedule: Schedule) -> Testbed:
+    """Return a testbed with all turns that a schedule gives it, which everybody knows beforehand.
+
+    Raises:
+        BadInput: see retargeted.
+    """
+    for i, entry in enumerate(schedule):
+        if entry.retarget is not None:
+            testbed = retargeted(testbed, entry.retarget, entry.at, f"schedule.{i}.retarget")
+    return testbed
+
+
+def wanted_turn(text: str) -> Any:
+    """Return the wish of an operator; BadInput if it is no YAML."""
+    return load_yaml(text, "target")

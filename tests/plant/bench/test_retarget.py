@@ -1,0 +1,116 @@
+"""New targets for antennas: in the schedule, in flight, as angles and as lines of sight."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.trial.in_process import Observer, fly
+from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, plant_of
+from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.contract import Retargeting
+
+MOTION = {"to": 0.3, "duration": 0.2, "profile": "smooth"}
+SHORT: dict[str, Any] = {
+    "duration": 0.6,
+    "period": 0.01,
+    "plan": None,
+    "controllers": {"pd_feedforward": {"kp": [5.0], "kd": [5.0]}},
+    "active": "pd_feedforward",
+    "testbed": {"appendages": {"beam": {"hinge": {"range": [-0.5, 0.5], "motion": MOTION}}}},
+}
+AGAIN = {"appendage": "beam", "to": -0.2, "duration": 0.1}
+
+
+def antenna(**changes: Any) -> Trial:
+    """Return a short flight of a small antenna."""
+    return shipped("antenna_4", {**SHORT, **changes})
+
+
+class Tape(Observer):
+    """The states, and a wish in flight."""
+
+    def __init__(self, bench: Bench, wish: str = "") -> None:
+        self.bench, self.wish = bench, wish
+        self.states: list[tuple[float, ...]] = []
+
+    def truth(self, truth: Truth) -> None:
+        """Keep the state; wish at tick 10."""
+        self.states.append((*truth.position, *truth.velocity))
+        if truth.tick == 10 and self.wish:
+            assert self.bench.retarget(self.wish, 40, "me").ok
+
+
+def flown(trial: Trial, wish: str = "") -> list[tuple[float, ...]]:
+    bench = Bench(bench_settings(trial))
+    tape = Tape(bench, wish)
+    fly(bench, build_controllers(trial, bench, "trial"), tape)
+    return tape.states
+
+
+def test_a_wish_in_flight_is_the_same_flight_as_one_in_the_schedule() -> None:
+    scheduled = flown(antenna(schedule=[{"at": 0.4, "retarget": AGAIN}]))
+    wished = flown(antenna(), "{appendage: beam, to: -0.2, duration: 0.1}")
+    assert wished == scheduled
+    assert flown(antenna()) != scheduled
+
+
+def test_everybody_knows_the_turns_of_the_schedule() -> None:
+    testbed = plant_of(antenna(schedule=[{"at": 0.4, "retarget": AGAIN}])).testbed
+    assert isinstance(testbed, Retargeting)
+    turns = testbed.hinge_turns()
+    assert [turn.to for turn in turns] == pytest.approx([0.3, -0.2])
+    assert [turn.end for turn in turns] == pytest.approx([0.2, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("wish", "words"),
+    [
+        ("{appendage: mast, to: 0.1, duration: 1.0}", "appendage: mast is not allowed"),
+        ("{appendage: beam, to: 0.7, duration: 1.0}", "0.7 rad is outside of the range -0.5 to"),
+        ("{appendage: beam, duration: 1.0}", "give one of to and line_of_sight"),
+        ("{appendage: beam, to: 0.1}", "duration"),
+        ("[1, 2", "is not YAML"),
+        ("nothing", "give YAML keys"),
+    ],
+)
+def test_a_wish_that_cannot_be_is_refused_and_nothing_changes(wish: str, words: str) -> None:
+    bench = Bench(bench_settings(antenna()))
+    before = bench.model
+    result = bench.retarget(wish, 40)
+    assert not result.ok
+    assert words in result.message
+    assert "\n" not in result.message
+    assert bench.model is before
+
+
+def test_a_turn_before_the_last_one_has_ended_is_refused() -> None:
+    bench = Bench(bench_settings(antenna()))
+    result = bench.retarget("{appendage: beam, to: 0.1, duration: 1.0}", 5)
+    assert not result.ok
+    assert "before the last one ends at 0.2 s" in result.message
+    with pytest.raises(BadInput, match=r"schedule.0.retarget.*before the last one ends"):
+        Bench(bench_settings(antenna(schedule=[{"at": 0.1, "retarget": AGAIN}])))
+
+
+def test_a_reset_takes_the_first_targets_again() -> None:
+    bench = Bench(bench_settings(antenna()))
+    packed = bench.model.packed
+    assert bench.retarget("{appendage: beam, to: 0.1, duration: 1.0}", 40).ok
+    assert bench.model.packed.size > packed.size
+    bench.reset()
+    np.testing.assert_array_equal(bench.model.packed, packed)
+
+
+def test_a_line_of_sight_becomes_the_angle_that_points_there() -> None:
+    # the beam lies along y and turns about x
+    sight = {"line_of_sight": [0.0, float(np.cos(0.4)), float(np.sin(0.4))], "to": None}
+    hinge = {"range": None, "motion": {**MOTION, **sight}}
+    testbed = antenna(testbed={"appendages": {"beam": {"hinge": hinge}}}).testbed
+    assert isinstance(testbed, Retargeting)
+    assert testbed.hinge_turns()[0].to == pytest.approx(0.4, abs=1e-12)
+    beside = {"motion": {**MOTION, "to": None, "line_of_sight": [0.3, 1.0, 0.0]}}
+    with pytest.raises(BadInput, match=r"line_of_sight: .* comes within 0.2915 rad of it at best"):
+        antenna(testbed={"appendages": {"beam": {"hinge": beside}}})
