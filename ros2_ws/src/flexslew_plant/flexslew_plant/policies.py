@@ -23,7 +23,10 @@ _OPERATE = (
     t.START, t.PAUSE, t.RESET, t.BRAKE, t.RELEASE_BRAKE, t.OPERATE, t.STEP, t.SET_RATE, t.NOTE,
     t.SWITCH_CONTROLLER, t.LIST_CONTROLLERS, t.INJECT_FAULT, t.END_FAULT,
 )  # fmt: skip
-_LAWS = ("pd_feedforward", "output_feedback", "proportional_integral", "lqr", "collocated_pid")
+_LAWS = (
+    "pd_feedforward", "output_feedback", "proportional_integral", "lqr", "collocated_pid",
+    "disturbance_minimisation", "disturbance_accommodating", "planned_gains", "modal_space",
+)  # fmt: skip
 _RECORDED = tuple(name for name in t.TOPICS if name not in t.NOT_RECORDED)
 
 ROLES: dict[str, Rights] = {

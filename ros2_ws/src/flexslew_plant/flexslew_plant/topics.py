@@ -77,6 +77,6 @@ SET_RATE = "set_rate"
 NOTE = "note"
 SWITCH_CONTROLLER = "switch_controller"
 LIST_CONTROLLERS = "list_controllers"
-INJECT_FAULT, END_FAULT, RETARGET = "inject_fault", "end_fault", "retarget"
+INJECT_FAULT, END_FAULT = "inject_fault", "end_fault"
 TUNE = "~/tune"  # of each controller
 PLAN_SLEW = "plan_slew"
