@@ -75,26 +75,9 @@ NODES: dict[str, str] = {
     "recorder": "recorder",
     "_recorder": "listener",
     "operator": "operator",
-<<<<<<< HEAD
     "console": "console",
     "_console": "watcher",
     **dict.fromkeys(_LAWS, "controller"),
-=======
-    **dict.fromkeys(
-        (
-            "pd_feedforward",
-            "output_feedback",
-            "proportional_integral",
-            "lqr",
-            "collocated_pid",
-            "disturbance_minimisation",
-            "disturbance_accommodating",
-            "planned_gains",
-            "modal_space",
-        ),
-        "controller",
-    ),
->>>>>>> ae23495 (Format)
 }
 
 
