@@ -11,6 +11,49 @@ def test_every_topic_is_said_by_somebody_and_heard_by_the_recorder() -> None:
     assert said >= {*TOPICS} - {"/rosout", "/tf_static"}
 
 
+# the format of SROS 2: children, then attributes, by element
+QUALIFIER = {"ALLOW", "DENY"}
+FORMAT: dict[str, tuple[set[str], set[str]]] = {
+    "policy": ({"enclaves"}, {"version"}),
+    "enclaves": ({"enclave"}, set()),
+    "enclave": ({"profiles"}, {"path"}),
+    "profiles": ({"profile"}, set()),
+    "profile": ({"topics", "services", "actions"}, {"ns", "node"}),
+    "topics": ({"topic"}, {"publish", "subscribe"}),
+    "services": ({"service"}, {"reply", "request"}),
+    "actions": ({"action"}, {"execute", "call"}),
+    "topic": (set(), set()),
+    "service": (set(), set()),
+    "action": (set(), set()),
+}
+
+
+@pytest.mark.parametrize("namespace", ["/", "/bench1"])
+def test_the_policies_have_the_format_of_sros2(namespace: str) -> None:
+    root = ElementTree.fromstring(policies(namespace=namespace))
+    assert (root.tag, root.attrib) == ("policy", {"version": "0.2.0"})
+    for element in root.iter():
+        children, attributes = FORMAT[element.tag]
+        assert {child.tag for child in element} <= children
+        assert {*element.attrib} <= attributes
+        assert bool(len(element)) == bool(children)  # no list is empty
+        if element.tag in ("topics", "services", "actions"):
+            assert len(element.attrib) == 1
+            assert {*element.attrib.values()} <= QUALIFIER
+        if not children:
+            assert element.text
+            assert not element.text.startswith("~")
+
+
+def test_a_hidden_node_lives_in_the_enclave_of_its_process() -> None:
+    root = ElementTree.fromstring(policies())
+    enclaves = {e.get("path"): [p.get("node") for p in e.iter("profile")] for e in root[0]}
+    assert enclaves["/recorder"] == ["recorder", "_recorder"]
+    hidden = [node for nodes in enclaves.values() for node in nodes[1:]]
+    assert hidden == [node for node in NODES if node.startswith("_")]
+    assert all(path == f"/{nodes[0]}" for path, nodes in enclaves.items())
+
+
 @pytest.mark.parametrize("namespace", ["/", "/bench1"])
 def test_the_policies_are_xml_with_a_profile_per_node(namespace: str) -> None:
     root = ElementTree.fromstring(policies(namespace=namespace))

@@ -1,17 +1,22 @@
-"""A run over ROS 2 in which a test may interfere at a tick."""
+"""Runs over ROS 2 in which a test may interfere at a tick."""
 
 import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+from flexslew_control.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.trial.nursery import Nursery
 from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.trial.supervisor import Outcome, Supervisor
-from flexslew_lab.trial.trial import parse_trial
+from flexslew_lab.trial.trial import parse_trial, plan_of_trial
 
 SLEW = """
 name: short
@@ -32,8 +37,23 @@ def slew(duration: float = 6.0, rate: float = 0.0, more: str = "", extra: str = 
     return parse_trial(SLEW.format(duration=duration, rate=rate, more=more, extra=extra), "test")
 
 
+NODES = (
+    "flexslew_plant.ros.plant_node",
+    "flexslew_control.ros.controller_node",
+    "flexslew_control.ros.planner_node",
+    "flexslew_lab.ros.recorder_node",
+    "flexslew_lab.ros.play_node",
+)
+
+
+@cache
+def nursery() -> Nursery:
+    """Return the nursery of all flights of this process."""
+    return Nursery(NODES)
+
+
 class Flight:
-    """Flies a trial; at the tick `at` the method `act` is called once with the pids by name."""
+    """Flies a trial; from the tick `at` on `act` is called once: pids by name, ROS_DOMAIN_ID."""
 
     def __init__(
         self,
@@ -46,23 +66,25 @@ class Flight:
         self._at, self._act = at, act
         self.folder, self.bag = folder, folder / "bag"
         folder.mkdir(parents=True, exist_ok=True)
-        processes = [*extra, *node_processes(trial, folder, True, {"trial_file": "test"})]
+        plan = None
+        if trial.plan is not None:
+            plan = folder / "plan.yaml"
+            save_plan(plan_of_trial(trial), plan)
+        nodes = node_processes(trial, folder, True, {"trial_file": "test"}, plan)
+        processes = [*extra, *nodes]
         parameters = folder / "parameters.yaml"
         parameters.write_text(parameter_file(processes))
         with own_domain() as domain:
-            os.environ["ROS_DOMAIN_ID"] = str(domain)
-            try:
-                self._supervisor = Supervisor(
-                    processes, parameters, folder / "nodes.log", domain, self._progress
-                )
-                self.outcome: Outcome = self._supervisor.run()
-            finally:
-                del os.environ["ROS_DOMAIN_ID"]
+            self._domain, log = domain, folder / "nodes.log"
+            self._supervisor = Supervisor(
+                processes, parameters, log, domain, self._progress, nursery()
+            )
+            self.outcome: Outcome = self._supervisor.run()
 
     def _progress(self, tick: int, last: int) -> None:
         if self._act is not None and tick >= self._at:
             act, self._act = self._act, None
-            act(self._supervisor.pids)
+            act(self._supervisor.pids, self._domain)
 
     @property
     def log(self) -> str:
@@ -78,7 +100,15 @@ class Flight:
 
 
 def kill(name: str, strength: int = signal.SIGKILL) -> Any:
-    def act(pids: dict[str, int]) -> None:
+    def act(pids: dict[str, int], domain: int) -> None:
         os.kill(pids[name], strength)
 
     return act
+
+
+@contextmanager
+def side_by_side(**flights: Callable[[], Flight]) -> Iterator[Callable[[str], Flight]]:
+    """Fly several at once, each in its own domain; yield what waits for one by name."""
+    with ThreadPoolExecutor(max_workers=3) as pool:
+        begun = {name: pool.submit(fly) for name, fly in flights.items()}
+        yield lambda name: begun[name].result()

@@ -42,5 +42,5 @@ class Intruder:
         self.node.destroy_node()
 
 
-if __name__ == "__main__":
+def main() -> None:
     run_node(Intruder)

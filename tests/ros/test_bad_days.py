@@ -2,11 +2,15 @@
 
 import os
 import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from threading import Timer
 from typing import Any
 
 import numpy as np
+import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
@@ -18,7 +22,12 @@ from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.supervisor import Supervisor
 from flexslew_lab.trial.trial import parse_trial
 
-from .flight import Flight, kill, slew
+from .flight import Flight, kill, nursery, side_by_side, slew
+
+
+def nobody(tick: int, last: int) -> None:
+    """Take no notice of the progress."""
+
 
 LOST = """
 name: lost
@@ -30,48 +39,57 @@ schedule: [{at: 1.0, disturbance: {base_yaw: 5.0}}]
 """
 
 
-def test_a_killed_controller_ends_in_the_brake_and_a_bench_at_rest(tmp_path: Path) -> None:
-    flight = Flight(slew(duration=100.0), tmp_path, 100, kill("pd_feedforward"))
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Flight]]:
+    """Flights in which somebody is killed, by name."""
+    folder = tmp_path_factory.mktemp("killed")
+    second = {"more": ", second: {law: pd_feedforward}", "extra": "fallback: [second]"}
+    with side_by_side(
+        controller=lambda: Flight(slew(60.0, 20.0), folder / "1", 100, kill("pd_feedforward")),
+        fallback=lambda: Flight(slew(20.0, **second), folder / "2", 0, kill("pd_feedforward")),
+        planner=lambda: Flight(slew(20.0), folder / "3", 0, kill("planner")),
+        recorder=lambda: Flight(slew(30.0), folder / "4", 100, kill("recorder")),
+    ) as flown:
+        yield flown
+
+
+def test_a_killed_controller_ends_in_the_brake_and_a_bench_at_rest(killed: Any) -> None:
+    flight = killed("controller")
     assert flight.outcome.exit_code == 3
     assert "brake" in flight.events
     rates = BagReader(flight.bag).columns("/truth", {"velocity"})["velocity"]
     moving, end = np.abs(rates[:, :2]).max(), np.abs(rates[-100:, :2]).max()
-    assert flight.metrics["ticks"] == 10000
+    assert flight.metrics["ticks"] == 6000
     assert end < 0.05 * moving
 
 
-def test_a_fallback_takes_over_from_a_killed_controller(tmp_path: Path) -> None:
-    trial = slew(
-        duration=60.0,
-        more=", second: {law: pd_feedforward}",
-        extra="fallback: [second]",
-    )
-    flight = Flight(trial, tmp_path, 100, kill("pd_feedforward"))
+def test_a_fallback_takes_over_from_a_killed_controller(killed: Any) -> None:
+    flight = killed("fallback")
     assert flight.outcome.exit_code == 3
     assert "fallback" in flight.events
     assert "brake" not in flight.events
-    assert flight.metrics["ticks"] == 6000
+    assert flight.metrics["ticks"] == 2000
 
 
-def test_a_killed_planner_disturbs_nobody_in_flight(tmp_path: Path) -> None:
-    flight = Flight(slew(duration=60.0), tmp_path, 100, kill("planner"))
+def test_a_killed_planner_disturbs_nobody_in_flight(killed: Any) -> None:
+    flight = killed("planner")
     assert flight.outcome.exit_code == 3
     assert "planner" in flight.outcome.message
     assert flight.metrics["missed_ticks"] == 0
 
 
-def test_a_killed_recorder_leaves_a_readable_log_and_the_run_goes_on(tmp_path: Path) -> None:
-    flight = Flight(slew(duration=60.0), tmp_path, 1000, kill("recorder"))
+def test_a_killed_recorder_leaves_a_readable_log_and_the_run_goes_on(killed: Any) -> None:
+    flight = killed("recorder")
     assert flight.outcome.exit_code == 3
-    assert "6000 ticks" in flight.log
+    assert "3000 ticks" in flight.log
     assert "the recorder recorder gives no sign of life" in flight.log
     metrics = flight.metrics
     assert not metrics["log_complete"]
-    assert metrics["ticks"] > 100
+    assert metrics["ticks"] > 20
 
 
 def test_an_interrupt_ends_everything_and_leaves_a_whole_log(tmp_path: Path) -> None:
-    def interrupt(pids: Any) -> None:
+    def interrupt(pids: Any, domain: int) -> None:
         os.kill(os.getpid(), signal.SIGINT)
 
     flight = Flight(slew(duration=1000.0), tmp_path, 50, interrupt)
@@ -83,7 +101,7 @@ def test_an_interrupt_ends_everything_and_leaves_a_whole_log(tmp_path: Path) -> 
 def test_an_interrupt_of_all_nodes_at_once_leaves_the_plant_s_last_words_in_the_log(
     tmp_path: Path,
 ) -> None:
-    def interrupt(pids: Any) -> None:
+    def interrupt(pids: Any, domain: int) -> None:
         for pid in pids.values():
             os.kill(pid, signal.SIGINT)
 
@@ -93,8 +111,8 @@ def test_an_interrupt_of_all_nodes_at_once_leaves_the_plant_s_last_words_in_the_
 
 
 def test_a_stall_of_the_plant_at_real_time_is_no_fault_of_the_controller(tmp_path: Path) -> None:
-    def stall(pids: Any) -> None:
-        kill("plant", signal.SIGSTOP)(pids)
+    def stall(pids: Any, domain: int) -> None:
+        kill("plant", signal.SIGSTOP)(pids, domain)
         Timer(0.3, os.kill, (pids["plant"], signal.SIGCONT)).start()
 
     flight = Flight(slew(duration=4.0, rate=1.0), tmp_path, 50, stall)
@@ -115,7 +133,7 @@ def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path: Path) -> Non
             parameters = folder / "parameters.yaml"
             parameters.write_text(parameter_file(processes))
             log = folder / "nodes.log"
-            flown[place] = Supervisor(processes, parameters, log, domain, lambda tick, last: None)
+            flown[place] = Supervisor(processes, parameters, log, domain, nobody, nursery())
         outcomes = [supervisor.run() for supervisor in flown.values()]
     assert outcomes == [(0, "")] * 2
     for place, ticks in (("bench1", 600), ("bench2", 500)):
@@ -142,9 +160,6 @@ def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(tmp_path
 
 
 def test_bad_input_stops_before_a_folder_is_made(tmp_path: Path) -> None:
-    import subprocess
-    import sys
-
     trial = tmp_path / "bad.yaml"
     trial.write_text("testbed: {kind: csa, modez: 3}\n")
     command = [sys.executable, "-m", "flexslew_lab.cli.main", "trial", str(trial), "--out"]

@@ -58,9 +58,9 @@ def _in_a_namespace(request: pytest.FixtureRequest) -> None:
     pytest.skip("passed in a namespace of its own")
 
 
-def hear(kind: str, pid: int) -> list[str]:
+def hear(kind: str, pid: int, domain: int) -> list[str]:
     """Return what the events of this kind say, as soon as there is one, or when the pid is gone."""
-    rclpy.init()
+    rclpy.init(domain_id=domain)
     node = rclpy.create_node("bystander")
     found: list[str] = []
     try:
@@ -85,8 +85,8 @@ def wrong(bag: Path) -> dict[str, str]:
 
 
 def test_a_full_disk_ends_the_recording_and_not_the_run(small_disk: Any, tmp_path: Path) -> None:
-    def listen(pids: Any) -> None:
-        heard.extend(hear("recording_stopped", pids["recorder"]))
+    def listen(pids: Any, domain: int) -> None:
+        heard.extend(hear("recording_stopped", pids["recorder"], domain))
 
     heard: list[str] = []
     flight = Flight(slew(duration=30.0), small_disk.parent, 1, listen)

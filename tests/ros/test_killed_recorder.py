@@ -35,8 +35,8 @@ class Killing:
         self._after = after  # measurements that are heard before
         self.tick = -1
 
-    def __call__(self, pids: dict[str, int]) -> None:
-        rclpy.init()
+    def __call__(self, pids: dict[str, int], domain: int) -> None:
+        rclpy.init(domain_id=domain)
         node = rclpy.create_node("bystander")
         heard: list[int] = []
         try:

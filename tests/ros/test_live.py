@@ -17,7 +17,7 @@ from flexslew_lab.trial.processes import NodeProcess, parameter_file
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.supervisor import Supervisor
 
-from .flight import slew
+from .flight import nursery, slew
 
 pytest.importorskip("foxglove")
 
@@ -100,7 +100,9 @@ def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path: Path) -> Non
     parameters.write_text(parameter_file(processes))
     with own_domain() as domain:
         log = tmp_path / "nodes.log"
-        supervisor = Supervisor(processes, parameters, log, domain, lambda tick, last: None)
+        supervisor = Supervisor(
+            processes, parameters, log, domain, lambda tick, last: None, nursery()
+        )
         try:
             client = connected(port, supervisor)
             channels: dict[Any, Any] = {}

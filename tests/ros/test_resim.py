@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+from dataclasses import replace
 from pathlib import Path
 from threading import Timer
 from typing import Any
@@ -31,25 +32,22 @@ from flexslew_plant.ros.messages import stamp
 
 from .flight import Flight, slew
 
-
-def switch_controller(name: Any, at: Any, strict: Any, max_effort_step: Any) -> Any:
-    with connected(int(os.environ["ROS_DOMAIN_ID"])) as bench:
-        return bench.switch(name, at, strict, max_effort_step)
-
-
+PATIENT = "display_rate: 0.0\nmax_missed: 1000"
 OTHERS = ", output_feedback: {mode: tracking_a}"
 
 
 def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -> None:
-    def by_hand(pids: Any) -> None:
-        answers.append(switch_controller("output_feedback", 0.0, False, 1.0))
+    def by_hand(pids: Any, domain: int) -> None:
+        with connected(domain, patience=20.0) as bench:
+            answers.append(bench.act("pause"))
+            answers.append(bench.switch("output_feedback", 0.0, False, 1.0))
+            answers.append(bench.act("start"))
 
     answers: list[Any] = []
-    flight = Flight(
-        slew(duration=150.0, more=OTHERS, extra="display_rate: 0.0"), tmp_path, 1, by_hand
-    )
+    trial = replace(slew(80.0, 0.0, OTHERS, PATIENT), answer_timeout=20.0)  # a busy machine
+    flight = Flight(trial, tmp_path, 0, by_hand)
     assert flight.outcome == (0, "")
-    assert answers[0][0], answers
+    assert [ok for ok, _ in answers] == [True] * 3, answers
     again = resim(flight.bag)
     assert flight.events.count("switched") == 1
     assert again.replayed["switch_requested"] == 1
@@ -58,7 +56,7 @@ def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -> 
 
 
 def test_late_answers_and_a_fallback_fly_again_to_the_same_hash(tmp_path: Path) -> None:
-    def hold_up(pids: Any) -> None:
+    def hold_up(pids: Any, domain: int) -> None:
         os.kill(pids["pd_feedforward"], signal.SIGSTOP)
         Timer(2.0, os.kill, (pids["pd_feedforward"], signal.SIGCONT)).start()  # and all is late
 
@@ -71,9 +69,9 @@ def test_late_answers_and_a_fallback_fly_again_to_the_same_hash(tmp_path: Path) 
     assert again.hash == flight.metrics["trajectory_hash"]
 
 
-def ask(*requests: Any) -> Any:
+def ask(domain: int, *requests: Any) -> Any:
     """Return the bench's answers to requests typed one after another."""
-    rclpy.init()
+    rclpy.init(domain_id=domain)
     node = rclpy.create_node("operator")
     answers: list[Any] = []
     try:
@@ -98,9 +96,10 @@ def fault(text: Any, at: float = 0.0) -> tuple[Any, str, Any]:
 
 
 def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -> None:
-    def by_hand(pids: Any) -> None:
+    def by_hand(pids: Any, domain: int) -> None:
         answers.extend(
             ask(
+                domain,
                 swap("output_feedback", who="ann"),
                 fault("{disturbance: {base_yaw: 3.0}}"),
                 (Tune, "output_feedback/tune", {"settings": "{reaching_rate: 3.0}", "who": "bob"}),
@@ -123,9 +122,7 @@ def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -
         )
 
     answers: list[Any] = []
-    trial = slew(
-        duration=80.0, more=OTHERS, extra="display_rate: 0.0\nallow_faults: true\nmax_missed: 100"
-    )
+    trial = slew(duration=80.0, more=OTHERS, extra=f"{PATIENT}\nallow_faults: true")
     flight = Flight(trial, tmp_path, 1, by_hand)
     done = [getattr(a, "ok", getattr(a, "success", False)) for a in answers]
     words = [answer.message for answer in answers]
@@ -158,8 +155,11 @@ def guest(name: Any, law: Any, **values: Any) -> NodeProcess:
 
 
 def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_path: Path) -> None:
-    def by_hand(pids: Any) -> None:
-        answers.extend(switch_controller(name, 0.0, False, 1.0) for name in ("own", "stiff"))
+    def by_hand(pids: Any, domain: int) -> None:
+        answers.extend(ask(domain, (Trigger, "pause", {}), (Step, "step", {"ticks": 1})))
+        now = answers[-1].tick * 0.01
+        swaps = [swap("own", now + 0.1, timeout=0.01), swap("stiff", now + 2.0, timeout=0.01)]
+        answers.extend(ask(domain, *swaps, (Trigger, "start", {})))
 
     answers: list[Any] = []
     file = tmp_path / "guest_law.py"
@@ -168,17 +168,17 @@ def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_
         guest("own", f"{file}:MyLaw", kp=300.0, kd=800.0),
         guest("stiff", "pd_feedforward", kp=[600.0, 600.0], handover_time=0.5),
     ]
-    flight = Flight(
-        slew(duration=100.0, extra="display_rate: 0.0"), tmp_path / "run", 1, by_hand, guests
-    )
+    flight = Flight(slew(80.0, 0.0, "", PATIENT), tmp_path / "run", 0, by_hand, guests)
     assert flight.outcome == (0, "")
-    assert [ok for ok, _ in answers] == [True, True], answers
-    blended = [
-        state.controller
+    assert all(answer.scheduled for answer in answers[2:4]), answers
+    blended = {
+        state.tick: state.controller  # a repeated question is answered again
         for _, _, state in BagReader(flight.bag).decoded(("/controller_state",))
         if "handover" in state.term_names
-    ]
-    assert blended == ["own"] * 100 + ["stiff"] * 50  # 1 s if nothing is said, as documented
+    }
+    assert [*blended.values()] == ["own"] * 100 + [
+        "stiff"
+    ] * 50  # 1 s if nothing is said, as documented
     own = f"{file}:MyLaw"
     again = resim(flight.bag, trusted=[own])
     assert flight.events.count("switched") == 2

@@ -70,7 +70,7 @@ def test_a_recorder_that_was_held_up_has_every_display_message(tmp_path: Path) -
             if tick >= 100 and self._reports < 2:
                 self._reports += 1
                 kill("recorder", (signal.SIGSTOP, signal.SIGCONT)[self._reports - 1])(
-                    self._supervisor.pids
+                    self._supervisor.pids, self._domain
                 )
 
         _reports = 0
@@ -81,7 +81,7 @@ def test_a_recorder_that_was_held_up_has_every_display_message(tmp_path: Path) -
 
 
 def test_a_recorder_that_is_held_up_until_after_the_end_has_every_message(tmp_path: Path) -> None:
-    def hold_up(pids: Any) -> None:
+    def hold_up(pids: Any, domain: int) -> None:
         os.kill(pids["recorder"], signal.SIGSTOP)
         Timer(2.5, os.kill, (pids["recorder"], signal.SIGCONT)).start()
 

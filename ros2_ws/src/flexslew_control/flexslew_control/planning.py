@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from flexslew_control.law import PlantDescription, described
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import default_testbed
 
 MOST_TICKS = 1_000_000  # of a manoeuvre
@@ -46,18 +48,28 @@ class Refusal(NamedTuple):
 
 
 class Planning:
-    """A process that waits for requests; its imports are done before the first one comes."""
+    """A process that waits for requests.
 
-    def __init__(self) -> None:
-        self._start()
+    Args:
+        soon: a request will come, so the process makes its imports now.
+    """
+
+    def __init__(self, soon: bool = True) -> None:
+        self._process: SpawnProcess | None = None
+        if soon:
+            self._start()
 
     def ask(self, request: PlanRequest) -> None:
         """Begin to plan."""
+        if self._process is None:
+            self._start()
         self._pipe.send(request)
 
     def news(self) -> list[Iteration | Plan | Refusal]:
         """Return what has come out since the last call; a plan or a refusal is the last word."""
         found: list[Iteration | Plan | Refusal] = []
+        if self._process is None:
+            return found
         try:
             while self._pipe.poll():
                 found.append(self._pipe.recv())
@@ -74,9 +86,11 @@ class Planning:
 
     def close(self) -> None:
         """End the process."""
-        self._process.kill()
-        self._process.join()
-        self._pipe.close()
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._pipe.close()
+            self._process = None
 
     def _start(self) -> None:
         # spawned: a copy of this process would take its threads' locks with it
@@ -87,14 +101,33 @@ class Planning:
         end.close()
 
 
-def unusable(period: float, effort_limit: Sequence[float]) -> str:
-    """Return what is wrong with the numbers of a request, or an empty text."""
+def plan_request(
+    text: str,
+    bench: str,
+    period: float,
+    effort_limit: Sequence[float],
+    gains: tuple[tuple[float, ...], tuple[float, ...]] = ((), ()),
+) -> PlanRequest | Refusal:
+    """Return what a client asks for, or why its numbers or its YAML cannot be used.
+
+    Args:
+        text: the `plan` section, YAML.
+        bench: settings of what stands on the bench, YAML; empty: the default testbed.
+        period: one tick of the bench [s].
+        effort_limit: one per actuator [N m or N].
+        gains: kp and kd of the controller in charge, if it has such gains.
+    """
     if not (math.isfinite(period) and period > 0.0):
-        return f"period: {period} is not allowed: a positive number of seconds"
-    limit = list(effort_limit)
+        words = f"period: {period} is not allowed: a positive number of seconds"
+        return Refusal(True, words)
+    limit = tuple(effort_limit)
     if not limit or not all(math.isfinite(value) and value > 0.0 for value in limit):
-        return f"effort_limit: {limit} is not allowed: one positive number per joint"
-    return ""
+        words = f"effort_limit: {[*limit]} is not allowed: one positive number per joint"
+        return Refusal(True, words)
+    try:
+        return PlanRequest(load_yaml(text, "request"), bench, period, limit, *gains)
+    except BadInput as error:
+        return Refusal(True, str(error))
 
 
 def _work(pipe: Connection) -> None:

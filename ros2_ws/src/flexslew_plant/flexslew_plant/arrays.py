@@ -7,6 +7,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from flexslew_plant.compile_lock import one_at_a_time
+
 Vector: TypeAlias = NDArray[np.float64]  # one index
 Matrix: TypeAlias = NDArray[np.float64]  # two indices
 Tensor: TypeAlias = NDArray[np.float64]  # three indices
@@ -20,7 +22,8 @@ def compiled(function: _Function) -> _Function:
     Floating point stays strictly IEEE (no fastmath, no contraction across runs), so the same
     inputs give the same bits in every process of one machine.
     """
-    return cast(_Function, numba.njit(cache=True, error_model="numpy")(function))
+    kept = numba.njit(cache=True, error_model="numpy")(function)
+    return cast(_Function, one_at_a_time(kept))
 
 
 def inlined(function: _Function) -> _Function:
@@ -43,4 +46,4 @@ def vectorised(function: _Function) -> _Function:
     lane is still computed alike, wherever it stands.
     """
     options = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
-    return cast(_Function, numba.njit(**options)(function))
+    return cast(_Function, one_at_a_time(numba.njit(**options)(function)))

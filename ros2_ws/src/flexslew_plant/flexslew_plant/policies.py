@@ -6,6 +6,8 @@ from xml.sax.saxutils import quoteattr
 
 from flexslew_plant import topics as t
 
+HIDDEN = "_"  # ROS hides nodes whose names begin so; `_x` listens on behalf of the node `x`
+
 
 class Rights(NamedTuple):
     """What nodes of one role may do."""
@@ -84,11 +86,13 @@ NODES: dict[str, str] = {
 def policies(nodes: Mapping[str, str] | None = None, namespace: str = "/") -> str:
     """Return a policy file of SROS 2 for these nodes.
 
+    An enclave is one process, so a hidden node shares that of the node on whose behalf it listens.
+
     Args:
         nodes: role by name; none: those of the shipped laws.
         namespace: of all of them.
     """
-    enclaves = []
+    enclaves: dict[str, list[str]] = {}  # profiles by place
     for node, role in (NODES if nodes is None else nodes).items():
         rights = ROLES[role]
         own = [f"{node}/{name.removeprefix('~/')}" for name in OWN_SERVICES]
@@ -101,15 +105,20 @@ def policies(nodes: Mapping[str, str] | None = None, namespace: str = "/") -> st
             _part("action", "execute", rights.execute),
             _part("action", "call", rights.call),
         ]
-        place = f"{namespace.rstrip('/')}/{node}"
-        enclaves.append(
-            f"    <enclave path={quoteattr(place)}>\n      <profiles>\n"
+        place = f"{namespace.rstrip('/')}/{node.removeprefix(HIDDEN)}"
+        enclaves.setdefault(place, []).append(
             f"        <profile ns={quoteattr(namespace)} node={quoteattr(node)}>\n"
             + "".join(parts)
-            + "        </profile>\n      </profiles>\n    </enclave>\n"
+            + "        </profile>\n"
         )
+    body = "".join(
+        f"    <enclave path={quoteattr(place)}>\n      <profiles>\n"
+        + "".join(profiles)
+        + "      </profiles>\n    </enclave>\n"
+        for place, profiles in enclaves.items()
+    )
     head = '<?xml version="1.0" encoding="UTF-8"?>\n<policy version="0.2.0">\n  <enclaves>\n'
-    return head + "".join(enclaves) + "  </enclaves>\n</policy>\n"
+    return f"{head}{body}  </enclaves>\n</policy>\n"
 
 
 def _part(kind: str, right: str, names: tuple[str, ...] | list[str]) -> str:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -21,14 +21,23 @@ from flexslew_control.controllers.retargeting import (
     planned_gains,
 )
 from flexslew_control.controllers.user_law import build_user_law, find_law
+from flexslew_control.estimators.monitor import Monitor, Monitored, MonitorSettings
 from flexslew_control.law import Estimator, Law, PlantDescription
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import code_hash
-from flexslew_plant.settings import NonNegative, plain, validated, yaml_text
+from flexslew_plant.settings import NonNegative, plain, section, validated, yaml_text
 from flexslew_plant.testbeds.model import Model
 
 LAW_HASH = "law_sha256"  # in a settings_text: of the file of a law that is not built in
 DERIVED = ("computed", LAW_HASH)  # keys of a settings_text that are no settings
+
+
+@section
+class Around:
+    """What may stand beside the settings of any law."""
+
+    handover_time: NonNegative = 1.0  # over which a predecessor's effort is blended out [s]
+    monitor: MonitorSettings | None = None  # of the innovations; null: off
 
 
 class _Kind(NamedTuple):
@@ -68,7 +77,8 @@ def build_controller(
     Args:
         name: unique on the bench.
         law: a key of CONTROLLERS, or one of the user's own, see user_law.find_law.
-        values: its section of a trial file as plain data; `handover_time` [s] may stand there too.
+        values: its section of a trial file as plain data; `handover_time` [s] and `monitor` may
+            stand there too.
         plant: what it is for.
         source: file or node to name in an error.
         requires_plan: it is not ready without a plan.
@@ -76,7 +86,7 @@ def build_controller(
     Raises:
         BadInput: unknown law, wrong settings, or a design that does not exist.
     """
-    handover_time, own = _parted(values, source)
+    around, own = _around(values, source), law_values(values)
     estimator: Estimator
     built: Law
     if law in CONTROLLERS:
@@ -89,14 +99,23 @@ def build_controller(
     else:
         found = find_law(law, source, tuple(CONTROLLERS))
         estimator, built = build_user_law(found, law, own, plant, source)
+    monitor = None
+    if around.monitor is not None:
+        if not isinstance(estimator, Monitored):
+            raise BadInput(
+                f"{source}: monitor: {law} has no innovations to look at; the drive can compare "
+                "its sensors: set plausibility"
+            )
+        monitor = Monitor(around.monitor, plant.period)
     return Controller(
         name,
         estimator,
         built,
         plant.joint_names,
         plant.period,
-        handover_time,
+        around.handover_time,
         requires_plan,
+        monitor,
     )
 
 
@@ -108,19 +127,26 @@ def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> s
         law: what it runs.
         values: its section of a trial file; defaults are filled in where they are known.
     """
-    handover_time, own = _parted(values, law)
+    around, own = _around(values, law), law_values(values)
     known = law in CONTROLLERS
     settings = plain(validated(CONTROLLERS[law].settings, own, law)) if known else own
     derived: dict[str, Any] = {"computed": _arrays(controller.law)}
     if not known:
         derived[LAW_HASH] = code_hash(law)
-    return yaml_text({**settings, "handover_time": handover_time, **derived})
+    if around.monitor is not None:
+        settings["monitor"] = plain(around.monitor)
+    return yaml_text({**settings, "handover_time": around.handover_time, **derived})
 
 
-def _parted(values: dict[str, Any], source: str) -> tuple[float, dict[str, Any]]:
-    """Return the handover time [s] and the settings of the law itself."""
-    own = {key: value for key, value in values.items() if key != "handover_time"}
-    return validated(NonNegative, values.get("handover_time", 1.0), source), own
+def law_values(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of the law itself."""
+    return {key: value for key, value in values.items() if key not in Around.__annotations__}
+
+
+def _around(values: dict[str, Any], source: str) -> Around:
+    """Return the settings of a controller that are not those of its law."""
+    own = {key: value for key, value in values.items() if key in Around.__annotations__}
+    return cast(Around, validated(Around, own, source))
 
 
 def _arrays(design: Any) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """A controller: estimator, law and plan behind the one question of the bench."""
 
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from copy import deepcopy
@@ -9,9 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexslew_control.estimators.monitor import Monitor, Monitored, channel_name
 from flexslew_control.law import Estimate, Estimator, Law, LawFailed, Reference
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 
 
@@ -35,6 +38,7 @@ class Controller:
         period: one tick [s].
         handover_time: over which the effort of the predecessor is blended out [s].
         requires_plan: it is not ready without one.
+        monitor: of the innovations; None: they are not looked at.
     """
 
     def __init__(
@@ -46,6 +50,7 @@ class Controller:
         period: float,
         handover_time: float = 1.0,
         requires_plan: bool = False,
+        monitor: Monitor | None = None,
     ) -> None:
         self.name, self.joint_names, self.period = name, joint_names, period
         self._estimator, self._law = estimator, law
@@ -65,6 +70,9 @@ class Controller:
         self._predecessor: Estimator | None = None  # whose state is taken over
         self._failure = ""  # why the law or its estimator gave up
         self._blind = False  # the estimate is not finite
+        self._monitor = monitor
+        self._doubt = ""  # why the estimate is not to be trusted, until the next epoch
+        self.events: deque[Event] = deque()  # what it has to say
 
     @property
     def estimator(self) -> Estimator:
@@ -88,8 +96,8 @@ class Controller:
             return "no plan yet"
         if self._objection is not None and (objection := self._objection(self.plan)):
             return objection
-        if self._failure:
-            return self._failure
+        if self._failure or self._doubt:
+            return self._failure or self._doubt
         return "its estimate is not finite" if self._blind else ""
 
     def adopt(self, plan: Plan) -> str:
@@ -148,7 +156,9 @@ class Controller:
             if not follows:
                 self._estimator.reset(measurement)
                 self._hold = self._at_rest(measurement.joint_position)
-                self._answered = -1
+                self._answered, self._doubt = -1, ""
+                if self._monitor is not None:
+                    self._monitor.reset()
             if self._predecessor is not None:
                 self._estimator.reset(measurement)
                 if follows:
@@ -159,12 +169,33 @@ class Controller:
                 self._estimator.reset(measurement)
                 self._estimate = self._estimator.update(measurement)
             self._blind = not _finite(self._estimate)
+            if self._monitor is not None and not (self._blind or self._doubt):
+                self._judge(self._monitor, measurement)
         if measurement.controller != self.name or self.reason:
             return None
         if self._answer is None:
             self._answer = self._think(measurement, self._estimate)
             self._answered = tick
         return self._answer
+
+    def _judge(self, monitor: Monitor, measurement: Measurement) -> None:
+        """Doubt the estimate from now on if its innovations are larger than it states."""
+        assert isinstance(self._estimator, Monitored)
+        doubt = monitor.take(self._estimate.innovation, self._estimator.innovation_variance())
+        if doubt is None:
+            return
+        channel = channel_name(doubt.channel, self.joint_names)
+        times = doubt.statistic / doubt.limit
+        self._doubt = (
+            f"the innovation of {channel} over {doubt.ticks} ticks is {times:.3g} times its limit"
+        )
+        data = doubt._asdict() | {"controller": self.name, "channel": channel}
+        self.events.append(
+            Event(
+                measurement.tick, measurement.time, measurement.epoch, Level.FAULT, self.name,
+                "doubted", f"{self.name} does not trust its estimate: {self._doubt}", data,
+            )
+        )  # fmt: skip
 
     def _think(self, measurement: Measurement, estimate: Estimate) -> Answer:
         reference = self.reference(measurement.tick)

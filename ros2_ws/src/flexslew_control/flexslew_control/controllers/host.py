@@ -109,7 +109,10 @@ class ControllerHost:
             self.epoch, self._tunings = question.epoch, []
         while self._tunings and self._tunings[0].tick <= question.tick:
             self._take(self._tunings.pop(0), question)
-        return self.controller.observe(question)
+        answer = self.controller.observe(question)
+        while self.controller.events:
+            self.events.append(self.controller.events.popleft())
+        return answer
 
     def tune(self, changes: Mapping[str, Any], tick: int = 0, who: str = "") -> Tuned:
         """Design the controller anew with some settings changed, for a tick to come.

@@ -85,7 +85,7 @@ class SampledObserver:
         """Precompute the inverse of the innovation's covariance."""
         s = self.observed.system
         variance = s.c @ self.found.covariance @ s.c.T + s.sensor_density / self.period
-        self._inverse = np.linalg.inv(variance)
+        self._inverse, self._variance = np.linalg.inv(variance), np.diag(variance)
         self._covariance = self.found.covariance.copy()
         self._covariance.flags.writeable = False
 
@@ -108,6 +108,10 @@ class SampledObserver:
             self._tick = measurement.tick
             self._take(measurement)
         return self._last
+
+    def innovation_variance(self) -> Vector:
+        """Return the variance of each innovation with the stationary covariance, shape (l,)."""
+        return self._variance
 
     def _take(self, measurement: Measurement) -> None:
         self._reference = self._coming

@@ -52,20 +52,11 @@ class LinearPlant:
         return _held(self._a, self._b, period)
 
 
-def collocated_loop(
-    plant: LinearPlant, kp: Vector, kd: Vector, period: float, ki: Vector | None = None
-) -> Matrix:
-    """Return the map of one tick under u = s - kp position - kd velocity.
-
-    s+ = s - period ki position, for the joints with an integral.
-    """
+def collocated_loop(plant: LinearPlant, kp: Vector, kd: Vector, period: float) -> Matrix:
+    """Return the map of one tick under u = -kp position - kd velocity."""
     f, g = plant.step(period)
     closed: Matrix = f - g @ (kp[:, None] * plant.position + kd[:, None] * plant.velocity)
-    if ki is None or not ki.any():
-        return closed
-    on = ki > 0.0
-    below = np.hstack((-period * (ki[:, None] * plant.position)[on], np.eye(int(on.sum()))))
-    return np.vstack((np.hstack((closed, g[:, on])), below))
+    return closed
 
 
 def integrating_loop(
@@ -90,13 +81,7 @@ def integrating_loop(
 
 
 def require_sampled_pd(
-    model: Model,
-    rest: Vector,
-    kp: Vector,
-    kd: Vector,
-    period: float,
-    what: str,
-    ki: Vector | None = None,
+    model: Model, rest: Vector, kp: Vector, kd: Vector, period: float, what: str
 ) -> None:
     """Check a collocated law on a free platform, whose modes are fast beside a tick.
 
@@ -106,7 +91,7 @@ def require_sampled_pd(
     if model.leading is None or not (kp.any() or kd.any()):
         return
     plant = LinearPlant(model, rest)
-    require_sampled_stability(lambda h: collocated_loop(plant, kp, kd, h, ki), period, what)
+    require_sampled_stability(lambda h: collocated_loop(plant, kp, kd, h), period, what)
 
 
 def appendage_loop(

@@ -170,6 +170,7 @@ class KalmanFilter:
     noise: Matrix | None = None
     _x: Vector = field(init=False)
     _p: Matrix = field(init=False)
+    _prior: Matrix = field(init=False)  # P before the last measurement
     _tick: int = field(init=False, default=-1)
     _last: Estimate = field(init=False)
 
@@ -236,6 +237,7 @@ class KalmanFilter:
         self._x[:m] = measurement.joint_position
         self._x[n : n + m] = measurement.joint_velocity
         self._p = self._p0.copy()
+        self._prior = self._p
         self._tick = measurement.tick
         self._last = self._estimate(np.zeros(len(self._c)), 0.0)
 
@@ -246,9 +248,14 @@ class KalmanFilter:
         x, p = self._predicted(measurement.applied_effort, measurement.time - self.period)
         y = outputs(measurement, len(self._c))
         self._x, self._p, innovation, nis = corrected(x, p, y, self._c, self._r)
-        self._tick = measurement.tick
+        self._prior, self._tick = p, measurement.tick
         self._last = self._estimate(innovation, nis)
         return self._last
+
+    def innovation_variance(self) -> Vector:
+        """Return the diagonal of C P C^T + R of the last update, shape (l,)."""
+        own = np.einsum("ij,jk,ik->i", self._c, self._prior, self._c)
+        return np.asarray(own + self._r, dtype=np.float64)
 
     def _predicted(self, effort: Vector, t: float) -> tuple[Vector, Matrix]:
         """Return state and covariance a tick after t [s]."""

@@ -106,7 +106,8 @@ class ControllerNode:
             self._command.publish(command_bytes(answer.command, at))
             self._publish_state(answer, at)
         if host.events:
-            self._events.tell(host.events.popleft())
+            while host.events:
+                self._events.tell(host.events.popleft())
             self._announcer.describe()
         else:
             self._announcer.seen(question.tick)

@@ -1,10 +1,11 @@
-"""What the action plan_slew answers."""
+"""What is said of a plan: the answer of the action plan_slew, and the event."""
 
 from flexslew_msgs import action, msg
 from rclpy.action.server import ServerGoalHandle
 
 from flexslew_control.plan import Plan
 from flexslew_control.planning import Refusal
+from flexslew_plant.bench.events import Event, Level
 
 CANCELED = Refusal(False, "canceled by the client")
 
@@ -32,3 +33,19 @@ def plan_result(
         result.error_code = result.BAD_INPUT if outcome.bad_input else result.FAILED
         goal.abort()
     return result
+
+
+def planned_event(plan: Plan, digest: str, who: str, now: float, epoch: int) -> Event:
+    """Return what the log says of a plan that is published.
+
+    Args:
+        plan: the plan.
+        digest: its hash.
+        who: asked for it; empty: nobody by name.
+        now: simulated time [s].
+        epoch: counts resets.
+    """
+    words = f"{plan.method}: {plan.duration:g} s planned, hash {digest[:12]}"
+    data = {"hash": digest, "method": plan.method, "who": who or "unnamed"}
+    tick = round(now / plan.period)
+    return Event(tick, now, epoch, Level.INFO, "planner", "planned", words, data)

@@ -1,8 +1,8 @@
 """The `planner` node: plans on request (action `plan_slew`) and what its parameters ask for."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from time import monotonic
-from typing import Any
 
 from flexslew_msgs import action, msg
 from rclpy.action import ActionServer, CancelResponse
@@ -12,12 +12,11 @@ from rclpy.task import Future
 from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
-from flexslew_control.planning import Iteration, Planning, PlanRequest, Refusal, unusable
+from flexslew_control.planning import Iteration, Planning, PlanRequest, Refusal, plan_request
 from flexslew_control.ros.bench_clock import BenchClock
-from flexslew_control.ros.plan_result import CANCELED, plan_result
+from flexslew_control.ros.plan_result import CANCELED, plan_result, planned_event
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_plant import topics
-from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
@@ -25,7 +24,6 @@ from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
-from flexslew_plant.settings import load_yaml
 
 _LOOK = 0.2  # between two looks at the graph [wall s]
 _PLANNING = 0.02  # between two looks at the planning process [wall s]
@@ -39,7 +37,7 @@ class Planner:
         self.node = node = new_node("planner")
         loop.live(node, "planner")
         self._settings: PlannerSettings = settings_of(node, PlannerSettings)
-        self._planning = Planning()
+        self._planning = Planning(soon=not self._settings.file)
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
         self._done: Future | None = None  # of the plan under way
         self._testbed = ""  # settings of what stands on the bench, YAML
@@ -79,11 +77,16 @@ class Planner:
         self._server.destroy()
         self.node.destroy_node()
 
-    def _ask(self, request: PlanRequest, goal: ServerGoalHandle | None) -> Future:
+    def _ask(self, request: PlanRequest | Refusal, goal: ServerGoalHandle | None) -> Future:
+        """Begin to plan; return the future of what comes of it."""
         self._goal, self._done = goal, self.loop.future()
-        self._planning.ask(request)
+        done = self._done
+        if isinstance(request, Refusal):
+            self._take(request)
+        else:
+            self._planning.ask(request)
         self.loop.hurry()
-        return self._done
+        return done
 
     def _take(self, news: Iteration | Plan | Refusal) -> None:
         """Take a message of the planning process."""
@@ -101,28 +104,24 @@ class Planner:
         if self._goal is None and isinstance(news, Plan):
             self._publish(news, "")
 
-    def _request(self, values: Any, period: float, limit: tuple[float, ...]) -> PlanRequest:
+    def _request(self, text: str, period: float, limit: Sequence[float]) -> PlanRequest | Refusal:
         gains = self._settings.kp, self._settings.kd
-        return PlanRequest(values, self._testbed, period, limit, *gains)
+        return plan_request(text, self._testbed, period, limit, gains)
 
     def _on_testbed(self, testbed: msg.Testbed) -> None:
         self._testbed = testbed.settings
         if self._settings.file:
             self._publish(load_plan(Path(self._settings.file)), "")
         elif self._settings.plan and self._done is None:
-            values = load_yaml(self._settings.plan, "parameter plan")
-            limit = tuple(testbed.effort_limit)
-            self._ask(self._request(values, testbed.period, limit), None)
+            self._ask(
+                self._request(self._settings.plan, testbed.period, testbed.effort_limit), None
+            )
 
     def _publish(self, plan: Plan, who: str) -> msg.Plan:
         now = self._clock.now()
         message = message_of(msg.Plan, {"stamp": stamp(now), **plan_fields(plan)})
         self._plan.publish(message)
-        words = f"{plan.method}: {plan.duration:g} s planned, hash {message.hash[:12]}"
-        data = {"hash": message.hash, "method": plan.method, "who": who or "unnamed"}
-        tick = round(now / plan.period)
-        event = Event(tick, now, self._clock.epoch, Level.INFO, "planner", "planned", words, data)
-        self._events.tell(event)
+        self._events.tell(planned_event(plan, message.hash, who, now, self._clock.epoch))
         return message
 
     async def _execute(self, goal: ServerGoalHandle) -> action.PlanSlew.Result:
@@ -136,13 +135,7 @@ class Planner:
         request = goal.request
         if self._done is not None:
             return Refusal(False, "another plan is being made; cancel it, or wait")
-        if words := unusable(request.period, request.effort_limit):
-            return Refusal(True, words)
-        try:
-            values = load_yaml(request.request, "request")
-        except BadInput as error:
-            return Refusal(True, str(error))
-        wanted = self._request(values, request.period, tuple(request.effort_limit))
+        wanted = self._request(request.request, request.period, request.effort_limit)
         made: Plan | Refusal = await self._ask(wanted, goal)
         return made
 

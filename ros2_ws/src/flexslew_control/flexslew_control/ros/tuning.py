@@ -6,7 +6,7 @@ from flexslew_msgs import srv
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.controllers import CONTROLLERS, law_values
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
@@ -32,7 +32,7 @@ class Tuning:
         self._node, self._host = node, host
         self._taken = False  # what is set now has been granted already
         if law in CONTROLLERS:
-            own = {key: value for key, value in host.values.items() if key != "handover_time"}
+            own = law_values(host.values)
             settings = validated(CONTROLLERS[law].settings, own, f"node {host.name}")
             declare(node, settings, meanings(settings))
         node.create_service(srv.Tune, topics.TUNE, self._on_tune)

@@ -67,10 +67,7 @@ REPRODUCTIONS: dict[str, Reproduction] = {
     ),
     "ofc": Reproduction("output feedback control (Sung and Joo)", "laws", "ofc_rows"),
     "antennas": Reproduction(
-        "retargeting flexible antennas (Kwak, 1989)",
-        "antennas",
-        "antennas_rows",
-        "antennas_figures",
+        "retargeting flexible antennas (Kwak, 1989)", "antennas", "antennas_rows"
     ),
     "pi": Reproduction("PI control with an estimator (Kwak, 1989)", "pi", "pi_rows"),
 }

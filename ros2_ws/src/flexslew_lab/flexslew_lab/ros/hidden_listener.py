@@ -6,7 +6,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from flexslew_plant.ros.graph import HIDDEN
+from flexslew_plant.policies import HIDDEN
 from flexslew_plant.ros.offers import SEVERAL, message_class, qos
 from flexslew_plant.topics import Topic
 

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
 
@@ -10,12 +9,8 @@ from flexslew_msgs import msg
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
-from flexslew_lab.log.recording.recording_order import (
-    Ordered,
-    RecordingOrder,
-    of_namespace,
-    tick_and_epoch,
-)
+from flexslew_lab.log.recording.recording import Recording
+from flexslew_lab.log.recording.recording_order import RecordingOrder, of_namespace
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_plant import topics
 from flexslew_plant.bench.events import Event, Level
@@ -28,8 +23,6 @@ from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 from flexslew_plant.settings import section
 
 _AFTER_PLANT = ("/effort_command", "/controller_state", "/plan")  # who leaves after the plant
-# A kill costs what the system does not have: at most this, and what is on the way to us.
-_FLUSH_AFTER, _FLUSH_TICKS = 0.5, 50  # [wall s], ticks
 _TAKE_EVERY = 0.01  # [wall s]
 _SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
 _LAST_WORDS = 3.0  # of a plant that is interrupted together with the recorder [wall s]
@@ -52,14 +45,12 @@ class Recorder:
         self.node = node = new_node("recorder")
         loop.live(node, "recorder")
         self._settings: RecorderSettings = settings_of(node, RecorderSettings)
-        self._writer = BagWriter(Path(self._settings.folder), json.loads(self._settings.metadata))
+        writer = BagWriter(Path(self._settings.folder), json.loads(self._settings.metadata))
+        self._recording = Recording(writer, self._failed)
         self._events = EventLog(node)
         self._status = publisher(node, topics.RECORDER_STATUS)
         self._order = RecordingOrder()
-        self._offset = 0, 0  # epoch that is written, and when it began in log time [ns]
-        self._stopped = False
-        self._written = self._safe = 0, -1  # epoch and tick of what the chunk, the system has
-        self._next_flush = 0.0  # [wall s]
+        self._told = self._recording.safe
         self._leave_at: float | None = None  # interrupted: when to leave at the latest [wall s]
         self._next_look = 0.0
         self._heard = 0.0  # when something came [wall s]
@@ -73,7 +64,7 @@ class Recorder:
         """Take what has come and look for the plant; return when to do so again [wall s]."""
         now = monotonic()
         if now >= self._next_look:
-            self._watch.look(3 if self._stopped else 0, stay=self._expects_more(now))
+            self._watch.look(3 if self._recording.stopped else 0, stay=self._expects_more(now))
             self._next_look = now + 0.2
         if self._leave_at is not None and (now >= self._leave_at or not self._watch.here):
             self.loop.stop(130)
@@ -91,7 +82,7 @@ class Recorder:
         """Make the bag whole."""
         self._take(last=True)
         try:
-            self._writer.close({"messages": str(self._writer.messages)})
+            self._recording.close()
         except RecordingStopped as error:
             self.node.get_logger().error(str(error))
         self._listener.close()
@@ -105,10 +96,10 @@ class Recorder:
     def _take(self, last: bool = False) -> None:
         now = monotonic()
         for message in self._order.take(self._arrived(), now, last):
-            self._write(message)
-        if now >= self._next_flush:
-            self._flush()
-            self._next_flush = now + _FLUSH_AFTER
+            self._recording.write(message)
+            self._tell_status()
+        self._recording.flush(now)
+        self._tell_status()
 
     def _arrived(self) -> Iterator[tuple[str, bytes]]:
         for topic, data in self._listener.take():
@@ -116,45 +107,23 @@ class Recorder:
             if topic != "/tf" or of_namespace(data, self.node.get_namespace()):
                 yield topic, data
 
-    def _write(self, message: Ordered) -> None:
-        """Write a message; in log time, an epoch begins where the one before has ended."""
-        if message.epoch > self._offset[0]:
-            self._offset = message.epoch, self._writer.last - message.at
-        topic, at = message.topic, message.at + self._offset[1]
-        if not self._stopped:
-            with self._until_it_fails():
-                self._writer.write(topic, TOPICS[topic].type, message.data, at)
-        if topic == "/measurement":
-            tick, epoch = tick_and_epoch(message.data)
-            self._written = epoch, tick
-            if epoch > self._safe[0] or tick >= self._safe[1] + _FLUSH_TICKS:
-                self._flush()
-
-    def _flush(self) -> None:
-        """Hand over what waits, and tell the plant, which holds back rather than lose anything."""
-        if not self._stopped:  # else the plant need not wait for us
-            with self._until_it_fails():
-                self._writer.flush()
-        if self._written != self._safe:
-            self._safe = self._written
-            self._status.publish(
-                msg.RecorderStatus(
-                    stamp=stamp(self._order.newest[1] * 1e-9),
-                    recorder=self.node.get_name(),
-                    tick=self._safe[1],
-                    epoch=self._safe[0],
-                    messages=self._writer.messages,
-                )
+    def _tell_status(self) -> None:
+        """Tell the plant what is safe: it holds back rather than lose more than a second."""
+        if self._recording.safe == self._told:
+            return
+        self._told = epoch, tick = self._recording.safe
+        self._status.publish(
+            msg.RecorderStatus(
+                stamp=stamp(self._order.newest[1] * 1e-9),
+                recorder=self.node.get_name(),
+                tick=tick,
+                epoch=epoch,
+                messages=self._recording.messages,
             )
+        )
 
-    @contextmanager
-    def _until_it_fails(self) -> Iterator[None]:
-        """Say it once when the disk takes no more; the run goes on."""
-        try:
-            yield
-        except RecordingStopped as error:
-            self._stopped = True
-            self._say(Level.FAULT, "recording_stopped", str(error))
+    def _failed(self, words: str) -> None:
+        self._say(Level.FAULT, "recording_stopped", words)
 
     def _say(self, level: Level, kind: str, words: str) -> None:
         epoch, at = self._order.newest

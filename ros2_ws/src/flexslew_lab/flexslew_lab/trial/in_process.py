@@ -68,6 +68,10 @@ def _tick(bench: Bench, controllers: dict[str, Controller], observer: Observer |
     for controller in controllers.values():
         _answer(bench, controller, question, observer)
         bench.note_readiness(controller.name, controller.reason)
+        while controller.events:
+            event = controller.events.popleft()
+            if observer is not None:
+                observer.event(event)
     if not bench.answered and bench.question is not question:
         # the drive refused the newcomer's step and asks its predecessor
         if observer is not None:

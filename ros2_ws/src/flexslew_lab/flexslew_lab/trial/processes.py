@@ -25,6 +25,11 @@ class NodeProcess(NamedTuple):
     namespace: str = ""  # absolute; empty: none
 
     @property
+    def module(self) -> str:
+        """What it runs."""
+        return f"{self.package}.ros.{self.executable}_node"
+
+    @property
     def remappings(self) -> tuple[tuple[str, str], ...]:
         """What else gets another name: the clock is one per namespace."""
         return (("/clock", "clock"),) if self.namespace else ()

@@ -4,13 +4,13 @@ import os
 import re
 import selectors
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
 
+from flexslew_lab.trial.nursery import Nursery
 from flexslew_lab.trial.processes import NodeProcess
 
 _TICK = re.compile(rb"^tick (\d+) of (\d+)$")
@@ -35,6 +35,7 @@ class Supervisor:
         log: file for what the processes say.
         domain: ROS_DOMAIN_ID for all of them.
         progress: called with the tick and the last tick.
+        nursery: that starts them; None: a new one.
     """
 
     def __init__(
@@ -44,30 +45,27 @@ class Supervisor:
         log: Path,
         domain: int,
         progress: Callable[[int, int], None],
+        nursery: Nursery | None = None,
     ) -> None:
         self._progress = progress
+        self._own_nursery = nursery is None
+        self._nursery = nursery or Nursery(process.module for process in processes)
         self._plant = processes[-1].name
         self._tick = -1
         self._complaint = ""
         self._log = log.open("wb")
-        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._running: dict[str, int] = {}  # pids
         self._codes: dict[str, int] = {}
         self._selector = selectors.DefaultSelector()
         self._rest: dict[str, bytes] = {}
-        environment = os.environ | {
-            "ROS_DOMAIN_ID": str(domain),
-            "PYTHONUNBUFFERED": "1",
-            "OMP_NUM_THREADS": "1",  # tiny matrices: more threads only take turns
-            "OPENBLAS_NUM_THREADS": "1",
-            "FLEXSLEW_SUPERVISOR": str(os.getpid()),  # they end when we are gone
-        }
+        environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
         for process in processes:
             self._start(process, parameters, environment)
 
     @property
     def pids(self) -> dict[str, int]:
         """Process ids by node name, of those that still run."""
-        return {name: child.pid for name, child in self._running.items()}
+        return dict(self._running)
 
     def run(self) -> Outcome:
         """Wait for the plant to end, then for the others; Ctrl-C ends all of them."""
@@ -89,26 +87,21 @@ class Supervisor:
         return self._verdict()
 
     def _start(self, process: NodeProcess, parameters: Path, environment: dict[str, str]) -> None:
-        command = [sys.executable, "-m", f"{process.package}.ros.{process.executable}_node"]
-        command += ["--ros-args", "--params-file", str(parameters)]
+        arguments = ["--ros-args", "--params-file", str(parameters)]
         if process.name:  # empty: several nodes, each with the name that it gives itself
-            command += ["-r", f"__node:={process.name}"]
+            arguments += ["-r", f"__node:={process.name}"]
         if process.namespace:
-            command += ["-r", f"__ns:={process.namespace}"]
+            arguments += ["-r", f"__ns:={process.namespace}"]
         for old, new in process.remappings:
-            command += ["-r", f"{old}:={new}"]
-        child = subprocess.Popen(  # a session of its own: Ctrl-C reaches it in order, through us
-            command,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
-        assert child.stdout is not None
-        os.set_blocking(child.stdout.fileno(), False)
-        self._selector.register(child.stdout, selectors.EVENT_READ, process.name)
-        self._running[process.name] = child
+            arguments += ["-r", f"{old}:={new}"]
+        said, says = os.pipe()
+        try:
+            pid = self._nursery.start(process.module, arguments, environment, says)
+        finally:
+            os.close(says)
+        os.set_blocking(said, False)
+        self._selector.register(said, selectors.EVENT_READ, process.name)
+        self._running[process.name] = pid
         self._rest[process.name] = b""
 
     def _serve(self, timeout: float) -> None:
@@ -118,8 +111,9 @@ class Supervisor:
             self._take(key.data, data)
             if not data:
                 self._selector.unregister(key.fileobj)
-        for name, child in list(self._running.items()):
-            code = child.poll()
+                os.close(key.fd)
+        for name, pid in list(self._running.items()):
+            code = self._nursery.exit_code(pid)
             if code is not None:
                 self._codes[name] = code
                 del self._running[name]
@@ -149,13 +143,13 @@ class Supervisor:
         """End what still runs: the plant first, so that the recorder gets its last messages."""
         order = sorted(self._running, key=lambda name: (name == "recorder", name != self._plant))
         for name in order:
-            child = self._running.get(name)
             for strength in _SIGNALS:
-                if child is None or child.poll() is not None:
+                if name not in self._running:
                     break
-                child.send_signal(strength)
+                with suppress(ProcessLookupError):  # it has just ended
+                    os.kill(self._running[name], strength)
                 end = monotonic() + _GRACE
-                while child.poll() is None and monotonic() < end:
+                while name in self._running and monotonic() < end:
                     self._serve(0.05)
         self._serve(0.0)
 
@@ -172,7 +166,12 @@ class Supervisor:
         return self._outcome(0, "")
 
     def _outcome(self, code: int, message: str) -> Outcome:
+        for key in list(self._selector.get_map().values()):  # a grandchild still holds it
+            os.close(key.fd)
+        self._selector.close()
         self._log.close()
+        if self._own_nursery:
+            self._nursery.close()
         said = self._complaint
         ended = ", ".join(f"{n}: {c}" for n, c in self._codes.items() if c not in (0, 130, -2))
         details = said or (f"exit codes {ended}" if ended and code == 3 else "")

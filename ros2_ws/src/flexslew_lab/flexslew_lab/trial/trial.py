@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from flexslew_control.controllers import CONTROLLERS, build_controller
+from flexslew_control.controllers import CONTROLLERS, build_controller, law_values
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
@@ -15,6 +15,7 @@ from flexslew_control.planners import PlanSettings, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.bench.actuator import ActuatorSettings
 from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.bench.plausibility import PlausibilitySettings
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import Schedule, require_allowed
 from flexslew_plant.bench.sensors import SensorSettings
@@ -74,6 +75,7 @@ class Trial:
     answer_timeout: Positive = 2.0  # silence that counts as missed ticks, not paced [wall s]
     brake_damping_ratio: Positive = 0.25  # of the drive's own brake [-]
     display_rate: NonNegative = 50.0  # of joint states, tf, markers [1/simulated s]; 0: none
+    plausibility: PlausibilitySettings | None = None  # of the joint sensors; null: off
     schedule: Schedule = ()
     metrics: tuple[str, ...] = ()  # of your own, besides the bench's
     allow_faults: bool = False  # whether anything may be broken, by schedule or by inject_fault
@@ -154,6 +156,7 @@ def bench_settings(trial: Trial) -> BenchSettings:
         fallback=trial.fallback,
         max_missed=trial.max_missed,
         brake_damping_ratio=trial.brake_damping_ratio,
+        plausibility=trial.plausibility,
         schedule=trial.schedule,
         faults_enabled=trial.allow_faults,
     )
@@ -220,9 +223,8 @@ def plant_of(trial: Trial) -> PlantDescription:
 def feedback_of(trial: Trial) -> Feedback | None:
     """Return the joint gains of the controller in charge at the start, where it has such gains."""
     law, own = law_of(trial.active, trial.controllers[trial.active] or {})
-    own.pop("handover_time", None)
     if law not in CONTROLLERS:
         return None
-    settings = validated(CONTROLLERS[law].settings, own, f"controllers.{trial.active}")
+    settings = validated(CONTROLLERS[law].settings, law_values(own), f"controllers.{trial.active}")
     kp, kd = getattr(settings, "kp", None), getattr(settings, "kd", None)
     return None if kp is None or kd is None else Feedback(kp=kp, kd=kd)

@@ -18,6 +18,7 @@ from flexslew_plant.bench.drive import Drive
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.friction import friction_of
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
+from flexslew_plant.bench.plausibility import Plausibility
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.records import BenchSettings as BenchSettings
 from flexslew_plant.bench.records import InjectResult as InjectResult
@@ -62,6 +63,8 @@ class Bench:
         self.drive = Drive(settings.active, settings.max_missed, brake)
         self.charge = Charge(self.drive, settings.fallback, self.say)
         self.actuator = Actuator(settings.actuator, self.limit, settings.period)
+        chosen = settings.plausibility
+        self._plausibility = Plausibility(chosen, settings.period) if chosen else None
         self._friction = friction_of(settings.actuator, settings.period)
         if self._friction is not None and self.model.kernels.actuation is not None:
             raise BadInput(
@@ -102,6 +105,8 @@ class Bench:
         self._x: Vector = self._start
         self._applied: Vector = np.zeros(self.model.joints)
         self._extra: Vector = np.zeros(self.model.joints)  # disturbance during the last tick
+        if self._plausibility is not None:
+            self._plausibility.reset()
         self._answer: Vector | None = None
         self._lost = False  # the answer of this tick was given, and did not arrive
         seed, period = self.settings.seed, self.settings.period
@@ -328,16 +333,26 @@ class Bench:
         readings = self._sensors.read(
             Readings(position, velocity, tip, self.appendages.curvature.dot(modes))
         )
+        readings = self._faults.read(readings)
+        if self._plausibility is not None:
+            self._compare(self._plausibility, readings)
         self.question = Measurement(
-            self.tick,
-            self.epoch,
-            self.time,
-            self.drive.active,
-            *self._faults.read(readings),
-            self._applied,
+            self.tick, self.epoch, self.time, self.drive.active, *readings, self._applied
         )
         for old in self._faults.old_answers(first=True):
             self._objected(old)
+
+    def _compare(self, plausibility: Plausibility, readings: Readings) -> None:
+        """Take the bench from the one in charge if the joint sensors contradict each other."""
+        found = plausibility.look(readings.joint_position, readings.joint_velocity)
+        if found is None or not self.drive.active:
+            return
+        joint = self._names.joints[found.joint]
+        words = (
+            f"the sensors of {joint} contradict each other: it moves by {found.difference:.3g} "
+            "per second more than its rate sensor says"
+        )
+        self.charge.distrusted(words, {"joint": joint, "difference": found.difference})
 
     def _objected(self, command: EffortCommand) -> bool:
         """Return whether the drive rejects the command, and say so."""

@@ -42,6 +42,7 @@ class Charge:
         self._brake_wanted: tuple[int, bool] | None = None  # from which tick on, and whether
         self._unready: dict[str, str] = {}
         self._fallen: set[str] = set()  # fell silent since the last valid answer of anybody
+        self._misled: set[str] = set()  # lost the bench to implausible sensors in this epoch
 
     def reset(self, scheduled: Iterable[SwitchRequest]) -> None:
         """Begin an epoch with the switches of the schedule; those that wait are dropped."""
@@ -50,6 +51,7 @@ class Charge:
         self.faulted = False
         self._queue, self._handover, self._brake_wanted = list(scheduled), None, None
         self._fallen.clear()
+        self._misled.clear()
         if self.latched:
             self._drive.hand_over("")
 
@@ -165,23 +167,38 @@ class Charge:
         row = self._drive.missed_in_a_row
         words = f"no valid answer from {silent}, last effort held ({row} in a row)"
         self._say(Level.WARNING, "missed", words, {"controller": silent, "in_a_row": row})
-        if not over:
-            return
-        self._fallen.add(silent)
+        if over:
+            self._replace(silent, "is silent")
+
+    def distrusted(self, words: str, data: dict[str, Any]) -> None:
+        """Take the bench from the one in charge, who flies on sensors that cannot be right.
+
+        Args:
+            words: what is wrong with them.
+            data: the same for programs.
+        """
+        misled = self._drive.active
+        self._misled.add(misled)
+        self._say(Level.FAULT, "implausible", words, {"controller": misled, **data})
+        self._replace(misled, "flies on them")
+
+    def _replace(self, controller: str, why: str) -> None:
+        """Let the next one take over: the predecessor of a newcomer, a fallback, or the brake."""
+        self._fallen.add(controller)
         chain = list(self._fallback)
         request = None
         if self._handover is not None:
             (request, before), self._handover = self._handover, None
             chain.insert(0, before)
-        ready = (c for c in chain if c not in self._fallen and c not in self._unready)
-        successor = next(ready, "")
+        unfit = self._fallen | self._misled | self._unready.keys()
+        successor = next((name for name in chain if name not in unfit), "")
         self._drive.hand_over(successor)
         self.faulted = True
-        words = f"{silent} is silent: {successor or 'the brake'} takes over"
-        data = {"from": silent, "to": successor}
+        words = f"{controller} {why}: {successor or 'the brake'} takes over"
+        data = {"from": controller, "to": successor}
         self._say(Level.FAULT, "fallback" if successor else "brake", words, data)
         if request is not None:
-            words = f"{silent} never answered; {successor or 'the brake'} is in charge"
+            words = f"{controller} never answered; {successor or 'the brake'} is in charge"
             self._result(request, self._tick, words)
 
     def note_readiness(self, controller: str, reason: str) -> None:

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.actuator import ActuatorSettings
+from flexslew_plant.bench.plausibility import PlausibilitySettings
 from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.bench.sensors import SensorSettings
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -27,6 +28,7 @@ class BenchSettings:
     fallback: tuple[str, ...] = ()  # who takes over in turn
     max_missed: Annotated[int, Field(ge=1)] = 5  # ticks in a row without a valid answer
     brake_damping_ratio: Positive = 0.25  # brake = ratio M_jj omega_1, omega_1 the first free mode
+    plausibility: PlausibilitySettings | None = None  # of the joint sensors; null: off
     schedule: Schedule = ()
     faults_enabled: bool = False  # whether anything may be broken, by schedule or by inject_fault
 

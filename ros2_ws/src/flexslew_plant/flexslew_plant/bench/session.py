@@ -18,6 +18,7 @@ from flexslew_plant.bench.run_state import PAUSED, WAITING, Reply, RunState
 
 Outgoing: TypeAlias = Measurement | Truth | Event
 
+SILENT = "it gives no sign of life"
 _LOOK = 0.02  # between two looks at who is missing [wall s]
 
 
@@ -109,7 +110,7 @@ class Session:
         if controller not in self.reasons:
             return "it is not on the graph"
         if self.presence.silent(controller, now):
-            return "it gives no sign of life"
+            return SILENT
         bench = self.bench
         behind = self.backlog.reason(controller, bench.tick, bench.epoch)
         return self.reasons[controller] or behind
@@ -166,13 +167,23 @@ class Session:
         return self._said(reply, "note", text.strip(), who)
 
     def switch(self, request: SwitchRequest, now: float) -> str | None:
-        """Queue a switch; return why it is refused, or None. See Bench.request_switch."""
+        """Queue a switch; return why it is refused, or None. See Bench.request_switch.
+
+        Not paced, one who has just fallen silent may be starved of processor time: he is waited for
+        when the switch is due, see _held_back.
+        """
         if request.controller not in self.reasons:
             known = ", ".join(sorted(self.reasons)) or "none"
             return f"unknown controller {request.controller}; on the graph: {known}"
-        reason = self.reason(request.controller, now)
+        name = request.controller
+        reason = self.reason(name, now)
+        starved = not self.pacing.paced and not self.presence.lost(
+            [name], self.backlog.patience, now
+        )
+        if reason == SILENT and starved:
+            reason = self.reasons[name]
         if reason:
-            return f"{request.controller} is not ready: {reason}"
+            return f"{name} is not ready: {reason}"
         refused = self.bench.request_switch(request)
         self._flush()
         return refused
@@ -243,13 +254,15 @@ class Session:
         """Return whether another question must wait for somebody who is behind or held up.
 
         Paced it never does. Else a busy machine must not decide whether a switch happens: who is
-        due to take over and gives no sign of life is waited for.
+        due to take over and gives no sign of life is waited for. So is a recorder: one that is
+        starved of processor time gives none either, and what it does not have is lost if it dies.
         """
         if self.pacing.paced:
             return False
         tick, epoch = self.bench.tick + 1, self.bench.epoch
         slow = self.backlog.slow(tick, epoch, now)
-        if any(not self.presence.silent(name, now) for name in slow):
+        recorders = self.presence.of_role("recorder")
+        if any(name in recorders or not self.presence.silent(name, now) for name in slow):
             return True
         due = self.bench.charge.due(tick)
         held = any(self.presence.silent(name, now) for name in due)
@@ -276,8 +289,7 @@ class Session:
             silent = self.presence.silent(name, now)
             if silent and name not in self._gone:
                 self._gone.add(name)
-                self.backlog.forget(name)
-                words = f"the recorder {name} gives no sign of life; what follows is not recorded"
+                words = f"the recorder {name} gives no sign of life; what follows may be lost"
                 self.bench.say(Level.FAULT, "recorder_lost", words, {"recorder": name})
             elif not silent and name in self._gone:
                 self._gone.discard(name)

@@ -8,7 +8,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-HIDDEN = "_"  # ROS hides nodes whose names begin so; `_x` listens on behalf of the node `x`
+from flexslew_plant.policies import HIDDEN
 
 
 def listeners_of(node: Node, publisher: Publisher[Any]) -> set[str]:

@@ -2,7 +2,6 @@
 
 import gc
 import os
-import signal
 import sys
 from collections.abc import Callable
 from math import inf
@@ -10,7 +9,6 @@ from time import monotonic
 from typing import Protocol
 
 import rclpy
-from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
@@ -19,14 +17,11 @@ from rclpy.task import Future
 
 from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.ros.alive import Alive
-from flexslew_plant.ros.graph import listeners_of
+from flexslew_plant.ros.farewell import HURRIED, LAST_WORDS, stay_until_heard
+from flexslew_plant.ros.interrupts import Interrupts
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
-# How long a node stays at most until all have heard it [wall s]. For a listener that was held up,
-# DDS repairs 256 messages of a topic every 3 s.
-LAST_WORDS = 60.0
-_HURRIED = 5.0  # the same when somebody has interrupted it, or for one that gives no sign of life
 
 
 class Served(Protocol):
@@ -43,44 +38,7 @@ class Served(Protocol):
         """Leave the graph."""
 
 
-class _Interrupts:
-    """SIGINT and SIGTERM end the process, also where the exception is swallowed on its way.
-
-    What is raised within a compiler's callback or a destructor is printed and forgotten there.
-    """
-
-    def __init__(self) -> None:
-        self._raised, self._taken = 0, 0
-
-    def install(self) -> None:
-        """Answer both signals from now on."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._raise)
-
-    def ignore(self) -> None:
-        """Answer them no more: it ends anyway."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
-
-    def taken(self) -> None:
-        """Note that somebody has caught it."""
-        self._taken = self._raised
-
-    def raise_swallowed(self) -> None:
-        """Raise again what nobody has caught.
-
-        Raises:
-            KeyboardInterrupt: there was a signal.
-        """
-        if self._raised > self._taken:
-            raise KeyboardInterrupt
-
-    def _raise(self, number: int, frame: object) -> None:
-        self._raised += 1
-        raise KeyboardInterrupt
-
-
-_interrupts = _Interrupts()
+_interrupts = Interrupts()
 
 
 class Loop:
@@ -111,37 +69,11 @@ class Loop:
         return self._executor.create_future()
 
     def close(self, patience: float) -> None:
-        """Let go of the nodes as soon as they were heard, or patience is at an end [wall s].
-
-        A writer that leaves takes with it what its listeners have not acknowledged, reliable or
-        not. A listener that gives no sign of life is waited for only a few seconds.
-        """
-        start = monotonic()
+        """Let go of the nodes as soon as they were heard, or patience is at an end [wall s]."""
         for node in self._executor.get_nodes():
-            unheard = list(node.publishers)
-            names, told = "", False
-            while unheard and (waited := monotonic() - start) < patience:
-                unheard = [
-                    publisher
-                    for publisher in unheard
-                    if not publisher.wait_for_all_acked(Duration(seconds=0.05))
-                ]
-                self._serve(0.0)
-                names = ", ".join(publisher.topic_name for publisher in unheard)
-                if unheard and waited > 1.0 and not told:
-                    node.get_logger().warning(f"stays until all is heard: {names}")
-                    told = True
-                listeners = {name for p in unheard for name in listeners_of(node, p)}
-                if waited > 1.0 and self._dead(node, listeners):
-                    break
-            if unheard:
-                node.get_logger().warning(f"leaves, not all heard: {names}")
+            alive = self._alive.get(node)
+            stay_until_heard(node, alive, lambda: self._serve(0.0), patience)
         self._executor.shutdown()
-
-    def _dead(self, node: Node, listeners: set[str]) -> set[str]:
-        """Return the listeners that were alive once and have been silent for long."""
-        alive = self._alive.get(node)
-        return alive.presence.lost(listeners, _HURRIED, monotonic()) if alive else set()
 
     def _serve(self, timeout: float) -> None:
         """Beat, and let one callback run."""
@@ -164,7 +96,6 @@ class Loop:
         supervisor = int(os.environ.get(SUPERVISOR, "0"))
         next_look = 0.0
         while self._code is None:
-            _interrupts.raise_swallowed()
             now = monotonic()
             if now >= self._due:
                 self._due = now + poll()
@@ -208,7 +139,6 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
     code = 0
     try:
         loop = Loop()
-        _interrupts.raise_swallowed()
         served = build(loop)
         code = _run(loop, served)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -222,7 +152,7 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
     finally:
         _interrupts.ignore()
         if served is not None and loop is not None:
-            loop.close(_HURRIED if code == 130 else LAST_WORDS)
+            loop.close(HURRIED if code == 130 else LAST_WORDS)
             served.close()
         # the graph hears of our leaving only if the participant is really destroyed
         del served, loop

@@ -26,15 +26,16 @@ def check_ends(
     ends = _ends(events)
     newest = max(last, default=0)
     short = {e: end - last.get(e, -1) for e, end in ends.items() if end > last.get(e, -1)}
+    wrong = []
     if short:
         missing = sum(short.values())
         where = ", ".join(f"epoch {e} was flown to tick {ends[e]}" for e in sorted(short))
-        yield Finding(False, "end of the ticks", f"{missing} ticks missing: {where}")
-    elif newest not in ends:
-        words = f"the plant's last words are missing: it may have flown on from tick {last[newest]}"
-        yield Finding(False, "end of the ticks", words)
-    else:
-        yield Finding(True, "end of the ticks", "as the plant says")
+        wrong.append(f"{missing} ticks missing: {where}")
+    if newest not in ends:
+        wrong.append(
+            f"the plant's last words are missing: it may have flown on from tick {last[newest]}"
+        )
+    yield Finding(not wrong, "end of the ticks", "; ".join(wrong) or "as the plant says")
 
 
 def _ends(events: Iterable[LoggedEvent]) -> dict[int, int]:

@@ -1,0 +1,73 @@
+"""A bag while a run fills it: what is written, what no kill can take any more, and until when."""
+
+from collections.abc import Callable
+
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
+from flexslew_lab.log.recording.recording_order import Ordered, tick_and_epoch
+
+# A kill costs what the system does not have: at most this, and what is on the way to us.
+_FLUSH_AFTER, _FLUSH_TICKS = 0.5, 50  # [wall s], ticks
+
+
+class Recording:
+    """Writes ordered messages and hands them to the system often enough.
+
+    Args:
+        writer: of the bag.
+        failed: told once, in one line, when the disk takes no more; the run goes on.
+    """
+
+    def __init__(self, writer: BagWriter, failed: Callable[[str], None]) -> None:
+        self._writer, self._failed = writer, failed
+        self.stopped = False  # the disk takes no more
+        self.safe = self._written = 0, -1  # epoch and tick of what the system, the chunk has
+        self._offset = 0, 0  # epoch that is written, and when it began in log time [ns]
+        self._next_flush = 0.0  # [wall s]
+
+    @property
+    def messages(self) -> int:
+        """How many messages were taken so far."""
+        return self._writer.messages
+
+    def write(self, message: Ordered) -> None:
+        """Write a message; in log time, an epoch begins where the one before has ended."""
+        if message.epoch > self._offset[0]:
+            self._offset = message.epoch, self._writer.last - message.at
+        topic, at = message.topic, message.at + self._offset[1]
+        if not self.stopped:
+            try:
+                self._writer.write(topic, TOPICS[topic].type, message.data, at)
+            except RecordingStopped as error:
+                self._stop(error)
+        if topic == "/measurement":
+            tick, epoch = tick_and_epoch(message.data)
+            self._written = epoch, tick
+            if epoch > self.safe[0] or tick >= self.safe[1] + _FLUSH_TICKS:
+                self._flush()
+
+    def flush(self, now: float) -> None:
+        """Hand over what waits, if it has waited long enough at this wall time [s]."""
+        if now >= self._next_flush:
+            self._next_flush = now + _FLUSH_AFTER
+            self._flush()
+
+    def close(self) -> None:
+        """Make the bag whole.
+
+        Raises:
+            RecordingStopped: there is no room for it.
+        """
+        self._writer.close({"messages": str(self._writer.messages)})
+
+    def _flush(self) -> None:
+        if not self.stopped:  # else nobody need wait for us
+            try:
+                self._writer.flush()
+            except RecordingStopped as error:
+                self._stop(error)
+        self.safe = self._written
+
+    def _stop(self, error: RecordingStopped) -> None:
+        self.stopped = True
+        self._failed(str(error))

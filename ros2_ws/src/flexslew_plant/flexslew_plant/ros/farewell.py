@@ -1,0 +1,50 @@
+"""The last words of a node: heard by all who listen before it leaves the graph."""
+
+from collections.abc import Callable
+from time import monotonic
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+
+from flexslew_plant.ros.alive import Alive
+from flexslew_plant.ros.graph import listeners_of
+
+# How long a node stays at most until all have heard it [wall s]. For a listener that was held up,
+# DDS repairs 256 messages of a topic every 3 s.
+LAST_WORDS = 60.0
+HURRIED = 5.0  # the same when somebody has interrupted it, or for one that gives no sign of life
+_SEVERAL = 50  # callbacks between two looks at who has heard what
+
+
+def stay_until_heard(
+    node: Node, alive: Alive | None, serve: Callable[[], None], patience: float
+) -> None:
+    """Return as soon as a node was heard, or patience is at an end.
+
+    A writer that leaves takes with it what its listeners have not acknowledged, reliable or not. A
+    listener that gives no sign of life is waited for only a few seconds.
+
+    Args:
+        node: that wants to leave.
+        alive: signs of life of the others, where it hears them.
+        serve: lets one callback run.
+        patience: [wall s].
+    """
+    start, told = monotonic(), False
+    unheard, names = list(node.publishers), ""
+    while unheard and (waited := monotonic() - start) < patience:
+        unheard[0].wait_for_all_acked(Duration(seconds=0.05))
+        unheard = [p for p in unheard if not p.wait_for_all_acked(Duration())]
+        for _ in range(_SEVERAL):  # else signs of life would come later than they are sent
+            serve()
+        names = ", ".join(publisher.topic_name for publisher in unheard)
+        if not unheard or waited <= 1.0:
+            continue
+        if not told:
+            node.get_logger().warning(f"stays until all is heard: {names}")
+            told = True
+        listeners = {name for p in unheard for name in listeners_of(node, p)}
+        if alive is not None and alive.presence.lost(listeners, HURRIED, monotonic()):
+            break  # was alive once and has been silent for long
+    if unheard:
+        node.get_logger().warning(f"leaves, not all heard: {names}")

@@ -1,0 +1,43 @@
+"""SIGINT and SIGTERM as a KeyboardInterrupt that nothing swallows for good."""
+
+import os
+import signal
+from threading import Timer
+
+_AGAIN = 0.3  # until it is raised once more [wall s]
+_NUMBERS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interrupts:
+    """Both signals end the process, also where the exception is lost on its way.
+
+    What is raised within a compiler's callback or a destructor is printed there and forgotten; so
+    the signal comes again and again until somebody says that it was taken.
+    """
+
+    def __init__(self) -> None:
+        self._again: Timer | None = None
+
+    def install(self) -> None:
+        """Answer both signals from now on."""
+        for number in _NUMBERS:
+            signal.signal(number, self._raise)
+
+    def ignore(self) -> None:
+        """Answer them no more: the process ends anyway."""
+        for number in _NUMBERS:
+            signal.signal(number, signal.SIG_IGN)
+        self.taken()
+
+    def taken(self) -> None:
+        """Note that somebody has caught it."""
+        if self._again is not None:
+            self._again.cancel()
+            self._again = None
+
+    def _raise(self, number: int, frame: object) -> None:
+        self.taken()
+        self._again = Timer(_AGAIN, os.kill, (os.getpid(), number))
+        self._again.daemon = True
+        self._again.start()
+        raise KeyboardInterrupt

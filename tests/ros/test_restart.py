@@ -1,0 +1,102 @@
+"""A plant that leaves and comes back with another testbed; a listener that asks for too much."""
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from flexslew_msgs.msg import ControllerStatus, Measurement
+
+from flexslew_lab.trial.domain import own_domain
+from flexslew_plant.ros.offers import qos
+from flexslew_plant.topics import CONTROLLER_STATUS, PLAN, TOPICS
+
+from .flight import nursery
+
+WAIT = 200.0  # on a busy machine
+PLANT, CONTROLLER = "flexslew_plant.ros.plant_node", "flexslew_control.ros.controller_node"
+
+
+class Bench:
+    """Nodes that are started one by one, and what their controllers say."""
+
+    def __init__(self, folder: Path, domain: int) -> None:
+        self._folder, self._domain = folder, domain
+        self.statuses: dict[str, Any] = {}
+        self.node = rclpy.create_node("bystander")
+        status = qos(TOPICS[CONTROLLER_STATUS], 10)
+        self.node.create_subscription(ControllerStatus, CONTROLLER_STATUS, self._hear, status)
+        latched = qos(TOPICS[PLAN])  # more than is offered: it will never be served
+        self.node.create_subscription(Measurement, "measurement", print, latched)
+        self.pids: dict[str, int] = {}
+
+    def _hear(self, status: Any) -> None:
+        self.statuses[status.controller] = status
+
+    def start(self, name: str, module: str, **parameters: str) -> None:
+        words = [f"{key}:={value}" for key, value in parameters.items()]
+        arguments = ["--ros-args", "-r", f"__node:={name}"]
+        arguments += [word for pair in words for word in ("-p", pair)]
+        with (self._folder / f"{name}.log").open("ab") as said:
+            self.pids[name] = nursery().start(
+                module, arguments, {"ROS_DOMAIN_ID": str(self._domain)}, said.fileno()
+            )
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        for _ in range(int(WAIT / 0.05)):
+            if condition():
+                return
+            rclpy.spin_once(self.node, timeout_sec=0.05)
+        raise AssertionError("it never happened")
+
+    def runs(self, name: str) -> bool:
+        return nursery().exit_code(self.pids[name]) is None
+
+    def end(self, name: str, number: int = signal.SIGINT) -> None:
+        if self.runs(name):
+            os.kill(self.pids[name], number)
+        self.until(lambda: not self.runs(name))
+
+    def log(self, name: str) -> str:
+        return (self._folder / f"{name}.log").read_text()
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    with own_domain() as domain:
+        rclpy.init(domain_id=domain)
+        one = Bench(tmp_path, domain)
+        try:
+            yield one
+        finally:
+            for name in one.pids:
+                one.end(name)
+            one.node.destroy_node()
+            rclpy.shutdown()
+
+
+def test_controllers_stand_before_the_testbed_of_a_plant_that_came_back(bench: Bench) -> None:
+    bench.start("lqr", CONTROLLER, law="lqr")
+    bench.start("pd", CONTROLLER, kp="[460.0, 460.0]")
+    two = {"bench.active": "lqr", "rate_factor": "5.0", "bench.max_missed": "1000"}
+    bench.start("plant", PLANT, **two)
+    ready = {"lqr", "pd"}
+    bench.until(lambda: {n for n, s in bench.statuses.items() if s.ready} == ready)
+    bench.until(lambda: bench.statuses["lqr"].last_tick > 200)
+    bench.end("plant", signal.SIGKILL)
+    before = len(bench.log("plant"))
+    assert "asks for a QoS that is not offered: bystander on /measurement" in bench.log("plant")
+
+    one = {"bench.testbed.kind": "floating_oscillator", "bench.max_missed": "1000"}
+    bench.start("plant", PLANT, rate_factor="5.0", **{"bench.active": "lqr", **one})
+    bench.until(lambda: not bench.statuses["pd"].ready)
+    assert "kp" in bench.statuses["pd"].reason
+    bench.until(lambda: "started at tick 0" in bench.log("plant")[before:])
+    flown = bench.statuses["lqr"].last_tick
+    bench.until(lambda: bench.statuses["lqr"].ready and bench.statuses["lqr"].last_tick != flown)
+    assert "deflection" in bench.statuses["lqr"].settings
+    assert bench.runs("lqr")
+    assert bench.runs("pd")
