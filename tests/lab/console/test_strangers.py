@@ -1,15 +1,11 @@
 """Pages that send anything: seeded random messages, valid and not, through their own connection."""
 
 import random
-from typing import Any
 
 import msgspec
 import pytest
-import viser
 from tests.fake_bench import FakeLink
-from viser import _messages
-from websockets.sync.client import connect
-from websockets.typing import Origin, Subprotocol
+from tests.page_client import PageClient
 
 from flexslew_lab.console.page import Page
 
@@ -23,35 +19,6 @@ ODD = [
 ]  # fmt: skip
 
 
-class Stranger:
-    """A page that speaks the protocol of viser."""
-
-    def __init__(self, page: Page) -> None:
-        server = page.server
-        self.socket = connect(
-            f"ws://127.0.0.1:{server.port}/?token={server.gate.token}",
-            origin=Origin(f"http://127.0.0.1:{server.port}"),
-            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-            max_size=None,
-            max_queue=None,
-        )
-        zero = (0.0, 0.0, 0.0)
-        camera = _messages.ViewerCameraMessage(
-            (1.0, 0.0, 0.0, 0.0), zero, 1.0, 0.1, 10.0, 100, 100, zero, (0.0, 0.0, 1.0)
-        )
-        self.send(camera.as_serializable_dict([]))
-
-    def send(self, message: dict[str, Any]) -> None:
-        self.socket.send(msgspec.msgpack.encode(message))
-
-    def set(self, uuid: str, value: Any) -> None:
-        self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
-
-    def reach(self) -> None:
-        """Wait for the server to answer a ping: it has read what was sent before."""
-        assert self.socket.ping().wait(60.0)
-
-
 @pytest.mark.parametrize("seed", [1, 2])
 def test_whatever_pages_send_the_console_goes_on_and_asks_only_what_there_is(
     seed: int, capfd: pytest.CaptureFixture[str]
@@ -60,7 +27,7 @@ def test_whatever_pages_send_the_console_goes_on_and_asks_only_what_there_is(
     rng, link = random.Random(seed), FakeLink()
     page = Page(link, "127.0.0.1", 0, said.append)
     page.poll()
-    stranger = Stranger(page)
+    stranger = PageClient(page.server.address)
     inputs = page.server.gui._gui_input_handle_from_uuid
     for number in range(500):
         uuid = rng.choice([*inputs, "nobody"])
@@ -90,9 +57,9 @@ def test_what_is_no_message_ends_its_page_and_no_other(capfd: pytest.CaptureFixt
     page = Page(link, "127.0.0.1", 0, lambda words: None)
     page.poll()
     for garbage in (b"", b"\xc1", msgspec.msgpack.encode({"type": "NoSuchMessage"}), b"\x00" * 999):
-        stranger = Stranger(page)
+        stranger = PageClient(page.server.address)
         stranger.socket.send(garbage)
-    other = Stranger(page)
+    other = PageClient(page.server.address)
     inputs = page.server.gui._gui_input_handle_from_uuid.values()
     [start] = [e for e in inputs if getattr(e, "label", "") == "Start"]
     other.set(start._impl.uuid, True)

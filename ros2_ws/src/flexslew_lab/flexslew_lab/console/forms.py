@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, get_args
 
 from flexslew_lab.console.desk import Desk, line
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml, yaml_text
+from flexslew_plant.settings import load_yaml, validated, yaml_text
 from flexslew_plant.settings_fields import FieldMeaning, own_meanings
 
 _LONGEST = 4000  # characters of a field
@@ -58,6 +58,18 @@ def keys_of(
             Key(item.name, words_of(words[item.name]), text_of(given), (*optional, *options))
         )
     return found
+
+
+def number_of(name: str, value: Any) -> float:
+    """Return the number that a field holds.
+
+    Raises:
+        BadInput: it holds none; beginning with the name.
+    """
+    try:
+        return float(validated(float, value, name))
+    except BadInput as error:
+        raise BadInput(str(error).replace("(whole file): ", "")) from None
 
 
 def _choices(kind: Any) -> tuple[str, ...]:

@@ -4,14 +4,14 @@ from collections.abc import Callable
 from typing import Any
 
 from flexslew_lab.console.desk import Desk, Reply
-from flexslew_lab.console.forms import Form, Key, keys_of
+from flexslew_lab.console.forms import Form, Key, keys_of, number_of
 from flexslew_lab.console.link import Told
 from flexslew_plant import topics
 from flexslew_plant.bench.disturbances import PulseShape, SineShape
 from flexslew_plant.bench.schedule import injected_entry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FAULTS
-from flexslew_plant.settings import validated, yaml_text
+from flexslew_plant.settings import yaml_text
 
 _CONSTANT, _NOTHING = "constant", "(nothing)"
 _EFFORT = "constant effort"
@@ -52,7 +52,7 @@ class _Injection:
         if given is None:
             return
         try:
-            at = validated(float, given.pop("from", 0.0), "from")
+            at = number_of("from", given.pop("from", 0.0))
             if not 0.0 <= at < 1e9 or 0.0 < at <= self._view.time:
                 now = f"{self._view.time:.2f}"
                 raise BadInput(f"from: {at:g} is over or no time: the bench is at {now} s")
@@ -102,7 +102,7 @@ class DisturbPanel:
         joint, shape = given.pop("on joint"), self._injection.choice.value
         if shape in _SHAPES:
             return {"disturbance": {joint: {shape: given}}}
-        return {"disturbance": {joint: validated(float, given.get(_EFFORT), _EFFORT)}}
+        return {"disturbance": {joint: number_of(_EFFORT, given.get(_EFFORT))}}
 
 
 class BreakPanel:

@@ -7,11 +7,11 @@ from viser import uplot
 
 from flexslew_control.planners import PLANNERS, plan_settings
 from flexslew_lab.console.desk import Desk, Reply, line
-from flexslew_lab.console.forms import Form, Key
+from flexslew_lab.console.forms import Form, Key, number_of
 from flexslew_lab.console.link import Iterate, Told
 from flexslew_lab.console.panels.charts import COLORS
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import validated, yaml_text
+from flexslew_plant.settings import yaml_text
 
 _METHOD, _GOAL = "optimized_feedforward", "goal of "
 _SHOWN = 8  # iterations
@@ -86,13 +86,13 @@ class PlanPanel:
         """
         goal = {}
         for key in [key for key in given if key.startswith(_GOAL)]:
-            goal[key.removeprefix(_GOAL)] = validated(float, given[key], key)
+            goal[key.removeprefix(_GOAL)] = number_of(key, given[key])
         more = given.get("more", {})
         if not isinstance(more, dict):
             raise BadInput("more: give keys, for example {functions: 12}")
         if "start" not in given:
             raise BadInput(f"start: is missing; the bench is at {self._view.time:.2f} s")
-        start = validated(float, given["start"], "start")
+        start = number_of("start", given["start"])
         if not self._view.time < start < 1e9:
             raise BadInput(f"start: {start:g} is over: the bench is at {self._view.time:.2f} s")
         values = {"method": self._method.value, "goal": goal, "start": start, **more}

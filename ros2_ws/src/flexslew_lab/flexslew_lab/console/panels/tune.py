@@ -2,7 +2,7 @@
 
 from flexslew_control.controllers import CONTROLLERS, DERIVED
 from flexslew_lab.console.desk import Desk, Reply
-from flexslew_lab.console.forms import Form, Key, text_of, words_of
+from flexslew_lab.console.forms import Form, Key, number_of, text_of, words_of
 from flexslew_lab.console.link import Told
 from flexslew_lab.trial.overrides import overridden
 from flexslew_plant.errors import BadInput
@@ -56,7 +56,7 @@ class TunePanel:
         if changes is None:
             return
         try:
-            when = validated(float, at.get("from [s]", 0.0), "from [s]")
+            when = number_of("from [s]", at.get("from [s]", 0.0))
             if not 0.0 <= when < 1e9:
                 raise BadInput(f"from [s]: {when:g} is not allowed: at least 0, below 1e9")
             if not changes:
@@ -103,7 +103,7 @@ def _check(law: str, text: str, changes: dict[str, object]) -> None:
         return
     values = overridden(_settings(text), changes)
     handover = values.pop(_HANDOVER, 1.0)
-    if validated(float, handover, _HANDOVER) < 0.0:
+    if number_of(_HANDOVER, handover) < 0.0:
         raise BadInput(f"{_HANDOVER}: {handover} is not allowed: at least 0")
     try:
         validated(CONTROLLERS[law].settings, values, "")
