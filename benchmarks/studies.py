@@ -9,11 +9,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from flexslew_lab.studies.cases import Case, case_of, case_trial
-from flexslew_lab.studies.lanes import Lanes
-from flexslew_lab.studies.pool import Pool
+from flexslew_lab.studies.execution.pool import Pool
+from flexslew_lab.studies.execution.worker import Job
+from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import parse_study
-from flexslew_lab.studies.worker import Job
 from flexslew_plant.arrays import Vector
 
 _STUDY = """

@@ -12,13 +12,13 @@ import pytest
 
 from flexslew_lab.studies import store as store_module
 from flexslew_lab.studies.cases import Case, case_of
+from flexslew_lab.studies.execution.pool import Here
+from flexslew_lab.studies.findings.summary import passed
 from flexslew_lab.studies.finish import finished, fly_again
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.merge import merged
-from flexslew_lab.studies.pool import Here
 from flexslew_lab.studies.run import Preparation, Shard, prepare, run_study
 from flexslew_lab.studies.study import Study
-from flexslew_lab.studies.summary import passed
 from flexslew_plant.errors import BadInput
 
 

@@ -22,7 +22,7 @@ from flexslew_lab.cli.terminal import print_table, screen, short
 from flexslew_plant.errors import BadInput
 
 if TYPE_CHECKING:
-    from flexslew_lab.studies.pool import Executor
+    from flexslew_lab.studies.execution.pool import Executor
     from flexslew_lab.studies.run import Preparation, Shard
     from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import Study
@@ -54,10 +54,10 @@ def run(
 
     Example: `./flexslew study run csa_robustness --workers 2`
     """
+    from flexslew_lab.studies.findings.summary import needed, passed
     from flexslew_lab.studies.finish import finished, keep_worst
     from flexslew_lab.studies.run import default_folder, prepare, run_study
     from flexslew_lab.studies.study import load_study, study_path
-    from flexslew_lab.studies.summary import needed, passed
 
     if retry not in (None, "failed"):
         raise BadInput(f"--retry: {retry} is not allowed: failed")
@@ -119,9 +119,9 @@ def report(
 
     Example: `./flexslew study report runs/study-before runs/study-after`
     """
-    from flexslew_lab.studies.page import comparison_page
+    from flexslew_lab.studies.findings.page import comparison_page
+    from flexslew_lab.studies.findings.summary import passed, summary
     from flexslew_lab.studies.run import flights_of
-    from flexslew_lab.studies.summary import passed, summary
 
     if len(places) > 2:
         raise BadInput(f"report: {len(places)} studies are not allowed: give one or two")
@@ -130,7 +130,7 @@ def report(
         store.write_table()
     found = [summary(one, store, flights_of(store)) for one, store in opened]
     if len(opened) == 1:
-        from flexslew_lab.studies.page import study_page
+        from flexslew_lab.studies.findings.page import study_page
 
         (one, store), page = opened[0], out or opened[0][1].folder / "report.html"
         page.write_text(study_page(one, store, found[0]), encoding="utf-8")
@@ -193,9 +193,9 @@ def merge(
 
     Example: `./flexslew study merge runs/study-m1-shard-* --out runs/study-m1`
     """
+    from flexslew_lab.studies.findings.summary import passed
     from flexslew_lab.studies.finish import finished
     from flexslew_lab.studies.merge import merged
-    from flexslew_lab.studies.summary import passed
 
     joined = merged(folders, out)
     found = finished(*joined)
@@ -244,18 +244,18 @@ def _opened(place: str, out: Path | None) -> tuple["Study", "Store"]:
 
 
 def _executor(ready: "Preparation", workers: int | None, dask: str | None) -> "Executor":
-    from flexslew_lab.studies.pool import Pool
+    from flexslew_lab.studies.execution.pool import Pool
 
     if dask is not None:
-        from flexslew_lab.studies.cluster import Cluster
+        from flexslew_lab.studies.execution.cluster import Cluster
 
         return Cluster(ready.job, dask)
     return Pool(ready.job, workers or os.cpu_count() or 1)
 
 
 def _check_lanes(ready: "Preparation", store: "Store", workers: int | None) -> None:
-    from flexslew_lab.studies.lane_check import bench_job, check_lanes
-    from flexslew_lab.studies.pool import Pool
+    from flexslew_lab.studies.execution.pool import Pool
+    from flexslew_lab.studies.lanes.check import bench_job, check_lanes
 
     pool = Pool(bench_job(ready), workers or os.cpu_count() or 1)
     try:

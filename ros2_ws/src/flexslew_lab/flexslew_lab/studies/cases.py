@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import PLANNERS
-from flexslew_lab.studies.sampling import Samples, drawn
+from flexslew_lab.studies.sampling.methods import Samples, drawn
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.overrides import overridden, value_at
 from flexslew_lab.trial.trial import Trial, feedback_of, law_of, trial_of_values

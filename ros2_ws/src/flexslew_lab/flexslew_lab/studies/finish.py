@@ -8,12 +8,12 @@ from typing import Any
 import pyarrow as pa
 
 from flexslew_lab.studies.cases import case_of, case_trial
+from flexslew_lab.studies.findings.summary import summary
 from flexslew_lab.studies.flight import Flown, Plans, columns_of, flown
-from flexslew_lab.studies.lane_check import TOLERANCE, apart
+from flexslew_lab.studies.lanes.check import TOLERANCE, apart
 from flexslew_lab.studies.run import flights_of
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
-from flexslew_lab.studies.summary import summary
 from flexslew_lab.trial.run import Result, run_trial
 
 _WORST = "worst"
@@ -21,7 +21,7 @@ _WORST = "worst"
 
 def finished(study: Study, store: Store) -> dict[str, Any]:
     """Return the summary of a study after writing its page beside it."""
-    from flexslew_lab.studies.page import study_page
+    from flexslew_lab.studies.findings.page import study_page
 
     found = summary(study, store, flights_of(store))
     page = store.write_text("report.html", study_page(study, store, found))

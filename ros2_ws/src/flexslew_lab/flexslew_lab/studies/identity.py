@@ -18,7 +18,13 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
 
 _FREE = ("criteria", "keep", "limit", "trial")  # keys that change no trial
-_PACKAGES = ("flexslew_plant", "flexslew_control")
+# folders whose code decides what a trial becomes
+_CODE = (
+    "flexslew_plant",
+    "flexslew_control",
+    "flexslew_lab/metrics",
+    "flexslew_lab/studies/lanes",
+)
 _LIBRARIES = ("pyarrow", "pydantic", "llvmlite")
 
 
@@ -74,12 +80,13 @@ def _differences(place: str, old: Any, new: Any) -> list[tuple[str, Any, Any]]:
 
 
 def _law_files(study: Study) -> dict[str, str]:
-    """Return the digests of the user's own files that trials may run, by path."""
+    """Return the digests of the user's own files that trials may run, by path: laws, metrics."""
     names = [variant.changes.get("active") for variant in study.variants]
     given = [law_of(name, own or {})[0] for name, own in study.base["controllers"].items()]
     digests = {}
     kinds = [variant.changes.get("testbed.kind") for variant in study.variants]
-    for law in [*given, *names, study.base["testbed"].get("kind"), *kinds]:
+    own = study.base.get("metrics") or ()
+    for law in [*given, *names, study.base["testbed"].get("kind"), *kinds, *own]:
         if not isinstance(law, str) or law in CONTROLLERS or ".py:" not in law:
             continue
         path = Path(law.rpartition(":")[0])
@@ -89,9 +96,10 @@ def _law_files(study: Study) -> dict[str, str]:
 
 def _versions() -> dict[str, str]:
     found = software_versions() | {name: metadata.version(name) for name in _LIBRARIES}
-    for package in _PACKAGES:
-        root = Path(str(resources.files(package)))
-        found[f"source of {package}"] = _digest(sorted(root.rglob("*.py")))
+    for folder in _CODE:
+        package, _, inside = folder.partition("/")
+        root = Path(str(resources.files(package))) / inside
+        found[f"source of {folder}"] = _digest(sorted(root.rglob("*.py")))
     return found
 
 

@@ -12,13 +12,13 @@ import pyarrow as pa
 
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.studies.cases import case_of, case_trial, sample_table, typical_case
+from flexslew_lab.studies.execution.pool import Executor
+from flexslew_lab.studies.execution.worker import Job
+from flexslew_lab.studies.findings.stopping import looks, settled
 from flexslew_lab.studies.flight import Flown, Plans, metric_columns, plan_key
 from flexslew_lab.studies.identity import identity_of, require_same
-from flexslew_lab.studies.pool import Executor
-from flexslew_lab.studies.stopping import looks, settled
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study, known_metric
-from flexslew_lab.studies.worker import Job
 from flexslew_lab.trial.trial import bench_settings, build_controllers
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput

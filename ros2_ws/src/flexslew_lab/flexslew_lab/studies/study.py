@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from flexslew_lab.studies.distributions import Distribution, distribution_of
-from flexslew_lab.studies.sampling import METHODS, Sampling, check_sampling, list_of
+from flexslew_lab.studies.sampling.distributions import Distribution, distribution_of
+from flexslew_lab.studies.sampling.methods import METHODS, Sampling, check_sampling, list_of
 from flexslew_lab.trial.overrides import value_at
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial

@@ -8,9 +8,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from flexslew_lab.metrics.rows import key_of
-from flexslew_lab.studies.sampling import METHODS
-from flexslew_lab.studies.sensitivity import indices
-from flexslew_lab.studies.statistics import Population, trials_needed
+from flexslew_lab.studies.findings.sensitivity import indices
+from flexslew_lab.studies.findings.statistics import Population, trials_needed
+from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Criterion, Study
 from flexslew_plant.arrays import Vector

@@ -1,6 +1,6 @@
 """What the laws of all lanes know of their benches, tick by tick: z of linear_form.
 
-z and readings are flat, row after row with LANES neighbours each, as in lane_loop.
+z and readings are flat, row after row with LANES neighbours each, as in loop.
 """
 
 from collections.abc import Callable

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flexslew_lab.studies.statistics import (
+from flexslew_lab.studies.findings.statistics import (
     Population,
     dkw_half_width,
     quantile,

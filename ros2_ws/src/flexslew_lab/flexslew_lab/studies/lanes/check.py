@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.pool import Executor
+from flexslew_lab.studies.execution.pool import Executor
+from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.run import Preparation, note
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
-from flexslew_lab.studies.worker import Job
 
 TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 SHARE = 0.01  # of the trials, drawn at random

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.studies.lane_observers import Observe, Signals
+from flexslew_lab.studies.lanes.observers import Observe, Signals
 from flexslew_plant.arrays import Matrix, Vector, vectorised
 from flexslew_plant.testbeds.lanes import LANES, LaneKernel
 

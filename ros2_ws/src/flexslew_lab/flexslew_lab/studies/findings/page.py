@@ -6,10 +6,10 @@ import plotly.graph_objects as go
 
 from flexslew_lab.cli.terminal import short
 from flexslew_lab.report.page import render
-from flexslew_lab.studies import figures
+from flexslew_lab.studies.findings import figures
+from flexslew_lab.studies.findings.summary import QUANTILES
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
-from flexslew_lab.studies.summary import QUANTILES
 
 _SHOWN = 3  # metrics with figures of their own, where no criterion names any
 _FIRST = ("residual_tip_deflection", "residual_attitude_error", "settling_time")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from flexslew_lab.studies.distributions import Distribution
-from flexslew_lab.studies.sampling import Sampling, drawn
-from flexslew_lab.studies.sensitivity import Index, indices
+from flexslew_lab.studies.findings.sensitivity import Index, indices
+from flexslew_lab.studies.sampling.distributions import Distribution
+from flexslew_lab.studies.sampling.methods import Sampling, drawn
 from flexslew_plant.arrays import Vector
 
 NAMES = ["x1", "x2", "x3"]

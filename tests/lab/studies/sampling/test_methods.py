@@ -3,8 +3,8 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from flexslew_lab.studies.distributions import FAMILIES, Distribution, distribution_of
-from flexslew_lab.studies.sampling import METHODS, Sampling, drawn, replicates_of
+from flexslew_lab.studies.sampling.distributions import FAMILIES, Distribution, distribution_of
+from flexslew_lab.studies.sampling.methods import METHODS, Sampling, drawn, replicates_of
 
 UNIT = Distribution("uniform", (0.0, 1.0))
 ARGUMENTS = {

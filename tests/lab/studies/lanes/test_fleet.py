@@ -8,7 +8,7 @@ import pytest
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.flight import flown
-from flexslew_lab.studies.lanes import Lanes
+from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
 from flexslew_plant.testbeds.csa import CsaTestbed

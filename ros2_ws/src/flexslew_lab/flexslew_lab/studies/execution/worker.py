@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans, flown
-from flexslew_lab.studies.lanes import Lanes
+from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.study import Study
 
 Report = Callable[[list[Flown]], None]

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.execution.pool import Executor, Here, Pool
 from flexslew_lab.studies.flight import Flown
-from flexslew_lab.studies.pool import Executor, Here, Pool
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
 

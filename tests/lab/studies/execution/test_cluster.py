@@ -4,9 +4,9 @@ import signal
 import pytest
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.cluster import Cluster
+from flexslew_lab.studies.execution.cluster import Cluster
+from flexslew_lab.studies.execution.pool import Here
 from flexslew_lab.studies.flight import Flown
-from flexslew_lab.studies.pool import Here
 from flexslew_lab.studies.run import Preparation
 from flexslew_plant.errors import BadInput, RunFault
 
@@ -33,7 +33,7 @@ def test_a_cluster_that_loses_its_workers_flies_the_same(ready: Preparation) -> 
 def test_a_scheduler_that_goes_away_ends_the_run(
     ready: Preparation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("flexslew_lab.studies.cluster._CONNECT", 5.0)
+    monkeypatch.setattr("flexslew_lab.studies.execution.cluster._CONNECT", 5.0)
     cases = [case_of(ready.study, ready.samples, k) for k in range(ready.trials)]
     with distributed.LocalCluster(
         n_workers=1,
@@ -54,7 +54,7 @@ def test_a_scheduler_that_goes_away_ends_the_run(
 def test_nobody_at_the_address_is_one_line(
     ready: Preparation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("flexslew_lab.studies.cluster._CONNECT", 0.5)
+    monkeypatch.setattr("flexslew_lab.studies.execution.cluster._CONNECT", 0.5)
     with pytest.raises(BadInput, match=r"127\.0\.0\.1:9: no scheduler answers") as error:
         Cluster(ready.job, "tcp://127.0.0.1:9")
     assert "\n" not in str(error.value)

@@ -5,8 +5,8 @@ import threading
 from distributed import Worker, WorkerPlugin, get_worker
 
 from flexslew_lab.studies.cases import Case
+from flexslew_lab.studies.execution.worker import Flyer, Job
 from flexslew_lab.studies.flight import Flown
-from flexslew_lab.studies.worker import Flyer, Job
 
 
 class StudyFlights(WorkerPlugin):  # type: ignore[misc]  # it has no types

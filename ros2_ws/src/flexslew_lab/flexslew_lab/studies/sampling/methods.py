@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.stats import qmc
 
-from flexslew_lab.studies.distributions import Distribution
+from flexslew_lab.studies.sampling.distributions import Distribution
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import section

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from flexslew_lab.studies.sampling import METHODS
-from flexslew_lab.studies.statistics import Population
+from flexslew_lab.studies.findings.statistics import Population
+from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 

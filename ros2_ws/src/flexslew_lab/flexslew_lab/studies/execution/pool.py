@@ -15,8 +15,8 @@ from time import monotonic
 from typing import Protocol
 
 from flexslew_lab.studies.cases import Case
+from flexslew_lab.studies.execution.worker import Flyer, Job
 from flexslew_lab.studies.flight import Flown, failed
-from flexslew_lab.studies.worker import Flyer, Job
 
 CHUNK_TIME = 3.0  # of a chunk, aimed at [wall s]
 _LARGEST = 4096  # trials of a chunk
@@ -25,7 +25,7 @@ _DEATHS = 2  # with a chunk, before it is split to find out which trial it is
 _READY = -1  # what a process says first
 _START = 120.0  # that a process may take before it says so [wall s]
 _SERVER = multiprocessing.get_context("forkserver")  # has imported everything once, for all
-_SERVER.set_forkserver_preload(["flexslew_lab.studies.worker"])
+_SERVER.set_forkserver_preload(["flexslew_lab.studies.execution.worker"])
 
 
 class Executor(Protocol):

@@ -10,9 +10,9 @@ from typing import Any
 from uuid import uuid4
 
 from flexslew_lab.studies.cases import Case
+from flexslew_lab.studies.execution.pool import Pace
+from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.flight import Flown, failed
-from flexslew_lab.studies.pool import Pace
-from flexslew_lab.studies.worker import Job
 from flexslew_plant.errors import BadInput, RunFault
 
 _CONNECT = 30.0  # patience with the scheduler [wall s]
@@ -36,7 +36,7 @@ class Cluster:
     def __init__(self, job: Job, address: str) -> None:
         import distributed
 
-        from flexslew_lab.studies.cluster_worker import StudyFlights
+        from flexslew_lab.studies.execution.cluster_worker import StudyFlights
 
         self._address = address
         try:
@@ -85,7 +85,7 @@ class Cluster:
 
     def _fill(self, alone: deque[Case], cases: Iterator[Case]) -> None:
         """Give every thread a chunk, as long as there are any."""
-        from flexslew_lab.studies.cluster_worker import fly_on_worker
+        from flexslew_lab.studies.execution.cluster_worker import fly_on_worker
 
         if self._client.status != "running":
             raise self._gone("the scheduler does not answer any more")

@@ -1,0 +1,127 @@
+"""What the lanes of a group are given: schedule, aim, gains, errors of the sensors."""
+
+from typing import Any
+
+import numpy as np
+
+from flexslew_control.linear_form import LawForm
+from flexslew_control.plan import Plan
+from flexslew_lab.metrics.from_bag import manoeuvre_of
+from flexslew_lab.metrics.metric import Manoeuvre
+from flexslew_lab.metrics.settling import settling_band
+from flexslew_lab.studies.lanes.loop import (
+    Aim,
+    Schedule,
+)
+from flexslew_lab.studies.lanes.passengers import (
+    COLLOCATED,
+    PER_LANE,
+    Passenger,
+    controller_of,
+)
+from flexslew_lab.trial.trial import Trial, law_of
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.disturbances import TimedDisturbance, disturbance_effort
+from flexslew_plant.bench.wire import stamp_of
+from flexslew_plant.testbeds.lanes import LANES
+from flexslew_plant.testbeds.model import Model
+
+
+def schedule_of(passenger: Passenger, form: LawForm, ticks: int) -> Schedule:
+    """Return what is the same in every lane, tick by tick."""
+    trial, plan = passenger.trial, passenger.plan
+    stamps = (stamp_of(k * trial.period) for k in range(ticks + 1))
+    time = np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps])
+    return Schedule(
+        time,
+        time >= plan.start + plan.duration - 1e-9,
+        time >= plan.start - 1e-9,
+        *_joint_references(plan, ticks),
+        np.ascontiguousarray(form.demand),
+        np.ascontiguousarray(form.integrand),
+        _disturbances(trial, passenger.model, ticks),
+    )
+
+
+def _joint_references(plan: Plan, ticks: int) -> tuple[Matrix, Matrix]:
+    """Return what the plan wants of the joints and of their rates, each (ticks, joints)."""
+    rows = [plan.reference(k) for k in range(ticks)]
+    return np.array([r.position for r in rows]), np.array([r.velocity for r in rows])
+
+
+def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
+    total = np.zeros((ticks, model.joints))
+    for entry in trial.schedule:
+        start = round(entry.at / trial.period)
+        end = ticks if entry.until is None else round(entry.until / trial.period)
+        end = max(end, start + 1)
+        timed = TimedDisturbance(entry.disturbance or {}, start, end)
+        for k in range(start, min(end, ticks)):
+            total[k] += disturbance_effort(timed, k, model.joint_names, trial.period)
+    return total
+
+
+def aim_of(passenger: Passenger, form: LawForm) -> tuple[Aim, Manoeuvre]:
+    """Return what the metrics of a group are measured against, in two forms."""
+    goal = manoeuvre_of(passenger.plan.position, passenger.plan.start, passenger.plan.duration)
+    assert goal.goal is not None
+    return (
+        Aim(
+            np.ascontiguousarray(goal.goal),
+            np.sign(goal.way),
+            settling_band(goal.way),
+            np.array(passenger.trial.testbed.effort_limit, dtype=np.float64),
+            np.minimum(form.limit, np.finfo(float).max),
+            np.ascontiguousarray(passenger.model.appendages.tip, dtype=np.float64),
+        ),
+        goal,
+    )
+
+
+def gains_of(lanes: list[Passenger], form: LawForm) -> Vector:
+    """Return kp, ki and kd of every lane, flat."""
+    law, _ = law_of(lanes[0].trial.active, lanes[0].trial.controllers[lanes[0].trial.active] or {})
+    if law not in COLLOCATED:
+        return np.repeat(np.concatenate((form.kp, form.ki, form.kd)), LANES)
+    found: dict[str, Vector] = {}
+    columns = []
+    for lane in lanes:
+        own = lane.trial.controllers[lane.trial.active] or {}
+        key = repr({name: own.get(name) for name in PER_LANE})
+        if key not in found:
+            built: Any = controller_of(lane.trial).law
+            gains = getattr(built, "deviation", built)
+            none = np.zeros(gains.kp.size)
+            found[key] = np.concatenate((gains.kp, getattr(gains, "ki", none), gains.kd))
+        columns.append(found[key])
+    return np.ascontiguousarray(np.array(columns).T).ravel()
+
+
+def errors_of(lanes: list[Passenger], outputs: int, readings: int) -> Matrix:
+    """Return bias and noise of what the law reads, (readings or 1, outputs LANES)."""
+    m, tips = lanes[0].model.joints, len(lanes[0].model.appendages.names)
+    widths = (m, m, tips, tips)
+    sensors = lanes[0].trial.sensors
+    channels = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature")
+    noisy = any(getattr(sensors, name).noise for name in channels[:3])
+    error = np.zeros((readings if noisy else 1, outputs, LANES))
+    for k, lane in enumerate(lanes):
+        if k > 0 and lane is lanes[k - 1]:  # it only fills up
+            error[:, :, k] = error[:, :, k - 1]
+            continue
+        each = [getattr(lane.trial.sensors, name) for name in channels]
+        drawn = [w if channel.noise else 0 for w, channel in zip(widths, each, strict=True)]
+        noise = np.zeros((0, 0))
+        if noisy:
+            rng = np.random.default_rng([lane.trial.seed, 0])  # as Bench.reset, epoch 0
+            noise = rng.standard_normal((readings, sum(drawn)))
+        at, column = 0, 0
+        for width, channel, count in zip(widths, each, drawn, strict=True):
+            read = min(width, outputs - at)
+            if read > 0:
+                error[:, at : at + read, k] = channel.bias
+                if count:
+                    own = noise[:, column : column + read]
+                    error[:, at : at + read, k] += channel.noise * own
+            at, column = at + width, column + count
+    return error.reshape(len(error), outputs * LANES)
