@@ -14,9 +14,11 @@ from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Matrix, Vector
 
-_POINTS = 2000  # of a curve or a cloud, at most
+_POINTS = 2000  # of a curve or of all clouds, at most
+_LEAST = 100  # of the cloud of a variant
 _CELLS = 12  # of a map, along each side
 _FEW = 8  # varied values that are drawn
+_ABREAST = 5  # maps in a row
 _AXIS: dict[str, Any] = {"gridcolor": GRID, "linecolor": GRID, "zeroline": False}
 
 
@@ -71,7 +73,8 @@ def scatter(study: Study, store: Store, name: str, unit: str) -> go.Figure:
     )
     for k, variant in enumerate(study.variants):
         found, rows = column(study, store, name, k)
-        thin = np.unique(np.linspace(0, len(found.values) - 1, _POINTS).astype(int))
+        most = max(_POINTS // len(study.variants), _LEAST)
+        thin = np.unique(np.linspace(0, len(found.values) - 1, most).astype(int))
         top = found.values[np.isfinite(found.values)].max(initial=0.0)
         values = found.values[thin]
         failed = np.isinf(values)
@@ -104,52 +107,79 @@ def scatter(study: Study, store: Store, name: str, unit: str) -> go.Figure:
 
 
 def maps(study: Study, store: Store, name: str, unit: str) -> list[go.Figure]:
-    """Return worst and 99 % of the metric over the first two varied values, one per variant."""
+    """Return worst and 99 % of the metric over the first two varied values.
+
+    One figure each, all variants side by side with the same colours.
+    """
     names = [v.name for v in study.varied if _numeric(store, v.name)][:2]
     if len(names) < 2:
         return []
-    drawn = []
+    table = store.table(["index", *names])
+    found = []
     for k, variant in enumerate(study.variants):
-        found, rows = column(study, store, name, k)
-        table = store.table(["index", *names])
+        values, rows = column(study, store, name, k)
         places = np.searchsorted(table["index"].to_numpy(), rows["index"].to_numpy())
         x, y = (table[n].to_numpy().astype(float)[places] for n in names)
-        there = ~np.isnan(found.values)
-        figure = make_subplots(rows=1, cols=2, subplot_titles=("worst", "99 %"))
-        for side, rule in enumerate((lambda v: v.max(), lambda v: quantile(v, 0.99)), start=1):
-            across, up, cells = _cells(x[there], y[there], found.values[there], rule)
-            figure.add_trace(
-                go.Heatmap(
-                    x=across,
-                    y=up,
-                    z=np.where(np.isinf(cells), np.nan, cells),
-                    colorscale="Viridis",
-                    showscale=side == 2,
-                    colorbar={"title": f"[{unit}]"},
-                    hovertemplate="%{x:.4g}, %{y:.4g}: %{z:.5g}<extra></extra>",
-                ),
-                row=1,
-                col=side,
-            )
-            bad = np.argwhere(np.isinf(cells))
-            figure.add_trace(
-                go.Scatter(
-                    x=across[bad[:, 1]],
-                    y=up[bad[:, 0]],
-                    mode="markers",
-                    marker={"symbol": "x", "color": "#c2375f", "size": 9},
-                    name="failed",
-                    showlegend=False,
-                    hovertemplate="failed<extra></extra>",
-                ),
-                row=1,
-                col=side,
-            )
-            figure.update_xaxes(title_text=names[0], row=1, col=side)
-        figure.update_yaxes(title_text=names[1], row=1, col=1)
-        figure.update_layout(title_text=" ".join(filter(None, (variant.label, name))))
-        drawn.append(_finished(figure, 400))
-    return drawn
+        there = ~np.isnan(values.values)
+        found.append((variant.label or name, x[there], y[there], values.values[there]))
+    rules = {"worst": np.max, "99 %": lambda v: quantile(v, 0.99)}
+    return [
+        _map_of_all(
+            [(label, _cells(x, y, values, rule)) for label, x, y, values in found],
+            f"{name}, {title}",
+            names,
+            unit,
+        )
+        for title, rule in rules.items()
+    ]
+
+
+def _map_of_all(
+    drawn: list[tuple[str, tuple[Vector, Vector, Matrix]]], title: str, names: list[str], unit: str
+) -> go.Figure:
+    """Return one map per variant, failures as crosses."""
+    wide = min(len(drawn), _ABREAST)
+    tall = -(-len(drawn) // wide)
+    figure = make_subplots(
+        rows=tall,
+        cols=wide,
+        subplot_titles=[label for label, _ in drawn],
+        shared_xaxes=True,
+        shared_yaxes=True,
+        horizontal_spacing=0.02,
+        vertical_spacing=0.3 / tall if tall > 1 else 0.0,
+    )
+    for k, (_, (across, up, cells)) in enumerate(drawn):
+        place = {"row": 1 + k // wide, "col": 1 + k % wide}
+        figure.add_trace(
+            go.Heatmap(
+                x=across,
+                y=up,
+                z=np.where(np.isinf(cells), np.nan, cells),
+                coloraxis="coloraxis",
+                hovertemplate="%{x:.4g}, %{y:.4g}: %{z:.5g}<extra></extra>",
+            ),
+            **place,
+        )
+        bad = np.argwhere(np.isinf(cells))
+        figure.add_trace(
+            go.Scatter(
+                x=across[bad[:, 1]],
+                y=up[bad[:, 0]],
+                mode="markers",
+                marker={"symbol": "x", "color": "#c2375f", "size": 7},
+                showlegend=False,
+                hovertemplate="failed<extra></extra>",
+            ),
+            **place,
+        )
+    for j in range(wide):
+        figure.update_xaxes(title_text=names[0], row=tall, col=1 + j)
+    figure.update_yaxes(title_text=names[1], row=1 + (tall - 1) // 2, col=1)
+    scale = {"colorscale": "Viridis", "colorbar": {"title": f"[{unit}]"}}
+    figure.update_layout(title_text=title, coloraxis=scale)
+    figure.update_annotations(font_size=11)
+    return _finished(figure, 400 if tall == 1 else 120 + 190 * tall).update_layout(margin_t=90)
 
 
 def sensitivity(line: dict[str, Any]) -> go.Figure:
