@@ -19,6 +19,8 @@ _LEAST = 100  # of the cloud of a variant
 _CELLS = 12  # of a map, along each side
 _FEW = 8  # varied values that are drawn
 _ABREAST = 5  # maps in a row
+_IN_ROWS = 8  # names above a figure; more stand beside it
+_ABOVE = {"orientation": "h", "yanchor": "bottom", "y": 1.0, "xanchor": "left", "x": 0.0}
 _AXIS: dict[str, Any] = {"gridcolor": GRID, "linecolor": GRID, "zeroline": False}
 
 
@@ -61,7 +63,7 @@ def curves(each: dict[str, Vector], name: str, unit: str) -> go.Figure:
         )
     figure.update_xaxes(title_text=f"{name} [{unit}]")
     figure.update_yaxes(title_text="share of trials not above", range=[0.0, 1.02])
-    return _finished(figure, 380)
+    return _finished(figure, max(380, 20 * len(each)))
 
 
 def scatter(study: Study, store: Store, name: str, unit: str) -> go.Figure:
@@ -103,7 +105,8 @@ def scatter(study: Study, store: Store, name: str, unit: str) -> go.Figure:
             )
             figure.update_xaxes(title_text=varied, row=1 + j // wide, col=1 + j % wide)
     figure.update_yaxes(title_text=f"{name} [{unit}]", col=1)
-    return _finished(figure, 330 * -(-len(names) // wide))
+    tall = 330 * -(-len(names) // wide)
+    return _finished(figure, max(tall, 20 * len(study.variants)))
 
 
 def maps(study: Study, store: Store, name: str, unit: str) -> list[go.Figure]:
@@ -173,8 +176,7 @@ def _map_of_all(
             ),
             **place,
         )
-    for j in range(wide):
-        figure.update_xaxes(title_text=names[0], row=tall, col=1 + j)
+    figure.update_xaxes(title_text=names[0], row=tall, col=1 + (wide - 1) // 2)
     figure.update_yaxes(title_text=names[1], row=1 + (tall - 1) // 2, col=1)
     scale = {"colorscale": "Viridis", "colorbar": {"title": f"[{unit}]"}}
     figure.update_layout(title_text=title, coloraxis=scale)
@@ -263,7 +265,7 @@ def _finished(figure: go.Figure, height: int) -> go.Figure:
         paper_bgcolor="rgba(0,0,0,0)",
         plot_bgcolor="rgba(0,0,0,0)",
         font={"family": "Inter, system-ui, sans-serif", "size": 12, "color": INK},
-        legend={"orientation": "h", "yanchor": "bottom", "y": 1.0, "xanchor": "left", "x": 0.0},
+        legend=_ABOVE if len({t.name for t in figure.data}) <= _IN_ROWS else {"y": 1.0},
         modebar={"bgcolor": "rgba(0,0,0,0)", "orientation": "v"},
     )
     return figure
