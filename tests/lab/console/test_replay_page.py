@@ -13,6 +13,10 @@ from flexslew_lab.console.replay import Replay
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.sources import read_trial
 
+pytestmark = [
+    pytest.mark.timeout(1200),
+    pytest.mark.skipif("FLEXSLEW_BROWSER" not in os.environ, reason="set FLEXSLEW_BROWSER=1"),
+]
 PICTURE = "FLEXSLEW_PICTURE"  # environment variable: where the picture of the README goes
 
 
