@@ -61,8 +61,8 @@ def test_a_session_worked_by_hand_flies_again_with_the_same_bits(tmp_path: Path)
         fast(page)
         page.state("finished")
         assert not [c for c in browser.complaints() if "Refused" in c]
-    kinds = ["step", "started", "switch_requested", "brake_requested", "brake_requested"]
-    kinds += ["switch_requested", "tuned", "injected", "fault_ended", "rate"]
+    kinds = ["step", "started", "resumed", "switch_requested", "brake_requested"]
+    kinds += ["brake_requested", "switch_requested", "tuned", "injected", "fault_ended", "rate"]
     assert asked(run) == kinds
     assert resim(run / "bag").identical
 
@@ -91,7 +91,7 @@ def test_a_plan_is_made_and_flown_and_the_end_shows_what_is_left(tmp_path: Path)
         page.click("Open the report")
         browser.until("return document.querySelector('iframe')?.contentDocument?.body?.innerText")
         assert not [c for c in browser.complaints() if "Refused" in c]
-    assert asked(run) == ["step", "planned", "note", "rate", "started"]
+    assert asked(run) == ["step", "started", "planned", "note", "rate", "resumed"]
     assert resim(run / "bag").identical
 
 
