@@ -45,7 +45,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str],
     folder = tmp_path_factory.mktemp("killed")
     second = {"more": ", second: {law: pd_feedforward}", "extra": "fallback: [second]"}
     with side_by_side(
-        controller=lambda: Flight(slew(60.0, 20.0), folder / "1", 100, kill("pd_feedforward")),
+        controller=lambda: Flight(slew(80.0), folder / "1", 30, kill("pd_feedforward")),
         fallback=lambda: Flight(slew(20.0, **second), folder / "2", 0, kill("pd_feedforward")),
         planner=lambda: Flight(slew(20.0), folder / "3", 0, kill("planner")),
         recorder=lambda: Flight(slew(30.0), folder / "4", 100, kill("recorder")),
@@ -59,7 +59,7 @@ def test_a_killed_controller_ends_in_the_brake_and_a_bench_at_rest(killed: Any) 
     assert "brake" in flight.events
     rates = BagReader(flight.bag).columns("/truth", {"velocity"})["velocity"]
     moving, end = np.abs(rates[:, :2]).max(), np.abs(rates[-100:, :2]).max()
-    assert flight.metrics["ticks"] == 6000
+    assert flight.metrics["ticks"] == 8000
     assert end < 0.05 * moving
 
 
