@@ -95,7 +95,9 @@ class Nursery:
 
     def _next(self) -> dict[str, int] | None:
         """Take a report; None: there will be no more."""
-        data = self._pipe.recv(_LARGEST)
+        data = b""
+        with suppress(ConnectionResetError):  # it was killed with a request unread
+            data = self._pipe.recv(_LARGEST)
         if not data:
             self._ended |= dict.fromkeys(self._running, _VANISHED)
             self._running.clear()
