@@ -11,7 +11,7 @@ from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.settings import validated
 
 JOINTS, LIMIT, AT, TICK = ("base_yaw", "hub_pitch"), (150.0, 150.0), 1.0, 100
-FREE_STATE = ("proportional_integral", "collocated_pid")
+FREE_STATE = ("proportional_integral", "collocated_pid", "disturbance_accommodating")
 # planned_gains is not ready without a plan that has gains: test_retargeting_laws
 LAWS = [law for law in CONTROLLERS if law != "planned_gains"]
 PAIRS = list(itertools.permutations(LAWS, 2))
