@@ -76,9 +76,8 @@ def test_a_swap_misses_no_tick_and_has_no_step(outgoing: Any, incoming: Any) -> 
     assert np.abs(swapped.data["effort_step"]).max() <= rounding
     assert np.abs(applied[TICK + 1] - applied[TICK]).max() <= rounding
     changes = np.abs(np.diff(applied[TICK + 1 : TICK + 150], axis=0)).max(axis=1)
-    # nothing jumps later, either: a fast law relaxes, less at every tick, from the first tick on and
-
-    # again when the handover's ramp ends
+    # nothing jumps later, either: a fast law relaxes, less at every tick, from the first tick on
+    # and again when the handover's ramp ends
     for relaxing in np.split(changes, [100]):
         large = np.flatnonzero(relaxing > 0.02 * min(LIMIT))
         assert np.array_equal(large, np.arange(large.size))
