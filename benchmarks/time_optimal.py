@@ -96,7 +96,8 @@ def reference(slew: BangBang, rng: np.random.Generator, starts: int) -> float:
 def campaign(kind: str, count: int, seed: int) -> tuple[list[Miss], list[float]]:
     """Return the plans that the reference beats, and how long each took [s]."""
     rng = np.random.default_rng(seed)
-    missed, times = [], []
+    missed: list[Miss] = []
+    times: list[float] = []
     continued_durations(random_slew(kind, np.random.default_rng(0)))  # loads the compiled code
     for done in range(count):
         if done and not done % 50:

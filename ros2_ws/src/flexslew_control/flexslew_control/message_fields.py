@@ -88,7 +88,7 @@ def plan_of(message: Any, source: str) -> Plan:
             period=float(message.period),
             position=rows("position", ticks + 1),
             velocity=rows("velocity", ticks + 1),
-            effort=rows("effort", ticks),
+            effort=np.array(message.effort, dtype=np.float64).reshape(ticks, joints),
             state=rows("state", ticks + 1),
             duration=float(message.duration),
             gains=rows("gains", ticks + 1) if len(getattr(message, "gains", ())) else _NO_GAINS,

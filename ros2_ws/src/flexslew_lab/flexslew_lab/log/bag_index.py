@@ -137,7 +137,7 @@ class BagIndex:
             if isinstance(m, RawMessage):
                 topic, kind = self._lookup.topic(m.channel)
                 if topic in topics:
-                    yield BagMessage(topic, kind, m.stamp, m.sequence, m.data)
+                    yield BagMessage(topic, kind, m.stamp, m.sequence, self._lookup.current(m))
 
     def _indexed(self, summary: Summary) -> Iterator[_Place]:
         for record in summary_records(summary):

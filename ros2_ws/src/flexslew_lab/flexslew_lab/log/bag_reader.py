@@ -111,7 +111,7 @@ class BagReader:
                 topic, kind = lookup.topic(m.channel)
                 lookup.follow(m.channel, m.sequence, m.sequence, 1)
                 if topics is None or topic in topics:
-                    yield BagMessage(topic, kind, m.stamp, m.sequence, m.data)
+                    yield BagMessage(topic, kind, m.stamp, m.sequence, lookup.current(m))
 
     def decoded(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, Any]]:
         """Yield (topic, log time [ns], message); a message has its fields as attributes."""
@@ -135,6 +135,8 @@ class BagReader:
                     lookup.follow(channel, first, last, len(messages))
                     if topic not in topics:
                         continue
+                    if channel in lookup.older:
+                        messages = [m._replace(data=lookup.current(m)) for m in messages]
                     for block in blocks_of(topic, kind, messages, layouts):
                         if checked and topic == "/truth":
                             check_truth(block.columns, str(self.path))

@@ -189,8 +189,9 @@ def _copy_chunk(content: bytes, lookup: Lookup, writer: BagWriter, tally: _Tally
             lookup.take(m)
         elif m.channel in lookup.channels:  # else its announcement was in a damaged chunk
             topic, kind = lookup.topic(m.channel)
-            writer.write(topic, kind, m.data, m.stamp)
-            tally.add(topic, m.sequence, m.data)
+            data = lookup.current(m)
+            writer.write(topic, kind, data, m.stamp)
+            tally.add(topic, m.sequence, data)
 
 
 def _unrecorded(trial: dict[str, str], tick: int) -> int | None:

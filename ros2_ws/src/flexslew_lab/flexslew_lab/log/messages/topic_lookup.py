@@ -1,5 +1,6 @@
 """What a file says about its channels, checked against what this version knows."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -7,12 +8,14 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.files.mcap_scan import (
     SCHEMA,
     ChannelRecord,
+    RawMessage,
     Record,
     SchemaRecord,
     read_channel,
     read_schema,
 )
 from flexslew_lab.log.files.read_limits import CHANNELS, demand_room
+from flexslew_lab.log.messages.older import upgrade
 from flexslew_lab.log.messages.schemas import MESSAGES, hash_of_schema, type_hash
 from flexslew_plant.errors import BadInput
 
@@ -25,6 +28,7 @@ class Lookup:
     schemas: dict[int, SchemaRecord] = field(default_factory=dict)
     channels: dict[int, ChannelRecord] = field(default_factory=dict)
     checked: dict[int, tuple[str, str]] = field(default_factory=dict)  # channel -> topic, type
+    older: dict[int, Callable[[bytes], bytes]] = field(default_factory=dict)  # by channel
     sequence: dict[int, int] = field(default_factory=dict)  # channel -> last one seen
     counted: bool = True  # the recorder has numbered the messages of each topic
 
@@ -48,6 +52,11 @@ class Lookup:
         if number not in self.checked:
             self.checked[number] = self._check(number)
         return self.checked[number]
+
+    def current(self, message: RawMessage) -> bytes:
+        """Return the bytes of a message whose topic is known, as this version defines its type."""
+        turn = self.older.get(message.channel)
+        return message.data if turn is None else turn(message.data)
 
     def follow(self, channel: int, first: int, last: int, count: int) -> None:
         """Take messages of a channel; refuse a file in which some are missing in between."""
@@ -76,7 +85,10 @@ class Lookup:
         if schema.name.startswith(f"{MESSAGES}/"):
             recorded, ours = hash_of_schema(schema.name, schema.text), type_hash(schema.name)
             stated = channel.metadata.get("topic_type_hash", recorded)
-            if recorded != ours or stated != ours:
+            turn = upgrade(schema.name, schema.text) if recorded == stated != ours else None
+            if turn is not None:
+                self.older[number] = turn
+            elif recorded != ours or stated != ours:
                 raise BadInput(
                     f"{where}: recorded with another definition of {schema.name} "
                     f"({recorded[:15]}, here {ours[:15]}); read it with the version that wrote it"

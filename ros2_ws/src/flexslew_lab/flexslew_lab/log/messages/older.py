@@ -1,0 +1,49 @@
+"""Messages of an older definition as those of this version: fields that came later are empty."""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from flexslew_lab.log.messages import cdr
+from flexslew_lab.log.messages.schemas import store
+from flexslew_plant.errors import BadInput
+
+
+@lru_cache(maxsize=32)
+def upgrade(type_name: str, text: str) -> Callable[[bytes], bytes] | None:
+    """Return what turns CDR bytes of an older definition into those of this version's.
+
+    Args:
+        type_name: `package/msg/Type`.
+        text: the ros2msg schema of the older definition, one that hash_of_schema has read.
+
+    Returns:
+        None where it is no older one: a field is not known here, or is of another type.
+    """
+    older = get_typestore(Stores.EMPTY)
+    older.register(get_types_from_msg(text, type_name))
+    if not _part_of(type_name, older, store()):
+        return None
+
+    def upgraded(data: bytes) -> bytes:
+        try:
+            message = older.deserialize_cdr(data, type_name)
+        except Exception as error:  # corrupt bytes meet generated code
+            raise BadInput(f"{len(data)} bytes are not a {type_name}: {error}") from None
+        return cdr.encode(type_name, message)
+
+    return upgraded
+
+
+def _part_of(type_name: str, older: Typestore, ours: Typestore) -> bool:
+    """Return whether all fields of an older definition, and of what lies in it, are fields here."""
+    known = dict(ours.fielddefs[type_name][1])
+    if any(known.get(name) != kind for name, kind in older.fielddefs[type_name][1]):
+        return False
+    nested = set(older.fielddefs) - {type_name}
+    return all(
+        name in ours.fielddefs and older.hash_rihs01(name) == ours.hash_rihs01(name)
+        for name in nested
+    )
