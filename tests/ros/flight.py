@@ -13,7 +13,7 @@ from flexslew_control.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.nursery import Nursery
+from flexslew_lab.trial.fork_server import ForkServer
 from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.trial.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial
@@ -47,9 +47,9 @@ NODES = (
 
 
 @cache
-def nursery() -> Nursery:
-    """Return the nursery of all flights of this process."""
-    return Nursery(NODES)
+def fork_server() -> ForkServer:
+    """Return the fork server of all flights of this process."""
+    return ForkServer(NODES)
 
 
 class Flight:
@@ -77,7 +77,7 @@ class Flight:
         with own_domain() as domain:
             self._domain, log = domain, folder / "nodes.log"
             self._supervisor = Supervisor(
-                processes, parameters, log, domain, self._progress, nursery()
+                processes, parameters, log, domain, self._progress, fork_server()
             )
             self.outcome: Outcome = self._supervisor.run()
 

@@ -22,7 +22,7 @@ from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.supervisor import Supervisor
 from flexslew_lab.trial.trial import parse_trial
 
-from .flight import Flight, kill, nursery, side_by_side, slew
+from .flight import Flight, fork_server, kill, side_by_side, slew
 
 
 def nobody(tick: int, last: int) -> None:
@@ -133,7 +133,7 @@ def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path: Path) -> Non
             parameters = folder / "parameters.yaml"
             parameters.write_text(parameter_file(processes))
             log = folder / "nodes.log"
-            flown[place] = Supervisor(processes, parameters, log, domain, nobody, nursery())
+            flown[place] = Supervisor(processes, parameters, log, domain, nobody, fork_server())
         outcomes = [supervisor.run() for supervisor in flown.values()]
     assert outcomes == [(0, "")] * 2
     for place, ticks in (("bench1", 600), ("bench2", 500)):

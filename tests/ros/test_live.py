@@ -17,7 +17,7 @@ from flexslew_lab.trial.processes import NodeProcess, parameter_file
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.supervisor import Supervisor
 
-from .flight import nursery, slew
+from .flight import fork_server, slew
 
 pytest.importorskip("foxglove")
 
@@ -101,7 +101,7 @@ def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path: Path) -> Non
     with own_domain() as domain:
         log = tmp_path / "nodes.log"
         supervisor = Supervisor(
-            processes, parameters, log, domain, lambda tick, last: None, nursery()
+            processes, parameters, log, domain, lambda tick, last: None, fork_server()
         )
         try:
             client = connected(port, supervisor)

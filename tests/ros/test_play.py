@@ -21,7 +21,7 @@ from flexslew_lab.trial.supervisor import Supervisor
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import EVENTS, TOPICS
 
-from .flight import nursery, slew
+from .flight import fork_server, slew
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,9 @@ class Playing:
         parameters.write_text(parameter_file(processes))
         with own_domain() as domain:
             log = folder / "nodes.log"
-            it = Supervisor(processes, parameters, log, domain, lambda tick, last: None, nursery())
+            it = Supervisor(
+                processes, parameters, log, domain, lambda tick, last: None, fork_server()
+            )
             if act is not None:
                 os.environ["ROS_DOMAIN_ID"] = str(domain)
                 try:

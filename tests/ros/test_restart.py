@@ -14,7 +14,7 @@ from flexslew_lab.trial.domain import own_domain
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import CONTROLLER_STATUS, PLAN, TOPICS
 
-from .flight import nursery
+from .flight import fork_server
 
 WAIT = 200.0  # on a busy machine
 PLANT, CONTROLLER = "flexslew_plant.ros.plant_node", "flexslew_control.ros.controller_node"
@@ -41,7 +41,7 @@ class Bench:
         arguments = ["--ros-args", "-r", f"__node:={name}"]
         arguments += [word for pair in words for word in ("-p", pair)]
         with (self._folder / f"{name}.log").open("ab") as said:
-            self.pids[name] = nursery().start(
+            self.pids[name] = fork_server().start(
                 module, arguments, {"ROS_DOMAIN_ID": str(self._domain)}, said.fileno()
             )
 
@@ -53,7 +53,7 @@ class Bench:
         raise AssertionError("it never happened")
 
     def runs(self, name: str) -> bool:
-        return nursery().exit_code(self.pids[name]) is None
+        return fork_server().exit_code(self.pids[name]) is None
 
     def end(self, name: str, number: int = signal.SIGINT) -> None:
         if self.runs(name):

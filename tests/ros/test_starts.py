@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.nursery import Nursery
+from flexslew_lab.trial.fork_server import ForkServer
 from flexslew_lab.trial.processes import node_processes, parameter_file
 from flexslew_lab.trial.supervisor import Supervisor
 
-from .flight import NODES, nursery, slew
+from .flight import NODES, fork_server, slew
 
 STARTS = int(os.environ.get("FLEXSLEW_STARTS", "2"))
 CREW = ", lqr: {}, output_feedback: {}"  # with recorder, planner and plant: six
@@ -27,18 +27,18 @@ MODULES = ("flexslew_plant.ros.plant_node", "flexslew_control.ros.controller_nod
 
 
 @pytest.fixture(scope="module")
-def own_nursery(tmp_path_factory: pytest.TempPathFactory) -> Nursery:
+def own_server(tmp_path_factory: pytest.TempPathFactory) -> ForkServer:
     if "FLEXSLEW_COLD" not in os.environ:
-        return nursery()
+        return fork_server()
     cache = str(tmp_path_factory.mktemp("cache"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("NUMBA_CACHE_DIR", cache)
-        return Nursery(NODES)
+        return ForkServer(NODES)
 
 
 @pytest.mark.parametrize("number", range(STARTS))
 def test_six_nodes_start_at_once_without_a_fault(
-    number: int, own_nursery: Nursery, tmp_path: Path
+    number: int, own_server: ForkServer, tmp_path: Path
 ) -> None:
     processes = node_processes(slew(duration=0.2, more=CREW), tmp_path, True, {})
     assert len(processes) == 6
@@ -47,7 +47,7 @@ def test_six_nodes_start_at_once_without_a_fault(
     with own_domain() as domain:
         log = tmp_path / "nodes.log"
         outcome = Supervisor(
-            processes, parameters, log, domain, lambda tick, last: None, own_nursery
+            processes, parameters, log, domain, lambda tick, last: None, own_server
         ).run()
     assert outcome == (0, ""), log.read_text()
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
 
-from flexslew_lab.trial.nursery import Nursery
+from flexslew_lab.trial.fork_server import ForkServer
 from flexslew_lab.trial.processes import NodeProcess
 
 _TICK = re.compile(rb"^tick (\d+) of (\d+)$")
@@ -35,7 +35,7 @@ class Supervisor:
         log: file for what the processes say.
         domain: ROS_DOMAIN_ID for all of them.
         progress: called with the tick and the last tick.
-        nursery: that starts them; None: a new one.
+        server: that starts them; None: a new one.
     """
 
     def __init__(
@@ -45,11 +45,11 @@ class Supervisor:
         log: Path,
         domain: int,
         progress: Callable[[int, int], None],
-        nursery: Nursery | None = None,
+        server: ForkServer | None = None,
     ) -> None:
         self._progress = progress
-        self._own_nursery = nursery is None
-        self._nursery = nursery or Nursery(process.module for process in processes)
+        self._own_fork_server = server is None
+        self._fork_server = server or ForkServer(process.module for process in processes)
         self._plant = processes[-1].name
         self._tick = -1
         self._complaint = ""
@@ -96,7 +96,7 @@ class Supervisor:
             arguments += ["-r", f"{old}:={new}"]
         said, says = os.pipe()
         try:
-            pid = self._nursery.start(process.module, arguments, environment, says)
+            pid = self._fork_server.start(process.module, arguments, environment, says)
         finally:
             os.close(says)
         os.set_blocking(said, False)
@@ -113,7 +113,7 @@ class Supervisor:
                 self._selector.unregister(key.fileobj)
                 os.close(key.fd)
         for name, pid in list(self._running.items()):
-            code = self._nursery.exit_code(pid)
+            code = self._fork_server.exit_code(pid)
             if code is not None:
                 self._codes[name] = code
                 del self._running[name]
@@ -170,8 +170,8 @@ class Supervisor:
             os.close(key.fd)
         self._selector.close()
         self._log.close()
-        if self._own_nursery:
-            self._nursery.close()
+        if self._own_fork_server:
+            self._fork_server.close()
         said = self._complaint
         ended = ", ".join(f"{n}: {c}" for n, c in self._codes.items() if c not in (0, 130, -2))
         details = said or (f"exit codes {ended}" if ended and code == 3 else "")

@@ -1,8 +1,8 @@
 """Nodes as copies of one process that has imported what they need: six start as fast as one.
 
-What costs a node its start is imports, about 1.5 s of processor time. The nursery, a process of its
-own, makes them once and then forks; it has neither threads nor a place on any graph. Each node is a
-process like any other one: its own pid, session and exit code, and it can be killed alone.
+What costs a node its start is imports, about 1.5 s of processor time. The fork server, a process of
+its own, makes them once and then forks; it has neither threads nor a place on any graph. Each node
+is a process like any other one: its own pid, session and exit code, and it can be killed alone.
 """
 
 import gc
@@ -22,10 +22,10 @@ from threading import Lock
 from flexslew_plant.errors import FlexslewError
 
 _LARGEST = 1 << 17  # of a request or a report [B]
-_VANISHED = 1  # exit code of a node whose nursery was killed: it ends by itself
+_VANISHED = 1  # exit code of a node whose fork server was killed: it ends by itself
 
 
-class Nursery:
+class ForkServer:
     """Starts nodes and hears how they end.
 
     Args:
@@ -64,7 +64,7 @@ class Nursery:
             output: open file for all that it says.
 
         Raises:
-            FlexslewError: the nursery is gone.
+            FlexslewError: the fork server is gone.
         """
         request = {"module": module, "arguments": arguments, "environment": dict(environment)}
         with self._lock:
@@ -159,7 +159,7 @@ def _born(request: dict[str, object], output: int, supervisor: int) -> Callable[
 
 
 def main() -> None:
-    """Serve the nursery whose socket and modules the command line names."""
+    """Serve the fork server whose socket and modules the command line names."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pipe = socket.socket(fileno=int(sys.argv[1]))
     for module in sys.argv[2:]:
