@@ -28,6 +28,13 @@ LAWS = {
     "output_feedback": {"effort_noise": 1e-5, "modal_noise": 1e-7},
     "proportional_integral": {"weights": {"deflection": 1.0, "time": 3.0}},
 }
+# for platforms whose antennas turn; tests/control/controllers/retargeting
+RETARGETING = {
+    "disturbance_minimisation",
+    "disturbance_accommodating",
+    "planned_gains",
+    "modal_space",
+}
 
 
 @pytest.fixture(autouse=True)
@@ -48,7 +55,7 @@ def flown(wanted: Any, folder: Any, report: bool = False) -> Any:
 
 
 def test_the_laws_of_this_file_are_those_of_the_table() -> None:
-    assert set(LAWS) == set(CONTROLLERS)
+    assert set(LAWS) | RETARGETING == set(CONTROLLERS)
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -53,8 +53,9 @@ class Epoch:
             time >= m.start - 1e-9,
             time >= m.end - 1e-9,
         )
-        for metric in self._metrics:
-            metric.add(block)
+        with np.errstate(all="ignore"):  # of a crafted log squares may overflow; see merged
+            for metric in self._metrics:
+                metric.add(block)
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the content of metrics.json.
@@ -72,5 +73,18 @@ class Epoch:
 
 
 def merged(metrics: Sequence[Metric], ending: Ending) -> dict[str, Any]:
-    """Return the values of all metrics, in their order; of one key the last one's value counts."""
-    return {key: value for metric in metrics for key, value in metric.result(ending).items()}
+    """Return the values of all metrics, in their order; of one key the last one's value counts.
+
+    What is not finite is None.
+    """
+    with np.errstate(all="ignore"):
+        found = {key: value for metric in metrics for key, value in metric.result(ending).items()}
+    return {key: _finite(value) for key, value in found.items()}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _finite(part) for name, part in value.items()}
+    if isinstance(value, list):
+        return [_finite(part) for part in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

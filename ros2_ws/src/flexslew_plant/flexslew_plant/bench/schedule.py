@@ -71,5 +71,5 @@ def injected_entry(text: str, at: float) -> ScheduleEntry:
         values = {"fault": {k: v for k, v in values.items() if k != "until"}, **until}
     entry: ScheduleEntry = validated(ScheduleEntry, {**values, "at": at}, "fault")
     if entry.switch is not None or entry.retarget is not None:
-        raise BadInput("fault: neither switch nor retarget is a fault; give them in the schedule")
+        raise BadInput("fault: neither switch nor retarget is a fault; ask switch_controller")
     return entry
