@@ -13,6 +13,8 @@ if [ -e "$flexslew_root/ros2_ws/install/local_setup.bash" ]; then
   case $- in *u*) set +u; . "$flexslew_root/ros2_ws/install/local_setup.bash"; set -u ;;
   *) . "$flexslew_root/ros2_ws/install/local_setup.bash" ;; esac
 fi
+# one thread, as every node has: a design by larger matrices has other bits on other numbers of cores
+export OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1} OMP_NUM_THREADS=${OMP_NUM_THREADS:-1}
 # Numba looks at a kernel's own file only; a kernel that inlines another one must follow it, too
 export NUMBA_CACHE_DIR=$flexslew_root/.numba_cache/$(grep -lrE '@(compiled|called|inlined|overload|vectorised)' --include='*.py' \
   "$flexslew_root/ros2_ws/src" | LC_ALL=C sort | xargs cat | sha256sum | cut -c1-12)

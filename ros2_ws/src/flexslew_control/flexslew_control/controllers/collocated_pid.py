@@ -79,9 +79,10 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[MeasuredJoi
         f"integral of {name}" for name, k in zip(model.joint_names, ki, strict=True) if k > 0.0
     ]
     names = (*state_names(model), *integrals)
-    require_stable(closed_loop(linear, kp, ki, kd), names, "collocated_pid with these gains")
+    if model.leading is None:  # else motions that no effort reaches are at rest for ever
+        require_stable(closed_loop(linear, kp, ki, kd), names, "collocated_pid with these gains")
     bench = plant.testbed.model()
-    require_sampled_pd(bench, bench.rest({}), kp, kd, plant.period, "collocated_pid")
+    require_sampled_pd(bench, bench.rest({}), kp, kd, plant.period, "collocated_pid", ki)
     limit = plant.effort_limit
     law = IntegralLaw(JointDeviation(kp, ki, kd), limit, settings.tracking_time, plant.period)
     return MeasuredJoints(), law

@@ -52,11 +52,16 @@ class LinearPlant:
         return _held(self._a, self._b, period)
 
 
-def collocated_loop(plant: LinearPlant, kp: Vector, kd: Vector, period: float) -> Matrix:
-    """Return the map of one tick under u = -kp position - kd velocity."""
+def collocated_loop(
+    plant: LinearPlant, kp: Vector, kd: Vector, period: float, ki: Vector | None = None
+) -> Matrix:
+    """Return the map of one tick under u = s - kp position - kd velocity, s+ = s - h ki position."""
     f, g = plant.step(period)
     closed: Matrix = f - g @ (kp[:, None] * plant.position + kd[:, None] * plant.velocity)
-    return closed
+    if ki is None or not ki.any():
+        return closed
+    below = np.hstack((-period * ki[:, None] * plant.position, np.eye(ki.size)))
+    return np.vstack((np.hstack((closed, g)), below))
 
 
 def integrating_loop(
@@ -81,7 +86,13 @@ def integrating_loop(
 
 
 def require_sampled_pd(
-    model: Model, rest: Vector, kp: Vector, kd: Vector, period: float, what: str
+    model: Model,
+    rest: Vector,
+    kp: Vector,
+    kd: Vector,
+    period: float,
+    what: str,
+    ki: Vector | None = None,
 ) -> None:
     """Check a collocated law on a free platform, whose modes are fast beside a tick.
 
@@ -91,7 +102,7 @@ def require_sampled_pd(
     if model.leading is None or not (kp.any() or kd.any()):
         return
     plant = LinearPlant(model, rest)
-    require_sampled_stability(lambda h: collocated_loop(plant, kp, kd, h), period, what)
+    require_sampled_stability(lambda h: collocated_loop(plant, kp, kd, h, ki), period, what)
 
 
 def appendage_loop(
