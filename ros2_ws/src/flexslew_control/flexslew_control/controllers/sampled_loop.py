@@ -55,13 +55,17 @@ class LinearPlant:
 def collocated_loop(
     plant: LinearPlant, kp: Vector, kd: Vector, period: float, ki: Vector | None = None
 ) -> Matrix:
-    """Return the map of one tick under u = s - kp position - kd velocity, s+ = s - h ki position."""
+    """Return the map of one tick under u = s - kp position - kd velocity.
+
+    s+ = s - period ki position, for the joints with an integral.
+    """
     f, g = plant.step(period)
     closed: Matrix = f - g @ (kp[:, None] * plant.position + kd[:, None] * plant.velocity)
     if ki is None or not ki.any():
         return closed
-    below = np.hstack((-period * ki[:, None] * plant.position, np.eye(ki.size)))
-    return np.vstack((np.hstack((closed, g)), below))
+    on = ki > 0.0
+    below = np.hstack((-period * (ki[:, None] * plant.position)[on], np.eye(int(on.sum()))))
+    return np.vstack((np.hstack((closed, g[:, on])), below))
 
 
 def integrating_loop(
