@@ -67,7 +67,10 @@ REPRODUCTIONS: dict[str, Reproduction] = {
     ),
     "ofc": Reproduction("output feedback control (Sung and Joo)", "laws", "ofc_rows"),
     "antennas": Reproduction(
-        "retargeting flexible antennas (Kwak, 1989)", "antennas", "antennas_rows"
+        "retargeting flexible antennas (Kwak, 1989)",
+        "antennas",
+        "antennas_rows",
+        "antennas_figures",
     ),
     "pi": Reproduction("PI control with an estimator (Kwak, 1989)", "pi", "pi_rows"),
 }

@@ -12,6 +12,7 @@ from flexslew_control.controllers.retargeting.disturbance_accommodating import (
 )
 from flexslew_control.controllers.retargeting.modal_space import modal_gains
 from flexslew_lab.reproduce import antenna_flights as flights
+from flexslew_lab.reproduce.antennas_figures import antennas_figures as antennas_figures
 from flexslew_lab.reproduce.laws import row
 from flexslew_lab.reproduce.membrane_flights import membrane_peaks
 from flexslew_lab.reproduce.planar_antenna import ROUNDED, constant
