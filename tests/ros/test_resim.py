@@ -140,6 +140,7 @@ def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -
     assert again.first_difference is None
     assert again.replayed == {
         "switch_requested": 4, "injected": 2, "fault_ended": 1, "brake_requested": 2, "tuned": 2,
+        "retargeted": 0,
         "missed": flight.metrics["missed_ticks"],
     }  # fmt: skip
     assert again.hash == again.recorded_hash == flight.metrics["trajectory_hash"]
