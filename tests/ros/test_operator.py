@@ -403,11 +403,12 @@ def test_a_dead_controller_is_not_ready_and_no_switch_to_it_is_taken(operator):
 
     def unready():
         told = [json.loads(e.data) for e in operator.events if e.kind == "not_ready"]
-        return any(t["controller"] == "second" and "sign of life" in t["reason"] for t in told)
+        return any(t["controller"] == "second" for t in told)
 
     operator.until(unready)
     reply = operator.call(srv.SwitchController, "switch_controller", controller="second")
-    assert reply.message == "second is not ready: it gives no sign of life"
+    refusals = ("second is not ready: it gives no sign of life", "second never answered; ")
+    assert reply.message.startswith(refusals)  # known to be dead, or found to be
     assert (reply.ok, reply.active) == (False, "pd_feedforward")
 
 
