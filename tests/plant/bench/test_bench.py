@@ -3,8 +3,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_plant.bench.actuator import ActuatorSettings
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
+from flexslew_plant.bench.hardware.actuator import ActuatorSettings
 from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.settings import validated

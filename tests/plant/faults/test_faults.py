@@ -4,10 +4,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_plant.bench.backlog import Backlog
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
 from flexslew_plant.bench.events import Level
 from flexslew_plant.bench.measurement import EffortCommand
+from flexslew_plant.bench.operation.backlog import Backlog
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain, validated, yaml_text
 

@@ -9,9 +9,9 @@ from flexslew_control.planners import make_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, plant_of
-from flexslew_plant.bench.actuator import ActuatorSettings
 from flexslew_plant.bench.bench import Bench
-from flexslew_plant.bench.friction import Friction
+from flexslew_plant.bench.hardware.actuator import ActuatorSettings
+from flexslew_plant.bench.hardware.friction import Friction
 from flexslew_plant.testbeds import default_testbed
 
 if __name__ == "__main__":

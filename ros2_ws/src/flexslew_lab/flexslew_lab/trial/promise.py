@@ -4,8 +4,8 @@ from typing import Any
 
 from flexslew_control.plan import Plan
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.bench.actuator import ActuatorSettings
-from flexslew_plant.bench.sensors import SensorSettings
+from flexslew_plant.bench.hardware.actuator import ActuatorSettings
+from flexslew_plant.bench.hardware.sensors import SensorSettings
 from flexslew_plant.settings import plain
 
 _ALLOWED = 0.1  # of the promise [-]

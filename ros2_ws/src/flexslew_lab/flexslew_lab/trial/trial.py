@@ -13,12 +13,12 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planners import PlanSettings, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
-from flexslew_plant.bench.actuator import ActuatorSettings
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.bench.plausibility import PlausibilitySettings
+from flexslew_plant.bench.hardware.actuator import ActuatorSettings
+from flexslew_plant.bench.hardware.plausibility import PlausibilitySettings
+from flexslew_plant.bench.hardware.sensors import SensorSettings
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import Schedule, require_allowed
-from flexslew_plant.bench.sensors import SensorSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import (
     NonNegative,

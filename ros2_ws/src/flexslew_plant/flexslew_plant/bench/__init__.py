@@ -1,1 +1,1 @@
-"""The bench without ROS: the tick, its drive, motors, sensors, schedule and records."""
+"""The bench without ROS: the tick with its hardware, its operation, schedule and records."""

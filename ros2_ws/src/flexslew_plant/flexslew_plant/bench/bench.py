@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.actuator import Actuator
 from flexslew_plant.bench.breakings import Breakings, breaking_of
 from flexslew_plant.bench.charge import Charge
 from flexslew_plant.bench.divergence import diagnosis, is_lost
-from flexslew_plant.bench.drive import Drive
 from flexslew_plant.bench.events import Event, Level
-from flexslew_plant.bench.friction import friction_of
+from flexslew_plant.bench.hardware.actuator import Actuator
+from flexslew_plant.bench.hardware.drive import Drive
+from flexslew_plant.bench.hardware.friction import friction_of
+from flexslew_plant.bench.hardware.plausibility import Plausibility
+from flexslew_plant.bench.hardware.sensors import Readings, Sensors
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
-from flexslew_plant.bench.plausibility import Plausibility
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.records import BenchSettings as BenchSettings
 from flexslew_plant.bench.records import InjectResult as InjectResult
@@ -27,7 +28,6 @@ from flexslew_plant.bench.records import SwitchResult as SwitchResult
 from flexslew_plant.bench.records import Truth as Truth
 from flexslew_plant.bench.retarget import retargeted, wanted_turn, with_schedule
 from flexslew_plant.bench.schedule import injected_entry, require_allowed
-from flexslew_plant.bench.sensors import Readings, Sensors
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import Names
 from flexslew_plant.faults.effects import Fate

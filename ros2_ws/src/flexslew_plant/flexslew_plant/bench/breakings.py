@@ -7,12 +7,12 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.disturbances import (
+from flexslew_plant.bench.events import Level
+from flexslew_plant.bench.hardware.disturbances import (
     TimedDisturbance,
     check_disturbance,
     disturbance_effort,
 )
-from flexslew_plant.bench.events import Level
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.faults import Names, Timed, check_fault

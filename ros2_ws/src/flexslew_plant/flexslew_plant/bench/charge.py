@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.drive import Drive
 from flexslew_plant.bench.events import Level
+from flexslew_plant.bench.hardware.drive import Drive
 from flexslew_plant.bench.records import SwitchRequest, SwitchResult
 
 Say = Callable[[Level, str, str, dict[str, Any]], None]  # level, kind, message, data

@@ -4,7 +4,7 @@ from typing import Any, TypeAlias
 
 from pydantic import model_validator
 
-from flexslew_plant.bench.disturbances import Disturbance
+from flexslew_plant.bench.hardware.disturbances import Disturbance
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FaultSettings
 from flexslew_plant.settings import NonNegative, load_yaml, section, validated

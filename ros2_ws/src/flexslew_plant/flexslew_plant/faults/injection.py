@@ -7,8 +7,8 @@ from zlib import crc32
 import numpy as np
 
 from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.hardware.sensors import Readings
 from flexslew_plant.bench.measurement import EffortCommand
-from flexslew_plant.bench.sensors import Readings
 from flexslew_plant.faults import Timed
 from flexslew_plant.faults.effects import Effect, Fate, Names, Situation
 

@@ -6,7 +6,7 @@ from typing import Literal, Protocol, TypeAlias
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.sensors import Readings
+from flexslew_plant.bench.hardware.sensors import Readings
 from flexslew_plant.faults.effects import Effect, Names, Seed, Situation, Subject
 from flexslew_plant.settings import Probability, section
 

@@ -7,7 +7,7 @@ from flexslew_msgs import msg
 from rclpy.node import Node
 
 from flexslew_plant import topics
-from flexslew_plant.bench.presence import BEAT_EVERY, Beat, Presence
+from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat, Presence
 from flexslew_plant.ros.offers import publisher, subscription
 
 

@@ -4,7 +4,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from flexslew_plant import topics
-from flexslew_plant.bench.session import Session
+from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import publisher
 

@@ -6,12 +6,12 @@ from time import monotonic
 from flexslew_msgs import msg
 
 from flexslew_plant import topics
-from flexslew_plant.bench.backlog import RECORDED_WITHIN
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.message_fields import testbed_fields, truth_fields
-from flexslew_plant.bench.run_state import FINISHED
-from flexslew_plant.bench.session import Session
+from flexslew_plant.bench.operation.backlog import RECORDED_WITHIN
+from flexslew_plant.bench.operation.run_state import FINISHED
+from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import command_from, measurement_bytes
 from flexslew_plant.ros.diagnostics import Diagnostics
 from flexslew_plant.ros.display import Display

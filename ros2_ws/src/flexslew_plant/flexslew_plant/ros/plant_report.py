@@ -7,7 +7,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from flexslew_plant.bench.events import Level
-from flexslew_plant.bench.session import Session
+from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.graph import incompatible

@@ -9,7 +9,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from flexslew_plant import topics
-from flexslew_plant.bench.run_state import Reply
+from flexslew_plant.bench.operation.run_state import Reply
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import publisher

@@ -7,7 +7,7 @@ from flexslew_lab.console.desk import Desk, Reply
 from flexslew_lab.console.forms import Form, Key, keys_of, number_of
 from flexslew_lab.console.link import Told
 from flexslew_plant import topics
-from flexslew_plant.bench.disturbances import PulseShape, SineShape
+from flexslew_plant.bench.hardware.disturbances import PulseShape, SineShape
 from flexslew_plant.bench.schedule import injected_entry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FAULTS

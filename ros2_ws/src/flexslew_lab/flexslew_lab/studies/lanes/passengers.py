@@ -10,7 +10,7 @@ from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import Plans, leaves_nothing, plan_key
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
-from flexslew_plant.bench.actuator import ActuatorSettings
+from flexslew_plant.bench.hardware.actuator import ActuatorSettings
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.lanes import LaneKernel, lane_kernel

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.bench.actuator import ActuatorSettings
+from flexslew_plant.bench.hardware.actuator import ActuatorSettings
 
 _ROUNDS = 30  # at most, of integrations of a tick
 _SWEEPS = 200  # at most, over the joints

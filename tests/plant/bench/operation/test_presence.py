@@ -1,4 +1,4 @@
-from flexslew_plant.bench.presence import SILENT_AFTER, Beat, Presence
+from flexslew_plant.bench.operation.presence import SILENT_AFTER, Beat, Presence
 
 OLD, YOUNG = Beat("a", "controller", 5, 100), Beat("a", "controller", 4, 200)
 

@@ -2,7 +2,7 @@ from typing import Any
 
 import pytest
 
-from flexslew_plant.bench.pacing import REPEAT_AFTER, Pacing
+from flexslew_plant.bench.operation.pacing import REPEAT_AFTER, Pacing
 
 
 def paced(rate_factor: float = 2.0) -> Any:

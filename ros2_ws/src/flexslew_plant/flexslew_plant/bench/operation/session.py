@@ -8,13 +8,13 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
-from flexslew_plant.bench.backlog import Backlog
 from flexslew_plant.bench.bench import Bench, SwitchRequest, Truth
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
-from flexslew_plant.bench.pacing import Pacing
-from flexslew_plant.bench.presence import BEAT_EVERY, Presence
-from flexslew_plant.bench.run_state import PAUSED, WAITING, Reply, RunState
+from flexslew_plant.bench.operation.backlog import Backlog
+from flexslew_plant.bench.operation.pacing import Pacing
+from flexslew_plant.bench.operation.presence import BEAT_EVERY, Presence
+from flexslew_plant.bench.operation.run_state import PAUSED, WAITING, Reply, RunState
 
 Outgoing: TypeAlias = Measurement | Truth | Event
 

@@ -2,7 +2,7 @@ from typing import Any
 
 import pytest
 
-from flexslew_plant.bench.run_state import FINISHED, PAUSED, RUNNING, WAITING, RunState
+from flexslew_plant.bench.operation.run_state import FINISHED, PAUSED, RUNNING, WAITING, RunState
 
 
 def running() -> Any:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.bench.sensors import Channel, Readings, Sensors, SensorSettings
+from flexslew_plant.bench.hardware.sensors import Channel, Readings, Sensors, SensorSettings
 
 TRUTH = Readings(
     np.array([0.3, -0.2]), np.array([0.01, 0.02]), np.array([0.5, -0.5]), np.array([1e-3, -1e-3])

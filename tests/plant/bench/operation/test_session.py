@@ -8,8 +8,8 @@ import pytest
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest, Truth
 from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
-from flexslew_plant.bench.presence import BEAT_EVERY, Beat
-from flexslew_plant.bench.session import Session
+from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat
+from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 ZERO = np.zeros(2)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.bench.hardware.plausibility import Plausibility, PlausibilitySettings
 from flexslew_plant.bench.measurement import EffortCommand
-from flexslew_plant.bench.plausibility import Plausibility, PlausibilitySettings
 from flexslew_plant.settings import validated
 
 PERIOD = 0.01  # [s]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexslew_plant.bench.actuator import Actuator, ActuatorSettings
+from flexslew_plant.bench.hardware.actuator import Actuator, ActuatorSettings
 
 LIMIT, PERIOD = np.array([150.0, 100.0]), 0.01
 

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import bench_settings, load_trial
-from flexslew_plant.bench.actuator import ActuatorSettings
 from flexslew_plant.bench.bench import Bench
-from flexslew_plant.bench.friction import Friction, balanced, slid
+from flexslew_plant.bench.hardware.actuator import ActuatorSettings
+from flexslew_plant.bench.hardware.friction import Friction, balanced, slid
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds.csa import CsaTestbed

@@ -1,0 +1,1 @@
+"""Motors with friction, the drive, the sensors, and what disturbs the joints."""
