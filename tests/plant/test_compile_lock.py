@@ -14,7 +14,7 @@ from numba import config
 from numba.core.caching import IndexDataCacheFile
 
 from flexslew_plant.arrays import compiled, vectorised
-from flexslew_plant.compile_lock import CompileLock, one_at_a_time
+from flexslew_plant.compile_lock import CompileLock, lock_of, one_at_a_time
 
 NESTED = """
 def inner(x):
@@ -98,3 +98,23 @@ def test_a_signal_ends_the_wait_for_the_lock(tmp_path: Path) -> None:
 def test_without_a_place_for_the_lock_it_compiles_all_the_same() -> None:
     lock = CompileLock(Path("/proc/nowhere/lock"))
     assert one_at_a_time(numba.njit(lambda x: x + 1), lock)(1) == 2
+
+
+def test_another_process_that_compiles_one_function_keeps_nobody_from_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    taken, other = lock_of(__file__, "taken"), lock_of(__file__, "other")
+    assert lock_of(__file__, "taken") is taken
+    assert lock_of("elsewhere.py", "taken").path != taken.path
+    with other:
+        pass
+    handle = os.open(taken.path, os.O_RDWR | os.O_CREAT)
+    fcntl.flock(handle, fcntl.LOCK_EX)  # as that process has it
+    try:
+        assert one_at_a_time(numba.njit(lambda x: x + 1), other)(1) == 2
+        assert not is_free(taken.path)
+    finally:
+        os.close(handle)
+    with taken, taken:  # a function that is compiled within itself
+        assert not is_free(taken.path)

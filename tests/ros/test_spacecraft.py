@@ -61,3 +61,14 @@ def test_a_spacecraft_flies_over_ros_as_in_process(name: str, tmp_path: Path) ->
     assert resim(flight.bag).identical
     assert check(flight.bag, "pd_feedforward").ok
     assert BagReader(flight.bag).overview.cut is None
+
+
+@pytest.mark.parametrize("name", ["scole_s_b", "scole_s_rigid", "scole_s_open"])
+def test_the_other_cases_of_the_paper_fly_over_ros_as_in_process(name: str, tmp_path: Path) -> None:
+    trial = trial_of_values(shipped_values(name, {"duration": 1.2}), name)
+    flight = Flight(trial, tmp_path / "ros")
+    assert flight.outcome.exit_code == 0, flight.log
+    here = run_trial(trial, name, tmp_path / "here", in_process=True, report=False)
+    assert flight.metrics["trajectory_hash"] == here.metrics["trajectory_hash"]
+    assert flight.metrics["missed_ticks"] == 0
+    assert resim(flight.bag).identical

@@ -1,17 +1,21 @@
-"""One compiler at a time for all processes that share a cache of machine code.
+"""One compiler of a function at a time for all processes that share a cache of machine code.
 
 Numba numbers the files of a function's cache without a lock. Two processes that compile one
 function at once for different types take the same number, and one file remains under both names;
 and an index may name a file before its new content is there. Whoever loads such a file calls
 machine code that was made for other types: wrong numbers, or a crash. The lock also spares a start
-of many nodes from compiling everything several times: who waits finds it in the cache.
+of many nodes from compiling everything several times: who waits finds it in the cache. Every
+function has a lock of its own, so that two processes compile two functions side by side; one that
+is compiled within another takes its lock within the other's, in the order of the calls.
 """
 
 import fcntl
+import hashlib
 import os
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -64,22 +68,28 @@ class CompileLock:
         return handle
 
 
-def shared_lock() -> CompileLock:
-    """Return the lock of the cache that is in use."""
+@cache  # one in a process: it may be taken again within itself
+def lock_of(file: str, function: str) -> CompileLock:
+    """Return the lock of a function of a file, in the cache that is in use."""
+    digest = hashlib.sha256(f"{file}:{function}".encode()).hexdigest()[:16]
     if config.CACHE_DIR:
-        return CompileLock(Path(config.CACHE_DIR) / "compile.lock")
-    return CompileLock(Path(tempfile.gettempdir()) / f"flexslew_compile_{os.getuid()}.lock")
+        return CompileLock(Path(config.CACHE_DIR) / "locks" / digest)
+    return CompileLock(Path(tempfile.gettempdir()) / f"flexslew_compile_{os.getuid()}" / digest)
 
 
-_LOCK = shared_lock()
+def one_at_a_time(dispatcher: Any, lock: CompileLock | None = None) -> Any:
+    """Return a function of Numba that looks into its cache and compiles under a lock.
 
-
-def one_at_a_time(dispatcher: Any, lock: CompileLock = _LOCK) -> Any:
-    """Return a function of Numba that looks into its cache and compiles under a lock."""
+    Args:
+        dispatcher: what Numba has made of the function.
+        lock: by default the function's own.
+    """
     compile_it: Callable[[Any], Any] = dispatcher.compile
+    function = dispatcher.py_func
+    held = lock or lock_of(function.__code__.co_filename, function.__qualname__)
 
     def compile_alone(signature: Any) -> Any:
-        with lock:
+        with held:
             return compile_it(signature)
 
     dispatcher.compile = compile_alone
