@@ -10,6 +10,8 @@ from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.records import BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
+from flexslew_plant.testbeds.spacecraft.equations import layout
 
 BOOM = {
     "kind": "beam",
@@ -30,7 +32,19 @@ SENSORS: dict[str, Any] = {
 }
 
 
-def craft(motion: str = "free", **sensors: Any) -> Any:
+HINGES: dict[str, dict[str, Any]] = {
+    "fixed": {},
+    "driven": {"kind": "driven", "axis": [1.0, 2.0, 0.5], "spring": 2.0},
+    "prescribed": {
+        "kind": "prescribed",
+        "axis": [1.0, 2.0, 0.5],
+        "motion": {"to": 1.2, "duration": 2.0, "profile": "smooth"},
+    },
+}
+
+
+def craft(motion: str = "free", turning: str = "fixed", **sensors: Any) -> Any:
+    hinge = {"place": [0.3, 0, 0.2], "axes": AXES} | HINGES[turning]
     values = {
         "kind": "spacecraft",
         "platform": {
@@ -40,7 +54,7 @@ def craft(motion: str = "free", **sensors: Any) -> Any:
             "place": [0.1, 0.2, 0.0],
             "axis": [1.0, 1.0, 0.5],
         },
-        "appendages": {"boom": {"shape": BOOM, "hinge": {"place": [0.3, 0, 0.2], "axes": AXES}}},
+        "appendages": {"boom": {"shape": BOOM, "hinge": hinge}},
         "sensors": sensors or SENSORS,
     }
     return read_testbed(values, "here")
@@ -53,43 +67,50 @@ def moving(model: Any, seed: int = 3) -> Any:
     return np.concatenate((q, 0.4 * rng.standard_normal(model.coordinates)))
 
 
-def place_of(model: Any, testbed: Any, x: Any, name: str) -> Any:
-    """Return where a sensor is in inertia space, and the platform's axes."""
-    a = testbed.craft.appendages[0]
-    own, q = np.array(SENSORS["hub"]["place"]), x[model.positions - model.modes : model.positions]
-    if name == "tip":
-        tip = a.shape.tip
-        own = a.place + a.axes.T @ (tip.place + tip.displacement @ q)
-    turn = attitude(x[3:7])
-    return x[:3] + turn @ own, turn
+def place_of(model: Any, testbed: Any, x: Any, name: str, t: float) -> Any:
+    """Return where a sensor is in inertia space, and its axes there."""
+    body, own = testbed.craft, model.positions - model.modes
+    place, turned = np.zeros(3), np.eye(3)
+    if body.motion == layout.FREE:
+        place, turned = x[:3], attitude(x[3:7])
+    if body.motion == layout.PIVOT:
+        turned = turn(body.pivot_axis, x[0]).T
+        place = body.pivot_place - turned @ body.pivot_place
+    if name == "hub":
+        return place + turned @ np.array(SENSORS["hub"]["place"]), turned
+    a = body.appendages[0]
+    axes = a.axes
+    if a.hinge == layout.DRIVEN:
+        axes = turn(a.axis, x[own - 1]) @ axes
+    for m in a.manoeuvres:  # smooth, from t = 0 on
+        s = t / m.duration
+        axes = turn(m.axis, m.angle * (s - np.sin(2.0 * np.pi * s) / (2.0 * np.pi))) @ axes
+    moved = a.shape.tip.place + a.shape.tip.displacement @ x[own : model.positions]
+    return place + turned @ (a.place + axes.T @ moved), turned @ axes.T
 
 
+@pytest.mark.parametrize("motion", ["free", "held", "pivot"])
+@pytest.mark.parametrize("turning", HINGES)
 @pytest.mark.parametrize("name", ["hub", "tip"])
-def test_an_accelerometer_reads_the_second_derivative_of_its_place(name: str) -> None:
-    testbed = craft()
+def test_an_accelerometer_reads_the_second_derivative_of_its_place(
+    name: str, turning: str, motion: str
+) -> None:
+    testbed = craft(motion, turning)
     model = testbed.model()
-    x, effort, h = moving(model), np.array([3.0, -2.0, 1.0]), 1e-4
+    x, h, t = moving(model), 1e-4, 0.7
+    effort = np.random.default_rng(2).standard_normal(model.efforts)
     tips = model.appendages
-    read = tips.felt(x, model.derivative(x, effort), 0.0)[tips.names.index(name)]
-    ahead, behind = (model.advance(x, effort, dt) for dt in (h, -h))
-    here, turn = place_of(model, testbed, x, name)
-    there = [place_of(model, testbed, at, name)[0] for at in (ahead, behind)]
-    acceleration = (there[0] - 2.0 * here + there[1]) / h**2
+    read = tips.felt(x, model.derivative(x, effort, t), t)[tips.names.index(name)]
+    ahead, behind = (model.advance(x, effort, dt, t=t) for dt in (h, -h))
+    places = [
+        place_of(model, testbed, at, name, t + dt)
+        for at, dt in ((behind, -h), (x, 0.0), (ahead, h))
+    ]
+    acceleration = (places[2][0] - 2.0 * places[1][0] + places[0][0]) / h**2
     direction = np.array(SENSORS[name]["direction"], dtype=float)
     direction /= np.linalg.norm(direction)
-    if name == "tip":
-        direction = np.array(AXES).T @ direction
-    assert read == pytest.approx(direction @ turn.T @ acceleration, rel=1e-5)
-
-
-@pytest.mark.parametrize("motion", ["held", "pivot"])
-def test_a_bound_platform_feels_its_own_motion_alone(motion: str) -> None:
-    model = craft(motion).model()
-    x = moving(model)
-    tips = model.appendages
-    effort = np.array([3.0, -2.0, 1.0])
-    felt = tips.felt(x, model.derivative(x, effort), 0.0)[tips.names.index("hub")]
-    assert (felt == 0.0) == (motion == "held")
+    felt = direction @ places[1][1].T @ acceleration
+    assert read == pytest.approx(felt, rel=1e-5, abs=1e-6)
 
 
 def test_displacement_rate_and_strain_are_those_of_the_bent_beam() -> None:

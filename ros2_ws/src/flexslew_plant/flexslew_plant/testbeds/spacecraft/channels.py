@@ -11,41 +11,62 @@ from flexslew_plant.testbeds.appendages import Appendages
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Spacecraft
 from flexslew_plant.testbeds.spacecraft.assembly.drives import spot_on
+from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.equations.readings import hinge_state
 from flexslew_plant.testbeds.spacecraft.settings import SensorPlace
 from flexslew_plant.testbeds.spacecraft.units import Units
 
 
 @dataclass(frozen=True)
 class Accelerometer:
-    """One at a point of the platform or of an appendage on a fixed hinge, all in body axes.
+    """One at a point of the platform or of an appendage, in the axes of the one it sits on.
+
+    An appendage that is fixed counts as a part of the platform, with numbers in body axes.
 
     Args:
         direction: unit vector, shape (3,).
         place: of the point, undeformed, shape (3,) [m].
         displacement: what all modes do there, shape (3, modes) [-].
+        hinge: of the appendage in body axes, shape (3,) [m]; unused on the platform.
+        index: of an appendage that turns in its hinge.
     """
 
     direction: Vector
     place: Vector
     displacement: Matrix
+    hinge: Vector
+    index: int | None = None
 
-    def read(self, craft: Spacecraft, x: Vector, slope: Vector) -> float:
-        """Return V' + w x V + w' x rho + w x (w x rho) + 2 w x Phi q' + Phi q'' along it [m/s^2].
+    def read(self, craft: Spacecraft, p: Vector, x: Vector, slope: Vector, t: float) -> float:
+        """Return a + w' x rho + w x (w x rho) + 2 w x Phi q' + Phi q'' along it [m/s^2].
+
+        a is the acceleration of the body origin, or of the hinge of an appendage that turns, and w
+        the angular velocity of the axes that it sits in.
 
         Args:
             craft: whose state it is.
+            p: packed spacecraft.
             x: state [q, v].
             slope: its derivative.
+            t: time [s].
         """
-        q, v = x[: craft.sizes[0]], x[craft.sizes[0] :]
-        rates = slope[craft.sizes[0] :]
+        count, modes = craft.sizes[0], craft.modes
+        v, rates = x[count:], slope[count:]
         velocity, spin = _body(craft, v)
         push, turning = _body(craft, rates)
-        modes = craft.modes
-        rho = self.place + self.displacement @ q[q.size - modes :]
+        push = push + np.cross(spin, velocity)
+        if self.index is not None:
+            push = push + np.cross(turning, self.hinge)
+            push = push + np.cross(spin, np.cross(spin, self.hinge))
+            e, relative, relative_rate = map(np.array, hinge_state(p, self.index, x, slope, t))
+            axes = e.reshape(3, 3)
+            push, spin, turning = axes @ push, axes @ spin, axes @ turning
+            turning = turning + relative_rate + np.cross(spin, relative)
+            spin = spin + relative
+        rho = self.place + self.displacement @ x[count - modes : count]
         moved = self.displacement @ v[v.size - modes :]
-        total = push + np.cross(spin, velocity) + np.cross(turning, rho)
+        total = push + np.cross(turning, rho)
         total = total + np.cross(spin, np.cross(spin, rho) + 2.0 * moved)
         total = total + self.displacement @ rates[v.size - modes :]
         return float(self.direction @ total)
@@ -146,27 +167,26 @@ def _accelerometer(craft: Spacecraft, sensor: SensorPlace, units: Units, key: st
     along = unit_direction(sensor.direction, f"{key}.direction")
     place = np.array(sensor.place) * units.length
     if sensor.appendage is None:
-        return Accelerometer(along, place, np.zeros((3, craft.modes)))
+        return Accelerometer(along, place, np.zeros((3, craft.modes)), np.zeros(3))
     k = _index(craft, sensor, key)
     a: Appendage = craft.appendages[k]
+    spot = spot_on(a, sensor, units, key)
     if a.hinge != at.FIXED:
-        raise BadInput(
-            f"{key}.appendage: {a.name} turns in its hinge; accelerometers sit on the platform and "
-            "on appendages with a fixed hinge"
-        )
-    spot, r = spot_on(a, sensor, units, key), a.axes.T
-    return Accelerometer(
-        r @ along, a.place + r @ spot.place, _of_all(craft, k, r @ spot.displacement)
-    )
+        return Accelerometer(along, spot.place, _of_all(craft, k, spot.displacement), a.place, k)
+    r = a.axes.T
+    modes = _of_all(craft, k, r @ spot.displacement)
+    return Accelerometer(r @ along, a.place + r @ spot.place, modes, a.place)
 
 
 def _felt(
     craft: Spacecraft, felt: dict[int, Accelerometer], count: int
 ) -> Callable[[Vector, Vector, float], Vector]:
+    p = packed(craft)
+
     def read(x: Vector, slope: Vector, t: float) -> Vector:
         out = np.zeros(count)
         for k, accelerometer in felt.items():
-            out[k] = accelerometer.read(craft, x, slope)
+            out[k] = accelerometer.read(craft, p, x, slope, t)
         return out
 
     return read

@@ -1,11 +1,23 @@
-"""What the sensors at the actuators read: position and rate along each effort, and the attitude."""
+"""What sensors read: position and rate along each effort, the attitude, and a hinge's motion."""
 
 import numpy as np
 
 from flexslew_plant.arrays import Vector, called, compiled
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
-from flexslew_plant.testbeds.spacecraft.equations.frames import offsets, platform_velocity
-from flexslew_plant.testbeds.spacecraft.equations.geometry import Triple, cross, dot, plus, triple
+from flexslew_plant.testbeds.spacecraft.equations.frames import (
+    hinge_frame,
+    offsets,
+    platform_velocity,
+)
+from flexslew_plant.testbeds.spacecraft.equations.geometry import (
+    Nine,
+    Triple,
+    cross,
+    dot,
+    plus,
+    scaled,
+    triple,
+)
 
 
 @called
@@ -83,3 +95,26 @@ def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
                 q += p[share + i] * x[own_q + before + first + i]
                 v += p[share + i] * x[nq + own_v + before + first + i]
             position[k], velocity[k] = q, v
+
+
+@compiled
+def hinge_state(
+    p: Vector, k: int, x: Vector, slope: Vector, t: float
+) -> tuple[Nine, Triple, Triple]:
+    """Return E of an appendage, its rate relative to the platform, and the rate's derivative.
+
+    Args:
+        p: packed spacecraft.
+        k: which appendage.
+        x: state [q, v].
+        slope: its derivative.
+        t: time [s].
+    """
+    own_q, own_v, nq, _ = offsets(p)
+    b = int(p[int(p[at.APPENDAGE_TABLE]) + k])
+    if p[b + at.KIND] != at.DRIVEN:
+        return hinge_frame(p, b, t, 0.0, 0.0)
+    hinge = int(p[b + at.HINGE_INDEX])
+    rate = nq + own_v + hinge
+    e, relative, _ = hinge_frame(p, b, t, x[own_q + hinge], x[rate])
+    return e, relative, scaled(slope[rate], triple(p, b + at.AXIS))
