@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, by_joint
+from flexslew_plant.arrays import Vector
 
 
 class JointErrors:
@@ -19,7 +20,7 @@ class JointErrors:
         "terminal_error_norm": Key(
             "mixed SI",
             False,
-            "norm of (joint errors, modal positions, all rates) at the end of the manoeuvre",
+            "norm of (joint errors, modal positions, their rates) at the end of the manoeuvre",
         ),
     }
 
@@ -38,10 +39,18 @@ class JointErrors:
             self.residual = np.fmax(self.residual, largest)
             if self.terminal is None:
                 k = int(np.argmax(block.over))
-                modes = block.position[k, block.error.shape[1] :]
-                rest = np.concatenate((block.error[k], modes, block.velocity[k]))
-                self.terminal = float(np.linalg.norm(rest))
+                rest = self._modes_and_rates(block.position[k], block.velocity[k])
+                self.terminal = float(np.linalg.norm(np.concatenate((block.error[k], rest))))
         self.final = block.error[-1].copy()
+
+    def _modes_and_rates(self, q: Vector, v: Vector) -> Vector:
+        """Return modal positions, joint rates and modal rates; a wheel may go on spinning."""
+        if self._flight.testbed is None:
+            return np.concatenate((q[len(self.residual) :], v))
+        model = self._flight.testbed.model()
+        x = np.concatenate((q, v))
+        modes, modal_rates = model.modal_state(x)
+        return np.concatenate((modes, model.joint_state(x)[1], modal_rates))
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the three values."""
