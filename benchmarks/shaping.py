@@ -8,7 +8,8 @@ import numpy as np
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.input_shaping.shapers import make_shaper
-from flexslew_control.planners.time_optimal.switching import BangBang, continued_durations
+from flexslew_control.planners.time_optimal.bang_bang import BangBang
+from flexslew_control.planners.time_optimal.switching import continued_durations
 from flexslew_plant.testbeds import default_testbed
 from flexslew_plant.testbeds.hub_with_appendages import FOOT_POUND, HubTestbed
 

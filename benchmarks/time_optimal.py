@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_control.planners.time_optimal.switching import (
-    BangBang,
     continued_durations,
     linear_candidates,
     solve_durations,

@@ -3,7 +3,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_control.planners.time_optimal.switching import BangBang, linear_durations
+from flexslew_control.planners.time_optimal.bang_bang import BangBang
+from flexslew_control.planners.time_optimal.switching import linear_durations
 from flexslew_control.planners.time_optimal.switching_time_optimisation import (
     gradients,
     switch_time_optimisation,

@@ -6,17 +6,14 @@ import pytest
 from tests.plants import plant
 
 from flexslew_control.planners import make_plan
+from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_control.planners.time_optimal.linear_time_optimal import linear_optimum
 from flexslew_control.planners.time_optimal.optimal_switching import (
     extremal_durations,
     shortest_durations,
 )
 from flexslew_control.planners.time_optimal.pontryagin import switching_function
-from flexslew_control.planners.time_optimal.switching import (
-    BangBang,
-    continued_durations,
-    linear_durations,
-)
+from flexslew_control.planners.time_optimal.switching import continued_durations, linear_durations
 from flexslew_control.planners.time_optimal.time_optimal import TimeOptimal
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated

@@ -8,14 +8,10 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from flexslew_control.planners.time_optimal.bang_bang import STENCIL, BangBang
 from flexslew_control.planners.time_optimal.optimal_switching import extremal_durations
 from flexslew_control.planners.time_optimal.pontryagin import switching_function
-from flexslew_control.planners.time_optimal.switching import (
-    STENCIL,
-    BangBang,
-    continued_durations,
-    linear_durations,
-)
+from flexslew_control.planners.time_optimal.switching import continued_durations, linear_durations
 from flexslew_control.planners.time_optimal.switching_time_optimisation import (
     switch_time_optimisation,
 )

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from flexslew_control.planners.time_optimal.switching import BangBang
+from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 

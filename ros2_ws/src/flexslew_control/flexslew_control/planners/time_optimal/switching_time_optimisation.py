@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.planners.time_optimal.arcs import costate_backwards, final_states, rates
-from flexslew_control.planners.time_optimal.switching import BangBang
+from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 

@@ -9,6 +9,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, tick_times
 from flexslew_control.planners.time_optimal.all_drives import AllDrives, fastest_slew
+from flexslew_control.planners.time_optimal.bang_bang import STENCIL, BangBang, Insensitive
 from flexslew_control.planners.time_optimal.optimal_switching import (
     Faster,
     extremal_durations,
@@ -16,9 +17,6 @@ from flexslew_control.planners.time_optimal.optimal_switching import (
 )
 from flexslew_control.planners.time_optimal.pontryagin import Arcs, Extremality, switching_function
 from flexslew_control.planners.time_optimal.switching import (
-    STENCIL,
-    BangBang,
-    Insensitive,
     continued_durations,
     five_switch_durations,
 )

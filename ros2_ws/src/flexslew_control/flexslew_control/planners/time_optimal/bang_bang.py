@@ -1,0 +1,179 @@
+"""A bang-bang slew of one joint and its end conditions (Liu and Singh 1997, sections 2 and 3).
+
+The unknowns are the durations d of the arcs between the switches. The end conditions are rest at
+the goal and, for a robust slew, no sensitivity to the stiffness k:
+    r(d) = x(t_f) - x_goal = 0,    dx/dk(t_f) = 0    (5), (13), (30),
+where x are the modes or the whole state. The sensitivity is that of a bench which follows the
+slew under its feedback; without gains, of the open loop, as in the paper.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from flexslew_control.planners.time_optimal.arcs import final_sensitivity, final_states
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.model import Model
+
+Insensitive: TypeAlias = Literal["modes", "state"]
+
+# fourth-order difference by the stiffness factor: exact to about 1e-11 of the derivative
+_CHANGE = 1e-3
+STENCIL = tuple(
+    (1.0 + j * _CHANGE, w / (12.0 * _CHANGE))
+    for j, w in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0))
+)
+_STEP = 0.25  # longest integration step, as an angle of the fastest mode [rad]
+# a rough slew, to find the arcs that an exact one settles
+_ROUGH_STENCIL = ((1.0 + _CHANGE, 0.5 / _CHANGE), (1.0 - _CHANGE, -0.5 / _CHANGE))
+_ROUGH_STEP = 0.8  # as _STEP
+
+
+@dataclass(frozen=True)
+class BangBang:
+    """A slew of one joint with its effort at +- amplitude.
+
+    Args:
+        model: what is turned.
+        joint: which joint.
+        start: state at rest, shape (2 n,).
+        distance: how far the joint goes [rad or m].
+        amplitude: of the effort [N m or N].
+        robust: whether the end must not be sensitive to the stiffness.
+        kp, kd: gains of the joint's feedback that flies the slew; none: open loop.
+        insensitive: what must not be: the modes (5 switches for one) or the whole state.
+        rough: whether longer steps and a coarser difference by the stiffness do, for a search.
+    """
+
+    model: Model
+    joint: int
+    start: Vector
+    distance: float
+    amplitude: float
+    robust: bool
+    kp: float = 0.0
+    kd: float = 0.0
+    insensitive: Insensitive = "modes"
+    rough: bool = False
+
+    @cached_property
+    def mode(self) -> tuple[float, float]:
+        """Frequency [rad/s] and damping ratio [-] of the first mode, the joints free."""
+        m = self.model.joints
+        linear = self.model.linearise(self.start[: self.model.coordinates])
+        frequency = float(linear.frequencies[0])
+        coupling = linear.mass[:m, m]
+        mass = linear.mass[m, m] - coupling @ np.linalg.solve(linear.mass[:m, :m], coupling)
+        return frequency, float(linear.damping[m, m] / (2.0 * mass * frequency))
+
+    @property
+    def stencil(self) -> tuple[tuple[float, float], ...]:
+        """Factors of the stiffness and weights of their states in the derivative by it."""
+        return _ROUGH_STENCIL if self.rough else STENCIL
+
+    @property
+    def open_loop(self) -> bool:
+        """Whether nothing feeds back."""
+        return self.kp == 0.0 and self.kd == 0.0
+
+    @property
+    def step(self) -> float:
+        """Longest integration step [s]."""
+        linear = self.model.linearise(self.start[: self.model.coordinates])
+        return float((_ROUGH_STEP if self.rough else _STEP) / linear.frequencies[-1])
+
+    @property
+    def inertia(self) -> float:
+        """Of the whole, appendages straight [kg m^2 or kg]."""
+        q = self.start[: self.model.coordinates]
+        return float(self.model.mass_matrix(q)[self.joint, self.joint])
+
+    @property
+    def rigid_duration(self) -> float:
+        """Duration of the rigid body's time-optimal slew [s]."""
+        return float(2.0 * np.sqrt(abs(self.distance) * self.inertia / self.amplitude))
+
+    @property
+    def rows(self) -> Vector:
+        """Which entries of the state the end conditions hold: the joint, the modes, their rates."""
+        n, m = self.model.coordinates, self.model.joints
+        half = np.array([self.joint, *range(m, n)])
+        return np.concatenate((half, n + half))
+
+    @property
+    def insensitive_rows(self) -> Vector:
+        """Which entries of the state may not be sensitive to the stiffness."""
+        n, m = self.model.coordinates, self.model.joints
+        modal = np.arange(m, n)
+        return np.concatenate((modal, n + modal)) if self.insensitive == "modes" else self.rows
+
+    @property
+    def conditions(self) -> Matrix:
+        """C of the end conditions r = C z - goal, z the final states of all copies."""
+        size = self.start.size
+        nominal: Matrix = np.eye(size)[self.rows]
+        if not self.robust:
+            return nominal
+        derivative: Matrix = np.eye(size)[self.insensitive_rows]
+        whole = np.zeros((len(nominal) + len(derivative), size * (1 + len(self.stencil))))
+        whole[: len(nominal), :size] = nominal
+        for k, (_, weight) in enumerate(self.stencil, start=1):
+            whole[len(nominal) :, k * size : (k + 1) * size] = weight * derivative
+        return whole
+
+    @property
+    def ensemble(self) -> tuple[Kernels, Matrix, Vector, Vector]:
+        """What the kernels of `arcs` simulate: equations, parameters of the copies, the gains."""
+        return self.copies(
+            (1.0, *(factor for factor, _ in self.stencil)) if self.robust else (1.0,)
+        )
+
+    def copies(self, factors: tuple[float, ...]) -> tuple[Kernels, Matrix, Vector, Vector]:
+        """Return an ensemble with the stiffness times these factors, the nominal one first."""
+        packed = np.array([self.model.with_stiffness(factor).packed for factor in factors])
+        kp, kd = np.zeros(self.model.joints), np.zeros(self.model.joints)
+        kp[self.joint], kd[self.joint] = self.kp, self.kd
+        return self.model.kernels, packed, kp, kd
+
+    def efforts(self, arcs: int, scale: float = 1.0) -> Matrix:
+        """Return the effort of each arc, shape (arcs, joints)."""
+        out = np.zeros((arcs, self.model.joints))
+        signs = np.where(np.arange(arcs) % 2 == 0, 1.0, -1.0)
+        out[:, self.joint] = scale * self.amplitude * np.sign(self.distance) * signs
+        return out
+
+    def final(self, durations: Vector, factor: float = 1.0, feedback: bool = False) -> Vector:
+        """Return the state at the end with the stiffness times factor, shape (2 n,).
+
+        Args:
+            durations: of the arcs [s].
+            factor: of the stiffness [-].
+            feedback: whether the gains hold it to the nominal slew.
+        """
+        factors = (1.0, factor) if feedback else (factor,)
+        efforts = self.efforts(durations.size)
+        return np.asarray(
+            final_states(*self.copies(factors), self.start, efforts, durations, self.step)[-1]
+        )
+
+    def residual(self, durations: Vector, scale: float = 1.0) -> Vector:
+        """Return what misses the end conditions, divided by scale."""
+        efforts = self.efforts(durations.size, scale)
+        z = final_states(*self.ensemble, self.start, efforts, durations, self.step)
+        return self._missed(z.ravel(), scale)
+
+    def linearised(self, durations: Vector, scale: float = 1.0) -> tuple[Vector, Matrix]:
+        """Return the residual and its derivatives by the durations, dr/dd."""
+        efforts = self.efforts(durations.size, scale)
+        z, slopes = final_sensitivity(*self.ensemble, self.start, efforts, durations, self.step)
+        return self._missed(z, scale), np.asarray(self.conditions @ slopes / scale)
+
+    def _missed(self, z: Vector, scale: float) -> Vector:
+        goal = self.start.copy()
+        goal[self.joint] += scale * self.distance
+        r = self.conditions @ z
+        r[: self.rows.size] -= goal[self.rows]
+        return np.asarray(r / scale)
