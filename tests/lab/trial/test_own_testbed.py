@@ -36,6 +36,16 @@ RETARGETING = {
     "modal_space",
 }
 
+# with equations that are compiled already
+OSCILLATOR = """
+from flexslew_plant.settings import section
+from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+
+@section
+class Own(FloatingOscillatorTestbed):
+    kind: str = "{kind}"
+"""
+
 
 @pytest.fixture(autouse=True)
 def in_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,6 +119,7 @@ def test_what_a_planner_cannot_do_with_it_is_refused_in_one_line(method: Any) ->
 
 def test_its_run_is_recorded_reported_and_flown_again_from_the_log(tmp_path: Path) -> None:
     wanted = trial(
+        testbed=f"{{kind: {KIND}, modes: 1}}",
         controllers=f"{{pd_feedforward: {GAINS}, lqr: {LAWS['lqr']}}}",
         schedule="[{at: 6.0, switch: lqr}, {at: 20.0, until: 21.0, disturbance: {arm: 2.0}}]",
     )
@@ -125,10 +136,11 @@ def test_the_report_of_a_log_runs_no_code_that_is_not_trusted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     marker, own = tmp_path / "was_run", tmp_path / "own_bed.py"
-    code = (ROOT / "docs/examples/three_joints.py").read_text()
+    kind = f"{own}:Own"
+    code = OSCILLATOR.format(kind=kind)
     own.write_text(code)
-    kind = f"{own}:ThreeJoints"
-    flown(trial(testbed=f'{{kind: "{kind}"}}', duration=13.0), tmp_path / "run")
+    plan = "{method: reference_only, goal: {mass: 0.5}, duration: 2.0}"
+    flown(trial(testbed=f'{{kind: "{kind}"}}', plan=plan, duration=3.0), tmp_path / "run")
     own.write_text(f"{code}\nopen({str(marker)!r}, 'w')\n")
     for trust, runs in (([], False), (["--trust", kind], True)):
         page = tmp_path / f"{runs}.html"

@@ -7,7 +7,7 @@ them. `kernels` says whose equations they are.
 import numpy as np
 from scipy.integrate import DOP853
 
-from flexslew_plant.arrays import Matrix, Vector, compiled, inlined
+from flexslew_plant.arrays import Matrix, Vector, called, compiled, inlined
 from flexslew_plant.testbeds import interface, mass
 from flexslew_plant.testbeds.kernels import Kernels
 
@@ -39,6 +39,10 @@ def acceleration(
     mass.solve(joints, coupling, modal, out)
 
 
+_acceleration = called(acceleration.py_func)  # type: ignore[attr-defined]
+_solve = called(mass.solve.py_func)  # type: ignore[attr-defined]
+
+
 @compiled
 def derivative(
     kernels: Kernels, p: Vector, t: float, x: Vector, effort: Vector, joints: int
@@ -56,7 +60,7 @@ def derivative(
     n = (x.size - interface.extra(kernels)) // 2
     s = interface.square(kernels, n, joints)
     a, rate = np.empty(n), np.empty(x.size)
-    acceleration(
+    _acceleration(
         kernels, p, t, x, effort, np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s), a
     )
     interface.position_rates(kernels, p, t, x, rate)
@@ -167,7 +171,7 @@ def jacobian(
     block, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
     a, column, one = np.empty(n), np.empty(n), np.zeros(effort.size)
     dq, dv = np.empty((n, n)), np.empty((n, n))
-    acceleration(kernels, p, t, x, effort, block, coupling, modal, a)
+    _acceleration(kernels, p, t, x, effort, block, coupling, modal, a)
     interface.residual_jacobian(kernels, p, t, x, a, dq, dv)
     dx[:] = 0.0
     du[:] = 0.0
@@ -175,18 +179,18 @@ def jacobian(
         dx[j, n + j] = 1.0
         for i in range(n):
             column[i] = -dq[i, j]
-        mass.solve(block, coupling, modal, column)
+        _solve(block, coupling, modal, column)
         dx[n:, j] = column
         for i in range(n):
             column[i] = -dv[i, j]
-        mass.solve(block, coupling, modal, column)
+        _solve(block, coupling, modal, column)
         dx[n:, n + j] = column
     for j in range(effort.size):
         column[:] = 0.0
         one[:] = 0.0
         one[j] = 1.0
         interface.actuation(kernels, p, t, x, one, column)
-        mass.solve(block, coupling, modal, column)
+        _solve(block, coupling, modal, column)
         du[n:, j] = column
 
 
