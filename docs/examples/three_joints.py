@@ -84,7 +84,7 @@ class ThreeJoints:
     initial: dict[str, float] = Field(default_factory=dict)  # by joint [rad]
     effort_limit: tuple[Positive, Positive, Positive] = (40.0, 30.0, 20.0)  # [N m]
 
-    set_point: ClassVar[dict[str, float]] = {}
+    operating_point: ClassVar[dict[str, float]] = {}
     typical_goal: ClassVar[dict[str, float]] = {"base": 0.5, "arm": -0.4, "wrist": 0.3}
     simplified: ClassVar[dict[str, Any]] = {"modes": 1}
 

@@ -22,7 +22,7 @@ from flexslew_lab.trial.supervisor import Supervisor
 from .flight import NODES, fork_server, slew
 
 STARTS = int(os.environ.get("FLEXSLEW_STARTS", "2"))
-CREW = ", lqr: {}, output_feedback: {}"  # with recorder, planner and plant: six
+OTHERS = ", lqr: {}, output_feedback: {}"  # with recorder, planner and plant: six
 MODULES = ("flexslew_plant.ros.plant_node", "flexslew_control.ros.controller_node")
 
 
@@ -40,7 +40,7 @@ def own_server(tmp_path_factory: pytest.TempPathFactory) -> ForkServer:
 def test_six_nodes_start_at_once_without_a_fault(
     number: int, own_server: ForkServer, tmp_path: Path
 ) -> None:
-    processes = node_processes(slew(duration=0.2, more=CREW), tmp_path, True, {})
+    processes = node_processes(slew(duration=0.2, more=OTHERS), tmp_path, True, {})
     assert len(processes) == 6
     parameters = tmp_path / "parameters.yaml"
     parameters.write_text(parameter_file(processes))

@@ -6,7 +6,7 @@ from flexslew_lab.trial.run import run_trial
 
 from .flight import Flight, slew
 
-CREW = ", output_feedback: {}, proportional_integral: {}, lqr: {}, collocated_pid: {}"
+OTHERS = ", output_feedback: {}, proportional_integral: {}, lqr: {}, collocated_pid: {}"
 SWAPS = """
 schedule:
   - {at: 1.5, switch: output_feedback}
@@ -18,7 +18,7 @@ schedule:
 
 
 def test_five_laws_and_four_swaps_give_the_same_bits_over_dds(tmp_path: Path) -> None:
-    trial = slew(duration=7.0, more=CREW, extra=SWAPS)
+    trial = slew(duration=7.0, more=OTHERS, extra=SWAPS)
     alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
     flight = Flight(trial, tmp_path / "dds")
     assert flight.outcome == (0, "")

@@ -16,6 +16,7 @@ from flexslew_control.controllers.lqr import (
 from flexslew_control.law import Reference
 from flexslew_lab.reproduce.laws import closed_loop
 from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import plain, validated
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 MODEL = CsaTestbed(modes=1).model()
@@ -60,11 +61,17 @@ def test_a_matched_disturbance_leaves_no_error_and_without_minimisation_its_stat
     np.testing.assert_allclose(left.state[-1, 0], 5.0 / plain[1].gain[0, 0], rtol=0.01)
 
 
-def test_an_uncontrollable_set_point_is_refused_with_its_eigenvalue() -> None:
+def test_an_uncontrollable_operating_point_is_refused_with_its_eigenvalue() -> None:
     with pytest.raises(BadInput, match=r"not controllable: eigenvalue .*0\.338329j.*mode 1"):
-        build(Lqr(set_point={"hub_pitch": float(np.pi / 2)}), on_bench())
+        build(Lqr(operating_point={"hub_pitch": float(np.pi / 2)}), on_bench())
 
 
-def test_a_set_point_for_an_unknown_joint_is_refused() -> None:
-    with pytest.raises(BadInput, match="set_point: elbow is not a joint"):
-        build(Lqr(set_point={"elbow": 0.1}), on_bench())
+def test_a_operating_point_for_an_unknown_joint_is_refused() -> None:
+    with pytest.raises(BadInput, match="operating_point: elbow is not a joint"):
+        build(Lqr(operating_point={"elbow": 0.1}), on_bench())
+
+
+def test_a_trial_of_an_earlier_version_names_its_operating_point_set_point() -> None:
+    old = validated(Lqr, {"set_point": {"hub_pitch": 0.3}}, "old.yaml")
+    assert old == Lqr(operating_point={"hub_pitch": 0.3})
+    assert "set_point" not in plain(old)

@@ -126,7 +126,7 @@ def test_a_softer_structure_is_calm_twenty_seconds_later() -> None:
 
 def test_an_uncontrollable_pair_is_refused_with_its_eigenvalue() -> None:
     with pytest.raises(BadInput, match=r"not controllable: eigenvalue .*0\.338329j"):
-        build(OutputFeedback(set_point={"hub_pitch": float(np.pi / 2)}), on_bench())
+        build(OutputFeedback(operating_point={"hub_pitch": float(np.pi / 2)}), on_bench())
 
 
 def test_an_unobservable_pair_is_refused() -> None:

@@ -54,7 +54,7 @@ def test_gains_of_the_wrong_shape_are_refused() -> None:
         build(ProportionalIntegral(gains=given), on_bench())
 
 
-def test_an_uncontrollable_set_point_is_refused() -> None:
-    settings = ProportionalIntegral(set_point={"hub_pitch": float(np.pi / 2)})
+def test_an_uncontrollable_operating_point_is_refused() -> None:
+    settings = ProportionalIntegral(operating_point={"hub_pitch": float(np.pi / 2)})
     with pytest.raises(BadInput, match="not controllable"):
         build(settings, on_bench())

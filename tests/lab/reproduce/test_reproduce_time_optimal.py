@@ -15,7 +15,7 @@ def test_every_number_is_reproduced() -> None:
 
 
 def test_every_slew_is_checked_by_the_gradient_method_too() -> None:
-    assert len([row for row in rows() if "STO" in row["item"]]) == 6
+    assert len([row for row in rows() if "switching-time optimisation" in row["item"]]) == 6
 
 
 def test_every_figure_that_is_no_sketch_is_drawn() -> None:

@@ -47,7 +47,7 @@ def test_names_units_and_limits_belong_together(kind: Any) -> None:
     assert all(limit > 0.0 for limit in testbed.effort_limit)
     assert set(initial_positions(testbed)) == set(model.joint_names)
     assert set(testbed.typical_goal) <= set(model.joint_names)
-    assert set(testbed.set_point) <= set(model.joint_names)
+    assert set(testbed.operating_point) <= set(model.joint_names)
     assert model.appendages.tip.shape == (len(model.appendages.names), testbed.modes)
     assert model.appendages.curvature.shape == model.appendages.tip.shape
 
@@ -115,7 +115,7 @@ def test_energy_changes_by_the_power_of_the_efforts_alone(kind: Any) -> None:
 def test_the_linear_model_is_the_derivative_at_rest(kind: Any) -> None:
     testbed = bed(kind, damping_ratio=0.01)
     model = testbed.model()
-    rest = model.rest(testbed.set_point)
+    rest = model.rest(testbed.operating_point)
     linear = model.linearise(rest)
     x = np.concatenate((rest, np.zeros(model.coordinates)))
     dx, du = model.jacobian(x, np.zeros(model.efforts))

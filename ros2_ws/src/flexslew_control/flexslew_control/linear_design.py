@@ -1,9 +1,10 @@
 """What a linear design asks of a model about a rest, refused in words where it does not hold."""
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
+from pydantic import AliasChoices, Field
 from scipy.linalg import eig, matrix_balance
 
 from flexslew_control.law import PlantDescription
@@ -58,7 +59,14 @@ class Designed(Protocol):
         """Return the state dt after t with the effort held."""
 
 
-def set_point_of(
+# of a law: joint positions by name; logs of earlier versions call it set_point
+OperatingPoint = Annotated[
+    dict[str, float] | None,
+    Field(validation_alias=AliasChoices("operating_point", "set_point")),
+]
+
+
+def operating_point_of(
     plant: PlantDescription, model: Designed, given: dict[str, float] | None, share: float = 1.0
 ) -> Vector:
     """Return the rest q about which a law is designed, shape (n,).
@@ -66,17 +74,17 @@ def set_point_of(
     Args:
         plant: what the law is designed for.
         model: what the law believes.
-        given: the law's `set_point`, joint name to position [rad or m]; None: the testbed's own.
-        share: of the testbed's own set point [-].
+        given: the law's `operating_point`, joint to position [rad or m]; None: the testbed's.
+        share: of the testbed's own operating point [-].
 
     Raises:
         BadInput: a name is no joint of the model.
     """
-    own = {name: share * at for name, at in plant.testbed.set_point.items()}
+    own = {name: share * at for name, at in plant.testbed.operating_point.items()}
     try:
         return model.rest(own if given is None else given)
     except BadInput as error:
-        raise BadInput(f"set_point: {error}") from None
+        raise BadInput(f"operating_point: {error}") from None
 
 
 def state_names(model: Designed) -> tuple[str, ...]:
@@ -110,12 +118,16 @@ def require_controllable(a: Matrix, b: Matrix, names: tuple[str, ...]) -> None:
     Raises:
         BadInput: names the eigenvalue and the state that moves most in its mode.
     """
-    _require(a, b, names, "not controllable", "move it to another set point or add an actuator")
+    _require(
+        a, b, names, "not controllable", "move it to another operating point or add an actuator"
+    )
 
 
 def require_observable(a: Matrix, c: Matrix, names: tuple[str, ...]) -> None:
     """Check that the outputs y = C x show every mode of x' = A x; see require_controllable."""
-    _require(a.T, c.T, names, "not observable", "move it to another set point or add a sensor")
+    _require(
+        a.T, c.T, names, "not observable", "move it to another operating point or add a sensor"
+    )
 
 
 def require_stable(a: Matrix, names: tuple[str, ...], what: str) -> None:

@@ -14,7 +14,12 @@ from flexslew_control.law import (
     Reference,
     per_joint,
 )
-from flexslew_control.linear_design import require_stable, set_point_of, state_names
+from flexslew_control.linear_design import (
+    OperatingPoint,
+    operating_point_of,
+    require_stable,
+    state_names,
+)
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import PerJoint, Positive, section
 from flexslew_plant.testbeds.model import Linearisation
@@ -29,7 +34,7 @@ class CollocatedPid:
     kd: PerJoint = (920.0,)  # [N m s/rad]
     tracking_time: Positive | None = 10.0  # T_t of the anti-windup [s]; null: none
     model: dict[str, Any] | None = None  # that checks the gains; null: one mode
-    set_point: dict[str, float] | None = None  # [rad or m]; null: the testbed's own
+    operating_point: OperatingPoint = None  # [rad or m]; null: the testbed's own
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,7 @@ def closed_loop(linear: Linearisation, kp: Vector, ki: Vector, kd: Vector) -> Ma
     """Return the matrix of (q, v, s), with s only for joints that integrate.
 
     Args:
-        linear: the small motions about the set point.
+        linear: the small motions about the operating point.
         kp, ki, kd: shape (joints,).
     """
     b = linear.input_matrix
@@ -69,12 +74,13 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[MeasuredJoi
     """Return the measured joints and the law.
 
     Raises:
-        BadInput: neither one gain nor one per joint, or gains that do not stabilise the set point.
+        BadInput: neither one gain nor one per joint, or gains that do not stabilise the operating
+            point.
     """
     model = plant.believed(settings.model)
     given = (("kp", settings.kp), ("ki", settings.ki), ("kd", settings.kd))
     kp, ki, kd = (per_joint(name, gains, model.joint_names) for name, gains in given)
-    linear = model.linearise(set_point_of(plant, model, settings.set_point))
+    linear = model.linearise(operating_point_of(plant, model, settings.operating_point))
     integrals = [
         f"integral of {name}" for name, k in zip(model.joint_names, ki, strict=True) if k > 0.0
     ]

@@ -10,7 +10,13 @@ from flexslew_control.controllers.sampled_loop import integrating_loop, require_
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_control.free_platform import LinearModel, joints_first, nominal
 from flexslew_control.law import Estimate, PlantDescription, Reference
-from flexslew_control.linear_design import Designed, require_controllable, set_point_of, state_names
+from flexslew_control.linear_design import (
+    Designed,
+    OperatingPoint,
+    operating_point_of,
+    require_controllable,
+    state_names,
+)
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
@@ -22,7 +28,7 @@ from flexslew_plant.testbeds.model import Linearisation
 class ScaledWeights:
     """Q and R in scaled units: joints in rad (or m), deflections in `deflection`, time in `time`.
 
-    An effort counts in J_jj / time^2, J_jj the joint's inertia at the set point.
+    An effort counts in J_jj / time^2, J_jj the joint's inertia at the operating point.
     """
 
     joint: NonNegative = 100.0  # on each joint position [-]
@@ -58,7 +64,7 @@ def scaled_problem(linear: Linearisation, weights: ScaledWeights) -> ScaledProbl
     """Return A, B and the weights in SI units: Q = S^-1 Qhat S^-1, R = S_u^-1 Rhat S_u^-1.
 
     Args:
-        linear: the small motions about the set point.
+        linear: the small motions about the operating point.
         weights: in scaled units.
     """
     n, m = linear.input_matrix.shape
@@ -109,7 +115,7 @@ class Lqr:
     """The settings of controller `lqr`."""
 
     model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
-    set_point: dict[str, float] | None = None  # [rad or m]; null: the testbed's own
+    operating_point: OperatingPoint = None  # [rad or m]; null: the testbed's own
     weights: ScaledWeights = ScaledWeights()
     filter: FilterSettings = FilterSettings()
     minimise_disturbance: bool = True  # whether the estimated disturbance is cancelled (3-4)
@@ -156,8 +162,8 @@ def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter, LqrLaw]
         BadInput: a mode is not controllable or not observable, or the weights give no regulator.
     """
     believed = plant.believed(settings.model)
-    model = joints_first(believed, set_point_of(plant, believed, settings.set_point))
-    rest = set_point_of(plant, model, settings.set_point)
+    model = joints_first(believed, operating_point_of(plant, believed, settings.operating_point))
+    rest = operating_point_of(plant, model, settings.operating_point)
     linear = model.linearise(rest)
     problem = scaled_problem(linear, settings.weights)
     require_controllable(problem.a, problem.b, state_names(model))

@@ -9,7 +9,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.model import Model
 
 PITCH_RANGE = (0.0, 1.245)  # of the guaranteed margin: where it is largest at the gains (17) [rad]
-_PITCHES = 42  # set points over the range; the margin's minimum lies at its ends or a kink
+_PITCHES = 42  # operating points over the range; the margin's minimum lies at its ends or a kink
 
 
 class BestGains(NamedTuple):
@@ -28,7 +28,9 @@ def stability_margin(model: Model, kp: float, kd: float, pitch: float) -> float:
         kp, kd: the gains (16), the same for both joints [N m/rad, N m s/rad].
         pitch: psi_0 [rad].
     """
-    return float(_margins(_set_points(model, np.array([pitch])), np.array([kp]), np.array([kd]))[0])
+    return float(
+        _margins(_operating_points(model, np.array([pitch])), np.array([kp]), np.array([kd]))[0]
+    )
 
 
 def guaranteed_margin(
@@ -41,7 +43,7 @@ def guaranteed_margin(
         pitch_range: of psi_0 [rad].
     """
     pitches = np.linspace(*pitch_range, _PITCHES)
-    at = _set_points(model, pitches)
+    at = _operating_points(model, pitches)
     return float(_margins(at, np.array([kp]), np.array([kd])).min())
 
 
@@ -51,12 +53,14 @@ def margin_table(model: Model, kp: Vector, kd: Vector, pitches: Vector) -> Matri
     Args:
         model: the testbed.
         kp, kd: gains, shape (k,) [N m/rad] and (l,) [N m s/rad].
-        pitches: one set point for Figure 3, the range for Figure 4 [rad].
+        pitches: one operating point for Figure 3, the range for Figure 4 [rad].
     """
     grid_p, grid_d = (g.ravel() for g in np.meshgrid(kp, kd, indexing="ij"))
     worst = np.full(grid_p.shape, np.inf)
     for pitch in pitches:
-        worst = np.minimum(worst, _margins(_set_points(model, np.array([pitch])), grid_p, grid_d))
+        worst = np.minimum(
+            worst, _margins(_operating_points(model, np.array([pitch])), grid_p, grid_d)
+        )
     return worst.reshape(len(kp), len(kd))
 
 
@@ -69,7 +73,7 @@ def best_gains(
 
     Args:
         model: the testbed.
-        pitches: range of psi_0 for the guaranteed margin, or one set point [rad].
+        pitches: range of psi_0 for the guaranteed margin, or one operating point [rad].
         most: the largest gain looked at [N m/rad, N m s/rad].
     """
     fixed = not isinstance(pitches, tuple)
@@ -77,7 +81,7 @@ def best_gains(
     gains = np.geomspace(most / 80.0, most, 24)
     coarse = margin_table(model, gains, gains, spread if fixed else spread[::8])
 
-    at = _set_points(model, spread)
+    at = _operating_points(model, spread)
 
     def loss(log_gains: Vector) -> float:
         kp, kd = np.exp(log_gains)
@@ -103,7 +107,7 @@ def best_gains(
     return BestGains(-float(best.fun), float(kp), float(kd))
 
 
-class _SetPoints(NamedTuple):
+class _OperatingPoints(NamedTuple):
     """M^-1 K, M^-1 D and M^-1 B B^T of (14) at each pitch, shapes (pitches, n, n)."""
 
     stiffness: Matrix
@@ -111,7 +115,7 @@ class _SetPoints(NamedTuple):
     driven: Matrix
 
 
-def _set_points(model: Model, pitches: Vector) -> _SetPoints:
+def _operating_points(model: Model, pitches: Vector) -> _OperatingPoints:
     parts = []
     for pitch in pitches:
         q = np.zeros(model.coordinates)
@@ -120,11 +124,11 @@ def _set_points(model: Model, pitches: Vector) -> _SetPoints:
         inverse = np.linalg.inv(rest.mass)
         driven = inverse * (np.arange(model.coordinates) < model.joints)
         parts.append((inverse @ rest.stiffness, inverse @ rest.damping, driven))
-    return _SetPoints(*(np.array(part) for part in zip(*parts, strict=True)))
+    return _OperatingPoints(*(np.array(part) for part in zip(*parts, strict=True)))
 
 
-def _margins(at: _SetPoints, kp: Vector, kd: Vector) -> Vector:
-    """Return s for each of the gains and set points (one of the two may have one entry)."""
+def _margins(at: _OperatingPoints, kp: Vector, kd: Vector) -> Vector:
+    """Return s for each of the gains and operating points (one of the two may have one entry)."""
     n = at.stiffness.shape[-1]
     a = np.zeros((max(len(kp), len(at.stiffness)), 2 * n, 2 * n))
     a[:, :n, n:] = np.eye(n)

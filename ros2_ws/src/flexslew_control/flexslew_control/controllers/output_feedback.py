@@ -2,7 +2,7 @@
 
 Modes:
     tracking_a  the non-linear model stands in the law and in the observer;
-    tracking_b  the linear model at the set point, D = 0;
+    tracking_b  the linear model at the operating point, D = 0;
     rigid_hold  as tracking_a, with the reference's deflection set to zero.
 
 Observers:
@@ -31,7 +31,13 @@ from flexslew_control.controllers.sampled_loop import (
 from flexslew_control.controllers.sliding_surface import LinearSystem, SlidingDesign, design
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_control.law import Estimate, PlantDescription, Reference
-from flexslew_control.linear_design import output_matrix, require_stable, set_point_of, state_names
+from flexslew_control.linear_design import (
+    OperatingPoint,
+    operating_point_of,
+    output_matrix,
+    require_stable,
+    state_names,
+)
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -44,7 +50,7 @@ class OutputFeedback:
 
     mode: Literal["tracking_a", "tracking_b", "rigid_hold"] = "tracking_a"
     model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
-    set_point: dict[str, float] | None = None  # mid-slew [rad]; null: half of the testbed's own
+    operating_point: OperatingPoint = None  # mid-slew [rad]; null: half of the testbed's own
     reaching_rate: Positive = 2.0  # nu [1/s]
     weight_frequency: Positive = 0.3  # omega_r, of the joints in Q_s [rad/s]
     attitude_gain: NonNegative = 0.0  # kappa of (51) [1/s]
@@ -127,8 +133,8 @@ class SampledObserver:
 class SlidingLaw:
     """u = -(G B)^-1 {G [f(z_hat, 0) + K_f e - z*'] + nu G (z_hat - z*) + kappa G z_re} (51).
 
-    e = y - C z_hat. f(z, 0) = A z + D, and B is that at z_hat (tracking (a)) or at the set point
-    with D = 0 (tracking (b)). What z leaves out of the bench is held by its own feedback.
+    e = y - C z_hat. f(z, 0) = A z + D, and B is that at z_hat (tracking (a)) or at the operating
+    point with D = 0 (tracking (b)). What z leaves out of the bench is held by its own feedback.
 
     Args:
         observed: what is controlled.
@@ -213,13 +219,13 @@ def build(
     """Return the observer and the law; the drive limits the effort.
 
     Raises:
-        BadInput: the model is not controllable or observable at the set point, or the weights
+        BadInput: the model is not controllable or observable at the operating point, or the weights
             or noises give no stable design.
     """
     if settings.appendage is not None:
         return _of_appendage(settings, settings.appendage, plant)
     model = plant.believed(settings.model)
-    rest = set_point_of(plant, model, settings.set_point, 0.5)
+    rest = operating_point_of(plant, model, settings.operating_point, 0.5)
     system = testbed_system(model, rest, settings, plant.period)
     found = design(system, testbed_weight(model, rest, settings), settings.reaching_rate)
     require_stable(system.a - found.observer_gain @ system.c, system.names, "the observer")

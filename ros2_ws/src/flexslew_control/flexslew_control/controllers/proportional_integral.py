@@ -15,9 +15,10 @@ from flexslew_control.free_platform import LinearModel, joints_first, nominal
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.linear_design import (
     Designed,
+    OperatingPoint,
+    operating_point_of,
     require_controllable,
     require_stable,
-    set_point_of,
     state_names,
 )
 from flexslew_plant.arrays import Matrix
@@ -42,7 +43,7 @@ class ProportionalIntegral:
     """The settings of controller `proportional_integral`."""
 
     model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
-    set_point: dict[str, float] | None = None  # [rad or m]; null: the testbed's own
+    operating_point: OperatingPoint = None  # [rad or m]; null: the testbed's own
     weights: ScaledWeights = ScaledWeights()
     gains: GivenGains | None = None  # null: designed from the weights
     tracking_time: Positive | None = 2.0  # T_t of the anti-windup [s]; null: none
@@ -72,7 +73,7 @@ def design(linear: Linearisation, weights: ScaledWeights) -> PiGains:
     rate block of -Gi and Ki its displacement block. The equation is solved in scaled units.
 
     Args:
-        linear: the small motions about the set point.
+        linear: the small motions about the operating point.
         weights: in scaled units; `effort` weighs u' too.
 
     Raises:
@@ -141,11 +142,11 @@ def build(
 
     Raises:
         BadInput: a mode is not controllable or not observable, the weights give no regulator, or
-            gains given by hand have the wrong shape or do not stabilise the set point.
+            gains given by hand have the wrong shape or do not stabilise the operating point.
     """
     believed = plant.believed(settings.model)
-    model = joints_first(believed, set_point_of(plant, believed, settings.set_point))
-    rest = set_point_of(plant, model, settings.set_point)
+    model = joints_first(believed, operating_point_of(plant, believed, settings.operating_point))
+    rest = operating_point_of(plant, model, settings.operating_point)
     linear = model.linearise(rest)
     require_controllable(linear.state_matrix, linear.state_input_matrix, state_names(model))
     if settings.gains is None:

@@ -110,7 +110,7 @@ def slew(case: Case, start_pitch: float, stiffness: float = 1.0) -> tuple[Run, f
     elif case in ("tracking_a", "tracking_b", "rigid_hold"):
         middle = {"hub_pitch": 0.5 * (start_pitch + _PITCH)}
         # the observer of the paper and of its table
-        settings = OutputFeedback(mode=case, set_point=middle, observer="steady")
+        settings = OutputFeedback(mode=case, operating_point=middle, observer="steady")
         controller = output_feedback.build(settings, plant)
     return closed_loop(real, controller, plan.reference, 60.0), plan.end
 

@@ -49,7 +49,7 @@ def _gain_rows(gains: PiGains) -> list[dict[str, Any]]:
 
 @dataclass
 class _SteadyFilter:
-    """x+ = f(x, u) + K (y - C x), the prediction non-linear and the gain K that at the set point.
+    """x+ = f(x, u) + K (y - C x), the prediction non-linear, and K that of the operating point.
 
     Args:
         model: equations of motion.
@@ -129,7 +129,7 @@ _CASES: dict[str, tuple[FilterSettings | None, float, float]] = {
 def _rejection_rows(believed: CsaTestbed) -> list[dict[str, Any]]:
     """Return peak and time of a push of 5 N m at psi = 0, with three estimators."""
     model, plant = believed.model(), plant_of(believed)
-    rest = model.rest(believed.set_point)
+    rest = model.rest(believed.operating_point)
     rows = []
     for name, (sensors, peak, time) in _CASES.items():
         estimator: Estimator = _TrueState(model, np.array([_PUSH, 0.0]))
@@ -159,8 +159,8 @@ def pi_rows() -> list[dict[str, Any]]:
     settings, plant = ProportionalIntegral(), plant_of(believed)
     controller = proportional_integral.build(settings, plant)
     model = believed.model()
-    set_point = model.linearise(model.rest(believed.set_point))
-    rows = _gain_rows(proportional_integral.design(set_point, settings.weights))
+    operating_point = model.linearise(model.rest(believed.operating_point))
+    rows = _gain_rows(proportional_integral.design(operating_point, settings.weights))
     pushed = closed_loop(real, controller, _STILL, 150.0, disturbance=_PUSH, from_rest=True)
     pd = pd_feedforward.build(PdFeedforwardSettings(), plant)
     left = closed_loop(believed, pd, _STILL, 900.0, disturbance=_PUSH).state[-1, 0]

@@ -74,7 +74,13 @@ def time_optimal_rows() -> list[dict[str, Any]]:
             what = "t_f [s]" if k == len(times) - 1 else f"switch {k + 1} [s]"
             add(f"{name}: {what}", paper, reference, float(found), 1e-6)
         by_gradient = switch_time_optimisation(slew, linear_durations(slew)).durations
-        add(f"{name}: t_f by STO [s]", paper, times[-1], float(by_gradient.sum()), 1e-6)
+        add(
+            f"{name}: t_f by switching-time optimisation [s]",
+            paper,
+            times[-1],
+            float(by_gradient.sum()),
+            1e-6,
+        )
         holds = switching_function(slew, durations).holds
         add(f"{name}: Pontryagin holds", "", float(name != "hub, robust"), float(holds), 0.0)
     for name, low, high in (("time-optimal", 0.138505, 0.127333), ("robust", 0.0119410, 0.0106025)):

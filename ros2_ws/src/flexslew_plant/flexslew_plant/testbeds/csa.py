@@ -65,7 +65,7 @@ class CsaTestbed:
     initial: CsaInitial = CsaInitial()
     effort_limit: tuple[Positive, Positive] = (150.0, 150.0)  # [N m]
 
-    set_point: ClassVar[dict[str, float]] = {"hub_pitch": 0.5}
+    operating_point: ClassVar[dict[str, float]] = {"hub_pitch": 0.5}
     typical_goal: ClassVar[dict[str, float]] = {"base_yaw": 1.0, "hub_pitch": 0.5}
     simplified: ClassVar[dict[str, Any]] = {"modes": 1}
 

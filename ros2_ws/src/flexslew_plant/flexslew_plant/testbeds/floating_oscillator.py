@@ -53,7 +53,7 @@ class FloatingOscillatorTestbed:
     initial: FloatingOscillatorInitial = FloatingOscillatorInitial()
     effort_limit: tuple[Positive] = (1.0,)  # [N]
 
-    set_point: ClassVar[dict[str, float]] = {}
+    operating_point: ClassVar[dict[str, float]] = {}
     typical_goal: ClassVar[dict[str, float]] = {"mass": 1.0}
     simplified: ClassVar[dict[str, Any]] = {}
 

@@ -72,7 +72,7 @@ class HubTestbed:
     initial: HubInitial = HubInitial()
     effort_limit: tuple[Positive] = (2.0 * FOOT_POUND,)  # 2 ft lb [N m]
 
-    set_point: ClassVar[dict[str, float]] = {}
+    operating_point: ClassVar[dict[str, float]] = {}
     typical_goal: ClassVar[dict[str, float]] = {"hub": 1.0}
     simplified: ClassVar[dict[str, Any]] = {}
 

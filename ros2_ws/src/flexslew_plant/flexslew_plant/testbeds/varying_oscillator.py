@@ -51,7 +51,7 @@ class VaryingOscillatorTestbed:
     initial: VaryingOscillatorInitial = VaryingOscillatorInitial()
     effort_limit: tuple[Positive] = (1000.0,)  # [N]
 
-    set_point: ClassVar[dict[str, float]] = {}
+    operating_point: ClassVar[dict[str, float]] = {}
     typical_goal: ClassVar[dict[str, float]] = {"mass": 0.0}
     simplified: ClassVar[dict[str, Any]] = {}
 

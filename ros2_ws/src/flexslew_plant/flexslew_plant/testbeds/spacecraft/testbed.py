@@ -79,7 +79,7 @@ class SpacecraftTestbed:
     initial: dict[str, float] = field(default_factory=dict)  # by joint [rad or m]
     pointing_tolerance: Positive = 3.490658503988659e-4  # of an appendage: .02 deg [rad]
 
-    set_point: ClassVar[dict[str, float]] = {}
+    operating_point: ClassVar[dict[str, float]] = {}
     typical_goal: ClassVar[dict[str, float]] = {"roll": 0.5}
     simplified: ClassVar[dict[str, Any]] = {}
 
