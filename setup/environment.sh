@@ -6,6 +6,10 @@ if [ -z "${FLEXSLEW_INSTALLED_ROS:-}" ]; then
   export ROS_DISTRO=kilted ROS_VERSION=2 ROS_PYTHON_VERSION=3
 fi
 export ROS_AUTOMATIC_DISCOVERY_RANGE=${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}
+case ${ROS_DISTRO:-} in
+  jazzy) export FASTRTPS_DEFAULT_PROFILES_FILE=${FASTRTPS_DEFAULT_PROFILES_FILE:-$flexslew_root/setup/fastdds.xml} ;;
+  *) export FASTDDS_DEFAULT_PROFILES_FILE=${FASTDDS_DEFAULT_PROFILES_FILE:-$flexslew_root/setup/fastdds.xml} ;;
+esac
 export COLCON_PYTHON_EXECUTABLE=$flexslew_root/.venv/bin/python
 export PATH=$flexslew_root/.venv/bin:$PATH
 if [ -e "$flexslew_root/ros2_ws/install/local_setup.bash" ]; then

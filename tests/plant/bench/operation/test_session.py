@@ -168,6 +168,37 @@ def test_after_a_stall_the_controller_has_a_full_period_even_if_it_was_held_up_t
     assert lab.it.bench.drive.missed == 0
 
 
+@pytest.mark.parametrize("stall", [0.02, 0.1, 0.2])
+@pytest.mark.parametrize("rate", [1.0, 10.0, 100.0])
+def test_a_controller_that_a_busy_machine_held_up_keeps_the_bench(
+    stall: float, rate: float
+) -> None:
+    lab = Lab(rate=rate, max_missed=4).until(20)
+    lab.stopped.add("a")
+    end = lab.now + stall
+    while lab.now < end:
+        lab.poll()
+    lab.stopped.clear()
+    question = lab.it.bench.question
+    lab.waiting = [EffortCommand(question.tick, question.epoch, "a", ZERO)]
+    lab.until(200)
+    assert len(lab.kinds("missed")) <= 3
+    assert lab.kinds("brake", "fallback", "not_ready") == []
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0])
+def test_paced_a_dead_controller_loses_the_bench_within_half_a_second(rate: float) -> None:
+    lab = Lab(rate=rate, max_missed=4, fallback=("b",)).until(20)
+    lab.dead.add("a")
+    died = lab.now
+    while not lab.kinds("fallback"):
+        lab.poll()
+    assert lab.now - died < 0.5
+    assert len(lab.kinds("missed")) == 4
+    tick = lab.it.bench.tick
+    assert lab.until(tick + 20).kinds("fallback", "brake") == ["fallback"]
+
+
 def test_the_recorder_s_death_is_an_event_within_two_seconds_and_nobody_waits_for_it() -> None:
     lab = Lab(controllers=("a", "recorder")).until(10)
     lab.it.backlog.heard("recorder", 0, 0)

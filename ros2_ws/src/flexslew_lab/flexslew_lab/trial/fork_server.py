@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from threading import Lock
 
+from flexslew_lab.trial.shared_memory import require_shared_memory
 from flexslew_plant.errors import FlexslewError
 
 _LARGEST = 1 << 17  # of a request or a report [B]
@@ -30,9 +31,13 @@ class ForkServer:
 
     Args:
         modules: what nodes will run; others are imported when they are started.
+
+    Raises:
+        BadInput: they could not start on this machine.
     """
 
     def __init__(self, modules: Iterable[str]) -> None:
+        require_shared_memory()
         self._pipe, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             command = [sys.executable, "-m", __name__, str(theirs.fileno()), *sorted({*modules})]

@@ -26,6 +26,7 @@ from flexslew_lab.trial.outputs import WITHOUT, new_folder
 from flexslew_lab.trial.own_code import HASHES, own_code_of
 from flexslew_lab.trial.processes import node_processes, parameter_file
 from flexslew_lab.trial.promise import broken_promise
+from flexslew_lab.trial.shared_memory import require_shared_memory
 from flexslew_lab.trial.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import (
     Trial,
@@ -84,6 +85,8 @@ def run_trial(
         BadInput, PlanFailed: before anything was written.
     """
     folder = new_folder(trial.name, out)
+    if not in_process:
+        require_shared_memory()
     flight = _prepared(trial, source)
     own_metrics(trial.metrics, f"{source}: metrics")  # refused before anything is flown
     if flight.plan is not None and flight.plan.end > trial.duration:

@@ -75,6 +75,11 @@ class Drive:
         self.missed_in_a_row += 1
         return self.missed_in_a_row >= self._max_missed
 
+    @property
+    def last_chance(self) -> bool:
+        """Whether somebody else must take over if this tick is missed too."""
+        return bool(self.active) and self.missed_in_a_row + 1 >= self._max_missed
+
     def hand_over(self, controller: str) -> None:
         """Put a controller in charge; "" is the brake."""
         self.active = controller

@@ -3,6 +3,7 @@
 from math import inf
 
 REPEAT_AFTER = 0.1  # an unanswered question is asked again [wall s]
+LAST_CHANCE = 0.25  # paced, an answer that decides about the charge is waited for [wall s]
 BEHIND = 0.05  # further behind its schedule a paced run starts a new one [wall s]
 
 
@@ -10,9 +11,10 @@ class Pacing:
     """The wall clock's side of a run, without a clock of its own.
 
     Paced, a tick is over when its time has come and it is answered; without an answer not before
-    the question had its full period. Time during which the plant itself did not look at the clock
-    (a held-up process, a busy machine) counts against nobody. A run that is too far behind begins
-    a new schedule instead of catching up in a burst.
+    the question had its full period, and the last question before somebody else takes over has a
+    quarter of a second at least: a busy machine is not a dead controller. Time during which the
+    plant itself did not look at the clock (a process held up, a busy machine) counts against
+    nobody. A run that is too far behind begins a new schedule instead of catching up in a burst.
 
     Args:
         period: one tick [simulated s].
@@ -34,6 +36,7 @@ class Pacing:
         self.rate_factor = rate_factor
         self.paced = rate_factor > 0.0
         self._interval = self._period / rate_factor if self.paced else inf
+        self._allowed = self._interval  # for an answer [wall s]
         self._start, self._ticks = now, 1
         self._look_due = inf
 
@@ -64,16 +67,20 @@ class Pacing:
             self._repeat = now + REPEAT_AFTER
         return due
 
-    def tick_over(self, now: float, answered: bool, missed_in_a_row: int) -> bool:
+    def tick_over(
+        self, now: float, answered: bool, missed_in_a_row: int, last_chance: bool = False
+    ) -> bool:
         """Return whether the bench must advance now.
 
         Args:
             now: wall clock [s].
             answered: a valid answer is held.
             missed_in_a_row: ticks; nobody is waited for twice as long as the timeout.
+            last_chance: without an answer to this question somebody else takes over.
         """
+        self._allowed = max(self._interval, LAST_CHANCE * last_chance)
         if self.paced:
-            return now >= (self._due if answered else max(self._due, self._asked + self._interval))
+            return now >= (self._due if answered else max(self._due, self._asked + self._allowed))
         return answered or now - self._asked >= (REPEAT_AFTER if missed_in_a_row else self._timeout)
 
     def fall_behind(self, now: float) -> float:
@@ -86,7 +93,7 @@ class Pacing:
 
     def wait(self, now: float) -> float:
         """Return the wall seconds until one of the above can change by itself."""
-        over = self._due if now < self._due else self._asked + self._interval
+        over = self._due if now < self._due else self._asked + self._allowed
         self._look_due = max(now, min(over, self._repeat, self._asked + self._timeout))
         return self._look_due - now
 

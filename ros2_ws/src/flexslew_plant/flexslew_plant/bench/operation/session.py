@@ -79,7 +79,9 @@ class Session:
             for command in self._arrived():
                 bench.offer(command)
         self._look_around(now)
-        if self.pacing.tick_over(now, bench.answered, bench.drive.missed_in_a_row):
+        drive = bench.drive
+        last_chance = drive.last_chance and not self.reason(drive.active, now)
+        if self.pacing.tick_over(now, bench.answered, drive.missed_in_a_row, last_chance):
             if self._held_back(now):
                 return 0.005
             self._advance(now)

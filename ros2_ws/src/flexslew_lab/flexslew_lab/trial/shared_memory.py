@@ -1,0 +1,32 @@
+"""Whether nodes can start at all on the shared memory of this machine."""
+
+import os
+from pathlib import Path
+
+from flexslew_plant.errors import BadInput
+
+FOLDER = Path("/dev/shm")
+LEAST = 16 * 1024  # below it the tracing library under rclpy ends a process by SIGBUS [B]
+
+
+def require_shared_memory(folder: Path = FOLDER) -> None:
+    """Refuse to start nodes where they would die without a word.
+
+    With less than about 1 MB for each node DDS takes UDP for all that it sends, which is slower.
+
+    Args:
+        folder: where the system keeps it; without one DDS takes UDP.
+
+    Raises:
+        BadInput: it is there, and full.
+    """
+    try:
+        state = os.statvfs(folder)
+    except FileNotFoundError:
+        return
+    free = state.f_bavail * state.f_frsize
+    if free < LEAST:
+        raise BadInput(
+            f"{folder}: {free} bytes are free, and nodes need {LEAST}: remove what is left there, "
+            "give a container more (--shm-size 64m), or fly with --in-process"
+        )

@@ -1,0 +1,140 @@
+"""A node beside a flight: it counts the ticks and asks for what an operator may ask for."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Event
+from typing import Any
+
+import rclpy
+from flexslew_msgs.msg import Measurement
+from flexslew_msgs.srv import SwitchController
+
+from flexslew_lab.log.recording.recording_order import tick_and_epoch
+from flexslew_plant.ros.offers import qos
+from flexslew_plant.topics import MEASUREMENT, TOPICS
+
+PATIENCE = 60.0  # on a busy machine [wall s]
+_BUSY = "import os\nwhile os.getppid() == {}: pass"
+_SLEEPER = """
+import select, sys, time
+longest, at = 0.0, time.monotonic()
+while not select.select([sys.stdin], [], [], 0.002)[0]:
+    now = time.monotonic()
+    longest, at = max(longest, now - at - 0.002), now
+print(longest)
+"""
+
+
+class Bystander:
+    """Hears every question of a bench.
+
+    Args:
+        domain: ROS_DOMAIN_ID of the bench.
+    """
+
+    def __init__(self, domain: int) -> None:
+        self.heard = 0  # questions
+        self.tick = -1  # of the newest
+        self._context = rclpy.Context()
+        self._context.init(domain_id=domain)
+        self._node = rclpy.create_node("bystander", context=self._context)
+        self._executor = rclpy.executors.SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._node.create_subscription(
+            Measurement, MEASUREMENT, self._hear, qos(TOPICS[MEASUREMENT]), raw=True
+        )
+
+    def _hear(self, data: bytes) -> None:
+        self.heard += 1
+        self.tick = max(self.tick, tick_and_epoch(data)[0])
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        """Listen until something is true."""
+        for _ in range(int(PATIENCE / 0.02)):
+            if condition():
+                return
+            self._executor.spin_once(timeout_sec=0.02)
+        raise AssertionError("it never happened")
+
+    def listen(self, seconds: float) -> None:
+        """Take what comes in one moment, if anything does."""
+        self._executor.spin_once(timeout_sec=seconds)
+
+    def pass_by(self, ticks: int) -> int:
+        """Return the newest tick after so many ticks."""
+        end = self.tick + ticks
+        self.until(lambda: self.tick >= end)
+        return self.tick
+
+    def ask(self, kind: Any, name: str, **request: Any) -> Any:
+        """Return the answer of a service."""
+        client = self._node.create_client(kind, name)
+        assert client.wait_for_service(timeout_sec=PATIENCE), name
+        future = client.call_async(kind.Request(**request))
+        self.until(future.done)
+        return future.result()
+
+    def swap(self, controller: str) -> None:
+        """Have another controller in charge, as soon as it is ready."""
+
+        def swapped() -> bool:
+            answer = self.ask(SwitchController, "switch_controller", controller=controller)
+            return bool(answer.ok)
+
+        self.until(swapped)
+
+    def close(self) -> None:
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+@contextmanager
+def beside(domain: int) -> Iterator[Bystander]:
+    """Yield a bystander of the bench in this domain."""
+    one = Bystander(domain)
+    try:
+        yield one
+    finally:
+        one.close()
+
+
+@contextmanager
+def busy(processes: int) -> Iterator[None]:
+    """Keep the processors busy with so many processes."""
+    command = [sys.executable, "-S", "-c", _BUSY.format(os.getpid())]
+    load = [subprocess.Popen(command, start_new_session=True) for _ in range(processes)]
+    try:
+        yield
+    finally:
+        for process in load:
+            process.kill()
+            process.wait()
+
+
+class Sleeper:
+    """A process that only sleeps, 2 ms at a time: how long a processor may keep one waiting."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-S", "-c", _SLEEPER],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+
+    def longest(self) -> float:
+        """End it; return the longest time that it overslept [wall s]."""
+        said, _ = self._process.communicate("")
+        return float(said)
+
+
+def stall(pid: int, seconds: float) -> None:
+    """Hold a process up for so long [wall s]."""
+    os.kill(pid, signal.SIGSTOP)
+    Event().wait(seconds)
+    os.kill(pid, signal.SIGCONT)
