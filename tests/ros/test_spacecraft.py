@@ -3,7 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.check import check
@@ -61,6 +64,28 @@ def test_a_spacecraft_flies_over_ros_as_in_process(name: str, tmp_path: Path) ->
     assert resim(flight.bag).identical
     assert check(flight.bag, "pd_feedforward").ok
     assert BagReader(flight.bag).overview.cut is None
+    shown = platform_poses(flight.bag, trial.period)
+    truth = BagReader(flight.bag).columns("/truth", {"tick", "position"})
+    assert len(shown) > 10
+    for tick, pose in shown.items():
+        row = truth["position"][np.searchsorted(truth["tick"], tick)]
+        np.testing.assert_allclose(pose, row[:7], atol=1e-12)
+
+
+def platform_poses(bag: Path, period: float) -> dict[int, list[float]]:
+    """Return the platform's place and quaternion in /tf by tick; all frames lead to the world."""
+    found = {}
+    with next(bag.glob("*.mcap")).open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, _, _, ros in reader.iter_decoded_messages(topics=["/tf"]):
+            parents = {t.child_frame_id: t.header.frame_id for t in ros.transforms}
+            assert {*parents.values()} - {*parents} == {"world"}
+            (platform,) = [t for t in ros.transforms if t.child_frame_id == "platform"]
+            at, pose = platform.header.stamp, platform.transform
+            place = [getattr(pose.translation, axis) for axis in "xyz"]
+            turn = [getattr(pose.rotation, axis) for axis in "xyzw"]
+            found[round((at.sec + 1e-9 * at.nanosec) / period)] = place + turn
+    return found
 
 
 @pytest.mark.parametrize("name", ["scole_s_b", "scole_s_rigid", "scole_s_open"])
