@@ -8,6 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from flexslew_plant.cache_names import recognised
 from flexslew_plant.compile_lock import one_at_a_time
 
 Vector: TypeAlias = NDArray[np.float64]  # one index
@@ -24,7 +25,7 @@ def compiled(function: _Function) -> _Function:
     inputs give the same bits in every process of one machine.
     """
     kept = numba.njit(cache=True, error_model="numpy")(function)
-    return cast(_Function, one_at_a_time(kept))
+    return cast(_Function, one_at_a_time(recognised(kept)))
 
 
 def compiled_as(signature: Any) -> Callable[[_Function], _Function]:
@@ -54,7 +55,7 @@ def compiled_as(signature: Any) -> Callable[[_Function], _Function]:
 
 def inlined(function: _Function) -> _Function:
     """Return function for use inside compiled ones, where its body replaces the call."""
-    return cast(_Function, numba.njit(inline="always", error_model="numpy")(function))
+    return cast(_Function, recognised(numba.njit(inline="always", error_model="numpy")(function)))
 
 
 def called(function: _Function) -> _Function:
@@ -62,7 +63,7 @@ def called(function: _Function) -> _Function:
 
     For what is called from many places: `inlined` would compile its body for each of them.
     """
-    return cast(_Function, numba.njit(error_model="numpy")(function))
+    return cast(_Function, recognised(numba.njit(error_model="numpy")(function)))
 
 
 def vectorised(function: _Function) -> _Function:
@@ -72,4 +73,4 @@ def vectorised(function: _Function) -> _Function:
     lane is still computed alike, wherever it stands.
     """
     options = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
-    return cast(_Function, one_at_a_time(numba.njit(**options)(function)))
+    return cast(_Function, one_at_a_time(recognised(numba.njit(**options)(function))))

@@ -11,6 +11,7 @@ from pydantic.dataclasses import dataclass
 from flexslew_plant.errors import BadInput
 
 _T = TypeVar("_T")
+_ADAPTERS: dict[type, TypeAdapter[Any]] = {}
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -46,14 +47,23 @@ def validated(kind: Any, values: Any, source: str) -> Any:
         BadInput: the first wrong key, with its value and what is allowed.
     """
     try:
-        return TypeAdapter(kind).validate_python(values)
+        return _adapter(kind).validate_python(values)
     except ValidationError as error:
         raise BadInput(_one_line(error, kind, values, source)) from None
 
 
 def plain(section_value: Any) -> Any:
     """Return a section as the dictionaries, lists and scalars that YAML holds."""
-    return TypeAdapter(type(section_value)).dump_python(section_value, mode="json")
+    return _adapter(type(section_value)).dump_python(section_value, mode="json")
+
+
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    """Return what checks a type; that of a section is made once."""
+    if not isinstance(kind, type):
+        return TypeAdapter(kind)
+    if kind not in _ADAPTERS:
+        _ADAPTERS[kind] = TypeAdapter(kind)
+    return _ADAPTERS[kind]
 
 
 def load_yaml(text: str, source: str) -> Any:

@@ -134,12 +134,12 @@ def test_a_step_of_all_lanes_is_that_of_the_model(variant: Any) -> None:
     rng = np.random.default_rng(2)
     x = 0.3 * rng.standard_normal((2 * model.coordinates, LANES))
     effort = 50.0 * rng.standard_normal((2, LANES))
-    constants = kernel.constants(np.repeat(model.packed[:, None], LANES, axis=1))
-    after, work = x.ravel().copy(), np.empty(kernel.scratch * x.size)
-    kernel.advance(constants, 0.0, effort.ravel().copy(), 0.01, 1, after, work)
+    w = kernel.place(np.repeat(model.packed[:, None], LANES, axis=1))
+    w[: x.size], w[x.size : x.size + effort.size] = x.ravel(), effort.ravel()
+    kernel.advance(0.0, 0.01, 1, w)
     for k in range(0, LANES, 9):
         expected = model.advance(x[:, k].copy(), effort[:, k].copy(), 0.01)
-        assert np.abs(after.reshape(x.shape)[:, k] - expected).max() <= 1e-10
+        assert np.abs(w[: x.size].reshape(x.shape)[:, k] - expected).max() <= 1e-10
 
 
 def test_steps_shrink_with_the_highest_frequency() -> None:

@@ -10,7 +10,7 @@ from types import FrameType
 
 INTERRUPTED = 130  # exit code
 SOON = 1.5  # until the process ends, whatever holds it up [wall s]
-NODES = 30.0  # the same where nodes have to close their files [wall s]
+NODES = 30.0  # the same where files have to be closed [wall s]
 _patience = SOON
 
 

@@ -2,22 +2,14 @@
 
 import json
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
+from flexslew_lab.cli.interrupt import NODES, patient
 from flexslew_lab.cli.log import Json, demand
+from flexslew_lab.cli.study_words import progress, side_by_side, tell
 from flexslew_lab.cli.terminal import print_table, screen, short
 from flexslew_plant.errors import BadInput
 
@@ -72,7 +64,7 @@ def run(
     folder = out or default_folder(wanted, part)
     executor = _executor(ready, workers, dask)
     try:
-        with _progress(wanted.settings.study) as advance:
+        with progress(wanted.settings.study) as advance, patient(NODES):
             store = run_study(ready, folder, executor, part, retry is not None, advance)
     finally:
         executor.close()
@@ -83,7 +75,7 @@ def run(
         return
     found = finished(wanted, store)
     keep_worst(wanted, store, found, screen.print)
-    _tell(found, as_json)
+    tell(found, as_json)
     demand(passed(found))
 
 
@@ -139,11 +131,11 @@ def report(
         page.write_text(comparison_page(opened, found), encoding="utf-8")
     screen.print(f"written {page}")
     if len(found) == 1:
-        _tell(found[0] | {"report": str(page)}, as_json)
+        tell(found[0] | {"report": str(page)}, as_json)
     elif as_json:
         print(json.dumps(found, indent=2))
     else:
-        _side_by_side(found)
+        side_by_side(found)
     demand(all(map(passed, found)))
 
 
@@ -199,7 +191,7 @@ def merge(
 
     joined = merged(folders, out)
     found = finished(*joined)
-    _tell(found, as_json)
+    tell(found, as_json)
     demand(passed(found))
 
 
@@ -274,72 +266,3 @@ def _shard(text: str | None) -> "Shard":
     if not (slash and number.isdigit() and of.isdigit() and 1 <= int(number) <= int(of)):
         raise BadInput(f"--shard: {text} is not allowed: I/N with I from 1 to N, such as 1/4")
     return Shard(int(number), int(of))
-
-
-@contextmanager
-def _progress(name: str) -> Iterator[Callable[[int, int], None]]:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=screen, transient=True, speed_estimate_period=60.0) as bar:
-        task = bar.add_task(f"{name} [dim]trials[/dim]", total=None)
-        yield lambda done, wanted: bar.update(task, completed=done, total=wanted)
-
-
-def _tell(found: dict[str, Any], as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(found, indent=2))
-        return
-    rate = found["trials_per_second"]
-    rows = [
-        ("trials", f"{found['trials']} of {found['planned']}, {found['failed']} failed"),
-        ("wall time", f"{short(found['wall_time'])} s, {short(rate)} trials/s"),
-        ("flown by", short(found["ways"])),
-        ("bounds from", found["sampling"]["bounds"]),
-        ("table", found["table"]),
-        ("report", found.get("report", "-")),
-    ]
-    print_table(("", found["study"]), rows)
-    lines = []
-    for name, metric in found["metrics"].items():
-        if "." in name:
-            continue
-        quantiles = metric["quantiles"]
-        lines.append((name, short(metric["mean"]), *(_bounded(q) for q in quantiles.values())))
-    print_table(("metric", "mean", "median", "90 %", "99 %"), lines)
-    for row in found["criteria"]:
-        _tell_criterion(row)
-
-
-def _tell_criterion(row: dict[str, Any]) -> None:
-    side = f"below {row['below']:g}" if row["below"] is not None else f"above {row['above']:g}"
-    who = f" ({row['variant']})" if row["variant"] else ""
-    words = f"{row['metric']} {side}{who}: {row['successes']} of {row['trials']}"
-    if row["probability"] is not None:
-        low = "no bound" if row["lower_bound"] is None else f"at least {row['lower_bound']:.5f}"
-        words += (
-            f", {low} at {100 * row['confidence']:g} %, asked {row['probability']:g}; "
-            f"so many failures need {row['needed']} trials"
-        )
-    screen.print(f"[{'green]passed' if row['passed'] else 'red]not shown'}[/] {words}")
-
-
-def _bounded(bounds: list[float | None]) -> str:
-    low, estimate, high = (short(x) for x in bounds)
-    return f"{estimate} [{low}, {high}]"
-
-
-def _side_by_side(found: list[dict[str, Any]]) -> None:
-    first, second = found
-    lines = []
-    for name, metric in first["metrics"].items():
-        if "." in name or name not in second["metrics"]:
-            continue
-        q = [m["quantiles"]["0.99"] for m in (metric, second["metrics"][name])]
-        lines.append((name, _bounded(q[0]), _bounded(q[1])))
-    print_table(("99 % of", first["study"], second["study"]), lines)

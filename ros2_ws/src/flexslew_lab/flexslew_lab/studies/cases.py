@@ -9,7 +9,7 @@ import pyarrow as pa
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import PLANNERS
 from flexslew_lab.studies.sampling.methods import Samples, drawn
-from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.study import Nominal, Study
 from flexslew_lab.trial.overrides import overridden, value_at
 from flexslew_lab.trial.trial import Trial, feedback_of, law_of, trial_of_values
 from flexslew_plant.errors import BadInput
@@ -85,31 +85,31 @@ def changes_of(study: Study, case: Case) -> dict[str, Any]:
     return changes
 
 
-def trial_values(study: Study, case: Case) -> dict[str, Any]:
-    """Return the whole trial of a case as plain data, ready for a trial file.
+def case_trial(study: Study, case: Case) -> Trial:
+    """Return the trial of a case.
 
     Controllers that never take charge are left out: they change nothing. Without `replan`, what
     planner and controllers believe of the bench is written out, so it stays the nominal one.
-    """
-    if case.variant not in study.nominal:
-        variant = study.variants[case.variant]
-        whole = _flying(overridden(study.base, variant.changes))
-        believes = not study.settings.replan
-        study.nominal[case.variant] = _believing(whole, study.source) if believes else whole
-    nominal = study.nominal[case.variant]
-    name = f"{study.settings.study}-{max(case.number, 0)}"
-    return overridden(
-        nominal, changes_of(study, case) | {"seed": case.seed, "name": name, "rate_factor": 0.0}
-    )
-
-
-def case_trial(study: Study, case: Case) -> Trial:
-    """Return the trial of a case.
+    Sections that no sample changes are those of the nominal trial, which was checked already.
 
     Raises:
         BadInput: the sample's values are not allowed together.
     """
-    return trial_of_values(trial_values(study, case), f"{study.source}: trial {case.number}")
+    source = f"{study.source}: trial {case.number}"
+    if case.variant not in study.nominal:
+        variant = study.variants[case.variant]
+        whole = _flying(overridden(study.base, variant.changes))
+        values = whole if study.settings.replan else _believing(whole, study.source)
+        study.nominal[case.variant] = Nominal(values, trial_of_values(values, study.source))
+    nominal = study.nominal[case.variant]
+    changes = changes_of(study, case)
+    touched = {key: nominal.values[key] for key in {path.split(".")[0] for path in changes}}
+    alike = {key: value for key, value in vars(nominal.trial).items() if key in nominal.values}
+    changed = overridden(touched, changes)
+    name = f"{study.settings.study}-{max(case.number, 0)}"
+    return trial_of_values(
+        alike | changed | {"seed": case.seed, "name": name, "rate_factor": 0.0}, source
+    )
 
 
 def _flying(values: dict[str, Any]) -> dict[str, Any]:

@@ -47,15 +47,19 @@ class Plans:
 
     made: dict[str, Plan | FlexslewError] = field(default_factory=dict)
 
-    def of(self, trial: Trial) -> Plan | None:
+    def of(self, trial: Trial, key: str | None = None) -> Plan | None:
         """Return the trial's plan.
+
+        Args:
+            trial: that flies it.
+            key: its plan_key, if that is known already.
 
         Raises:
             BadInput, PlanFailed: see make_plan.
         """
         if trial.plan is None:
             return None
-        found = self.made.get(plan_key(trial)) or _made(trial)
+        found = self.made.get(key or plan_key(trial)) or _made(trial)
         if isinstance(found, FlexslewError):
             raise found
         return found
@@ -143,6 +147,9 @@ def columns_of(metrics: dict[str, Any]) -> dict[str, float | None]:
     found: dict[str, float | None] = {}
     for name, value in metrics.items():
         if name in _LEFT_OUT:
+            continue
+        if value is None or isinstance(value, float):  # most of them
+            found[name] = value
             continue
         parts = flat({name: value})
         if name not in parts:

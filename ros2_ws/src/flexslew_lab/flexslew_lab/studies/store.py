@@ -5,7 +5,6 @@ leaves whole parts alone. Where a trial stands in several parts the last one cou
 """
 
 import errno
-import fcntl
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 from flexslew_lab.studies.flight import Flown
 from flexslew_plant.errors import BadInput, RunFault
+from flexslew_plant.file_lock import lock_file
 
 _SAMPLES, _TABLE, _IDENTITY, _PARTS = "samples.parquet", "table.parquet", "study.json", "parts"
 _LOCK = ".writing"
@@ -80,7 +80,8 @@ class Store:
 
     def create(self, identity: dict[str, Any], samples: pa.Table) -> None:
         """Write the samples and what they are of, before anything is flown."""
-        (self.folder / _PARTS).mkdir(parents=True, exist_ok=True)
+        with _told(self.folder / _PARTS):
+            (self.folder / _PARTS).mkdir(parents=True, exist_ok=True)
         self._put(self.folder / _SAMPLES, lambda path: pq.write_table(samples, path))
         text = json.dumps(identity, indent=2) + "\n"
         self._put(self.folder / _IDENTITY, lambda path: path.write_text(text))
@@ -92,16 +93,14 @@ class Store:
         Raises:
             BadInput: somebody writes here already.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        handle = os.open(self.folder / _LOCK, os.O_CREAT | os.O_RDWR, 0o644)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(handle)
+        with _told(self.folder / _LOCK):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            handle = lock_file(self.folder / _LOCK)
+        if handle is None:
             raise BadInput(
                 f"{self.folder}: another run of a study writes here; end it first or choose "
                 "another folder with --out"
-            ) from None
+            )
         try:
             yield
         finally:
@@ -237,24 +236,39 @@ class Store:
             RunFault: the disk is full.
         """
         half = place.with_name(place.name + ".half")
-        try:
-            write(half)
-            with half.open("rb+") as file:
-                os.fsync(file.fileno())
-            half.rename(place)
-            folder = os.open(place.parent, os.O_RDONLY)
+        with _told(place):
             try:
-                os.fsync(folder)
-            finally:
-                os.close(folder)
-        except OSError as error:
-            half.unlink(missing_ok=True)
-            if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-                raise BadInput(f"{place}: cannot be written: {error}") from None
-            raise RunFault(
-                f"{place.parent}: no space left on the disk; everything flown until the last part "
-                "is there; make room and run the study again"
-            ) from None
+                write(half)
+                with half.open("rb+") as file:
+                    os.fsync(file.fileno())
+                half.rename(place)
+                folder = os.open(place.parent, os.O_RDONLY)
+                try:
+                    os.fsync(folder)
+                finally:
+                    os.close(folder)
+            except OSError:
+                half.unlink(missing_ok=True)
+                raise
+
+
+@contextmanager
+def _told(place: Path) -> Iterator[None]:
+    """Say in one line why something cannot be written.
+
+    Raises:
+        RunFault: the disk is full.
+        BadInput: anything else.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise BadInput(f"{place}: cannot be written: {error}") from None
+        raise RunFault(
+            f"{place.parent}: no space left on the disk; everything flown until the last part "
+            "is there; make room and run the study again"
+        ) from None
 
 
 def _span(part: Path) -> tuple[int, int]:

@@ -14,7 +14,7 @@ from flexslew_lab.studies.sampling.distributions import Distribution, distributi
 from flexslew_lab.studies.sampling.methods import METHODS, Sampling, check_sampling, list_of
 from flexslew_lab.trial.overrides import value_at
 from flexslew_lab.trial.sources import trial_path
-from flexslew_lab.trial.trial import load_trial
+from flexslew_lab.trial.trial import Trial, load_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, load_yaml, plain, section, validated
 
@@ -95,6 +95,13 @@ class Variant(NamedTuple):
     changes: dict[str, Any]
 
 
+class Nominal(NamedTuple):
+    """A trial without a sample."""
+
+    values: dict[str, Any]  # plain data
+    trial: Trial
+
+
 class Study(NamedTuple):
     """A study file with everything that it refers to."""
 
@@ -105,7 +112,7 @@ class Study(NamedTuple):
     varied: tuple[Varied, ...]
     variants: tuple[Variant, ...]
     listed: tuple[NDArray[np.float64], ...]  # columns of a list, by varied value
-    nominal: dict[int, dict[str, Any]]  # trials by variant, without a sample; filled on first use
+    nominal: dict[int, Nominal]  # trials by variant, without a sample; filled on first use
 
 
 def study_path(name: str) -> Path:

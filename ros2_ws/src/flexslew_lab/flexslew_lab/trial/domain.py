@@ -1,6 +1,5 @@
 """A ROS domain of one's own, so that two runs on one machine do not meet; and which are in use."""
 
-import fcntl
 import os
 import tempfile
 from collections.abc import Iterator
@@ -8,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from flexslew_plant.errors import BadInput, FlexslewError
+from flexslew_plant.file_lock import lock_file
 
 _HIGHEST = 101  # above it the ports of DDS meet the ephemeral ones of Linux
 _LAST = 232  # that DDS knows
@@ -67,29 +67,23 @@ def domains_in_use() -> dict[int, str]:
     for path in _folder().glob("flexslew_domain_*.lock"):
         number = path.stem.rpartition("_")[2]
         try:
-            handle = os.open(path, os.O_RDWR)
+            handle = lock_file(path, create=False)
+            if handle is None:
+                found[int(number)] = path.read_text(errors="replace").strip()
+            else:
+                os.close(handle)
         except OSError:
             continue  # another user's
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            found[int(number)] = os.read(handle, 200).decode(errors="replace").strip()
-        finally:
-            os.close(handle)
     return dict(sorted(found.items()))
 
 
 def _locked(number: int, what: str) -> int | None:
     """Return the open lock of a domain; None where another run holds it."""
-    path = _folder() / f"flexslew_domain_{number}.lock"
     try:
-        handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
+        handle = lock_file(_folder() / f"flexslew_domain_{number}.lock", 0o666)
     except OSError:
         return None  # another user's
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(handle)
+    if handle is None:
         return None
     os.ftruncate(handle, 0)
     os.pwrite(handle, what.encode()[:200], 0)

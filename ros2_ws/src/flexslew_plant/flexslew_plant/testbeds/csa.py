@@ -9,6 +9,7 @@ Variants:
 """
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -71,28 +72,13 @@ class CsaTestbed:
 
     def model(self) -> Model:
         """Return the equations of motion."""
-        return Model(
-            KERNELS,
-            packed(self),
-            JOINTS,
-            JOINT_UNITS,
-            self.modes,
-            self._appendages(),
-            scale_stiffness=stiffened,
-        )
+        return _model(self)
 
     def lanes(self) -> LaneKernel:
         """Return how many of it fly at once; see lanes.Laned."""
         from flexslew_plant.testbeds import csa_lanes
 
         return csa_lanes.lane_kernel(self.modes)
-
-    def _appendages(self) -> Appendages:
-        """Return two beams that bend antisymmetrically (3): their tips are opposite in y."""
-        root = beam(self).shape(np.zeros(1), derivative=2)[:, 0]
-        sides = np.array([[1.0], [-1.0]])
-        tips = sides * np.ones(self.modes)
-        return Appendages(("beam_positive", "beam_negative"), tips, sides * root)
 
     def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "CsaTestbed":
         """Return it with other beams (EI) and another hub (I_1 and I_2), as factors [-]."""
@@ -162,6 +148,27 @@ class CsaTestbed:
         b = beam(self)
         shapes = b.shape(np.linspace(0.0, b.length, POINTS))
         return turntable(self.kind, JOINTS, self.parameters.hub_radius, b.length, shapes)
+
+
+@lru_cache
+def _model(testbed: CsaTestbed) -> Model:
+    return Model(
+        KERNELS,
+        packed(testbed),
+        JOINTS,
+        JOINT_UNITS,
+        testbed.modes,
+        _appendages(testbed.parameters.length, testbed.modes),
+        scale_stiffness=stiffened,
+    )
+
+
+@lru_cache
+def _appendages(length: float, modes: int) -> Appendages:
+    """Return two beams that bend antisymmetrically (3): their tips are opposite in y."""
+    root = ClampedFreeBeam(length, 1.0, 1.0, modes).shape(np.zeros(1), derivative=2)[:, 0]
+    sides = np.array([[1.0], [-1.0]])
+    return Appendages(("beam_positive", "beam_negative"), sides * np.ones(modes), sides * root)
 
 
 def beam(testbed: CsaTestbed) -> ClampedFreeBeam:

@@ -8,18 +8,16 @@ from flexslew_plant.testbeds.contract import Testbed
 
 LANES = 64  # trials side by side: states and slopes just fit into the first cache
 
-# (c, t, effort, dt, steps, x, work): replaces the states x by those dt after t [s] with the efforts
-# held, in so many equal steps. Flat arrays of rows of LANES: c from `constants`, efforts, states
-# [q, v] in and out, and `scratch` times as many entries as there are states
-Advance: TypeAlias = Callable[[Vector, float, Vector, float, int, Vector, Vector], None]
+# (t, dt, steps, w): replaces the states by those dt after t [s] with the efforts held, in so many
+# equal steps. w is flat, rows of LANES: states [q, v], efforts, and what `place` puts behind them
+Advance: TypeAlias = Callable[[float, float, int, Vector], None]
 
 
 class LaneKernel(NamedTuple):
     """How a testbed flies in lanes."""
 
     advance: Advance
-    scratch: int
-    constants: Callable[[Matrix], Vector]  # from packed parameters, shape (P, LANES)
+    place: Callable[[Matrix], Vector]  # its array at rest, from packed parameters, (P, LANES)
     steps: Callable[[Vector, float], int]  # that a tick needs, from packed parameters and the tick
 
 

@@ -1,11 +1,11 @@
 """One recorder a folder: a lock that the system drops when its process ends."""
 
 import errno
-import fcntl
 import os
 from pathlib import Path
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.file_lock import lock_file
 
 LOCK_FILE = ".recording"
 
@@ -17,18 +17,15 @@ def lock_folder(folder: Path) -> int:
         BadInput: another recorder has it.
     """
     try:
-        handle = os.open(folder / LOCK_FILE, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o644)
+        handle = lock_file(folder / LOCK_FILE)
     except OSError as error:
         if error.errno in (errno.ELOOP, errno.EISDIR):
             raise BadInput(f"{folder / LOCK_FILE}: is no file of ours; remove it") from None
         raise
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
+    if handle is None:
         raise BadInput(
             f"{folder}: another recorder writes here; choose another folder or end it first"
-        ) from None
+        )
     return handle
 
 

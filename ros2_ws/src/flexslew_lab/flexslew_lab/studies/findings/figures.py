@@ -146,7 +146,7 @@ def _map_of_all(
     figure = make_subplots(
         rows=tall,
         cols=wide,
-        subplot_titles=[label for label, _ in drawn],
+        subplot_titles=[label.replace(", ", "<br>") for label, _ in drawn],  # narrow, not to touch
         shared_xaxes=True,
         shared_yaxes=True,
         horizontal_spacing=0.02,

@@ -89,13 +89,14 @@ class Lanes:
         aim, goal = aim_of(first, form)
         lanes = [group[min(k, len(group) - 1)] for k in range(LANES)]  # the last one fills up
         packed = np.array([lane.model.packed for lane in lanes]).T
-        x = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T.ravel()
+        at_rest = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
+        w = first.kernel.place(np.ascontiguousarray(packed))
+        w[: at_rest.size] = at_rest.ravel()
         counted = _nothing_yet(m)
         lane_loop(first.kernel, sizes, observer.observe)(
-            first.kernel.constants(np.ascontiguousarray(packed)),
+            w,
             first.trial.period,
             first.steps,
-            x,
             schedule,
             Matrices(*(np.ascontiguousarray(getattr(form, name)) for name in Matrices._fields)),
             aim,
@@ -110,7 +111,7 @@ class Lanes:
             counted,
         )
         results, lost = [], []
-        state = x.reshape(-1, LANES)
+        state = w[: at_rest.size].reshape(-1, LANES)
         for k, passenger in enumerate(group):
             if not (np.abs(state[:, k]) < _FAR).all():
                 lost.append(passenger.case)

@@ -81,14 +81,14 @@ Loop = Callable[..., None]
 def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (constants, dt, steps, x, Schedule, Matrices, Aim, gains, integral, unwinding, error,
-    observer, z, memory, filled, Counted): `gains` kp, ki, kd, flat; `error` of the readings,
-    (ticks + 1 or 1, outputs LANES); x, z, memory and Counted in and out; `observer` as `observe`
-    wants it, which is asked for the first `filled` lanes at least.
+    It takes (w, dt, steps, Schedule, Matrices, Aim, gains, integral, unwinding, error, observer, z,
+    memory, filled, Counted): w of lanes.Advance, beginning with the states; `gains` kp, ki, kd,
+    flat; `error` of the readings, (ticks + 1 or 1, outputs LANES); w, z, memory and Counted in and
+    out; `observer` as `observe` wants it, which is asked for the first `filled` lanes at least.
     """
     m, modes, nz, ny, tips = sizes
     n = m + modes
-    advance, scratch = kernel.advance, kernel.scratch
+    advance = kernel.advance
 
     @vectorised
     def read(k: int, x: Vector, tip: Matrix, error: Matrix, y: Vector) -> None:
@@ -203,10 +203,9 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
 
     @vectorised
     def loop(
-        constants: Vector,
+        w: Vector,
         dt: float,
         steps: int,
-        x: Vector,
         schedule: Any,
         law: Any,
         aim: Any,
@@ -221,8 +220,8 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
         counted: Any,
     ) -> None:
         ticks = schedule.demand.shape[0]
-        work = np.empty(scratch * 2 * n * LANES)
-        u, total = np.zeros(m * LANES), np.empty(m * LANES)
+        x, total = w[: 2 * n * LANES], w[2 * n * LANES : (2 * n + m) * LANES]
+        u = np.zeros(m * LANES)
         y, earlier = np.zeros(ny * LANES), np.zeros(ny * LANES)
         s = np.zeros(m * LANES)
         seen = False
@@ -239,7 +238,7 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
                 pushed = schedule.disturbance[k, i]
                 for lane in range(LANES):
                     total[i * LANES + lane] = u[i * LANES + lane] + pushed
-            advance(constants, k * dt, total, dt, steps, x, work)
+            advance(k * dt, dt, steps, w)
         measure(ticks, schedule, aim, x, u, seen, counted)
 
     return cast(Loop, loop)

@@ -38,21 +38,16 @@ def passenger_of(study: Study, plans: Plans, case: Case) -> Passenger | None:
         trial = case_trial(study, case)
         if not _simple(trial):
             return None
-        kernel, plan = lane_kernel(trial.testbed), plans.of(trial)
+        asked = plan_key(trial)
+        kernel, plan = lane_kernel(trial.testbed), plans.of(trial, asked)
         if kernel is None or plan is None or not _linear(trial):
             return None
     except FlexslewError:
         return None  # the bench says why
     model = trial.testbed.model()
-    return Passenger(
-        case,
-        trial,
-        plan,
-        model,
-        kernel,
-        kernel.steps(model.packed, trial.period),
-        _alike(trial, model, kernel.steps(model.packed, trial.period)),
-    )
+    steps = kernel.steps(model.packed, trial.period)
+    alike = _alike(trial, model, steps, asked)
+    return Passenger(case, trial, plan, model, kernel, steps, alike)
 
 
 def _simple(trial: Trial) -> bool:
@@ -74,7 +69,7 @@ def _linear(trial: Trial) -> bool:
     return law in CONTROLLERS
 
 
-def _alike(trial: Trial, model: Model, steps: int) -> str:
+def _alike(trial: Trial, model: Model, steps: int, plan: str) -> str:
     """Return everything that trials in lanes beside each other must share, as text."""
     law, own = law_of(trial.active, trial.controllers[trial.active] or {})
     if law in COLLOCATED:
@@ -82,7 +77,7 @@ def _alike(trial: Trial, model: Model, steps: int) -> str:
     shared = [
         law,
         own,
-        plan_key(trial),
+        plan,
         trial.period,
         trial.duration,
         list(trial.testbed.effort_limit),

@@ -1,0 +1,130 @@
+"""What a terminal shows of a study: how far it is, and what it found."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from time import monotonic
+from typing import Any
+
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from flexslew_lab.cli.terminal import print_table, say, screen, short
+
+_OFTEN = 30.0  # between two lines where no bar can be drawn [wall s]
+
+
+@contextmanager
+def progress(name: str) -> Iterator[Callable[[int, int], None]]:
+    """Show how far a study is and how long it will take, during a block that reports it.
+
+    A bar on a terminal; else, in the log of a batch queue, a line now and then.
+    """
+    if not screen.is_terminal:
+        yield _Lines(name)
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=screen, transient=True, speed_estimate_period=60.0) as bar:
+        task = bar.add_task(f"{name} [dim]trials[/dim]", total=None)
+        yield lambda done, wanted: bar.update(task, completed=done, total=wanted)
+
+
+class _Lines:
+    """Says how far a study is, at most every half minute."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._began = self._last = monotonic()
+        self._first: int | None = None  # trials that were there already
+
+    def __call__(self, done: int, wanted: int) -> None:
+        now = monotonic()
+        if self._first is None:
+            self._first = done
+        elif now - self._last >= _OFTEN:
+            self._last = now
+            say(f"{self._name}: {far(done, wanted, done - self._first, now - self._began)}")
+
+
+def far(done: int, wanted: int, flown: int, seconds: float) -> str:
+    """Return in words how far a study is.
+
+    Args:
+        done: trials, those of earlier runs too.
+        wanted: trials.
+        flown: of this run.
+        seconds: that it took for them [wall s].
+    """
+    left = timedelta(seconds=round(seconds * (wanted - done) / max(flown, 1)))
+    words = f"{done} of {wanted} trials, {timedelta(seconds=round(seconds))} so far"
+    return f"{words}, {left} left" if flown else words
+
+
+def tell(found: dict[str, Any], as_json: bool) -> None:
+    """Print what a study found: a table for people, or the whole summary as JSON."""
+    if as_json:
+        print(json.dumps(found, indent=2))
+        return
+    rate = found["trials_per_second"]
+    rows = [
+        ("trials", f"{found['trials']} of {found['planned']}, {found['failed']} failed"),
+        ("wall time", f"{short(found['wall_time'])} s, {short(rate)} trials/s"),
+        ("flown by", short(found["ways"])),
+        ("bounds from", found["sampling"]["bounds"]),
+        ("table", found["table"]),
+        ("report", found.get("report", "-")),
+    ]
+    print_table(("", found["study"]), rows)
+    lines = []
+    for name, metric in found["metrics"].items():
+        if "." in name:
+            continue
+        quantiles = metric["quantiles"]
+        lines.append((name, short(metric["mean"]), *(_bounded(q) for q in quantiles.values())))
+    print_table(("metric", "mean", "median", "90 %", "99 %"), lines)
+    for row in found["criteria"]:
+        _criterion(row)
+
+
+def _criterion(row: dict[str, Any]) -> None:
+    side = f"below {row['below']:g}" if row["below"] is not None else f"above {row['above']:g}"
+    who = f" ({row['variant']})" if row["variant"] else ""
+    words = f"{row['metric']} {side}{who}: {row['successes']} of {row['trials']}"
+    if row["probability"] is not None:
+        low = "no bound" if row["lower_bound"] is None else f"at least {row['lower_bound']:.5f}"
+        words += (
+            f", {low} at {100 * row['confidence']:g} %, asked {row['probability']:g}; "
+            f"so many failures need {row['needed']} trials"
+        )
+    screen.print(f"[{'green]passed' if row['passed'] else 'red]not shown'}[/] {words}")
+
+
+def _bounded(bounds: list[float | None]) -> str:
+    low, estimate, high = (short(x) for x in bounds)
+    return f"{estimate} [{low}, {high}]"
+
+
+def side_by_side(found: list[dict[str, Any]]) -> None:
+    """Print the 99 % quantiles of two studies beside each other."""
+    first, second = found
+    lines = []
+    for name, metric in first["metrics"].items():
+        if "." in name or name not in second["metrics"]:
+            continue
+        q = [m["quantiles"]["0.99"] for m in (metric, second["metrics"][name])]
+        lines.append((name, _bounded(q[0]), _bounded(q[1])))
+    print_table(("99 % of", first["study"], second["study"]), lines)

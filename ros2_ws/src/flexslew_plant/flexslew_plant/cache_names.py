@@ -1,0 +1,29 @@
+"""Names by which the cache of machine code knows functions again in other processes.
+
+The cache of a function with a closure goes by what it closes over. For that, Numba gives each of
+its functions a name, drawn at random in each process: a function that closes over another one would
+be compiled anew by everyone, and never found. Here the name is what the function is made of.
+"""
+
+import os
+from hashlib import sha256
+from typing import Any
+
+from numba.core.serialize import dumps
+
+
+def recognised(dispatcher: Any) -> Any:
+    """Return a function of Numba after naming it by its place, its file and what it closes over."""
+    function = dispatcher.py_func
+    cells = tuple(cell.cell_contents for cell in function.__closure__ or ())
+    stamp = os.stat(function.__code__.co_filename)
+    place = (
+        function.__module__,
+        function.__qualname__,
+        function.__code__.co_firstlineno,
+        stamp.st_mtime_ns,
+        stamp.st_size,
+        sorted(map(str, dispatcher.targetoptions.items())),
+    )
+    dispatcher._set_uuid(sha256(repr(place).encode() + dumps(cells)).hexdigest())
+    return dispatcher

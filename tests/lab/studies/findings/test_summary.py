@@ -1,0 +1,173 @@
+"""No number and no failure vanishes: every way of sampling, every criterion, every kind of loss."""
+
+import json
+from collections.abc import Callable
+from math import inf, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_lab.studies.cases import sample_table
+from flexslew_lab.studies.findings.statistics import quantile_bounds, success_bound, trials_needed
+from flexslew_lab.studies.findings.summary import needed, passed, summary
+from flexslew_lab.studies.flight import Flown, failed
+from flexslew_lab.studies.store import Store
+from flexslew_lab.studies.study import Study
+from flexslew_plant.arrays import Vector
+
+NAME = "residual_tip_deflection"
+VARIED = ["testbed.parameters.bending_stiffness", "sensors.joint_velocity.noise"]
+SAMPLING: dict[str, dict[str, Any]] = {
+    "random": {"n": 60},
+    "lhs": {"n": 60},
+    "sobol": {"n": 64},
+    "grid": {"n": 8},
+    "list": {"file": "list.csv"},
+    "saltelli": {"n": 16},
+}
+CRITERIA: dict[str, dict[str, Any]] = {
+    "below": {"below": 0.7},
+    "above": {"above": 0.2},
+    "probably below": {"below": 0.95, "probability": 0.8},
+    "probably above": {"above": 0.01, "probability": 0.9, "confidence": 0.95},
+    "nearly surely below": {"below": 2.0, "probability": 0.99},
+}
+LOSSES = ("none", "some failed", "all failed", "some without a number", "both", "not all flown")
+INDEPENDENT, REPLICATED = ("random",), ("lhs", "sobol")
+
+
+def losses(kind: str, rng: np.random.Generator, count: int) -> Vector:
+    """Return values between 0 and 1, inf for a failure, NaN for a trial without a number."""
+    values = rng.random(count)
+    some, others = rng.permutation(count)[: 2 * (count // 10)].reshape(2, -1)
+    if kind in ("some failed", "both"):
+        values[some] = inf
+    if kind in ("some without a number", "both"):
+        values[others] = nan
+    if kind == "all failed":
+        values[:] = inf
+    return values
+
+
+@pytest.fixture
+def stored(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., Any]:
+    """Return a function that gives a study with made-up results, and these."""
+
+    def make(method: str, loss: str, criterion: dict[str, Any]) -> tuple[Study, Store, Vector]:
+        rng = np.random.default_rng(7)
+        rows = [",".join(VARIED), *(f"{k},{k / 1e5}" for k in range(1000, 1050))]
+        (tmp_path / "list.csv").write_text("\n".join(rows) + "\n")
+        study = study_of(
+            sampling={"method": method} | SAMPLING[method],
+            compare={"active": ["pd_feedforward", "lqr"]},
+            criteria={NAME: criterion},
+            **({"vary": None} if method == "list" else {}),
+        )
+        samples = sample_table(study)
+        identity = {
+            "columns": [NAME],
+            "variants": [variant.label for variant in study.variants],
+            "varied": [varied.name for varied in study.varied],
+        }
+        store = Store(tmp_path / "store")
+        store.create(identity, samples)
+        values = losses(loss, rng, 2 * samples.num_rows)
+        flown = values[: len(values) // 2] if loss == "not all flown" else values
+        store.add(
+            [
+                failed(k, "lost") if value == inf else result(k, None if value != value else value)
+                for k, value in enumerate(flown.tolist())
+            ]
+        )
+        store.write_table()
+        return study, store, flown
+
+    return make
+
+
+def result(number: int, value: float | None) -> Flown:
+    return Flown(number, {NAME: value}, None, "ok", "", "bench")
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("method", SAMPLING)
+def test_counts_add_up_and_bounds_are_claimed_only_where_they_hold(
+    stored: Callable[..., Any], method: str, loss: str
+) -> None:
+    study, store, values = stored(method, loss, CRITERIA["below"])
+    found = summary(study, store, {})
+    json.dumps(found, allow_nan=False)
+    assert found["planned"] == 2 * store.samples.num_rows
+    assert found["trials"] == len(values)
+    assert found["failed"] == np.isinf(values).sum()
+    assert found["reasons"] == ({"lost": found["failed"]} if found["failed"] else {})
+    metric = found["metrics"][NAME]
+    assert metric["failed"] == np.isinf(values).sum()
+    assert metric["missing"] == np.isnan(values).sum()
+    for k, variant in enumerate(metric["variants"].values()):
+        own = values[k::2]
+        there = np.sort(own[~np.isnan(own)])  # failures last
+        assert variant["failed"] + variant["missing"] + np.isfinite(own).sum() == len(own)
+        if np.isinf(own).any():
+            assert variant["mean"] is None
+            assert variant["mean_bounds"] == [None, None]
+            assert variant["worst"][0]["value"] is None
+        else:
+            assert variant["mean"] == pytest.approx(there.mean())
+        for q, (low, estimate, high) in variant["quantiles"].items():
+            expected = there[int(np.ceil(float(q) * len(there))) - 1]
+            assert estimate == (expected if np.isfinite(expected) else None)
+            if method in INDEPENDENT:
+                order = quantile_bounds(there, float(q), 0.95)  # two variants share the error
+                assert [low, high] == [v if np.isfinite(v) else None for v in order]
+            elif method not in REPLICATED:
+                assert low is high is None
+            elif estimate is None:
+                assert high is None
+    for row in found["paired"]:
+        assert row["pairs"] + row["without_number"] == len(values) // 2
+    for row in found["sensitivity"]:
+        assert method == "saltelli"
+        assert bool(row["why_not"]) == (loss != "none")
+    assert bool(found["sensitivity"]) == (method == "saltelli")
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("method", SAMPLING)
+def test_what_has_no_number_keeps_to_no_criterion(
+    stored: Callable[..., Any], method: str, criterion: str, loss: str
+) -> None:
+    asked = CRITERIA[criterion]
+    study, store, values = stored(method, loss, asked)
+    found = summary(study, store, {})
+    for k, row in enumerate(found["criteria"]):
+        own = values[k::2]
+        finite = own[np.isfinite(own)]
+        limit = asked.get("below", asked.get("above"))
+        kept = int(((finite < limit) if "below" in asked else (finite > limit)).sum())
+        assert (row["successes"], row["trials"]) == (kept, len(own))
+        assert row["estimate"] == kept / len(own)
+        confidence = asked.get("confidence", 0.9)
+        if "probability" not in asked:
+            assert row["lower_bound"] is None
+            assert row["passed"] == (kept == len(own))
+            continue
+        assert row["needed"] == trials_needed(asked["probability"], confidence, len(own) - kept)
+        exact = success_bound(kept, len(own), confidence)
+        if method in INDEPENDENT:
+            assert row["lower_bound"] == exact
+            # that many independent trials with these failures show it, and no fewer
+            assert row["passed"] == (len(own) >= row["needed"])
+        elif method in REPLICATED:
+            assert 0.0 <= row["lower_bound"] <= exact
+        else:
+            assert row["lower_bound"] is None
+            assert not row["passed"]
+    assert passed(found) == all(row["passed"] for row in found["criteria"])
+    said = needed(study)
+    assert len(said) == ("probability" in asked)
+    if said and method not in (*INDEPENDENT, *REPLICATED):
+        assert "show no probability, however many" in said[0]
