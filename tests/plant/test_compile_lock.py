@@ -13,7 +13,7 @@ import pytest
 from numba import config
 from numba.core.caching import IndexDataCacheFile
 
-from flexslew_plant.arrays import compiled, vectorised
+from flexslew_plant.arrays import compiled, inlined, vectorised
 from flexslew_plant.compile_lock import CompileLock, lock_of, one_at_a_time
 
 NESTED = """
@@ -118,3 +118,9 @@ def test_another_process_that_compiles_one_function_keeps_nobody_from_the_others
         os.close(handle)
     with taken, taken:  # a function that is compiled within itself
         assert not is_free(taken.path)
+
+
+def test_a_function_that_is_in_no_file_compiles_all_the_same() -> None:
+    space: dict[str, Any] = {}
+    exec("def twice(x):\n    return 2.0 * x", space)
+    assert inlined(space["twice"])(1.5) == 3.0

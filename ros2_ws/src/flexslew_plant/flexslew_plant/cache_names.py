@@ -16,7 +16,10 @@ def recognised(dispatcher: Any) -> Any:
     """Return a function of Numba after naming it by its place, its file and what it closes over."""
     function = dispatcher.py_func
     cells = tuple(cell.cell_contents for cell in function.__closure__ or ())
-    stamp = os.stat(function.__code__.co_filename)
+    try:
+        stamp = os.stat(function.__code__.co_filename)
+    except OSError:  # typed into an interpreter: no other process will look for it
+        return dispatcher
     place = (
         function.__module__,
         function.__qualname__,
