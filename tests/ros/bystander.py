@@ -17,7 +17,7 @@ from flexslew_lab.log.recording.recording_order import tick_and_epoch
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import MEASUREMENT, TOPICS
 
-PATIENCE = 60.0  # on a busy machine [wall s]
+PATIENCE = 200.0  # on a busy machine [wall s]
 _BUSY = "import os\nwhile os.getppid() == {}: pass"
 _SLEEPER = """
 import select, sys, time

@@ -15,10 +15,13 @@ from flexslew_lab.log.bag_reader import BagReader
 from .bystander import Sleeper, beside, busy, stall
 from .flight import Flight, slew
 
+pytestmark = pytest.mark.alone
+
 LAWS = ("pd_feedforward", "lqr", "output_feedback", "proportional_integral")
 CREW = "".join(f", {law}: {{}}" for law in LAWS[1:])
 RATES = (1.0, 10.0)
 STALLS = (0.1, 0.3)  # [wall s]
+LONG = 10_000.0  # simulated; ended when all is seen [s]
 NEAR = 12  # ticks after a stall
 OTHERS = 0.1  # one who sleeps is kept waiting for less, or the machine is not ours [wall s]
 BUSY = 2 * (os.cpu_count() or 1)
@@ -51,24 +54,25 @@ def test_a_stall_of_the_plant_is_an_event_and_no_fault_of_any_controller(tmp_pat
         stalled.clear()
         before.clear()
         with beside(domain) as bench:
-            for rate, law in product(RATES, LAWS):
-                assert bench.ask(SetRate, "set_rate", rate_factor=rate).ok
-                if law != LAWS[0] or rate != RATES[0]:
+            for law, rate in product(LAWS, RATES):
+                if law != LAWS[0] and rate == RATES[0]:
                     bench.swap(law)
+                assert bench.ask(SetRate, "set_rate", rate_factor=rate).ok
                 for length in rng.permutation(STALLS):
                     before.append(bench.pass_by(1))
                     bench.pass_by(NEAR + int(rng.integers(1, round(8 * rate))))
                     stall(pids["plant"], float(length))
                     stalled.append(bench.tick)
                     bench.pass_by(NEAR)
-            assert bench.ask(SetRate, "set_rate", rate_factor=0.0).ok
+                assert bench.ask(SetRate, "set_rate", rate_factor=1.0).ok
+        raise KeyboardInterrupt
 
-    flight = undisturbed(tmp_path, lambda at: Flight(slew(60.0, 1.0, CREW), at, 1, stalls))
-    assert flight.outcome == (0, "")
+    flight = undisturbed(tmp_path, lambda at: Flight(slew(LONG, 1.0, CREW), at, 1, stalls))
+    assert flight.outcome.exit_code == 130
     cases = len(RATES) * len(LAWS) * len(STALLS)
     late = {event.data["count"]: event.data["total"] for event in events_of(flight, "late")}
     assert cases in late  # told at the powers of two
-    assert late[cases] >= 0.5 * sum(STALLS) * len(RATES) * len(LAWS)
+    assert late[cases] >= 0.05 * cases
     wrong = missed(flight)
     blamed = sum(not wrong.isdisjoint(range(tick, tick + NEAR)) for tick in stalled)
     usual = sum(not wrong.isdisjoint(range(tick, tick + NEAR)) for tick in before)
@@ -81,10 +85,11 @@ def test_at_real_time_busy_processors_do_not_end_in_the_brake(tmp_path: Path) ->
         with beside(domain) as bench, busy(BUSY):
             bench.pass_by(1)
             bench.pass_by(300)
+        raise KeyboardInterrupt
 
-    flight = undisturbed(tmp_path, lambda at: Flight(slew(4.0, 1.0), at, 1, load))
-    assert flight.outcome == (0, "")
-    assert flight.metrics["ticks"] == 400
+    flight = undisturbed(tmp_path, lambda at: Flight(slew(LONG, 1.0), at, 1, load))
+    assert flight.outcome.exit_code == 130
+    assert flight.metrics["ticks"] > 300
     assert not {"brake", "fallback"} & {*flight.events}
 
 
@@ -97,15 +102,16 @@ def test_at_ten_times_real_time_one_that_was_behind_catches_up(tmp_path: Path) -
                 bench.pass_by(500)
                 stall(pids["pd_feedforward"], 0.1)
                 bench.pass_by(500)
-            phases[:] = bench.tick, bench.pass_by(1000)
+            phases[:] = bench.tick, bench.pass_by(1000), bench.pass_by(1000)
+        raise KeyboardInterrupt
 
-    trial = slew(40.0, 10.0, extra="max_missed: 100000")
+    trial = slew(LONG, 10.0, extra="max_missed: 100000")
     flight = undisturbed(tmp_path, lambda at: Flight(trial, at, 1, load))
-    assert flight.outcome == (0, "")
+    assert flight.outcome.exit_code == 130
     wrong = missed(flight)
-    free, recovered = phases
+    free, recovered, end = phases
     assert sum(tick < free for tick in wrong) > 20  # it was behind
-    rest = range(recovered, 4000)
+    rest = range(recovered, end)
     assert sum(tick in wrong for tick in rest) < 0.3 * len(rest)
 
 
@@ -115,8 +121,10 @@ def test_a_controller_that_is_held_up_for_a_moment_keeps_the_bench(tmp_path: Pat
             for _ in range(4):
                 bench.pass_by(30)
                 stall(pids["pd_feedforward"], 0.15)
+            bench.pass_by(30)
+        raise KeyboardInterrupt
 
-    flight = undisturbed(tmp_path, lambda at: Flight(slew(4.0, 1.0), at, 1, hold_up))
-    assert flight.outcome == (0, "")
+    flight = undisturbed(tmp_path, lambda at: Flight(slew(LONG, 1.0), at, 1, hold_up))
+    assert flight.outcome.exit_code == 130
     assert flight.metrics["missed_ticks"] >= 4  # each time some, and one fewer than would end it
     assert not {"brake", "fallback"} & {*flight.events}
