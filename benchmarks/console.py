@@ -1,8 +1,8 @@
-"""What a console costs: its process and the bench beside it, at real time and as fast as it goes.
+"""What a console with its page costs: at real time, and as fast as the bench goes.
 
-One trial is flown at real time, fast, and fast with the console killed at its start; a page without
-a browser is connected to it. Charts count four a frame. The delay is that of a chart's newest tick
-beyond the smallest one that was met.
+A page in headless Chromium shows four charts and the bench in three dimensions. Each run is flown
+again with the console killed at its start. The delay is from a tick's message, as another listener
+hears it, to the page that shows its time. FLEXSLEW_BENCH_SECONDS says how long each run takes.
 """
 
 import os
@@ -11,154 +11,199 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 from typing import Any
 
-import msgspec
 import numpy as np
-import viser
-import zstandard
-from viser import _messages
-from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
-from websockets.typing import Origin, Subprotocol
+import rclpy
+from rclpy.node import Node
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tests.browser import Browser, chromium
+from tests.page_client import PageClient
 
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.messages.cdr import stamp_of
+from flexslew_lab.ros.hidden_listener import HiddenListener
+from flexslew_lab.trial.domain import own_domain
+from flexslew_plant.topics import TOPICS, TRUTH
 
-SECONDS = 20.0  # of each run [wall s]
+SECONDS = float(os.environ.get("FLEXSLEW_BENCH_SECONDS", "60"))  # of each run [wall s]
+PAIRS = 3  # of fast runs, with and without the page
 TRIAL = """
 name: console_benchmark
-duration: {duration}
-controllers: {{pd_feedforward: {{}}}}
+duration: 1.0e6
+controllers: {pd_feedforward: {}}
+"""
+WATCH = """
+window.seen = []; let last = "";
+const look = () => {
+  const said = document.getElementById("bench-state")?.innerText || "";
+  const found = said.match(/time\\t([0-9.]+) s/);
+  if (found && found[1] !== last) { last = found[1]; window.seen.push([Date.now(), +last]); }
+  requestAnimationFrame(look);
+};
+look();
 """
 
 
-class Listener:
-    """A page that counts what it is sent."""
-
-    def __init__(self, address: str) -> None:
-        port = address.split(":")[2].split("/")[0]
-        self._socket = connect(
-            address.replace("http", "ws", 1),
-            origin=Origin(f"http://127.0.0.1:{port}"),
-            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-            max_size=None,
-        )
-        self.charts: list[tuple[float, float]] = []  # wall time, newest simulated time [s]
-        Thread(target=self._hear, daemon=True).start()
-        zero = (0.0, 0.0, 0.0)
-        camera = _messages.ViewerCameraMessage(
-            (1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 0.1, 10.0, 100, 100, zero, (0.0, 0.0, 1.0)
-        )
-        self.send(camera.as_serializable_dict([]))
-        self.buttons: dict[str, str] = {}
-
-    def send(self, message: dict[str, Any]) -> None:
-        """Send a message of viser's protocol."""
-        self._socket.send(msgspec.msgpack.encode(message))
-
-    def click(self, label: str) -> None:
-        """Press the button of this name as soon as it is there."""
-        while label not in self.buttons:
-            time.sleep(0.05)
-        uuid = self.buttons[label]
-        self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": True}})
-
-    def _hear(self) -> None:
-        decompress = zstandard.ZstdDecompressor().decompress
-        try:
-            for data in self._socket:
-                self._take(bytes(data), decompress)  # type: ignore[arg-type]
-        except ConnectionClosed:
-            return
-
-    def _take(self, data: bytes, decompress: Any) -> None:
-        size = int.from_bytes(data[8:16], "little")
-        found = msgspec.msgpack.decode(decompress(data[16 : 16 + size]))
-        place, starts = 16 + size, []
-        for length in found["binaryBufferLengths"]:
-            place += -place % 8
-            starts.append((place, length))
-            place += length
-        for message in found["messages"]:
-            label = str((message.get("props") or {}).get("label"))
-            if message["type"] == "GuiButtonMessage":
-                self.buttons[label] = message["uuid"]
-            rows = (message.get("updates") or {}).get("data")
-            if rows:
-                start, length = starts[rows[0]["__binary_index"]]
-                axis = np.frombuffer(data[start : start + length])
-                self.charts.append((time.monotonic(), float(axis[-1])))
+def flown(rate: float, seconds: float, watched: bool) -> dict[str, float]:
+    """Fly for so many seconds of wall time, with a page or with the console killed."""
+    with tempfile.TemporaryDirectory() as name, own_domain() as domain, chromium() as browser:
+        folder = Path(name)
+        (folder / "trial.yaml").write_text(TRIAL)
+        with _console(folder, rate, domain) as (child, address), _heard(domain) as arrivals:
+            hands = PageClient(address)
+            if watched:
+                browser.open(address, 1300, 1000)
+                browser.until("return document.getElementById('bench-state')")
+                browser.run(WATCH)
+            while not _clicked(hands, "Start") or ">running<" not in hands.text:
+                hands.reach()
+            hands.socket.close()
+            server = _console_of(child.pid)
+            if not watched:
+                os.kill(server, signal.SIGKILL)
+            time.sleep(5.0)
+            measured = _measured(browser, server, arrivals, seconds, watched)
+        events = BagReader(folder / "run" / "bag").overview.events
+    missed = [e for e in events if e.kind == "missed"]
+    return {**measured, "missed": float(len(missed))}
 
 
-def flown(folder: Path, rate: float, seconds: float, watched: bool) -> dict[str, float]:
-    """Fly for so many seconds of wall time; return what was measured."""
-    trial = folder / "trial.yaml"
-    trial.write_text(TRIAL.format(duration=1e6))
-    out = folder / f"run-{rate:g}-{watched}"
-    command = [sys.executable, "-m", "flexslew_lab.cli.main", "console", str(trial)]
-    command += ["--port", "0", "--out", str(out), "--rate", str(rate)]
-    child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    assert child.stderr is not None
-    address = next(line for line in child.stderr if line.startswith("open ")).split()[1]
-    Thread(target=child.stderr.read, daemon=True).start()
-    page = Listener(address)
-    while not (out / "bag").exists():
-        time.sleep(0.1)
-    time.sleep(3.0)
-    page.click("Start")
-    pid = _console_of(child.pid)
-    time.sleep(3.0)
-    if not watched:
-        os.kill(pid, signal.SIGKILL)
-    before, start = _cpu(pid) if watched else 0.0, time.monotonic()
+def _measured(
+    browser: Browser, server: int, arrivals: dict[float, float], seconds: float, watched: bool
+) -> dict[str, float]:
+    pages = [pid for pid in _descendants(os.getpid()) if "chrom" in _comm(pid)]
+    if watched:
+        browser.run("window.seen.length = 0")
+    before = _cpu([server]), _cpu(pages), max(arrivals)
+    start = time.monotonic()
     time.sleep(seconds)
-    used = (_cpu(pid) - before if watched else 0.0) / (time.monotonic() - start)
-    charts = [(w, t) for w, t in page.charts if w > start]
-    child.send_signal(signal.SIGINT)
-    child.wait(120)
-    overview = BagReader(out / "bag").overview
-    ticks = overview.counts["/truth"]
-    result = {"ticks_per_second": ticks / (seconds + 3.0), "cores": used}
-    if charts and rate:
-        ahead = np.array([w - t / rate for w, t in charts])
-        result["delay_p95"] = float(np.percentile(ahead - ahead.min(), 95))
-    if charts:
-        result["charts_per_second"] = len(charts) / seconds
+    wall = time.monotonic() - start
+    result = {"ticks_per_second": (max(arrivals) - before[2]) * 100.0 / wall}
+    if watched:
+        seen = browser.run("return window.seen")
+        late = [at / 1000.0 - arrivals[t] for at, t in seen if t in arrivals]
+        result |= {
+            "server_cores": (_cpu([server]) - before[0]) / wall,
+            "page_cores": (_cpu(pages) - before[1]) / wall,
+            "frames_per_second": len(seen) / wall,
+            "delay_p95": float(np.percentile(late, 95)) if late else float("nan"),
+            "delay_median": float(np.median(late)) if late else float("nan"),
+        }
     return result
 
 
-def _console_of(parent: int) -> int:
-    found = subprocess.run(
-        ["ps", "-o", "pid=,args=", "--ppid", str(parent)],
-        capture_output=True,
+@contextmanager
+def _console(
+    folder: Path, rate: float, domain: int
+) -> Iterator[tuple["subprocess.Popen[str]", str]]:
+    """Yield the process of a console with its bench, and the address of its page."""
+    command = [sys.executable, "-m", "flexslew_lab.cli.main", "console", str(folder / "trial.yaml")]
+    child = subprocess.Popen(
+        [*command, "--port", "0", "--out", str(folder / "run"), "--rate", str(rate)],
+        stderr=subprocess.PIPE,
         text=True,
-        check=True,
+        env={**os.environ, "ROS_DOMAIN_ID": str(domain), "PYTHONUNBUFFERED": "1"},
     )
-    lines = [line.split(None, 1) for line in found.stdout.splitlines()]
-    return next(int(pid) for pid, words in lines if "console_node" in words)
+    assert child.stderr is not None
+    try:
+        address = next(line for line in child.stderr if line.startswith("open ")).split()[1]
+        Thread(target=child.stderr.read, daemon=True).start()
+        yield child, address
+    finally:
+        child.send_signal(signal.SIGINT)
+        child.wait(120)
 
 
-def _cpu(pid: int) -> float:
-    """Return the processor time of a process [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+@contextmanager
+def _heard(domain: int) -> Iterator[dict[float, float]]:
+    """Yield when each simulated time was heard first, by wall clock; it goes on filling."""
+    arrivals, over = {0.0: 0.0}, Event()
+    rclpy.init(domain_id=domain)
+    node = Node("benchmark")
+    listener = HiddenListener(node, {TRUTH: TOPICS[TRUTH]})
+
+    def listen() -> None:
+        while not over.wait(0.002):
+            for _, data in listener.take():
+                arrivals[round(stamp_of(TOPICS[TRUTH].type, data, 0) * 1e-9, 2)] = time.time()
+
+    thread = Thread(target=listen)
+    thread.start()
+    try:
+        yield arrivals
+    finally:
+        over.set()
+        thread.join()
+        listener.close()
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def _clicked(page: PageClient, label: str) -> bool:
+    there = [uuid for uuid, e in page.inputs.items() if e["label"] == label]
+    if there:
+        page.set(there[0], True)
+    return bool(there)
+
+
+def _console_of(parent: int) -> int:
+    return next(pid for pid in _descendants(parent) if "console_node" in _command(pid))
+
+
+def _descendants(parent: int) -> list[int]:
+    children: dict[int, list[int]] = {}
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            above = int((place / "stat").read_text().rsplit(")", 1)[1].split()[1])
+        except OSError:
+            continue
+        children.setdefault(above, []).append(int(place.name))
+    found, rest = [], [parent]
+    while rest:
+        rest += (below := children.get(rest.pop(), []))
+        found += below
+    return found
+
+
+def _command(pid: int) -> str:
+    return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+
+
+def _comm(pid: int) -> str:
+    return Path(f"/proc/{pid}/comm").read_text()
+
+
+def _cpu(pids: list[int]) -> float:
+    """Return the processor time of processes [s]."""
+    used: Any = 0
+    for pid in pids:
+        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+        used += int(fields[11]) + int(fields[12])
+    return float(used) / os.sysconf("SC_CLK_TCK")
 
 
 def figures() -> dict[str, float]:
-    """Return cores, frames a second and delay of a console, and what it costs a fast bench."""
-    with tempfile.TemporaryDirectory() as folder:
-        real = flown(Path(folder), 1.0, SECONDS, True)
-        fast = flown(Path(folder), 0.0, SECONDS, True)
-        alone = flown(Path(folder), 0.0, SECONDS, False)
+    """Return what a page costs at rate 1 and fast, and how soon it shows what is flown."""
+    real, alone = flown(1.0, SECONDS, True), flown(1.0, SECONDS, False)
+    short = min(SECONDS, 20.0)
+    fast = [(flown(0.0, short, True), flown(0.0, short, False)) for _ in range(PAIRS)]
+    shares = [with_page["ticks_per_second"] / bare["ticks_per_second"] for with_page, bare in fast]
     return {
-        "console_cores_at_rate_1": real["cores"],
-        "console_cores_fast": fast["cores"],
-        "console_delay_p95_above_the_fastest": real.get("delay_p95", float("nan")),
-        "charts_per_second_at_rate_1": real.get("charts_per_second", 0.0),
-        "charts_per_second_fast": fast.get("charts_per_second", 0.0),
-        "tick_rate_fast_to_that_without_a_console": (
-            fast["ticks_per_second"] / alone["ticks_per_second"]
-        ),
+        "console_missed_ticks_at_rate_1": real["missed"],
+        "console_missed_ticks_at_rate_1_without_it": alone["missed"],
+        "console_delay_median_at_rate_1": real["delay_median"],
+        "console_delay_p95_at_rate_1": real["delay_p95"],
+        "console_server_cores_at_rate_1": real["server_cores"],
+        "console_page_cores_at_rate_1": real["page_cores"],
+        "console_frames_per_second_at_rate_1": real["frames_per_second"],
+        "console_frames_per_second_fast": fast[0][0]["frames_per_second"],
+        "console_server_cores_fast": fast[0][0]["server_cores"],
+        "console_fast_ticks_per_second_without_it": fast[0][1]["ticks_per_second"],
+        "console_fast_tick_rate_to_that_without_it": float(np.median(shares)),
     }

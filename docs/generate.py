@@ -85,7 +85,7 @@ def services() -> Iterator[tuple[str, str]]:
     for name, constant in known.items():
         if not constant.isupper() or name in skipped:
             continue
-        typed = re.search(rf"\bsrv\.(\w+),\s*topics\.{constant}\b", text)
+        typed = re.search(rf"(?<!: )\bsrv\.(\w+),\s*topics\.{constant}\b", text)
         if typed:
             yield name, f"flexslew_msgs/srv/{typed[1]}"
         elif re.search(rf"\baction\b|PlanSlew,\s*topics\.{constant}\b", text) and "plan" in name:

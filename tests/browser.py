@@ -14,6 +14,7 @@ from urllib.request import Request, urlopen
 import pytest
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+FOUND = "document.evaluate(arguments[0], document, null, 9, null).singleNodeValue"
 MISSING = "needs Chromium and chromedriver: apt-get install chromium chromium-driver"
 
 
@@ -54,9 +55,15 @@ class Browser:
         self._act(path, "click", {})
 
     def write(self, path: str, text: str) -> None:
-        """Replace what stands in a field."""
-        everything = "\ue009a\ue000"  # Ctrl-A
-        self._act(path, "value", {"text": everything + text})
+        """Replace what stands in a field that a person could write into."""
+        focused = self.until(
+            f"const field = {FOUND}; if (!field?.checkVisibility() || field.disabled) return false;"
+            " field.scrollIntoView({block: 'nearest'}); field.focus(); field.select();"
+            " return document.activeElement === field",
+            path,
+        )
+        assert focused
+        self.devtools("Input.insertText", {"text": text})
 
     def press(self, key: str, code: str) -> None:
         """Press a key wherever the focus is."""
@@ -87,11 +94,7 @@ class Browser:
             self._act(path, what, body, tries - 1)
 
     def _element(self, path: str) -> str:
-        there = (
-            "return document.evaluate(arguments[0], document, null, 9, null).singleNodeValue"
-            " !== null"
-        )
-        self.until(there, path)
+        self.until(f"return {FOUND} !== null", path)
         wanted = {"using": "xpath", "value": path}
         found = _call("POST", f"{self._address}/element", wanted)
         return f"{self._address}/element/{next(iter(found.values()))}"
@@ -106,6 +109,18 @@ class Browser:
         """Return errors and warnings of the console since the last call."""
         entries = _call("POST", f"{self._address}/se/log", {"type": "browser"})
         return [e["message"] for e in entries if e["level"] in ("SEVERE", "WARNING")]
+
+    @contextmanager
+    def another_window(self) -> Iterator[None]:
+        """Work in a second window meanwhile; it is closed afterwards."""
+        first = _call("GET", f"{self._address}/window", None)
+        second = _call("POST", f"{self._address}/window/new", {"type": "window"})["handle"]
+        _call("POST", f"{self._address}/window", {"handle": second})
+        try:
+            yield
+        finally:
+            _call("DELETE", f"{self._address}/window", None)
+            _call("POST", f"{self._address}/window", {"handle": first})
 
     def picture(self, path: Path, whole: bool = True) -> None:
         """Save the page as PNG: the whole of it, or what the window shows without drawing anew."""

@@ -1,13 +1,18 @@
 """A bench that answers everything with yes and notes what it was asked."""
 
 from collections.abc import Callable, Mapping
+from types import SimpleNamespace
 from typing import Any
 
-from flexslew_lab.console.link import Iterate, Then, Told
+from flexslew_lab.console.link import Drafted, Iterate, Then, Told
 from flexslew_lab.console.view import BenchView, Controller, Joints
 
 JOINTS = Joints("two", ("a", "b"), ("rad", "m"), ("tip",), (150.0, 20.0), 0.01)
 SETTINGS = "{kp: [460.0, 460.0], kd: [920.0, 920.0], handover_time: 1.0, computed: {}}"
+DRAFT = SimpleNamespace(
+    hash="d" * 64, method="reference_only", joint_names=["a", "b"], start=12.0, period=0.01,
+    position=[0.0, 0.0, 0.5, 0.1],
+)  # fmt: skip
 
 
 class FakeLink:
@@ -28,10 +33,10 @@ class FakeLink:
         self.asked.append((service, dict(values)))
         then(Told(True, "done"))
 
-    def plan(self, request: str, who: str, told: Callable[[Iterate], None], then: Then) -> None:
-        self.asked.append(("plan_slew", {"request": request, "who": who}))
+    def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
+        self.asked.append(("draft_plan", {"request": request, "who": who}))
         told(Iterate(1, 0.5, 1e-3, 2.0))
-        then(Told(True, "planned"))
+        then(Told(True, "drafted"), DRAFT)
 
     def cancel(self) -> None:
         self.asked.append(("cancel", {}))

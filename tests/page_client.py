@@ -17,19 +17,21 @@ class PageClient:
 
     Args:
         address: of the page, with its token.
+        hangs: reads nothing of what it is sent.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, hangs: bool = False) -> None:
         self.socket = connect(
             address.replace("http", "ws", 1),
             origin=Origin(address.split("/?")[0]),
             subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
             max_size=None,
-            max_queue=None,
+            max_queue=1 if hangs else None,
         )
         self._lock = Lock()
-        self._inputs: dict[str, tuple[str, str]] = {}  # uuid to kind and label
-        Thread(target=self._hear, daemon=True).start()
+        self._elements: dict[str, dict[str, Any]] = {}  # what each shows, by its id
+        if not hangs:
+            Thread(target=self._hear, daemon=True).start()
         zero = (0.0, 0.0, 0.0)
         camera = _messages.ViewerCameraMessage(
             (1.0, 0.0, 0.0, 0.0), zero, 1.0, 0.1, 10.0, 100, 100, zero, (0.0, 0.0, 1.0)
@@ -37,10 +39,20 @@ class PageClient:
         self.send(camera.as_serializable_dict([]))
 
     @property
-    def inputs(self) -> dict[str, tuple[str, str]]:
-        """Fields and buttons of the page: kind and label by their ids."""
+    def elements(self) -> dict[str, dict[str, Any]]:
+        """What stands on the page by its ids: type, value where it has one, and properties."""
         with self._lock:
-            return dict(self._inputs)
+            return {uuid: dict(element) for uuid, element in self._elements.items()}
+
+    @property
+    def inputs(self) -> dict[str, dict[str, Any]]:
+        """Those of the elements that have a value: fields and buttons."""
+        return {uuid: e for uuid, e in self.elements.items() if "value" in e and "label" in e}
+
+    @property
+    def text(self) -> str:
+        """Everything that stands on the page as HTML."""
+        return "\n".join(str(e["content"]) for e in self.elements.values() if "content" in e)
 
     def send(self, message: dict[str, Any]) -> None:
         self.socket.send(msgspec.msgpack.encode(message))
@@ -50,7 +62,7 @@ class PageClient:
 
     def named(self, label: str) -> str:
         """Return the id of what has a label."""
-        return next(uuid for uuid, (_, name) in self.inputs.items() if name == label)
+        return next(uuid for uuid, e in self.inputs.items() if e["label"] == label)
 
     def reach(self) -> None:
         """Wait for the server to answer a ping: it has read what was sent before."""
@@ -68,9 +80,14 @@ class PageClient:
             return
 
     def _take(self, message: dict[str, Any]) -> None:
-        label = (message.get("props") or {}).get("label")
+        uuid, kind = message.get("uuid"), message["type"]
+        if not isinstance(uuid, str) or not kind.startswith("Gui"):
+            return
         with self._lock:
-            if label is not None and "value" in message:
-                self._inputs[message["uuid"]] = message["type"], str(label)
-            elif message["type"] == "GuiRemoveMessage":
-                self._inputs.pop(message["uuid"], None)
+            if "props" in message:
+                value = {"value": message["value"]} if "value" in message else {}
+                self._elements[uuid] = {"type": kind, **message["props"], **value}
+            elif kind == "GuiUpdateMessage" and uuid in self._elements:
+                self._elements[uuid] |= message["updates"]
+            elif kind == "GuiRemoveMessage":
+                self._elements.pop(uuid, None)

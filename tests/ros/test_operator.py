@@ -63,8 +63,8 @@ class Operator:
             rclpy.spin_once(self.node, timeout_sec=0.05)
         raise AssertionError("it never happened")
 
-    def plan(self, request):
-        client = ActionClient(self.node, action.PlanSlew, "plan_slew")
+    def plan(self, request, name="plan_slew"):
+        client = ActionClient(self.node, action.PlanSlew, name)
         assert client.wait_for_server(timeout_sec=WAIT)
         heard = []
         goal = action.PlanSlew.Goal(request=request, period=0.01, effort_limit=[150.0, 150.0])
@@ -167,6 +167,48 @@ def test_the_planner_reports_every_iteration_and_publishes_the_plan(operator):
     assert heard[-1].norm_terminal_error < 1e-6
     assert len(result.plan.hash) == 64
     assert operator.node.count_publishers("plan") == 1
+
+
+def test_a_draft_is_followed_by_nobody_until_it_is_adopted(operator):
+    plans = []
+    operator.node.create_subscription(msg.Plan, "plan", plans.append, qos(TOPICS[PLAN]))
+
+    def draft(start):
+        request = (
+            f"{{method: reference_only, goal: {{base_yaw: 0.1}}, duration: 5, start: {start}}}"
+        )
+        result, _ = operator.plan(request, "draft_plan")
+        assert result.error_code == result.DONE, result.message
+        return result.plan
+
+    def decide(action):
+        reply = operator.call(srv.Operate, "decide_plan", action=action, who="ann")
+        return reply.ok, reply.message
+
+    assert decide("adopt") == (False, "there is no draft to decide on; make one with draft_plan")
+    first, second = draft(7000.0), draft(8000.0)
+    assert decide("fly")[1] == "action: 'fly' is not allowed: adopt, refuse"
+    assert decide(f"adopt {first.hash}")[1].startswith(f"the draft is {second.hash[:12]} by now")
+    assert decide(f"refuse {second.hash}")[0]
+    assert not decide("adopt")[0]
+    third = draft(9000.0)
+    reply = operator.call(srv.Operate, "decide_plan", action=f"adopt {third.hash}", who="ann")
+    assert (reply.ok, reply.tick) == (True, 900_000), reply.message
+    operator.until(lambda: plans and plans[-1].hash == third.hash)
+    assert not {first.hash, second.hash} & {plan.hash for plan in plans}
+    operator.call(Trigger, "start")
+    operator.until(lambda: operator.truth is not None and operator.truth.tick > 100)
+    draft(0.01)
+    assert decide("adopt")[1].startswith("the draft starts at 0.01 s, the bench is at")
+    assert decide("refuse")[0]
+
+    def told():
+        events = [e for e in operator.events if e.source == "planner"][-7:]
+        return [(e.kind, json.loads(e.data)["who"]) for e in events]
+
+    drafted, refused = ("plan_drafted", "unnamed"), ("plan_refused", "ann")
+    wanted = [drafted, drafted, refused, drafted, ("planned", "ann"), drafted, refused]
+    operator.until(lambda: told() == wanted)
 
 
 def test_a_bad_request_gets_a_code_and_one_line_and_no_plan(operator):
@@ -354,7 +396,7 @@ def test_the_policies_name_what_is_on_the_graph_and_no_more(operator, late_bag):
         assert served <= absolute((*rights.reply, *OWN_SERVICES), name)
         assert served >= absolute(rights.reply, name)
     servers = get_action_server_names_and_types_by_node(operator.node, "planner", "/")
-    assert [name for name, _ in servers] == ["/plan_slew"]
+    assert sorted(name for name, _ in servers) == ["/draft_plan", "/plan_slew"]
 
 
 def test_a_late_recorder_that_is_interrupted_says_how_many_ticks_are_missing(operator, late_bag):

@@ -40,6 +40,11 @@ class Hands:
         for panel in self.page._panels:
             panel.refresh()
 
+    def titles(self) -> list[str]:
+        """Return the titles of the charts that stand on the page."""
+        messages = self.server.viser._websock_server._broadcast_buffer.message_from_id.values()
+        return [str(m.props.title) for m in messages if hasattr(getattr(m, "props", None), "title")]
+
     def texts(self) -> str:
         """Return everything that stands on the page as HTML."""
         messages = self.server.viser._websock_server._broadcast_buffer.message_from_id.values()
@@ -180,18 +185,36 @@ def test_every_fault_has_a_form_that_the_bench_can_read(hands: Hands) -> None:
 
 def test_a_plan_needs_a_start_to_come(hands: Hands) -> None:
     hands.set("goal of a", "0.5")
-    assert hands.click("Plan and fly it from its start on") == []
+    assert hands.click("Plan") == []
     assert "start: is missing" in hands.texts()
     hands.set("start", "12.0")
     hands.set("duration", "-1")
-    assert hands.click("Plan and fly it from its start on") == []
+    assert hands.click("Plan") == []
     assert "duration: -1 is not allowed" in hands.texts()
     hands.set("duration", "20")
-    [(service, values)] = hands.click("Plan and fly it from its start on")
-    assert service == "plan_slew"
+    [(service, values)] = hands.click("Plan")
+    assert service == "draft_plan"
     request = load_yaml(values["request"], "")
     assert (request["goal"], request["start"]) == ({"a": 0.5, "b": 0.0}, 12.0)
     assert "1: J 5.0000e-01" in hands.texts()
+
+
+@pytest.mark.parametrize(
+    ("button", "word"), [("Adopt the draft", "adopt"), ("Refuse the draft", "refuse")]
+)
+def test_a_draft_is_drawn_and_waits_for_a_decision(hands: Hands, button: str, word: str) -> None:
+    hands.set("start", "12.0")
+    hands.click("Refuse the draft")  # of an earlier test
+    assert hands.click(button) == []
+    assert "there is no draft to decide on" in hands.texts()
+    assert hands.click("Plan")
+    hands.refresh()
+    assert hands.elements(button)[0].visible
+    assert "draft, not flown: reference_only, from 12 s on" in hands.titles()
+    [(service, values)] = hands.click(button)
+    assert (service, values["action"]) == ("decide_plan", f"{word} {'d' * 64}")
+    assert not hands.elements(button)[0].visible
+    assert "draft, not flown: reference_only, from 12 s on" not in hands.titles()
 
 
 def test_a_remark_must_say_something(hands: Hands) -> None:

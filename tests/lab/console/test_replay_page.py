@@ -56,7 +56,8 @@ def test_a_log_is_moved_through_and_its_events_move_the_charts(page: Page, run: 
     with chromium() as browser:
         browser.open(page.server.address, 1400, 950)
         browser.until(state, "paused")
-        browser.write("//label[normalize-space()='Time [s]']/following::input[1]", "60\ue007")
+        browser.write("//label[normalize-space()='Time [s]']/following::input[1]", "60")
+        browser.press("Enter", "Enter")
         browser.until(state, "60.00 s")
         browser.until(state, "proportional_integral")
         browser.click("//*[@role='tab' and normalize-space()='Log']")

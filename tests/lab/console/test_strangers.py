@@ -11,7 +11,7 @@ from flexslew_lab.console.page import Page
 
 SERVICES = {
     "operate", "step", "set_rate", "note", "switch_controller", "inject_fault", "end_fault",
-    "pd/tune", "plan_slew", "cancel",
+    "pd/tune", "draft_plan", "decide_plan", "cancel",
 }  # fmt: skip
 ODD = [
     None, True, -1, 0, 7, 1e300, float("nan"), float("inf"), "", "pd", "[1, 2]", "{", "a: b",
@@ -45,6 +45,9 @@ def test_whatever_pages_send_the_console_goes_on_and_asks_only_what_there_is(
         page.poll()
         stranger.reach()
     assert {service for service, _ in link.asked} <= SERVICES
+    late = PageClient(page.server.address)  # it is told what the others have left
+    while "Start" not in [element["label"] for element in late.inputs.values()]:
+        late.reach()
     page.close()
     stranger.socket.close()
     captured = capfd.readouterr()

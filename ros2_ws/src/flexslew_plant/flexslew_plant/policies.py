@@ -25,6 +25,7 @@ _OPERATE = (
     t.START, t.PAUSE, t.RESET, t.BRAKE, t.RELEASE_BRAKE, t.OPERATE, t.STEP, t.SET_RATE, t.NOTE,
     t.SWITCH_CONTROLLER, t.LIST_CONTROLLERS, t.INJECT_FAULT, t.END_FAULT,
 )  # fmt: skip
+_PLANS = (t.PLAN_SLEW, t.DRAFT_PLAN)
 _LAWS = (
     "pd_feedforward", "output_feedback", "proportional_integral", "lqr", "collocated_pid",
     "disturbance_minimisation", "disturbance_accommodating", "planned_gains", "modal_space",
@@ -46,17 +47,18 @@ ROLES: dict[str, Rights] = {
     "planner": Rights(
         publish=(t.PLAN, t.EVENTS, t.ALIVE),
         subscribe=(t.TESTBED, t.BENCH_STATE, t.ALIVE),
-        execute=(t.PLAN_SLEW,),
+        execute=_PLANS,
+        reply=(t.DECIDE_PLAN,),
     ),
     "recorder": Rights(publish=(t.EVENTS, t.RECORDER_STATUS, t.ALIVE), subscribe=(t.ALIVE,)),
     "listener": Rights(publish=(), subscribe=_RECORDED),  # hidden, of the recorder
     "operator": Rights(
         publish=(), subscribe=(t.EVENTS, t.BENCH_STATE, t.TRUTH, t.PLAN),
-        request=_OPERATE, call=(t.PLAN_SLEW,),
+        request=(*_OPERATE, t.DECIDE_PLAN), call=_PLANS,
     ),
     "console": Rights(
-        publish=(), subscribe=(), call=(t.PLAN_SLEW,),
-        request=(*_OPERATE, *(t.TUNE.replace("~", law) for law in _LAWS)),
+        publish=(), subscribe=(), call=_PLANS,
+        request=(*_OPERATE, t.DECIDE_PLAN, *(t.TUNE.replace("~", law) for law in _LAWS)),
     ),
     "watcher": Rights(  # hidden, of the console
         publish=(), subscribe=(t.TESTBED, t.BENCH_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.PLAN,

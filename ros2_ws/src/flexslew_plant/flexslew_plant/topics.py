@@ -79,4 +79,5 @@ SWITCH_CONTROLLER = "switch_controller"
 LIST_CONTROLLERS = "list_controllers"
 INJECT_FAULT, END_FAULT = "inject_fault", "end_fault"
 TUNE = "~/tune"  # of each controller
-PLAN_SLEW = "plan_slew"
+PLAN_SLEW, DRAFT_PLAN = "plan_slew", "draft_plan"  # actions: published, kept as a draft
+DECIDE_PLAN = "decide_plan"

@@ -99,6 +99,15 @@ class ControllerHost:
                 self.controller.warm(self._appendages)  # on the plan that it will follow
         return self._plan_refused
 
+    def plan_refused(self, digest: str) -> Event:
+        """Return what the log says of a plan with this hash, which was just refused."""
+        tick, period = self.last_tick, self.controller.period if self.controller else 0.0
+        words = f"{self.name} refuses the plan: {self._plan_refused}"
+        data = {"controller": self.name, "hash": digest}
+        return Event(
+            tick, tick * period, self.epoch, Level.WARNING, self.name, "plan_refused", words, data
+        )
+
     def observe(self, question: Measurement) -> Answer | None:
         """Return the answer if the question names this controller; see Controller.observe."""
         if self.controller is None:

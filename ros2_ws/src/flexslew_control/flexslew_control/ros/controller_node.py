@@ -95,7 +95,7 @@ class ControllerNode:
             return
         self._announcer.plan_hash = message.hash
         if refused:
-            self.node.get_logger().warning(f"plan refused: {refused}")
+            self._events.tell(self._host.plan_refused(message.hash))
         self._announcer.announce(always=True)
 
     def _on_measurement(self, data: bytes) -> None:

@@ -35,17 +35,25 @@ def plan_result(
     return result
 
 
-def planned_event(plan: Plan, digest: str, who: str, now: float, epoch: int) -> Event:
-    """Return what the log says of a plan that is published.
+_WORDS = {
+    "planned": "planned",
+    "plan_drafted": "drafted, to be adopted or refused",
+    "plan_refused": "refused by the operator",
+}
+
+
+def plan_event(kind: str, plan: Plan, digest: str, who: str, now: float, epoch: int) -> Event:
+    """Return what the log says of a plan.
 
     Args:
+        kind: planned (it is published), plan_drafted or plan_refused.
         plan: the plan.
         digest: its hash.
         who: asked for it; empty: nobody by name.
         now: simulated time [s].
         epoch: counts resets.
     """
-    words = f"{plan.method}: {plan.duration:g} s planned, hash {digest[:12]}"
+    words = f"{plan.method}: {plan.duration:g} s {_WORDS[kind]}, hash {digest[:12]}"
     data = {"hash": digest, "method": plan.method, "who": who or "unnamed"}
     tick = round(now / plan.period)
-    return Event(tick, now, epoch, Level.INFO, "planner", "planned", words, data)
+    return Event(tick, now, epoch, Level.INFO, "planner", kind, words, data)

@@ -1,6 +1,10 @@
-"""The `planner` node: plans on request (action `plan_slew`) and what its parameters ask for."""
+"""The `planner` node: plans on request and what its parameters ask for.
 
-from collections.abc import Sequence
+The action `plan_slew` publishes its plan, `draft_plan` keeps it until somebody decides.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from time import monotonic
 
@@ -9,20 +13,17 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
-from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planning import Iteration, Planning, PlanRequest, Refusal, plan_request
-from flexslew_control.ros.bench_clock import BenchClock
-from flexslew_control.ros.plan_result import CANCELED, plan_result, planned_event
+from flexslew_control.ros.plan_release import PlanRelease
+from flexslew_control.ros.plan_result import CANCELED, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop, run_node
-from flexslew_plant.ros.messages import message_of, stamp
-from flexslew_plant.ros.offers import publisher, subscription
+from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 
 _LOOK = 0.2  # between two looks at the graph [wall s]
@@ -30,7 +31,7 @@ _PLANNING = 0.02  # between two looks at the planning process [wall s]
 
 
 class Planner:
-    """Publishes plans on `plan`, latched. It makes one at a time, in a process of its own."""
+    """Makes one plan at a time, in a process of its own."""
 
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
@@ -41,20 +42,24 @@ class Planner:
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
         self._done: Future | None = None  # of the plan under way
         self._testbed = ""  # settings of what stands on the bench, YAML
-        self._clock = BenchClock(node)
         self._next_look = 0.0
-        self._plan = publisher(node, topics.PLAN)
-        self._events = EventLog(node)
+        self._release = PlanRelease(node)
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         serve_changes(node, lambda changes: "")
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
-        self._server = ActionServer(
-            node,
-            action.PlanSlew,
-            topics.PLAN_SLEW,
-            self._execute,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
-        )
+        self._servers = [
+            ActionServer(
+                node,
+                action.PlanSlew,
+                name,
+                partial(self._execute, hand_over),
+                cancel_callback=lambda _: CancelResponse.ACCEPT,
+            )
+            for name, hand_over in (
+                (topics.PLAN_SLEW, self._release.publish),
+                (topics.DRAFT_PLAN, self._release.keep),
+            )
+        ]
 
     def poll(self) -> float:
         """Look for the plant and for plans; return the wall seconds until the next look."""
@@ -74,7 +79,8 @@ class Planner:
     def close(self) -> None:
         """Leave the graph."""
         self._planning.close()
-        self._server.destroy()
+        for server in self._servers:
+            server.destroy()
         self.node.destroy_node()
 
     def _ask(self, request: PlanRequest | Refusal, goal: ServerGoalHandle | None) -> Future:
@@ -102,7 +108,7 @@ class Planner:
         if self._goal is None and isinstance(news, Refusal):
             raise (BadInput if news.bad_input else PlanFailed)(f"parameter plan: {news.message}")
         if self._goal is None and isinstance(news, Plan):
-            self._publish(news, "")
+            self._release.publish(news, "")
 
     def _request(self, text: str, period: float, limit: Sequence[float]) -> PlanRequest | Refusal:
         gains = self._settings.kp, self._settings.kd
@@ -111,23 +117,17 @@ class Planner:
     def _on_testbed(self, testbed: msg.Testbed) -> None:
         self._testbed = testbed.settings
         if self._settings.file:
-            self._publish(load_plan(Path(self._settings.file)), "")
+            self._release.publish(load_plan(Path(self._settings.file)), "")
         elif self._settings.plan and self._done is None:
             self._ask(
                 self._request(self._settings.plan, testbed.period, testbed.effort_limit), None
             )
 
-    def _publish(self, plan: Plan, who: str) -> msg.Plan:
-        now = self._clock.now()
-        message = message_of(msg.Plan, {"stamp": stamp(now), **plan_fields(plan)})
-        self._plan.publish(message)
-        self._events.tell(planned_event(plan, message.hash, who, now, self._clock.epoch))
-        return message
-
-    async def _execute(self, goal: ServerGoalHandle) -> action.PlanSlew.Result:
-        request = goal.request
+    async def _execute(
+        self, hand_over: Callable[[Plan, str], msg.Plan], goal: ServerGoalHandle
+    ) -> action.PlanSlew.Result:
         outcome = await self._outcome(goal)
-        plan = self._publish(outcome, request.who) if isinstance(outcome, Plan) else None
+        plan = hand_over(outcome, goal.request.who) if isinstance(outcome, Plan) else None
         return plan_result(goal, outcome, plan)
 
     async def _outcome(self, goal: ServerGoalHandle) -> Plan | Refusal:

@@ -10,6 +10,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml, validated, yaml_text
 from flexslew_plant.settings_fields import FieldMeaning, own_meanings
 
+LATEST = 1e9  # of a simulated time [s]
 _LONGEST = 4000  # characters of a field
 
 
@@ -70,6 +71,36 @@ def number_of(name: str, value: Any) -> float:
         return float(validated(float, value, name))
     except BadInput as error:
         raise BadInput(str(error).replace("(whole file): ", "")) from None
+
+
+def moment(name: str, value: Any) -> float:
+    """Return the simulated time [s] that a field holds; 0 is the next tick.
+
+    Raises:
+        BadInput: it holds none; beginning with the name.
+    """
+    time = number_of(name, value)
+    if not 0.0 <= time < LATEST:
+        raise BadInput(f"{name}: {time:g} is not allowed: at least 0, below {LATEST:g}")
+    return time
+
+
+def one_of(name: str, value: Any, known: Mapping[str, float]) -> float:
+    """Return what a choice stands for.
+
+    Raises:
+        BadInput: it is none of them.
+    """
+    if str(value) not in known:
+        raise BadInput(f"{name}: {value!r:.40} is not allowed: {', '.join(known)}")
+    return known[str(value)]
+
+
+def offer(field: Any, options: tuple[str, ...], nothing: str) -> None:
+    """Let a list offer these; without any of them it says so in these words."""
+    shown = options or (nothing,)
+    if shown != tuple(field.options):
+        field.options = shown
 
 
 def _choices(kind: Any) -> tuple[str, ...]:

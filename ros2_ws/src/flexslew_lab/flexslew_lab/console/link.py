@@ -11,6 +11,7 @@ class Told(NamedTuple):
 
     ok: bool
     message: str
+    tick: int = 0  # of what was asked for, where it has one
 
 
 class Iterate(NamedTuple):
@@ -23,6 +24,7 @@ class Iterate(NamedTuple):
 
 
 Then = Callable[[Told], None]
+Drafted = Callable[[Told, Any], None]  # takes a flexslew_msgs/Plan, or None without one
 
 
 class Link(Protocol):
@@ -45,8 +47,8 @@ class Link(Protocol):
             then: called with the answer, also where there is none.
         """
 
-    def plan(self, request: str, who: str, told: Callable[[Iterate], None], then: Then) -> None:
-        """Ask the planner for a manoeuvre, YAML of a `plan` section."""
+    def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
+        """Ask the planner for a manoeuvre that nobody follows yet, YAML of a `plan` section."""
 
     def cancel(self) -> None:
         """Give up the plan that is being made."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from time import monotonic
+from time import monotonic, process_time
 
 from flexslew_lab.console.desk import Desk, Panel
 from flexslew_lab.console.link import Link
@@ -22,6 +22,8 @@ from flexslew_lab.console.panels.tune import TunePanel
 from flexslew_lab.console.server import ConsoleServer
 
 FRAME = 0.05  # between two frames at least [wall s]
+SHARE = 0.1  # of a core that the page takes of a bench that goes as fast as it can, about
+_SLOWEST = 1.0  # between two frames then at most [wall s]
 LEFT, RIGHT = 400, 560  # widths [px]
 Make = Callable[[Desk], Panel]
 
@@ -53,6 +55,7 @@ class Page:
         self._desk = Desk(self.server.viser, link)
         self._panels = _built(self._desk, recording, self.server.gate.files)
         self._next = 0.0
+        self._spent = 0.0  # processor time at the last frame [s]
         say(f"open {self.server.address}")
 
     def poll(self) -> float:
@@ -63,8 +66,16 @@ class Page:
         if now >= self._next:
             for panel in self._panels:
                 panel.refresh()
-            self._next = now + FRAME
+            self._next = now + self._pause()
         return FRAME / 2
+
+    def _pause(self) -> float:
+        """Return the wall seconds until the next frame: fewer frames where time is scarce."""
+        before, self._spent = self._spent, process_time()
+        bench = self._desk.view.now
+        if bench.state != "running" or bench.rate_factor:
+            return FRAME
+        return min(max((self._spent - before) / SHARE, FRAME), _SLOWEST)
 
     def close(self) -> None:
         """End all pages."""

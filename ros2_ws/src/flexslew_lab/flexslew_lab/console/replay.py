@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flexslew_lab.console.link import Iterate, Then, Told
+from flexslew_lab.console.link import Drafted, Iterate, Then, Told
 from flexslew_lab.console.view import BenchView, Now
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.replay.player import Outgoing, Player, PlaySettings
@@ -83,9 +83,9 @@ class Replay:
         """Refuse."""
         then(Told(False, _WORDS))
 
-    def plan(self, request: str, who: str, told: Callable[[Iterate], None], then: Then) -> None:
+    def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
         """Refuse."""
-        then(Told(False, _WORDS))
+        then(Told(False, _WORDS), None)
 
     def cancel(self) -> None:
         """Nothing is being made."""

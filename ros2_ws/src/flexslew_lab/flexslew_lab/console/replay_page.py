@@ -1,8 +1,8 @@
 """The same page over the log of a run."""
 
-import time
 from collections.abc import Callable, Collection
 from pathlib import Path
+from threading import Event
 
 from flexslew_lab.console.page import Page
 from flexslew_lab.console.replay import Replay
@@ -26,9 +26,9 @@ def serve(
     """
     with only_trusted(trust):
         link = Replay(bag)
-        page = Page(link, host, port, say, link)
+        page, never = Page(link, host, port, say, link), Event()
         try:
-            while True:
-                time.sleep(page.poll())
+            while not never.wait(page.poll()):
+                pass
         finally:
             page.close()

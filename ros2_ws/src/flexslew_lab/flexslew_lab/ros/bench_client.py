@@ -8,7 +8,7 @@ from flexslew_msgs import action, srv
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
-from flexslew_lab.console.link import Iterate, Then, Told
+from flexslew_lab.console.link import Drafted, Iterate, Then, Told
 from flexslew_lab.ros.service_request import request_of
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
@@ -21,6 +21,7 @@ SERVICES: dict[str, Any] = {
     topics.SWITCH_CONTROLLER: srv.SwitchController,
     topics.INJECT_FAULT: srv.InjectFault,
     topics.END_FAULT: srv.EndFault,
+    topics.DECIDE_PLAN: srv.Operate,
 }
 TUNE = topics.TUNE.removeprefix("~")  # behind the name of a controller
 PATIENCE = 10.0  # with a service that does not answer [wall s]
@@ -28,9 +29,10 @@ PATIENCE = 10.0  # with a service that does not answer [wall s]
 
 class _Asked(NamedTuple):
     service: str
-    future: Any
+    request: Any
     deadline: float  # [wall s]
     then: Then
+    future: Any = None  # None: the service has not been found yet
 
 
 class BenchClient:
@@ -46,7 +48,10 @@ class BenchClient:
         self._asked: list[_Asked] = []
         for name, kind in SERVICES.items():  # found by the time they are needed
             self._clients[name] = node.create_client(kind, name)
-        self._planner = ActionClient(node, action.PlanSlew, topics.PLAN_SLEW)
+        self._planners = {
+            name: ActionClient(node, action.PlanSlew, name)
+            for name in (topics.PLAN_SLEW, topics.DRAFT_PLAN)
+        }
         self._goal: Any = None  # that is planned for
 
     def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
@@ -59,33 +64,48 @@ class BenchClient:
             return
         if service not in self._clients:
             self._clients[service] = self._node.create_client(kind, service)
-        client = self._clients[service]
         try:
-            request = request_of(kind, values)
+            request = request_of(kind.Request, values)
         except BadInput as error:
             then(Told(False, str(error)))
             return
-        future = client.call_async(request)
-        self._asked.append(_Asked(service, future, monotonic() + PATIENCE, then))
+        self._asked.append(_Asked(service, request, monotonic() + PATIENCE, then))
+        self._send()
 
     def poll(self, now: float) -> None:
         """Deliver the answers that have come."""
+        self._send()
         for asked in list(self._asked):
-            if asked.future.done():
+            if asked.future is not None and asked.future.done():
                 self._asked.remove(asked)
                 reply = asked.future.result()
                 ok = bool(reply.ok or getattr(reply, "scheduled", False))
-                asked.then(Told(ok, str(reply.message)))
+                asked.then(Told(ok, str(reply.message), int(getattr(reply, "tick", 0))))
             elif now > asked.deadline:
                 self._asked.remove(asked)
-                asked.future.cancel()
-                words = f"the bench did not answer {asked.service} within {PATIENCE:g} s"
+                if asked.future is not None:
+                    self._clients[asked.service].remove_pending_request(asked.future)
+                did = "offer" if asked.future is None else "answer"
+                words = f"the bench did not {did} {asked.service} within {PATIENCE:g} s"
                 asked.then(Told(False, words))
 
-    def plan(self, goal: action.PlanSlew.Goal, told: Callable[[Iterate], None], then: Then) -> None:
-        """Ask the planner; one plan at a time."""
-        if not self._planner.server_is_ready():
-            then(Told(False, "no planner is on the graph; the trial has no plan section"))
+    def _send(self) -> None:
+        """Call whom the graph knows by now: a request to anybody else would be lost."""
+        for k, asked in enumerate(self._asked):
+            client = self._clients[asked.service]
+            if asked.future is None and client.service_is_ready():
+                self._asked[k] = asked._replace(future=client.call_async(asked.request))
+
+    def plan(
+        self,
+        name: str,
+        goal: action.PlanSlew.Goal,
+        told: Callable[[Iterate], None],
+        then: Drafted,
+    ) -> None:
+        """Ask the planner for one plan by the name of its action."""
+        if not self._planners[name].server_is_ready():
+            then(Told(False, "no planner is on the graph; the trial has no plan section"), None)
             return
 
         def iterate(message: Any) -> None:
@@ -95,7 +115,7 @@ class BenchClient:
         def accepted(future: Any) -> None:
             self._goal = future.result()
             if not self._goal.accepted:
-                then(Told(False, "the planner does not take the request"))
+                then(Told(False, "the planner does not take the request"), None)
                 return
             self._goal.get_result_async().add_done_callback(finished)
 
@@ -104,10 +124,12 @@ class BenchClient:
             result = future.result().result
             ok = result.error_code == result.DONE
             plan = result.plan
-            words = f"{plan.method}: {plan.duration:g} s from {plan.start:g} s on is published"
-            then(Told(ok, words if ok else result.message))
+            did = "published" if name == topics.PLAN_SLEW else "drafted: adopt or refuse it"
+            words = f"{plan.method}: {plan.duration:g} s from {plan.start:g} s on is {did}"
+            then(Told(ok, words if ok else result.message), plan if ok else None)
 
-        self._planner.send_goal_async(goal, feedback_callback=iterate).add_done_callback(accepted)
+        sent = self._planners[name].send_goal_async(goal, feedback_callback=iterate)
+        sent.add_done_callback(accepted)
 
     def cancel(self) -> None:
         """Give up the plan that is being made, if any."""
@@ -116,4 +138,5 @@ class BenchClient:
 
     def close(self) -> None:
         """Leave the graph."""
-        self._planner.destroy()
+        for planner in self._planners.values():
+            planner.destroy()

@@ -1,5 +1,6 @@
 """The `console` node: a page in the browser over the bench as it runs."""
 
+import os
 from collections.abc import Callable
 from functools import partial
 from typing import Annotated
@@ -11,6 +12,8 @@ from flexslew_lab.ros.live_link import LiveLink
 from flexslew_plant.ros.loop import Loop, run_node, within
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.settings import section
+
+_NICE = 10  # the bench comes first
 
 
 @section
@@ -38,6 +41,7 @@ class ConsoleNode:
     def __init__(
         self, settings: ConsoleSettings | None, say: Callable[[str], None], loop: Loop
     ) -> None:
+        os.nice(_NICE)
         self.node = node = new_node("console")
         loop.add(node)
         chosen: ConsoleSettings = settings or settings_of(node, ConsoleSettings)

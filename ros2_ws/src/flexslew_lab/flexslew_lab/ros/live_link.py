@@ -6,7 +6,7 @@ from typing import Any
 from flexslew_msgs import action
 from rclpy.node import Node
 
-from flexslew_lab.console.link import Iterate, Then, Told
+from flexslew_lab.console.link import Drafted, Iterate, Then, Told
 from flexslew_lab.console.view import BenchView
 from flexslew_lab.ros.bench_client import BenchClient
 from flexslew_lab.ros.hidden_listener import HiddenListener
@@ -54,16 +54,16 @@ class LiveLink:
         """Call a service of the bench."""
         self._client.ask(service, values, then)
 
-    def plan(self, request: str, who: str, told: Callable[[Iterate], None], then: Then) -> None:
-        """Ask the planner for a manoeuvre."""
+    def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
+        """Ask the planner for a manoeuvre that nobody follows yet."""
         joints = self.view.joints
         if joints is None:
-            then(Told(False, "no testbed has announced itself yet"))
+            then(Told(False, "no testbed has announced itself yet"), None)
             return
         goal = action.PlanSlew.Goal(
             request=request, period=joints.period, effort_limit=list(joints.limit), who=who
         )
-        self._client.plan(goal, told, then)
+        self._client.plan(topics.DRAFT_PLAN, goal, told, then)
 
     def cancel(self) -> None:
         """Give up the plan that is being made."""

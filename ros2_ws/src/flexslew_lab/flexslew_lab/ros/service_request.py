@@ -15,19 +15,19 @@ def request_of(kind: Any, values: Mapping[str, Any]) -> Any:
     """Return the request of a service with these fields; the others keep their defaults.
 
     Args:
-        kind: the class of the service.
+        kind: the class of the request, or of an action's goal.
         values: by field; a time in seconds.
 
     Raises:
         BadInput: an unknown field, or a value that is not of its type.
     """
-    known = kind.Request.get_fields_and_field_types()
+    known = kind.get_fields_and_field_types()
     fields = {}
     for key, value in values.items():
         if key not in known:
             raise BadInput(f"{key!r:.40}: unknown; allowed: {', '.join(known)}")
         fields[key] = _field(key, known[key], value)
-    return kind.Request(**fields)
+    return kind(**fields)
 
 
 def _field(key: str, of: str, value: Any) -> Any:
@@ -48,5 +48,7 @@ def _field(key: str, of: str, value: Any) -> Any:
         and 0 <= value < 2 ** int(of[4:])
     ):
         return int(value)
+    if of == "sequence<double>" and isinstance(value, list):
+        return [_field(f"{key}.{k}", "double", one) for k, one in enumerate(value)]
     allowed = "a time in seconds, at least 0, below 1e9" if of == _TIME else f"of type {of}"
     raise BadInput(f"{key}: {value!r:.60} is not allowed: {allowed}")

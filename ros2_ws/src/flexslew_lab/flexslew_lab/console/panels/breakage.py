@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from flexslew_lab.console.desk import Desk, Reply
-from flexslew_lab.console.forms import Form, Key, keys_of, number_of
+from flexslew_lab.console.forms import Form, Key, keys_of, moment, number_of, offer
 from flexslew_lab.console.link import Told
 from flexslew_plant import topics
 from flexslew_plant.bench.hardware.disturbances import PulseShape, SineShape
@@ -52,10 +52,9 @@ class _Injection:
         if given is None:
             return
         try:
-            at = number_of("from", given.pop("from", 0.0))
-            if not 0.0 <= at < 1e9 or 0.0 < at <= self._view.time:
-                now = f"{self._view.time:.2f}"
-                raise BadInput(f"from: {at:g} is over or no time: the bench is at {now} s")
+            at = moment("from", given.pop("from", 0.0))
+            if 0.0 < at <= self._view.time:
+                raise BadInput(f"from: {at:g} is over: the bench is at {self._view.time:.2f} s")
             until = {"until": given.pop("until")} if "until" in given else {}
             text = yaml_text({**made(given), **until}, flow=True)
             injected_entry(text, at)
@@ -156,8 +155,7 @@ class ActivePanel:
     def refresh(self) -> None:
         """List it."""
         options = tuple(f"{number}: {words}" for number, words in self._view.now.faults)
-        if (options or (_NOTHING,)) != tuple(self._which.options):
-            self._which.options = options or (_NOTHING,)
+        offer(self._which, options, _NOTHING)
 
     def _end(self, who: str) -> None:
         number, sign, _ = str(self._which.value).partition(":")

@@ -1,5 +1,6 @@
-"""Plan a manoeuvre, see the iterations and the curve, let it be flown."""
+"""Plan a manoeuvre, see the iterations and the curve; then let it be flown, or drop it."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -7,9 +8,10 @@ from viser import uplot
 
 from flexslew_control.planners import PLANNERS, plan_settings
 from flexslew_lab.console.desk import Desk, Reply, line
-from flexslew_lab.console.forms import Form, Key, number_of
+from flexslew_lab.console.forms import Form, Key, moment, number_of
 from flexslew_lab.console.link import Iterate, Told
 from flexslew_lab.console.panels.charts import COLORS
+from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import yaml_text
 
@@ -18,7 +20,7 @@ _SHOWN = 8  # iterations
 
 
 class PlanPanel:
-    """Goal, method, duration, start; a plan is flown from its start on.
+    """Goal, method, duration, start; a draft is drawn, and flown from its start on if adopted.
 
     Args:
         desk: of the page.
@@ -31,13 +33,18 @@ class PlanPanel:
         self._place = gui.add_folder("Manoeuvre")
         self._form: Form | None = None
         self._joints: Any = None
-        desk.click(gui.add_button("Plan and fly it from its start on"), self._plan)
+        desk.click(gui.add_button("Plan"), self._plan)
         desk.click(gui.add_button("Cancel planning"), lambda who: desk.link.cancel())
+        self._adopt = gui.add_button("Adopt the draft", hint="fly it from its start on")
+        self._refuse = gui.add_button("Refuse the draft", color="gray")
+        for button, word in ((self._adopt, "adopt"), (self._refuse, "refuse")):
+            desk.click(button, partial(self._decide, word))
         self._reply = Reply(desk)
         self._progress = gui.add_html("")
         self._iterations: list[str] = []
         self._curve: Any = None
-        self._drawn = ""  # hash of the plan
+        self._draft: Any = None  # that waits for a decision
+        self._drawn = ("", "")  # hash of the plan, and what it is
 
     def refresh(self) -> None:
         """Make the form when the joints are known, and draw a plan that is new."""
@@ -54,9 +61,15 @@ class PlanPanel:
                 Key("more", "other keys of the method, YAML: {functions: 12}"),
             ]
             self._form = Form(self._desk, keys, self._place)
-        if plan is not None and plan.hash != self._drawn:
-            self._drawn = plan.hash
-            self._draw(plan)
+        waits = self._draft is not None
+        for button in (self._adopt, self._refuse):
+            if button.visible != waits:
+                button.visible = waits
+        shown, kind = (self._draft, "draft, not flown") if waits else (plan, "plan")
+        state = (shown.hash, kind) if shown is not None else ("", "")
+        if state != self._drawn:
+            self._drawn = state
+            self._draw(shown, kind)
 
     def _plan(self, who: str) -> None:
         if self._form is None:
@@ -76,7 +89,24 @@ class PlanPanel:
         self._progress.content = ""
         self._reply.tell(Told(True, "planning ..."))
         text = yaml_text(values, flow=True)
-        self._link.plan(text, who, self._iterate, self._reply.tell)
+        self._link.draft(text, who, self._iterate, self._drafted)
+
+    def _drafted(self, told: Told, plan: Any) -> None:
+        self._draft = plan or self._draft
+        self._reply.tell(told)
+
+    def _decide(self, word: str, who: str) -> None:
+        if self._draft is None:
+            self._reply.tell(Told(False, "there is no draft to decide on"))
+            return
+        draft = self._draft
+
+        def decided(told: Told) -> None:
+            if (told.ok or word == "refuse") and self._draft is draft:
+                self._draft = None
+
+        values = {"action": f"{word} {draft.hash}", "who": who}
+        self._reply.ask(topics.DECIDE_PLAN, values, decided)
 
     def _request(self, given: dict[str, Any]) -> dict[str, Any]:
         """Return the `plan` section.
@@ -92,8 +122,8 @@ class PlanPanel:
             raise BadInput("more: give keys, for example {functions: 12}")
         if "start" not in given:
             raise BadInput(f"start: is missing; the bench is at {self._view.time:.2f} s")
-        start = number_of("start", given["start"])
-        if not self._view.time < start < 1e9:
+        start = moment("start", given["start"])
+        if start <= self._view.time:
             raise BadInput(f"start: {start:g} is over: the bench is at {self._view.time:.2f} s")
         values = {"method": self._method.value, "goal": goal, "start": start, **more}
         if "duration" in given:
@@ -109,8 +139,13 @@ class PlanPanel:
         self._iterations = [*self._iterations, words][-_SHOWN:]
         self._progress.content = "".join(line(one) for one in self._iterations)
 
-    def _draw(self, plan: Any) -> None:
-        """Show the planned positions."""
+    def _draw(self, plan: Any, kind: str) -> None:
+        """Show the planned positions; without a plan nothing."""
+        if self._curve is not None:
+            self._curve.remove()
+            self._curve = None
+        if plan is None:
+            return
         joints = len(plan.joint_names)
         rows = np.asarray(plan.position, dtype=float).reshape(-1, max(joints, 1))
         every = max(1, len(rows) // 500)
@@ -120,10 +155,9 @@ class PlanPanel:
         for k, name in enumerate(plan.joint_names):
             color = COLORS[k % len(COLORS)]
             series.append(uplot.Series(label=f"planned {name}", stroke=color, width=1.5))
-        if self._curve is not None:
-            self._curve.remove()
         with self._place:
             self._curve = self._desk.gui.add_uplot(
-                data, tuple(series), title=f"{plan.method}, from {plan.start:g} s on", height=160,
+                data, tuple(series), height=160,
+                title=f"{kind}: {plan.method}, from {plan.start:g} s on",
                 scales={"x": uplot.Scale(time=False, auto=True)},
             )  # fmt: skip

@@ -3,7 +3,9 @@
 from typing import Protocol
 
 from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.forms import one_of
 from flexslew_lab.console.link import Told
+from flexslew_plant.errors import BadInput
 
 _RATES = {"0.1": 0.1, "0.5": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "50": 50.0}
 
@@ -50,12 +52,10 @@ class ReplayPanel:
             self._time.value = self._view.time
 
     def _play(self, who: str) -> None:
-        rate = _RATES.get(self._rate.value)
-        if rate is None:
-            words = f"Rate: {self._rate.value!r} is not allowed: {', '.join(_RATES)}"
-            self._reply.tell(Told(False, words))
-            return
-        self._recording.play(rate)
+        try:
+            self._recording.play(one_of("Rate", self._rate.value, _RATES))
+        except BadInput as error:
+            self._reply.tell(Told(False, str(error)))
 
     def _seek(self, who: str) -> None:
         self._reply.tell(self._recording.seek(float(self._time.value)))

@@ -3,8 +3,10 @@
 from functools import partial
 
 from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.forms import one_of
 from flexslew_lab.console.link import Told
 from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
 
 _RATES = {"0.1": 0.1, "0.5": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "fast": 0.0}
 
@@ -54,7 +56,8 @@ class RunPanel:
             ("Reset", topics.RESET),
         ):
             desk.click(gui.add_button(name), partial(self._act, action))
-        self._ticks = gui.add_number("Ticks", 100, hint="how many a step flies")
+        # a float: what a page sends is made one, and an integer of any size would stop every page
+        self._ticks = gui.add_number("Ticks", 100.0, step=1.0, hint="how many a step flies")
         desk.click(gui.add_button("Step"), self._step)
         self._rate = gui.add_dropdown("Rate", tuple(_RATES), initial_value="1")
         desk.click(gui.add_button("Set the rate"), self._set_rate)
@@ -69,14 +72,14 @@ class RunPanel:
     def _step(self, who: str) -> None:
         ticks = self._ticks.value
         if ticks != ticks // 1 or not 1 <= ticks < 2**32:
-            self._reply.tell(Told(False, f"Ticks: {ticks} is not allowed: a whole number from 1"))
+            self._reply.tell(Told(False, f"Ticks: {ticks:g} is not allowed: a whole number from 1"))
             return
         self._reply.ask(topics.STEP, {"ticks": int(ticks), "who": who})
 
     def _set_rate(self, who: str) -> None:
-        rate = _RATES.get(self._rate.value)
-        if rate is None:
-            words = f"Rate: {self._rate.value!r} is not allowed: {', '.join(_RATES)}"
-            self._reply.tell(Told(False, words))
+        try:
+            rate = one_of("Rate", self._rate.value, _RATES)
+        except BadInput as error:
+            self._reply.tell(Told(False, str(error)))
             return
         self._reply.ask(topics.SET_RATE, {"rate_factor": rate, "who": who})

@@ -1,4 +1,4 @@
-"""The testbed in three dimensions: bent as it is, with the reference as a ghost."""
+"""The testbed in three dimensions: bent as it is, with the reference as an outline."""
 
 from contextlib import suppress
 from functools import partial
@@ -12,7 +12,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.scene import Scene
 
-_BENT, _GHOST = (0, 114, 178), (150, 150, 150)
+_BENT, _OUTLINE = (0, 114, 178), (150, 150, 150)
 _VIEWS = {"View from above": (0.0, -0.01, 1.0), "View from the side": (0.0, -1.0, 0.05)}
 _FIRST = (0.5, -0.8, 0.5)
 
@@ -28,12 +28,12 @@ class ScenePanel:
         gui, self._desk, self._view = desk.gui, desk, desk.view
         desk.scene.set_up_direction("+z")
         self._scale = gui.add_slider("Deflection times", 1.0, 50.0, 1.0, 1.0)
-        self._ghost_wanted = gui.add_checkbox("Reference as a ghost", True)
+        self._outline_wanted = gui.add_checkbox("Reference as an outline", True)
         for name, direction in _VIEWS.items():
             desk.click(gui.add_button(name), partial(self._look, direction))
         self._testbed: Testbed | None = None
         self._bent: _Drawing | None = None
-        self._ghost: _Drawing | None = None
+        self._outline: _Drawing | None = None
         self._reach = 10.0  # how far the testbed reaches [m]
         self._shown: tuple[Any, ...] = ()
 
@@ -44,8 +44,8 @@ class ScenePanel:
             return
         if testbed is not self._testbed:
             self._build(testbed)
-        state = (position.tobytes(), self._scale.value, self._ghost_wanted.value)
-        if state == self._shown or self._bent is None or self._ghost is None:
+        state = (position.tobytes(), self._scale.value, self._outline_wanted.value)
+        if state == self._shown or self._bent is None or self._outline is None:
             return
         self._shown = state
         model = testbed.model()
@@ -56,20 +56,21 @@ class ScenePanel:
         reference = self._view.thought.column("reference_position")
         with self._desk.server.atomic():
             self._bent.show(bent)
-            wanted = bool(self._ghost_wanted.value) and reference.shape[1] == model.joints
-            self._ghost.visible(wanted and len(reference) > 0)
+            wanted = bool(self._outline_wanted.value) and reference.shape[1] == model.joints
+            self._outline.visible(wanted and len(reference) > 0)
             if wanted and len(reference):
                 pose = dict(zip(model.joint_names, reference[-1].tolist(), strict=True))
-                self._ghost.show(model.rest(pose))
+                self._outline.show(model.rest(pose))
 
     def _build(self, testbed: Testbed) -> None:
         self._testbed = testbed
         scene, still = testbed.scene(), testbed.model().rest({})
         lines = scene.lines(still)
         self._reach = max((float(np.abs(line).max()) for line in lines), default=3.0)
-        self._bent = _Drawing(self._desk.scene, scene, still, "/bench", _BENT, self._reach)
-        self._ghost = _Drawing(self._desk.scene, scene, still, "/reference", _GHOST, self._reach)
-        self._desk.scene.add_grid(
+        place, reach = self._desk.scene, self._reach
+        self._bent = _Drawing(place, scene, still, "/bench", _BENT, reach)
+        self._outline = _Drawing(place, scene, still, "/reference", _OUTLINE, reach)
+        place.add_grid(
             "/floor", 4 * self._reach, 4 * self._reach, cell_size=self._reach / 5,
             section_size=self._reach,
         )  # fmt: skip
@@ -100,12 +101,12 @@ class _Drawing:
         for frame in scene.frames(still):
             path = self._paths[frame.child] = f"{self._paths[frame.parent]}/{frame.child}"
             self._frames[frame.child] = place.add_frame(path, show_axes=False)
-        ghost = color == _GHOST
-        _add_links(place, scene.robot_description, self._paths, ghost)
+        outline = color == _OUTLINE
+        _add_links(place, scene.robot_description, self._paths, outline)
         self._lines = [
             place.add_line_segments(
                 f"{self._paths[frame]}/line_{k}", _segments(line), color,
-                thickness=reach * (0.004 if ghost else 0.008),
+                thickness=reach * (0.004 if outline else 0.008),
             )
             for k, (line, frame) in enumerate(
                 zip(scene.lines(still), scene.line_frames, strict=True)
@@ -129,8 +130,8 @@ def _segments(line: Matrix) -> Any:
     return np.stack((line[:-1], line[1:]), axis=1).astype(np.float32)
 
 
-def _add_links(place: Any, description: str, frames: dict[str, str], ghost: bool) -> None:
-    """Draw the rigid parts of a robot description, those of a ghost as wires."""
+def _add_links(place: Any, description: str, frames: dict[str, str], outline: bool) -> None:
+    """Draw the rigid parts of a robot description, those of an outline see-through."""
     robot = ElementTree.fromstring(description)
     at = {name: (path, np.zeros(3)) for name, path in frames.items()}
     for joint in robot.iter("joint"):
@@ -147,12 +148,12 @@ def _add_links(place: Any, description: str, frames: dict[str, str], ghost: bool
         color = visual.find("material/color")
         rgba = color.get("rgba", "") if color is not None else ""
         *rgb, opacity = map(float, (rgba or "1 1 1 1").split())
-        if shape is None or (ghost and opacity < 1.0):
+        if shape is None or (outline and opacity < 1.0):
             continue
         common = {
             "position": tuple(origin + _xyz(visual.find("origin"))),
-            "color": _GHOST if ghost else tuple(round(255 * part) for part in rgb),
-            "opacity": 0.25 if ghost else opacity,
+            "color": _OUTLINE if outline else tuple(round(255 * part) for part in rgb),
+            "opacity": 0.25 if outline else opacity,
             "cast_shadow": False,
         }
         label = f"{path}/part_{number}"

@@ -1,12 +1,12 @@
 """Give the bench to another controller."""
 
-from math import isfinite
-
 from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.forms import moment, offer
 from flexslew_lab.console.link import Told
 from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
 
-_NOBODY = "(nobody there)"
+NOBODY = "(nobody there)"
 
 
 class SwapPanel:
@@ -19,7 +19,7 @@ class SwapPanel:
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
         self._view = desk.view
-        self._who = gui.add_dropdown("Controller", (_NOBODY,))
+        self._who = gui.add_dropdown("Controller", (NOBODY,))
         self._at = gui.add_number("At [s]", 0.0, hint="simulated time; 0: the next tick")
         self._strict = gui.add_checkbox("Strict", False, hint="refuse a larger step of the effort")
         self._step = gui.add_number("Largest step", 1.0, hint="of the effort [N m or N]")
@@ -28,22 +28,19 @@ class SwapPanel:
 
     def refresh(self) -> None:
         """List who is on the graph."""
-        names = tuple(sorted(self._view.controllers)) or (_NOBODY,)
-        if names != tuple(self._who.options):
-            self._who.options = names
+        offer(self._who, tuple(sorted(self._view.controllers)), NOBODY)
 
     def _switch(self, who: str) -> None:
-        for label, field in (("At", self._at), ("Largest step", self._step)):
-            if not (isfinite(field.value) and 0.0 <= field.value < 1e9):
-                words = f"{label}: {field.value} is not allowed: at least 0, below 1e9"
-                self._reply.tell(Told(False, words))
-                return
-        values = {
-            "controller": self._who.value,
-            "at": self._at.value,
-            "strict": self._strict.value,
-            "max_effort_step": self._step.value,
-            "timeout": 2.0,
-            "who": who,
-        }
+        try:
+            values = {
+                "controller": self._who.value,
+                "at": moment("At", self._at.value),
+                "strict": self._strict.value,
+                "max_effort_step": moment("Largest step", self._step.value),
+                "timeout": 2.0,
+                "who": who,
+            }
+        except BadInput as error:
+            self._reply.tell(Told(False, str(error)))
+            return
         self._reply.ask(topics.SWITCH_CONTROLLER, values)

@@ -2,14 +2,14 @@
 
 from flexslew_control.controllers import CONTROLLERS, DERIVED
 from flexslew_lab.console.desk import Desk, Reply
-from flexslew_lab.console.forms import Form, Key, number_of, text_of, words_of
+from flexslew_lab.console.forms import Form, Key, moment, number_of, offer, text_of, words_of
 from flexslew_lab.console.link import Told
+from flexslew_lab.console.panels.swap import NOBODY
 from flexslew_lab.trial.overrides import overridden
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import flat, load_yaml, validated, yaml_text
 from flexslew_plant.settings_fields import meanings
 
-_NOBODY = "(nobody there)"
 _HANDOVER = "handover_time"
 
 
@@ -23,7 +23,7 @@ class TunePanel:
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
         self._desk, self._view = desk, desk.view
-        self._which = gui.add_dropdown("Tuned controller", (_NOBODY,))
+        self._which = gui.add_dropdown("Tuned controller", (NOBODY,))
         self._place = gui.add_folder("Settings")
         self._at = Form(
             desk, [Key("from [s]", "simulated time; empty: the next tick")], self._place
@@ -35,9 +35,7 @@ class TunePanel:
 
     def refresh(self) -> None:
         """List who is there; make the form anew where its controller has changed."""
-        names = tuple(sorted(self._view.controllers)) or (_NOBODY,)
-        if names != tuple(self._which.options):
-            self._which.options = names
+        offer(self._which, tuple(sorted(self._view.controllers)), NOBODY)
         known = self._view.controllers.get(self._which.value)
         state = (known.name, known.settings) if known else ("", "")
         if state == self._shown:
@@ -56,9 +54,7 @@ class TunePanel:
         if changes is None:
             return
         try:
-            when = number_of("from [s]", at.get("from [s]", 0.0))
-            if not 0.0 <= when < 1e9:
-                raise BadInput(f"from [s]: {when:g} is not allowed: at least 0, below 1e9")
+            when = moment("from [s]", at.get("from [s]", 0.0))
             if not changes:
                 raise BadInput("nothing has changed; write another value into a field")
             nested = overridden({}, changes)

@@ -166,7 +166,8 @@ class Session:
         if not text.strip():
             return Reply(False, "text: is empty; write something")
         reply = Reply(True, f"noted at tick {self.bench.tick}")
-        return self._said(reply, "note", text.strip(), who)
+        self._said(reply, "note", text.strip(), who)
+        return reply
 
     def switch(self, request: SwitchRequest, now: float) -> str | None:
         """Queue a switch; return why it is refused, or None. See Bench.request_switch.

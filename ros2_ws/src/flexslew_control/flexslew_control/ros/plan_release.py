@@ -1,0 +1,86 @@
+"""Plans on their way to the controllers: published at once, or kept until somebody decides."""
+
+from typing import Any
+
+from flexslew_msgs import msg, srv
+from rclpy.node import Node
+
+from flexslew_control.message_fields import plan_fields
+from flexslew_control.plan import Plan
+from flexslew_control.ros.bench_clock import BenchClock
+from flexslew_control.ros.plan_result import plan_event
+from flexslew_plant import topics
+from flexslew_plant.ros.event_log import EventLog
+from flexslew_plant.ros.messages import message_of, stamp
+from flexslew_plant.ros.offers import publisher
+
+ADOPT, REFUSE = "adopt", "refuse"
+
+
+class PlanRelease:
+    """Publishes plans on `plan`, latched; the newest draft waits for the service `decide_plan`.
+
+    Args:
+        node: of the planner.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._draft: tuple[Plan, msg.Plan] | None = None
+        self._clock = BenchClock(node)
+        self._plan = publisher(node, topics.PLAN)
+        self._events = EventLog(node)
+        node.create_service(srv.Operate, topics.DECIDE_PLAN, self._on_decide)
+
+    def publish(self, plan: Plan, who: str) -> msg.Plan:
+        """Let the controllers follow a plan; return it as a message."""
+        message = self._message(plan)
+        self._plan.publish(message)
+        self._tell("planned", plan, message, who)
+        return message
+
+    def keep(self, plan: Plan, who: str) -> msg.Plan:
+        """Keep a draft in the place of the last one; return it as a message."""
+        message = self._message(plan)
+        self._draft = plan, message
+        self._tell("plan_drafted", plan, message, who)
+        return message
+
+    def _message(self, plan: Plan) -> msg.Plan:
+        return message_of(msg.Plan, {"stamp": stamp(self._clock.now()), **plan_fields(plan)})
+
+    def _tell(self, kind: str, plan: Plan, message: msg.Plan, who: str) -> None:
+        now, epoch = self._clock.now(), self._clock.epoch
+        self._events.tell(plan_event(kind, plan, message.hash, who, now, epoch))
+
+    def _on_decide(self, request: Any, reply: Any) -> Any:
+        word, _, digest = request.action.partition(" ")
+        reply.message = self._objection(word, digest)
+        if reply.message or self._draft is None:
+            return reply
+        plan, message = self._draft
+        self._draft, reply.ok = None, True
+        reply.tick = round(plan.start / plan.period)
+        if word == ADOPT:
+            self.publish(plan, request.who)
+            reply.message = f"{plan.method}: flown from {plan.start:g} s on, tick {reply.tick}"
+        else:
+            self._tell("plan_refused", plan, message, request.who)
+            reply.message = f"{plan.method} from {plan.start:g} s on is dropped"
+        return reply
+
+    def _objection(self, word: str, digest: str) -> str:
+        """Return why a decision cannot be taken, or an empty text."""
+        if word not in (ADOPT, REFUSE):
+            return f"action: {word!r:.40} is not allowed: {ADOPT}, {REFUSE}"
+        if self._draft is None:
+            return "there is no draft to decide on; make one with draft_plan"
+        plan, message = self._draft
+        if digest not in ("", message.hash):
+            return f"the draft is {message.hash[:12]} by now, not {digest[:12]}"
+        now = self._clock.now()
+        if word == ADOPT and plan.start <= now and now > 0.0:
+            return (
+                f"the draft starts at {plan.start:g} s, the bench is at {now:.2f} s; "
+                "make one that starts later"
+            )
+        return ""

@@ -1,0 +1,119 @@
+"""A live bench under pages that click anything, hang, or lose their console.
+
+FLEXSLEW_ACTIONS=1000 ./flexslew test tests/ros/test_console_strangers.py works a long session.
+"""
+
+import os
+import random
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from threading import Thread
+from time import monotonic
+from typing import Any
+
+import pytest
+
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.trial.processes import NodeProcess
+from flexslew_lab.trial.run import run_trial
+
+from .console_page import console, trial_file
+from .flight import Flight, slew
+
+pytest.importorskip("viser")
+
+from tests.page_client import PageClient
+
+ACTIONS = int(os.environ.get("FLEXSLEW_ACTIONS", "0"))
+ODD = [
+    0.0, 1.0, 7, -1, float("nan"), 1e300, "lqr", "5.0", "[500.0, 500.0]", "", "soon", "{", True,
+    "x" * 5000, None, [1, 2],
+]  # fmt: skip
+WALL = 120.0  # for one thing to happen on a busy machine [s]
+
+
+@pytest.mark.timeout(1200)
+@pytest.mark.skipif(not ACTIONS, reason="set FLEXSLEW_ACTIONS=1000")
+def test_a_bench_stays_whole_whatever_is_clicked_and_flies_again(tmp_path: Path) -> None:
+    rng, run = random.Random(16), tmp_path / "run"
+    with console(str(trial_file(tmp_path, 1e4)), "--out", str(run), "--rate", "5") as (_, address):
+        page, other = PageClient(address), PageClient(address)
+        until(lambda: any("lqr" in e.get("options", ()) for e in page.inputs.values()), page)
+        page.set(page.named("Start"), True)
+        until(lambda: ">running<" in page.text, page)
+        for number in range(ACTIONS):
+            uuid, element = rng.choice(sorted(page.inputs.items()))
+            page.set(uuid, anything(rng, element))
+            page.reach()
+            if number % 5 == 0:
+                page.set(page.named("Start"), True)
+        until(lambda: (run / "bag").exists(), page)
+        page.set(page.named("Remark"), "the end")
+        page.set(page.named("Note it"), True)
+        until(lambda: "noted at tick" in page.text, page)
+        page.set(page.named("Pause"), True)
+        until(lambda: ">paused<" in page.text, page)
+        late = PageClient(address)
+        until(lambda: shown(other, "value") == shown(late, "value"), other, late)
+        until(lambda: shown(page) == shown(other), page, other)
+    events = BagReader(run / "bag").overview.events
+    assert sum(", page " in str(e.data.get("who", "")) for e in events) > ACTIONS / 20
+    assert "the end" in [e.message for e in events if e.kind == "note"]
+    assert "Traceback" not in (run / "nodes.log").read_text()
+    assert resim(run / "bag").identical
+
+
+def test_a_hung_page_and_a_killed_console_change_no_bit(tmp_path: Path) -> None:
+    trial = slew(duration=60.0)
+    alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
+    killed: list[str] = []
+    pages: list[PageClient] = []
+
+    def disturb(pids: dict[str, int], domain: int) -> None:
+        said = (tmp_path / "flight" / "nodes.log").read_text()
+        address = said.partition("open ")[2].split()[0]
+        pages.append(PageClient(address, hangs=True))
+        page = PageClient(address)
+
+        def kill() -> None:
+            until(lambda: ">running<" in page.text, page)
+            os.kill(pids["console"], signal.SIGKILL)
+            killed.append(page.text)
+
+        Thread(target=kill).start()
+
+    viewer = NodeProcess("console", "flexslew_lab", "console", {"port": 0})
+    flight = Flight(trial, tmp_path / "flight", 100, disturb, [viewer])
+    assert killed
+    assert flight.metrics["trajectory_hash"] == alone.metrics["trajectory_hash"]
+
+
+def anything(rng: random.Random, element: dict[str, Any]) -> Any:
+    """Return what a page may send for an element: half of it is of use."""
+    if "Button" in element["type"]:
+        return True
+    if rng.random() < 0.5:
+        return rng.choice(ODD)
+    if element.get("options"):
+        return rng.choice(element["options"])
+    return element["value"]
+
+
+def shown(page: PageClient, *more: str) -> list[Any]:
+    """Return what a page shows but for the data of its charts."""
+    keys = ("type", "label", "options", "content", "visible", *more)
+    return sorted(
+        str((uuid, [element.get(key) for key in keys]))
+        for uuid, element in page.elements.items()
+        if "Button" not in element["type"] or not more  # who pressed one is told nothing
+    )
+
+
+def until(condition: Callable[[], bool], *pages: PageClient) -> None:
+    end = monotonic() + WALL
+    while not condition():
+        assert monotonic() < end, pages[0].text
+        for page in pages:
+            page.reach()
