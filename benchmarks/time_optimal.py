@@ -14,7 +14,7 @@ import numpy as np
 
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_control.planners.time_optimal.switching import (
-    continued_durations,
+    fewest_durations,
     linear_candidates,
     solve_durations,
 )
@@ -98,13 +98,13 @@ def campaign(kind: str, count: int, seed: int) -> tuple[list[Miss], list[float]]
     rng = np.random.default_rng(seed)
     missed: list[Miss] = []
     times: list[float] = []
-    continued_durations(random_slew(kind, np.random.default_rng(0)))  # loads the compiled code
+    fewest_durations(random_slew(kind, np.random.default_rng(0)))  # loads the compiled code
     for done in range(count):
         if done and not done % 50:
             print(f"{kind}: {done} plans, {len(missed)} beaten", flush=True)
         slew = random_slew(kind, rng)
         began = process_time()
-        durations = continued_durations(slew)
+        durations = fewest_durations(slew)
         times.append(process_time() - began)
         planned = np.inf if durations is None else float(durations.sum())
         best = reference(slew, rng, _STARTS[kind])
@@ -125,7 +125,7 @@ def figures() -> dict[str, float]:
         for run in range(_RUNS + 1):
             slew = random_slew(kind, rng)
             began = process_time()
-            durations = continued_durations(slew)
+            durations = fewest_durations(slew)
             planned = process_time() - began
             if durations is None or not run:  # the first one loads the compiled code
                 continue

@@ -13,7 +13,11 @@ from flexslew_control.planners.time_optimal.optimal_switching import (
     shortest_durations,
 )
 from flexslew_control.planners.time_optimal.pontryagin import switching_function
-from flexslew_control.planners.time_optimal.switching import continued_durations, linear_durations
+from flexslew_control.planners.time_optimal.switching import (
+    continued_durations,
+    fewest_durations,
+    linear_durations,
+)
 from flexslew_control.planners.time_optimal.time_optimal import TimeOptimal
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated
@@ -312,3 +316,17 @@ def test_no_slew_of_the_linear_model_is_faster_than_its_optimum(robust: Any, see
     if arcs is not None:
         assert arcs.sum() == pytest.approx(optimum.duration, rel=1e-4)
         assert switching_function(of, arcs).holds
+
+
+def test_where_no_three_switches_lead_to_the_goal_five_do() -> None:
+    """The rigid slew to this goal hardly excites the mode: arcs of three switches would vanish."""
+    testbed = HubTestbed()
+    model = testbed.model()
+    start = np.zeros(2 * model.coordinates)
+    slew = BangBang(model, 0, start, 0.9512350346907495, 6.319002605058413, False)
+    assert continued_durations(slew) is None
+    durations = fewest_durations(slew)
+    assert durations is not None
+    assert durations.size == 6
+    assert np.abs(slew.residual(durations)).max() < 1e-7
+    assert durations.sum() == pytest.approx(3.843763, abs=1e-6)

@@ -197,3 +197,21 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
         return None
     whole = np.concatenate((d, d[::-1]))
     return whole if np.abs(slew.residual(whole)).max() < 1e-7 else None
+
+
+def fewest_durations(slew: BangBang) -> Vector | None:
+    """Return the arcs of the shortest slew with the fewest switches that end at rest; None: none.
+
+    Without robustness five switches are taken where no three lead to the goal: about a goal whose
+    rigid slew hardly excites the mode, the two inner arcs of three switches vanish.
+
+    Args:
+        slew: what is turned.
+
+    Raises:
+        PlanFailed: the linear model has none.
+    """
+    durations = continued_durations(slew)
+    if durations is None and not slew.robust:
+        return five_switch_durations(slew)
+    return durations

@@ -16,10 +16,7 @@ from flexslew_control.planners.time_optimal.optimal_switching import (
     faster_slew,
 )
 from flexslew_control.planners.time_optimal.pontryagin import Arcs, Extremality, switching_function
-from flexslew_control.planners.time_optimal.switching import (
-    continued_durations,
-    five_switch_durations,
-)
+from flexslew_control.planners.time_optimal.switching import continued_durations, fewest_durations
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -189,11 +186,11 @@ def found_durations(slew: BangBang, structure: Structure = "fewest") -> Vector:
     if not _closed_form(slew):
         finders = [extremal_durations]
     elif structure == "optimal":
-        finders = [extremal_durations, _fewest, _asymmetric]
+        finders = [extremal_durations, fewest_durations, _asymmetric]
     elif structure == "asymmetric":
-        finders = [_asymmetric, _fewest, extremal_durations]
+        finders = [_asymmetric, fewest_durations, extremal_durations]
     else:
-        finders = [_fewest, _asymmetric, extremal_durations]
+        finders = [fewest_durations, _asymmetric, extremal_durations]
     found = (finder(slew) for finder in finders)
     durations = next((arcs for arcs in found if arcs is not None), None)
     if durations is None:
@@ -209,13 +206,6 @@ def _closed_form(slew: BangBang) -> bool:
     """Return whether slews with few switches are known of the linear model."""
     under_feedback = slew.robust and not slew.open_loop
     return slew.model.modes == 1 and slew.insensitive == "modes" and not under_feedback
-
-
-def _fewest(slew: BangBang) -> Vector | None:
-    durations = continued_durations(slew)
-    if durations is None and not slew.robust:
-        return five_switch_durations(slew)
-    return durations
 
 
 def _asymmetric(slew: BangBang) -> Vector | None:
