@@ -19,6 +19,7 @@ from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans, columns_of
 from flexslew_lab.studies.lanes.inputs import aim_of, errors_of, gains_of, schedule_of
 from flexslew_lab.studies.lanes.loop import (
+    Aim,
     Counted,
     Matrices,
     Schedule,
@@ -33,6 +34,7 @@ from flexslew_lab.studies.lanes.passengers import (
 )
 from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Matrix
+from flexslew_plant.errors import FlexslewError
 from flexslew_plant.testbeds import initial_state
 from flexslew_plant.testbeds.lanes import LANES
 
@@ -45,6 +47,8 @@ class _Prepared(NamedTuple):
 
     form: LinearForm
     schedule: Schedule
+    aim: Aim
+    goal: Manoeuvre
 
 
 @dataclass
@@ -65,7 +69,7 @@ class Lanes:
         groups: dict[str, list[Passenger]] = {}
         others: list[Case] = []
         for case in cases:
-            passenger = passenger_of(self.study, self.plans, case)
+            passenger = passenger_of(self.study, case)
             if passenger is None:
                 others.append(case)
             else:
@@ -86,7 +90,6 @@ class Lanes:
         states, outputs = form.from_state.shape[1], form.from_output.shape[1]
         sizes = Sizes(m, model.modes, states, outputs, len(model.appendages.names))
         observer = beginning(prepared.form)
-        aim, goal = aim_of(first, form)
         lanes = [group[min(k, len(group) - 1)] for k in range(LANES)]  # the last one fills up
         packed = np.array([lane.model.packed for lane in lanes]).T
         at_rest = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
@@ -99,7 +102,7 @@ class Lanes:
             first.steps,
             schedule,
             Matrices(*(np.ascontiguousarray(getattr(form, name)) for name in Matrices._fields)),
-            aim,
+            prepared.aim,
             gains_of(lanes, form),
             form.integral,
             form.unwinding,
@@ -116,7 +119,7 @@ class Lanes:
             if not (np.abs(state[:, k]) < _FAR).all():
                 lost.append(passenger.case)
                 continue
-            metrics = _metrics(passenger, k, counted, state, schedule, goal)
+            metrics = _metrics(passenger, k, counted, state, schedule, prepared.goal)
             results.append(Flown(passenger.case.number, metrics, None, "ok", "", "lanes"))
         return results, lost
 
@@ -124,9 +127,13 @@ class Lanes:
         """Return what is common to all like this one; None if its law is not linear."""
         if passenger.alike in self._prepared:
             return self._prepared[passenger.alike]
-        trial, plan = passenger.trial, passenger.plan
+        trial = passenger.trial
+        try:
+            plan = self.plans.of(trial, passenger.asked)
+        except FlexslewError:
+            return None  # the bench says why
         controller = controller_of(trial)
-        if controller.adopt(plan):
+        if plan is None or controller.adopt(plan):
             return None
         ticks = round(trial.duration / trial.period)
         form = linear_form(controller.estimator, controller.law, plan, ticks)
@@ -134,7 +141,8 @@ class Lanes:
             return None
         while len(self._prepared) >= _KEPT:
             self._prepared.pop(next(iter(self._prepared)))
-        made = _Prepared(form, schedule_of(passenger, form.law, ticks))
+        schedule = schedule_of(passenger, plan, form.law, ticks)
+        made = _Prepared(form, schedule, *aim_of(passenger, plan, form.law))
         self._prepared[passenger.alike] = made
         return made
 

@@ -27,9 +27,9 @@ from flexslew_plant.testbeds.lanes import LANES
 from flexslew_plant.testbeds.model import Model
 
 
-def schedule_of(passenger: Passenger, form: LawForm, ticks: int) -> Schedule:
+def schedule_of(passenger: Passenger, plan: Plan, form: LawForm, ticks: int) -> Schedule:
     """Return what is the same in every lane, tick by tick."""
-    trial, plan = passenger.trial, passenger.plan
+    trial = passenger.trial
     stamps = (stamp_of(k * trial.period) for k in range(ticks + 1))
     time = np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps])
     return Schedule(
@@ -61,9 +61,9 @@ def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
     return total
 
 
-def aim_of(passenger: Passenger, form: LawForm) -> tuple[Aim, Manoeuvre]:
+def aim_of(passenger: Passenger, plan: Plan, form: LawForm) -> tuple[Aim, Manoeuvre]:
     """Return what the metrics of a group are measured against, in two forms."""
-    goal = manoeuvre_of(passenger.plan.position, passenger.plan.start, passenger.plan.duration)
+    goal = manoeuvre_of(plan.position, plan.start, plan.duration)
     assert goal.goal is not None
     return (
         Aim(

@@ -5,9 +5,8 @@ from typing import Any, NamedTuple
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.plan import Plan
 from flexslew_lab.studies.cases import Case, case_trial
-from flexslew_lab.studies.flight import Plans, leaves_nothing, plan_key
+from flexslew_lab.studies.flight import leaves_nothing, plan_key
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.bench.hardware.actuator import ActuatorSettings
@@ -25,29 +24,29 @@ class Passenger(NamedTuple):
 
     case: Case
     trial: Trial
-    plan: Plan
+    asked: str  # its plan_key: a plan itself is large, and some have one of their own
     model: Model
     kernel: LaneKernel
     steps: int  # of the kernel per tick
     alike: str  # trials with the same text may fly at once
 
 
-def passenger_of(study: Study, plans: Plans, case: Case) -> Passenger | None:
+def passenger_of(study: Study, case: Case) -> Passenger | None:
     """Return a case ready for a lane; None where only the bench can fly it."""
     try:
         trial = case_trial(study, case)
         if not _simple(trial):
             return None
-        asked = plan_key(trial)
-        kernel, plan = lane_kernel(trial.testbed), plans.of(trial, asked)
-        if kernel is None or plan is None or not _linear(trial):
+        kernel = lane_kernel(trial.testbed)
+        if kernel is None or trial.plan is None or not _linear(trial):
             return None
+        asked = plan_key(trial)
     except FlexslewError:
         return None  # the bench says why
     model = trial.testbed.model()
     steps = kernel.steps(model.packed, trial.period)
     alike = _alike(trial, model, steps, asked)
-    return Passenger(case, trial, plan, model, kernel, steps, alike)
+    return Passenger(case, trial, asked, model, kernel, steps, alike)
 
 
 def _simple(trial: Trial) -> bool:
