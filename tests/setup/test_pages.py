@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,14 @@ def commands(page: Path) -> list[list[str]]:
         for line in found
         if "./flexslew " in line
     ]
-    return [shlex.split(line.split(",")[0].split(";")[0].split("|")[0]) for line in lines]
+    return [first_command(line) for line in lines]
+
+
+def first_command(line: str) -> list[str]:
+    """Return the words up to a comma, semicolon or pipe outside of quotes."""
+    words = shlex.shlex(line, posix=True, punctuation_chars=",;|")
+    words.whitespace_split, words.commenters = True, ""
+    return list(takewhile(lambda word: not set(word) <= set(",;|"), words))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
