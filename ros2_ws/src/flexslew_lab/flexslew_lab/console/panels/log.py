@@ -92,7 +92,7 @@ class NotePanel:
             return
 
         def noted(told: Told) -> None:
-            if told.ok:
+            if told.ok and self._text.value == text:  # nobody has written on meanwhile
                 self._text.value = ""
 
         self._reply.ask(topics.NOTE, {"text": text, "who": who}, noted)
