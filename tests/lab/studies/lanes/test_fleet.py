@@ -142,6 +142,10 @@ def test_a_step_of_all_lanes_is_that_of_the_model(variant: Any) -> None:
         assert np.abs(w[: x.size].reshape(x.shape)[:, k] - expected).max() <= 1e-10
 
 
+def test_all_trials_with_as_many_modes_share_one_compiled_loop() -> None:
+    assert CsaTestbed(modes=2).lanes() is CsaTestbed(modes=2, damping_ratio=0.1).lanes()
+
+
 def test_steps_shrink_with_the_highest_frequency() -> None:
     for modes in (1, 3, 6):
         model = CsaTestbed(modes=modes).model()

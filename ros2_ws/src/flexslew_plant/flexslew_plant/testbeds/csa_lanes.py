@@ -197,6 +197,7 @@ def needed_steps(p: Vector, dt: float) -> int:
     return max(1, int(np.ceil(fastest * dt / _REACH)))
 
 
+@lru_cache  # one for all of them, so that they share one compiled loop
 def lane_kernel(modes: int) -> LaneKernel:
     """Return how a testbed with so many modes flies in lanes."""
     rows = rows_of(modes)
