@@ -1,7 +1,6 @@
 """Names for the arrays that pass through the public interface."""
 
 from collections.abc import Callable
-from functools import wraps
 from typing import Any, TypeAlias, TypeVar, cast
 
 import numba
@@ -26,31 +25,6 @@ def compiled(function: _Function) -> _Function:
     """
     kept = numba.njit(cache=True, error_model="numpy")(function)
     return cast(_Function, one_at_a_time(recognised(kept)))
-
-
-def compiled_as(signature: Any) -> Callable[[_Function], _Function]:
-    """Return a decorator like `compiled` for calls from Python, by one signature alone.
-
-    For arguments that are kernels of one testbed or another: their type in the signature is a
-    function's, so that the same machine code serves all of them; see testbeds.bound.
-
-    Args:
-        signature: of Numba's types.
-    """
-
-    def decorate(function: _Function) -> _Function:
-        kernel: Any = compiled(function)
-
-        @wraps(function)
-        def call(*arguments: Any) -> Any:
-            if not kernel.signatures:
-                kernel.compile(signature)
-                kernel.disable_compile()
-            return kernel(*arguments)
-
-        return cast(_Function, call)
-
-    return decorate
 
 
 def inlined(function: _Function) -> _Function:

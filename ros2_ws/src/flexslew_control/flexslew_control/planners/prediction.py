@@ -1,15 +1,16 @@
 """What a plan promises: its flight on the planner's own model, tick by tick as on the bench."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numba import types
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners.slew import Slew
-from flexslew_plant.arrays import Matrix, Vector, compiled_as
-from flexslew_plant.testbeds.bound import ADVANCE, MATRIX, VECTOR
+from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.testbeds.bound import ADVANCE
 
 WATCHED = 40.0  # after the end of the plan [s]
 
@@ -39,8 +40,8 @@ def predicted(plan: Plan, slew: Slew) -> Prediction:
         return np.vstack((rows, np.tile(end, (after, 1))))
 
     rest = np.zeros(model.joints)
-    path = _flown(
-        model.compiled.advance,
+    path = _kernel()(
+        model.integrate,
         model.packed,
         np.concatenate((model.rest(slew.named(slew.start)), np.zeros(model.coordinates))),
         held(plan.position[:-1], plan.position[-1]),
@@ -58,12 +59,18 @@ def predicted(plan: Plan, slew: Slew) -> Prediction:
     return Prediction(float(np.abs(tips).max(initial=0.0)), away.max(axis=0))
 
 
-@compiled_as(
-    MATRIX(
-        *(ADVANCE, VECTOR, VECTOR, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, VECTOR),
-        *(types.float64, types.int64, types.int64),
-    )
-)
+@lru_cache
+def _kernel() -> Callable[..., Matrix]:
+    """Return _flown as machine code, the same for all testbeds."""
+    vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
+    kernel: Any = compiled(_flown)
+    sizes = types.float64, types.int64, types.int64
+    rows = matrix, matrix, matrix, vector, vector, vector
+    kernel.compile(matrix(ADVANCE, vector, vector, *rows, *sizes))
+    kernel.disable_compile()  # never for the type of one testbed's function
+    return cast(Callable[..., Matrix], kernel)
+
+
 def _flown(
     advance: Callable[..., None],
     p: Vector,

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
@@ -11,25 +11,21 @@ from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds import dynamics, interface
 from flexslew_plant.testbeds.kernels import Kernels
 
-# Types of the kernels that a compiled loop takes as arguments: so it is compiled once, and not
-# for each testbed anew. `int64` is m, how many entries of v stand before the modes.
-VECTOR = types.Array(types.float64, 1, "C")
-MATRIX = types.Array(types.float64, 2, "C")
-_POINT = VECTOR, types.float64, VECTOR, VECTOR, types.int64  # p, t, x, effort, m
+_VECTOR = types.Array(types.float64, 1, "C")
+# Bound.advance as an argument of a compiled loop, which so is compiled once for all testbeds
 ADVANCE = types.FunctionType(
-    types.void(VECTOR, types.float64, VECTOR, types.float64, types.int64, types.int64, VECTOR)
+    types.void(_VECTOR, types.float64, _VECTOR, types.float64, types.int64, types.int64, _VECTOR)
 )
-DERIVATIVE = types.FunctionType(VECTOR(*_POINT))
-JACOBIAN = types.FunctionType(types.void(*_POINT, MATRIX, MATRIX))
 
 
 class Bound(NamedTuple):
     """The kernels of one testbed, called from Python."""
 
     terms: Callable[[Vector, float, Vector, Matrix, Matrix, Vector, Vector], None]
-    derivative: Callable[[Vector, float, Vector, Vector, int], Vector]
+    derivative: Callable[[Vector, float, Vector, Vector], Vector]
+    # (p, t, effort, dt, steps, entries of v before the modes, x)
     advance: Callable[[Vector, float, Vector, float, int, int, Vector], None]
-    jacobian: Callable[[Vector, float, Vector, Vector, int, Matrix, Matrix], None]
+    jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
     residual_jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
     energy: Callable[[Vector, float, Vector], float]
     actuation: Callable[[Vector, float, Vector, Vector, Vector], None]
@@ -73,7 +69,7 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
         interface.terms(kernels, p, t, x, joints, coupling, modal, bias)
 
     @compiled
-    def derivative_(p: Vector, t: float, x: Vector, effort: Vector, _: int) -> Vector:
+    def derivative_(p: Vector, t: float, x: Vector, effort: Vector) -> Vector:
         return dynamics.derivative(kernels, p, t, x, effort, m)
 
     @compiled
@@ -83,9 +79,7 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
         dynamics.take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
 
     @compiled
-    def jacobian_(
-        p: Vector, t: float, x: Vector, effort: Vector, _: int, dx: Matrix, du: Matrix
-    ) -> None:
+    def jacobian_(p: Vector, t: float, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
         dynamics.jacobian(kernels, p, t, x, effort, m, dx, du)
 
     @compiled
@@ -119,28 +113,8 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
 
 
 @lru_cache
-def _of_any_size(kernels: Kernels, m: int) -> Bound:
-    """Return kernels that are compiled once for all sizes; the author's own are called as is."""
-    own, (derivative, advance, jacobian) = kernels.compiled, _motion(kernels)
-    return Bound(
-        own["terms"],
-        derivative,
-        advance,
-        jacobian,
-        own["residual_jacobian"],
-        lambda p, t, x: dynamics.energy(kernels, p, t, x, m),
-        own["actuation"],
-        own["kinematics"],
-    )
-
-
-@lru_cache
-def _motion(kernels: Kernels) -> tuple[Callable[..., Any], ...]:
-    """Return derivative, integration and Jacobian of states of any size."""
-
-    @compiled
-    def derivative_(p: Vector, t: float, x: Vector, effort: Vector, m: int) -> Vector:
-        return dynamics.derivative(kernels, p, t, x, effort, m)
+def _advance(kernels: Kernels) -> Callable[..., None]:
+    """Return the integration of a state of any size; m: entries of v before the modes."""
 
     @compiled
     def advance(
@@ -165,10 +139,24 @@ def _motion(kernels: Kernels) -> tuple[Callable[..., Any], ...]:
             np.empty(n - s),
         )
 
-    @compiled
-    def jacobian_(
-        p: Vector, t: float, x: Vector, effort: Vector, m: int, dx: Matrix, du: Matrix
-    ) -> None:
+    return advance
+
+
+@lru_cache
+def _of_any_size(kernels: Kernels, m: int) -> Bound:
+    """Return kernels that are compiled once for all sizes; the author's own are called as is."""
+    own, advance = kernels.compiled, _advance(kernels)
+
+    def jacobian(p: Vector, t: float, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
         dynamics.jacobian(kernels, p, t, x, effort, m, dx, du)
 
-    return derivative_, advance, jacobian_
+    return Bound(
+        own["terms"],
+        lambda p, t, x, effort: dynamics.derivative(kernels, p, t, x, effort, m),
+        advance,
+        jacobian,
+        own["residual_jacobian"],
+        lambda p, t, x: dynamics.energy(kernels, p, t, x, m),
+        own["actuation"],
+        own["kinematics"],
+    )

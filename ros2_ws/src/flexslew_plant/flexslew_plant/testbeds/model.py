@@ -119,8 +119,7 @@ class Model:
         return self.coordinates + self.kernels.extra_positions
 
     @cached_property
-    def compiled(self) -> Bound:
-        """The kernels, for compiled loops."""
+    def _bound(self) -> Bound:
         return bound(self.kernels, self.coordinates, self.before_modes)
 
     @cached_property
@@ -160,7 +159,7 @@ class Model:
         x, columns = np.concatenate((q, np.zeros(self.coordinates))), []
         for one in np.eye(self.efforts):
             column = np.zeros(self.coordinates)
-            self.compiled.actuation(self.packed, t, x, one, column)
+            self._bound.actuation(self.packed, t, x, one, column)
             columns.append(column)
         return np.array(columns).T
 
@@ -170,7 +169,7 @@ class Model:
         joints, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
         bias = np.empty(n)
         x = np.concatenate((q, v))
-        self.compiled.terms(self.packed, t, x, joints, coupling, modal, bias)
+        self._bound.terms(self.packed, t, x, joints, coupling, modal, bias)
         return np.block([[joints, coupling], [coupling.T, np.diag(modal)]]), bias
 
     def mass_matrix(self, q: Vector, t: float = 0.0) -> Matrix:
@@ -183,20 +182,25 @@ class Model:
 
     def derivative(self, x: Vector, effort: Vector, t: float = 0.0) -> Vector:
         """Return f(t, x, u), shape of x, for the state x = [q, v]."""
-        return self.compiled.derivative(self.packed, t, x, effort, self.before_modes)
+        return self._bound.derivative(self.packed, t, x, effort)
 
     def advance(
         self, x: Vector, effort: Vector, dt: float, steps: int = 1, t: float = 0.0
     ) -> Vector:
         """Return the state dt after t with the effort held (order 8, `steps` equal steps)."""
         after = x.copy()
-        self.compiled.advance(self.packed, t, effort, dt, steps, self.before_modes, after)
+        self.integrate(self.packed, t, effort, dt, steps, self.before_modes, after)
         return after
+
+    @cached_property
+    def integrate(self) -> Callable[[Vector, float, Vector, float, int, int, Vector], None]:
+        """The kernel of `advance`, for compiled loops: see bound.ADVANCE."""
+        return self._bound.advance
 
     def jacobian(self, x: Vector, effort: Vector, t: float = 0.0) -> tuple[Matrix, Matrix]:
         """Return df/dx, shape (2 n, 2 n), and df/du, shape (2 n, actuators), exact."""
         dx, du = np.empty((x.size, x.size)), np.empty((x.size, self.efforts))
-        self.compiled.jacobian(self.packed, t, x, effort, self.before_modes, dx, du)
+        self._bound.jacobian(self.packed, t, x, effort, dx, du)
         return dx, du
 
     def with_stiffness(self, factor: float) -> "Model":
@@ -214,7 +218,7 @@ class Model:
         columns = []
         for one in np.eye(self.coordinates):
             rate = np.empty(self.positions)
-            self.compiled.position_rates(self.packed, t, np.concatenate((q, one)), rate)
+            self._bound.position_rates(self.packed, t, np.concatenate((q, one)), rate)
             columns.append(rate)
         return np.array(columns).T
 
@@ -254,7 +258,7 @@ class Model:
 
     def energy(self, x: Vector, t: float = 0.0) -> float:
         """Return T + U [J], constant without effort, damping and dependence on time."""
-        return self.compiled.energy(self.packed, t, x)
+        return self._bound.energy(self.packed, t, x)
 
     def kinetic_energy(self, x: Vector, t: float = 0.0) -> float:
         """Return T = v^T M(q) v / 2 [J]."""
@@ -276,7 +280,7 @@ class Model:
         n = self.coordinates
         stiffness, damping = np.empty((n, self.positions)), np.empty((n, n))
         rest, still = np.concatenate((q, np.zeros(n))), np.zeros(n)
-        self.compiled.residual_jacobian(self.packed, t, rest, still, stiffness, damping)
+        self._bound.residual_jacobian(self.packed, t, rest, still, stiffness, damping)
         if self.kernels.extra_positions:  # by motions along v
             stiffness = stiffness @ self.position_rates(q, t)
         return Linearisation(self.mass_matrix(q, t), damping, stiffness, self.input_matrix(q, t))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.planners.progress import Progress, Update
-from flexslew_control.planners.time_optimal.arcs import Ensemble, final_sensitivity
+from flexslew_control.planners.time_optimal.arcs import final_sensitivity
 from flexslew_control.planners.time_optimal.interruptible import Interrupt, interruptible
 from flexslew_control.planners.time_optimal.optimal_switching import (
     nearest_durations,
@@ -25,6 +25,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.contract import Symbolic
+from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 
 _INTERVALS = 100
@@ -68,11 +69,10 @@ class AllDrives:
         return np.eye(self.start.size)
 
     @property
-    def ensemble(self) -> Ensemble:
+    def ensemble(self) -> tuple[Kernels, Matrix, Vector, Vector]:
         """What the kernels of `arcs` simulate: the model alone."""
         nothing = np.zeros(self.model.joints)
-        motion = self.model.compiled
-        return motion.derivative, motion.jacobian, self.model.packed[None], nothing, nothing
+        return self.model.kernels, self.model.packed[None], nothing, nothing
 
     @property
     def rigid_duration(self) -> float:
@@ -82,7 +82,7 @@ class AllDrives:
 
     def efforts(self, arcs: int) -> Matrix:
         """Return the effort of each arc, shape (arcs, joints)."""
-        return np.ascontiguousarray(self.signs * self.amplitude)
+        return self.signs * self.amplitude
 
     def linearised(self, durations: Vector) -> tuple[Vector, Matrix]:
         """Return what misses the goal and its derivatives by the durations."""

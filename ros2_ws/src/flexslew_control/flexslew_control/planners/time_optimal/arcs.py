@@ -9,39 +9,27 @@ Every arc is integrated from its beginning to its end by steps of order 8, so no
 a switch and the durations may be any real numbers.
 """
 
-from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
-from flexslew_plant.arrays import Matrix, Vector, compiled, compiled_as
+from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds import dynamics
-from flexslew_plant.testbeds.bound import DERIVATIVE, JACOBIAN, MATRIX, VECTOR
 from flexslew_plant.testbeds.dynamics import STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
+from flexslew_plant.testbeds.kernels import Kernels
 
 Tensor: TypeAlias = NDArray[np.float64]  # three indices
-# derivative and Jacobian of the model, from Model.compiled; parameters of the copies; Kp, Kd
-Ensemble: TypeAlias = tuple[Callable[..., Vector], Callable[..., None], Matrix, Vector, Vector]
-_ENSEMBLE = DERIVATIVE, JACOBIAN, MATRIX, VECTOR, VECTOR
-_ARCS = MATRIX, VECTOR, types.float64  # efforts, durations, step
 
 
 @compiled
 def rates(
-    derivative: Callable[..., Vector],
-    packed: Matrix,
-    kp: Vector,
-    kd: Vector,
-    z: Vector,
-    effort: Vector,
-    out: Vector,
+    kernels: Kernels, packed: Matrix, kp: Vector, kd: Vector, z: Vector, effort: Vector, out: Vector
 ) -> None:
     """Write dz/dt of all copies.
 
     Args:
-        derivative, packed, kp, kd: as in final_states.
+        kernels, packed, kp, kd: as in final_states.
         z: their states, flat, shape (copies 2 n,).
         effort: of the arc, shape (joints,) [N m or N].
         out: same shape as z.
@@ -53,12 +41,12 @@ def rates(
         x = z[c * rows : (c + 1) * rows]
         for j in range(m):
             applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
-        out[c * rows : (c + 1) * rows] = derivative(packed[c], 0.0, x, applied, m)
+        out[c * rows : (c + 1) * rows] = dynamics.derivative(kernels, packed[c], 0.0, x, applied, m)
 
 
 @compiled
 def _jacobians(
-    jacobian: Callable[..., None],
+    kernels: Kernels,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -75,7 +63,7 @@ def _jacobians(
         x = z[c * rows : (c + 1) * rows]
         for j in range(m):
             applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
-        jacobian(packed[c], 0.0, x, applied, m, dx[c], du[c])
+        dynamics.jacobian(kernels, packed[c], 0.0, x, applied, m, dx[c], du[c])
 
 
 @compiled
@@ -139,10 +127,9 @@ def _together(start: Vector, copies: int) -> Vector:
     return z
 
 
-@compiled_as(MATRIX(*_ENSEMBLE, VECTOR, *_ARCS))
+@compiled
 def final_states(
-    derivative: Callable[..., Vector],
-    jacobian: Callable[..., None],
+    kernels: Kernels,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -154,7 +141,7 @@ def final_states(
     """Return the states after all arcs, shape (copies, 2 n), the nominal one's first.
 
     Args:
-        derivative, jacobian: kernels of the model, from Model.compiled.
+        kernels: the model's kernels, as in dynamics.derivative.
         packed: their parameters, one row per copy.
         kp, kd: gains of the perturbed copies, shape (joints,) [N m/rad, N m s/rad].
         start: state of all at the beginning of the first arc, shape (2 n,).
@@ -171,15 +158,14 @@ def final_states(
         for _ in range(steps):
             for stage in range(STAGES):
                 dynamics.stage_state(z, slopes, stage, h, at)
-                rates(derivative, packed, kp, kd, at, efforts[arc], slopes[stage])
+                rates(kernels, packed, kp, kd, at, efforts[arc], slopes[stage])
             dynamics.complete_step(z, slopes, h)
     return z.reshape((copies, rows))
 
 
-@compiled_as(types.Tuple((VECTOR, MATRIX))(*_ENSEMBLE, VECTOR, *_ARCS))
+@compiled
 def final_sensitivity(
-    derivative: Callable[..., Vector],
-    jacobian: Callable[..., None],
+    kernels: Kernels,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -193,7 +179,7 @@ def final_sensitivity(
     With z' = f(z, u_i) on arc i: dz/dd_i = f at the end of the arc, then S' = (df/dz) S.
 
     Args:
-        derivative, jacobian, packed, kp, kd, start, efforts, durations, step: as in final_states.
+        kernels, packed, kp, kd, start, efforts, durations, step: as in final_states.
 
     Returns:
         the states, shape (copies 2 n,), and dz_f/dd, shape (copies 2 n, arcs).
@@ -211,10 +197,10 @@ def final_sensitivity(
         for _ in range(steps):
             for stage in range(STAGES):
                 dynamics.stage_state(z, slopes, stage, h, at)
-                rates(derivative, packed, kp, kd, at, efforts[arc], slopes[stage])
+                rates(kernels, packed, kp, kd, at, efforts[arc], slopes[stage])
                 if arc == 0:
                     continue
-                _jacobians(jacobian, packed, kp, kd, at, efforts[arc], dx, du)
+                _jacobians(kernels, packed, kp, kd, at, efforts[arc], dx, du)
                 for i in range(z.size):
                     for k in range(arc):
                         s_at[i, k] = s[i, k]
@@ -231,15 +217,14 @@ def final_sensitivity(
                     for i in range(z.size):
                         for k in range(arc):
                             s[i, k] += weight * s_slopes[j, i, k]
-        rates(derivative, packed, kp, kd, z, efforts[arc], at)
+        rates(kernels, packed, kp, kd, z, efforts[arc], at)
         s[:, arc] = at
     return z, s
 
 
-@compiled_as(types.Tuple((VECTOR, MATRIX))(*_ENSEMBLE, VECTOR, VECTOR, *_ARCS))
+@compiled
 def costate_backwards(
-    derivative: Callable[..., Vector],
-    jacobian: Callable[..., None],
+    kernels: Kernels,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -254,7 +239,7 @@ def costate_backwards(
     lambda' = -(df/dz)^T lambda is integrated backwards together with the states.
 
     Args:
-        derivative, jacobian, packed, kp, kd, efforts, durations, step: as in final_states.
+        kernels, packed, kp, kd, efforts, durations, step: as in final_states.
         final: states at the end, flat, shape (copies 2 n,).
         costate: lambda at the end, same shape.
 
@@ -278,8 +263,8 @@ def costate_backwards(
         for _ in range(counts[arc]):
             for stage in range(STAGES):
                 dynamics.stage_state(y, slopes, stage, h, at)
-                rates(derivative, packed, kp, kd, at[:rows], efforts[arc], slopes[stage, :rows])
-                _jacobians(jacobian, packed, kp, kd, at[:rows], efforts[arc], dx, du)
+                rates(kernels, packed, kp, kd, at[:rows], efforts[arc], slopes[stage, :rows])
+                _jacobians(kernels, packed, kp, kd, at[:rows], efforts[arc], dx, du)
                 _cotangent(dx, du, kp, kd, at[rows:], slopes[stage, rows:], pushed)
                 slopes[stage, rows:] *= -1.0
                 if stage == 0:
@@ -288,7 +273,7 @@ def costate_backwards(
             dynamics.complete_step(y, slopes, h)
             row += 1
             t += h
-    _jacobians(jacobian, packed, kp, kd, y[:rows], efforts[0], dx, du)
+    _jacobians(kernels, packed, kp, kd, y[:rows], efforts[0], dx, du)
     _cotangent(dx, du, kp, kd, y[rows:], at[rows:], pushed)
     times[row] = t
     values[row] = pushed

@@ -13,8 +13,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from flexslew_control.planners.time_optimal.arcs import Ensemble, final_sensitivity, final_states
+from flexslew_control.planners.time_optimal.arcs import final_sensitivity, final_states
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 
 Insensitive: TypeAlias = Literal["modes", "state"]
@@ -124,19 +125,18 @@ class BangBang:
         return whole
 
     @property
-    def ensemble(self) -> Ensemble:
+    def ensemble(self) -> tuple[Kernels, Matrix, Vector, Vector]:
         """What the kernels of `arcs` simulate: equations, parameters of the copies, the gains."""
         return self.copies(
             (1.0, *(factor for factor, _ in self.stencil)) if self.robust else (1.0,)
         )
 
-    def copies(self, factors: tuple[float, ...]) -> Ensemble:
+    def copies(self, factors: tuple[float, ...]) -> tuple[Kernels, Matrix, Vector, Vector]:
         """Return an ensemble with the stiffness times these factors, the nominal one first."""
         packed = np.array([self.model.with_stiffness(factor).packed for factor in factors])
         kp, kd = np.zeros(self.model.joints), np.zeros(self.model.joints)
         kp[self.joint], kd[self.joint] = self.kp, self.kd
-        motion = self.model.compiled
-        return motion.derivative, motion.jacobian, packed, kp, kd
+        return self.model.kernels, packed, kp, kd
 
     def efforts(self, arcs: int, scale: float = 1.0) -> Matrix:
         """Return the effort of each arc, shape (arcs, joints)."""

@@ -4,8 +4,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from flexslew_control.planners.time_optimal.arcs import Ensemble, costate_backwards, final_states
+from flexslew_control.planners.time_optimal.arcs import costate_backwards, final_states
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 
 _ALLOWED = 1e-5  # wrong-signed part of the switching function, relative to its largest value
@@ -31,7 +32,7 @@ class Arcs(Protocol):
         """Duration of the rigid body's time-optimal slew [s]."""
 
     @property
-    def ensemble(self) -> Ensemble:
+    def ensemble(self) -> tuple[Kernels, Matrix, Vector, Vector]:
         """What the kernels of `arcs` simulate."""
 
     @property

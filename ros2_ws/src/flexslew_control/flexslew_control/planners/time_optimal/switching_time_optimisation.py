@@ -13,11 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.planners.time_optimal.arcs import (
-    costate_backwards,
-    final_sensitivity,
-    final_states,
-)
+from flexslew_control.planners.time_optimal.arcs import costate_backwards, final_states, rates
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
@@ -89,8 +85,9 @@ def gradients(slew: BangBang, durations: Vector) -> Matrix:
         )
         at = [int(np.argmin(np.abs(times - switch))) for switch in ends[:-1]]
         rows.append(values[at, slew.joint] * jumps)
-    _, by_duration = final_sensitivity(*slew.ensemble, slew.start, efforts, durations, slew.step)
-    return np.column_stack((rows, slew.conditions @ by_duration[:, -1]))
+    last = np.empty(final.size)
+    rates(*slew.ensemble, final, efforts[-1], last)
+    return np.column_stack((rows, slew.conditions @ last))
 
 
 def _by_relative_change(slew: BangBang, durations: Vector) -> Matrix:
