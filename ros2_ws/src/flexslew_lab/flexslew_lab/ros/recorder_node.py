@@ -15,8 +15,7 @@ from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_plant import topics
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.ros.event_log import EventLog
-from flexslew_plant.ros.farewell import HURRIED
-from flexslew_plant.ros.graph import PlantWatch, publishers_of
+from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import publisher
@@ -25,7 +24,7 @@ from flexslew_plant.settings import section
 
 _AFTER_PLANT = ("/effort_command", "/controller_state", "/plan")  # who leaves after the plant
 _TAKE_EVERY = 0.01  # [wall s]
-_SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS may repair every 3 s
+_SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
 _LAST_WORDS = 3.0  # of a plant that is interrupted together with the recorder [wall s]
 
 
@@ -44,7 +43,7 @@ class Recorder:
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
         self.node = node = new_node("recorder")
-        self._alive = loop.live(node, "recorder")
+        loop.live(node, "recorder")
         self._settings: RecorderSettings = settings_of(node, RecorderSettings)
         writer = BagWriter(Path(self._settings.folder), json.loads(self._settings.metadata))
         self._recording = Recording(writer, self._failed)
@@ -91,11 +90,8 @@ class Recorder:
 
     def _expects_more(self, now: float) -> bool:
         """Return whether those who leave after the plant may still have something to say."""
-        if now >= self._heard + _SILENCE:
-            return False
-        heard = (self._listener.subscriptions[topic] for topic in _AFTER_PLANT)
-        there = set[str]().union(*(publishers_of(self.node, one) for one in heard))
-        return bool(there - self._alive.presence.lost(there, HURRIED, now))
+        there = (self._listener.subscriptions[t].get_publisher_count() for t in _AFTER_PLANT)
+        return now < self._heard + _SILENCE and any(there)
 
     def _take(self, last: bool = False) -> None:
         now = monotonic()
