@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from flexslew_plant.unbroken import unbroken
+
 INTERRUPTED = 130  # exit code
 SOON = 1.5  # until the process ends, whatever holds it up [wall s]
 NODES = 30.0  # the same where files have to be closed [wall s]
@@ -53,7 +55,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     timer = threading.Timer(_patience, _end_at_once, (number, None))
     timer.daemon = True
     timer.start()
-    raise KeyboardInterrupt
+    unbroken.interrupt()
 
 
 def _end_at_once(number: int, frame: FrameType | None) -> None:

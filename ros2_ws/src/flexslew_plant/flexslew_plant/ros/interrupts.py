@@ -4,6 +4,8 @@ import os
 import signal
 from threading import Timer
 
+from flexslew_plant.unbroken import unbroken
+
 _AGAIN = 0.3  # until it is raised once more [wall s]
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
@@ -40,4 +42,4 @@ class Interrupts:
         self._again = Timer(_AGAIN, os.kill, (os.getpid(), number))
         self._again.daemon = True
         self._again.start()
-        raise KeyboardInterrupt
+        unbroken.interrupt()

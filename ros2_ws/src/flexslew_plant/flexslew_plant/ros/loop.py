@@ -19,6 +19,7 @@ from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.farewell import HURRIED, LAST_WORDS, stay_until_heard
 from flexslew_plant.ros.interrupts import Interrupts
+from flexslew_plant.unbroken import unbroken
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
@@ -98,7 +99,8 @@ class Loop:
         while self._code is None:
             now = monotonic()
             if now >= self._due:
-                self._due = now + poll()
+                with unbroken:  # an interrupt finds no half-written tick or chunk
+                    self._due = now + poll()
             self._serve(self._due - now)
             if now >= next_look:
                 if not rclpy.ok() or (supervisor and os.getppid() != supervisor):

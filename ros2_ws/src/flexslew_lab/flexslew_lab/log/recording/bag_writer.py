@@ -23,6 +23,7 @@ from flexslew_lab.log.files.rosbag2_folder import TopicCount, information, write
 from flexslew_lab.log.messages.schemas import schema_text, type_hash
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import yaml_text
+from flexslew_plant.unbroken import unbroken
 
 __all__ = ["CHUNK_SIZE", "BagWriter", "RecordingStopped"]
 
@@ -44,6 +45,8 @@ class _Track:
 
 class BagWriter:
     """Writes messages that are already CDR bytes. Memory does not grow with the log.
+
+    An interrupt leaves a whole message, chunk and file.
 
     Args:
         folder: becomes the rosbag2 folder; made where it is missing.
@@ -106,21 +109,22 @@ class BagWriter:
             RecordingStopped: the disk is full, or another failure of the system; the same again
                 at every later chunk.
         """
-        track = self._tracks.get(topic)
-        if track is None:
-            track = self._new_track(topic, type_name)
-        if stamp <= self.last:
-            stamp = self.last + 1
-        self.last = stamp
-        buffer = self._buffer
-        if self._chunk_start < 0:
-            self._chunk_start = stamp
-        track.count += 1
-        track.entries += _ENTRY.pack(stamp, len(buffer))
-        buffer += _MESSAGE.pack(5, 22 + len(data), track.channel, track.count, stamp, stamp)
-        buffer += data
-        if len(buffer) > self._chunk_size:
-            self.flush()
+        with unbroken:
+            track = self._tracks.get(topic)
+            if track is None:
+                track = self._new_track(topic, type_name)
+            if stamp <= self.last:
+                stamp = self.last + 1
+            self.last = stamp
+            buffer = self._buffer
+            if self._chunk_start < 0:
+                self._chunk_start = stamp
+            track.count += 1
+            track.entries += _ENTRY.pack(stamp, len(buffer))
+            buffer += _MESSAGE.pack(5, 22 + len(data), track.channel, track.count, stamp, stamp)
+            buffer += data
+            if len(buffer) > self._chunk_size:
+                self.flush()
 
     def flush(self) -> None:
         """Hand the chunk in progress to the system, so that no end of this process loses it.
@@ -132,16 +136,17 @@ class BagWriter:
             raise self._file.failed
         if self._chunk_start < 0:
             return
-        raw = bytes(self._buffer)
-        tracks = [track for track in self._tracks.values() if track.entries]
-        entries = {track.channel: bytes(track.entries) for track in tracks}
-        data = self._compressor.compress(raw)
-        self._file.add_chunk(Chunk(self._chunk_start, self.last, raw, data, entries))
-        self._first = self._chunk_start if self._first < 0 else self._first
-        self._chunk_start = -1
-        self._buffer.clear()
-        for track in tracks:
-            track.entries.clear()
+        with unbroken:
+            raw = bytes(self._buffer)
+            tracks = [track for track in self._tracks.values() if track.entries]
+            entries = {track.channel: bytes(track.entries) for track in tracks}
+            data = self._compressor.compress(raw)
+            self._file.add_chunk(Chunk(self._chunk_start, self.last, raw, data, entries))
+            self._first = self._chunk_start if self._first < 0 else self._first
+            self._chunk_start = -1
+            self._buffer.clear()
+            for track in tracks:
+                track.entries.clear()
 
     def close(self, run: Mapping[str, str] | None = None) -> None:
         """Finish the file: index, statistics, metadata.yaml. A second call does nothing.
@@ -154,23 +159,13 @@ class BagWriter:
         """
         if self._closed:
             return
-        self._closed = True
-        try:
-            self.flush()
-            if run is not None:
-                self._file.add_metadata(RUN_RECORD, sealed(run))
-            start, end = max(self._first, 0), max(self.last, 0)
-            topics = [TopicCount(t, track.type, track.count) for t, track in self._tracks.items()]
-            content = information(self.path.name, start, end, topics, self._distribution)
-            self._file.add_metadata(
-                ROSBAG_RECORD, {"serialized_metadata": yaml_text(content, False)}
-            )
-            counts = {track.channel: track.count for track in self._tracks.values() if track.count}
-            self._file.finish(self._records, counts, start, end)
-            self._file.guarded(write_description, self.folder / METADATA_FILE, content)
-        finally:
-            self._file.close()
-            unlock_folder(self._lock, self.folder)
+        with unbroken:
+            self._closed = True
+            try:
+                self._finish(run)
+            finally:
+                self._file.close()
+                unlock_folder(self._lock, self.folder)
 
     def __enter__(self) -> "BagWriter":
         return self
@@ -182,6 +177,18 @@ class BagWriter:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _finish(self, run: Mapping[str, str] | None) -> None:
+        self.flush()
+        if run is not None:
+            self._file.add_metadata(RUN_RECORD, sealed(run))
+        start, end = max(self._first, 0), max(self.last, 0)
+        topics = [TopicCount(t, track.type, track.count) for t, track in self._tracks.items()]
+        content = information(self.path.name, start, end, topics, self._distribution)
+        self._file.add_metadata(ROSBAG_RECORD, {"serialized_metadata": yaml_text(content, False)})
+        counts = {track.channel: track.count for track in self._tracks.values() if track.count}
+        self._file.finish(self._records, counts, start, end)
+        self._file.guarded(write_description, self.folder / METADATA_FILE, content)
 
     def _new_track(self, topic: str, type_name: str) -> _Track:
         """Announce a topic; a message follows, so no announcement waits for a chunk in vain."""
