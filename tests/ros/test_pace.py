@@ -16,7 +16,7 @@ from .bystander import Sleeper, beside, busy, stall
 from .flight import Flight, slew
 
 LAWS = ("pd_feedforward", "lqr", "output_feedback", "proportional_integral")
-CREW = "".join(f", {law}: {{}}" for law in LAWS[1:])
+MORE_LAWS = "".join(f", {law}: {{}}" for law in LAWS[1:])
 RATES = (1.0, 10.0)
 STALLS = (0.1, 0.3)  # [wall s]
 LONG = 10_000.0  # simulated; ended when all is seen [s]
@@ -65,7 +65,7 @@ def test_a_stall_of_the_plant_is_an_event_and_no_fault_of_any_controller(tmp_pat
                 assert bench.ask(SetRate, "set_rate", rate_factor=1.0).ok
         raise KeyboardInterrupt
 
-    flight = undisturbed(tmp_path, lambda at: Flight(slew(LONG, 1.0, CREW), at, 1, stalls))
+    flight = undisturbed(tmp_path, lambda at: Flight(slew(LONG, 1.0, MORE_LAWS), at, 1, stalls))
     assert flight.outcome.exit_code == 130
     cases = len(RATES) * len(LAWS) * len(STALLS)
     late = {event.data["count"]: event.data["total"] for event in events_of(flight, "late")}

@@ -25,7 +25,7 @@ def test_the_log_of_a_batch_queue_gets_a_line_now_and_then(
 ) -> None:
     clock = iter([0.0, 10.0, 31.0, 40.0, 70.0])  # at the begin, and at each report after the first
     monkeypatch.setattr(study_words, "monotonic", lambda: next(clock))
-    monkeypatch.setattr(study_words.screen, "_force_terminal", False)
+    monkeypatch.setattr(study_words.for_people, "_force_terminal", False)
     with study_words.progress("robust") as advance:
         for done in (100, 200, 300, 400):
             advance(done, 500)

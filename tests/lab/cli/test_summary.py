@@ -47,6 +47,6 @@ def test_tables_fit_a_terminal_of_80_columns_and_keep_every_character(
 def test_what_is_said_is_said_as_it_is(
     words: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(terminal, "screen", Console(stderr=True))
+    monkeypatch.setattr(terminal, "for_people", Console(stderr=True))
     terminal.say(words, head="error: ")
     assert capsys.readouterr().err == f"error: {words}\n"

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from flexslew_lab.cli.log import Json
-from flexslew_lab.cli.terminal import print_table, say, screen
+from flexslew_lab.cli.terminal import for_people, print_table, say
 from flexslew_plant.errors import BadInput
 
 LONG = ("console", "day", "study_bad_days")  # benchmarks that take long, or much of the machine
@@ -37,7 +37,7 @@ def bench(
     figures: dict[str, float] = {}
     failed: dict[str, str] = {}
     for name in names or [name for name in known if name not in LONG]:
-        with screen.status(f"measuring {name}"):
+        with for_people.status(f"measuring {name}"):
             try:
                 figures |= _figures_of(name, folder / f"{name}.py")
             except Exception as error:  # the figures of the others are not lost with it

@@ -17,7 +17,7 @@ from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.operate import COMMANDS
 from flexslew_lab.cli.replay import Trust, check, live, play, resim
 from flexslew_lab.cli.study import study
-from flexslew_lab.cli.terminal import link, print_table, progress, say, screen, short
+from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say, short
 from flexslew_lab.trial.outputs import WITHOUT, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
 
@@ -146,7 +146,7 @@ def plan(
     def iteration(update: Any) -> None:
         size = f"  |Y| {update.norm_terminal_error:.3e}  |U| {update.norm_input:.4f}"
         known = not math.isnan(update.norm_input)  # a start of a multistart has none
-        screen.print(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
+        for_people.print(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
 
     told = None if as_json else iteration
     made = make_plan(settings, plant_of(wanted), feedback_of(wanted), told)
@@ -250,7 +250,7 @@ def reproduce(
         raise BadInput(f"unknown reproduction {name}; allowed: {', '.join(REPRODUCTIONS)}")
     if figures is not None:
         writable_file(figures, "--figures")
-    with screen.status(f"computing {name}"):
+    with for_people.status(f"computing {name}"):
         rows = REPRODUCTIONS[name].rows()
         if figures is not None:
             figures.parent.mkdir(parents=True, exist_ok=True)

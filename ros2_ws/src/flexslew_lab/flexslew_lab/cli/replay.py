@@ -9,7 +9,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn
 
 from flexslew_lab.cli.log import Bag, Json, bag_of, demand
-from flexslew_lab.cli.terminal import link, print_table, progress, say, screen
+from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say
 from flexslew_lab.trial.domain import chosen_domain
 from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
@@ -192,8 +192,8 @@ def play(
     settings: PlaySettings = validated(PlaySettings, values, "play")
     say(f"playing on ROS_DOMAIN_ID {chosen_domain() or 0}; Ctrl-C ends it")
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[at]}"))
-    hidden = not screen.is_terminal
-    with Progress(*columns, console=screen, transient=True, disable=hidden) as bar:
+    hidden = not for_people.is_terminal
+    with Progress(*columns, console=for_people, transient=True, disable=hidden) as bar:
         task = bar.add_task("play", total=None, at="")
 
         def report(time: float, end: float) -> None:
@@ -224,7 +224,9 @@ def live(
 def _tell(missing: str, changed: dict[str, tuple[str, str]]) -> None:
     """Say what a comparison does not cover, and what else ran than was recorded."""
     for name, (there, here) in changed.items():
-        screen.print(f"{name} is another file: SHA-256 {there[:16]} in the log, {here[:16]} here")
+        for_people.print(
+            f"{name} is another file: SHA-256 {there[:16]} in the log, {here[:16]} here"
+        )
     if missing:
         say(missing, head="only a part: ")
 

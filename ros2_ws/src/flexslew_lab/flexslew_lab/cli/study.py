@@ -10,7 +10,7 @@ import typer
 from flexslew_lab.cli.interrupt import NODES, patient
 from flexslew_lab.cli.log import Json, demand
 from flexslew_lab.cli.study_words import progress, side_by_side, tell
-from flexslew_lab.cli.terminal import print_table, screen, short
+from flexslew_lab.cli.terminal import for_people, print_table, short
 from flexslew_plant.errors import BadInput
 
 if TYPE_CHECKING:
@@ -57,10 +57,10 @@ def run(
         raise BadInput("--workers and --dask: choose one of them")
     part = _shard(shard)
     wanted = load_study(study_path(file))
-    with screen.status("preparing"):
+    with for_people.status("preparing"):
         ready = prepare(wanted)
     for line in needed(wanted):
-        screen.print(line, highlight=False)
+        for_people.print(line, highlight=False)
     folder = out or default_folder(wanted, part)
     executor = _executor(ready, workers, dask)
     try:
@@ -71,10 +71,10 @@ def run(
     if part.of == 1 and wanted.settings.lanes:
         _check_lanes(ready, store, workers)
     if part.of > 1:
-        screen.print(f"[bold]{folder}[/bold]: join all shards with ./flexslew study merge")
+        for_people.print(f"[bold]{folder}[/bold]: join all shards with ./flexslew study merge")
         return
     found = finished(wanted, store)
-    keep_worst(wanted, store, found, screen.print)
+    keep_worst(wanted, store, found, for_people.print)
     tell(found, as_json)
     demand(passed(found))
 
@@ -129,7 +129,7 @@ def report(
     else:
         page = out or Path("studies.html")
         page.write_text(comparison_page(opened, found), encoding="utf-8")
-    screen.print(f"written {page}")
+    for_people.print(f"written {page}")
     if len(found) == 1:
         tell(found[0] | {"report": str(page)}, as_json)
     elif as_json:
@@ -169,9 +169,9 @@ def fly(
         print(json.dumps(result.metrics, indent=2))
     else:
         print_table(("metric", "value"), [(k, short(v)) for k, v in result.metrics.items()])
-    screen.print(f"[bold]{result.folder}[/bold]")
+    for_people.print(f"[bold]{result.folder}[/bold]")
     if difference:
-        screen.print(f"[red]{difference}[/red]")
+        for_people.print(f"[red]{difference}[/red]")
     demand(not difference)
 
 
@@ -251,7 +251,7 @@ def _check_lanes(ready: "Preparation", store: "Store", workers: int | None) -> N
 
     pool = Pool(bench_job(ready), workers or os.cpu_count() or 1)
     try:
-        with screen.status("flying some trials of the lanes again by the ordinary bench"):
+        with for_people.status("flying some trials of the lanes again by the ordinary bench"):
             check_lanes(ready, store, pool)
     finally:
         pool.close()

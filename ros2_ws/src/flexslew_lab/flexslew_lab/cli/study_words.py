@@ -16,7 +16,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from flexslew_lab.cli.terminal import print_table, say, screen, short
+from flexslew_lab.cli.terminal import for_people, print_table, say, short
 
 _OFTEN = 30.0  # between two lines where no bar can be drawn [wall s]
 
@@ -27,7 +27,7 @@ def progress(name: str) -> Iterator[Callable[[int, int], None]]:
 
     A bar on a terminal; else, in the log of a batch queue, a line now and then.
     """
-    if not screen.is_terminal:
+    if not for_people.is_terminal:
         yield _Lines(name)
         return
     columns = (
@@ -38,7 +38,7 @@ def progress(name: str) -> Iterator[Callable[[int, int], None]]:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=screen, transient=True, speed_estimate_period=60.0) as bar:
+    with Progress(*columns, console=for_people, transient=True, speed_estimate_period=60.0) as bar:
         task = bar.add_task(f"{name} [dim]trials[/dim]", total=None)
         yield lambda done, wanted: bar.update(task, completed=done, total=wanted)
 
@@ -110,7 +110,7 @@ def _criterion(row: dict[str, Any]) -> None:
             f", {low} at {100 * row['confidence']:g} %, asked {row['probability']:g}; "
             f"so many failures need {row['needed']} trials"
         )
-    screen.print(f"[{'green]passed' if row['passed'] else 'red]not shown'}[/] {words}")
+    for_people.print(f"[{'green]passed' if row['passed'] else 'red]not shown'}[/] {words}")
 
 
 def _bounded(bounds: list[float | None]) -> str:

@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Column, Table
 from rich.text import Text
 
-screen = Console(stderr=True)  # for people; standard output is for results
+for_people = Console(stderr=True)  # standard output is for results
 
 
 @contextmanager
@@ -22,8 +22,8 @@ def progress(name: str, what: str = "ticks") -> Iterator[Callable[[int, int], No
         MofNCompleteColumn(),
         TimeElapsedColumn(),
     )
-    hidden = not screen.is_terminal  # a file would get an empty line
-    with Progress(*columns, console=screen, transient=True, disable=hidden) as bar:
+    hidden = not for_people.is_terminal  # a file would get an empty line
+    with Progress(*columns, console=for_people, transient=True, disable=hidden) as bar:
         task = bar.add_task(f"{name} [dim]{what}[/dim]", total=None)
         yield lambda tick, last: bar.update(task, completed=tick, total=last)
 
@@ -46,7 +46,7 @@ def say(words: str, style: str = "", head: str = "") -> None:
         style: of the words.
         head: in red before them.
     """
-    screen.print(Text.assemble((head, "red"), (words, style)), highlight=False, soft_wrap=True)
+    for_people.print(Text.assemble((head, "red"), (words, style)), highlight=False, soft_wrap=True)
 
 
 def link(path: Path) -> str:

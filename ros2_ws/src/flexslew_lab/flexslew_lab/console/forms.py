@@ -79,10 +79,20 @@ def moment(name: str, value: Any) -> float:
     Raises:
         BadInput: it holds none; beginning with the name.
     """
-    time = number_of(name, value)
-    if not 0.0 <= time < LATEST:
-        raise BadInput(f"{name}: {time:g} is not allowed: at least 0, below {LATEST:g}")
-    return time
+    return not_negative(name, value, LATEST)
+
+
+def not_negative(name: str, value: Any, below: float = inf) -> float:
+    """Return the number that a field holds, from 0 to below a limit.
+
+    Raises:
+        BadInput: it holds none; beginning with the name.
+    """
+    number = number_of(name, value)
+    if not 0.0 <= number < below:
+        limit = f", below {below:g}" if below < inf else ""
+        raise BadInput(f"{name}: {number:g} is not allowed: at least 0{limit}")
+    return number
 
 
 def one_of(name: str, value: Any, known: Mapping[str, float]) -> float:

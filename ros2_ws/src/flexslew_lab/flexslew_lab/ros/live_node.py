@@ -71,15 +71,13 @@ class LiveNode:
         self._channels: dict[str, Any] = {}
         self._services = LiveServices(node)
         self._context = context = foxglove.Context()  # its channels close with it
+        offers = foxglove.websocket.Capability
         try:
             self._server = foxglove.start_server(
                 name="flexslew",
                 host=HOST,
                 port=chosen.port,
-                capabilities=[
-                    foxglove.websocket.Capability.Time,
-                    foxglove.websocket.Capability.Services,
-                ],
+                capabilities=[offers.Time, offers.Services],
                 supported_encodings=["json"],
                 services=self._services.offered(foxglove),
                 context=context,
@@ -89,17 +87,15 @@ class LiveNode:
             raise BadInput(f"live: port {chosen.port} cannot be opened: {error}") from None
         self._last = 0  # simulated time of the last message [ns]
         self._stamps = dict.fromkeys(_CLOCKS, 0)  # of their last messages [ns]
-        self._now = 0  # simulated time of the bench [ns]
-        self._told = -1  # what the clients think it is [ns]
+        self._now, self._told = 0, -1  # simulated time: of the bench, as clients know it [ns]
         for topic, known in TOPICS.items():
             text = schema_text(known.type).encode()
-            channel = foxglove.Channel(
+            self._channels[topic] = foxglove.Channel(
                 topic,
                 schema=foxglove.Schema(name=known.type, encoding="ros2msg", data=text),
                 message_encoding="cdr",
                 context=context,
             )
-            self._channels[topic] = channel
             if known.latched:
                 self._latched[topic] = deque(maxlen=max(known.depth, SEVERAL))
             node.create_subscription(

@@ -17,9 +17,7 @@ class Testbed(Protocol):
     and methods; `initial` holds a position for every joint, under the joint's name.
     """
 
-    operating_point: ClassVar[
-        dict[str, float]
-    ]  # where laws linearise unless told otherwise [rad or m]
+    operating_point: ClassVar[dict[str, float]]  # where laws linearise by default [rad or m]
     typical_goal: ClassVar[dict[str, float]]  # of a slew that names none [rad or m]
     simplified: ClassVar[dict[str, Any]]  # keys changed in what a planner or a law believes
 

@@ -79,13 +79,13 @@ class BangBang:
         """Whether nothing feeds back."""
         return self.kp == 0.0 and self.kd == 0.0
 
-    @property
+    @cached_property
     def step(self) -> float:
         """Longest integration step [s]."""
         linear = self.model.linearise(self.start[: self.model.coordinates])
         return float((_ROUGH_STEP if self.rough else _STEP) / linear.frequencies[-1])
 
-    @property
+    @cached_property
     def inertia(self) -> float:
         """Of the whole, appendages straight [kg m^2 or kg]."""
         q = self.start[: self.model.coordinates]
@@ -96,21 +96,21 @@ class BangBang:
         """Duration of the rigid body's time-optimal slew [s]."""
         return float(2.0 * np.sqrt(abs(self.distance) * self.inertia / self.amplitude))
 
-    @property
+    @cached_property
     def rows(self) -> Vector:
         """Which entries of the state the end conditions hold: the joint, the modes, their rates."""
         n, m = self.model.coordinates, self.model.joints
         half = np.array([self.joint, *range(m, n)])
         return np.concatenate((half, n + half))
 
-    @property
+    @cached_property
     def insensitive_rows(self) -> Vector:
         """Which entries of the state may not be sensitive to the stiffness."""
         n, m = self.model.coordinates, self.model.joints
         modal = np.arange(m, n)
         return np.concatenate((modal, n + modal)) if self.insensitive == "modes" else self.rows
 
-    @property
+    @cached_property
     def conditions(self) -> Matrix:
         """C of the end conditions r = C z - goal, z the final states of all copies."""
         size = self.start.size
@@ -124,7 +124,7 @@ class BangBang:
             whole[len(nominal) :, k * size : (k + 1) * size] = weight * derivative
         return whole
 
-    @property
+    @cached_property
     def ensemble(self) -> tuple[Kernels, Matrix, Vector, Vector]:
         """What the kernels of `arcs` simulate: equations, parameters of the copies, the gains."""
         return self.copies(

@@ -21,6 +21,8 @@ _LINEAR = 1e-8  # residual of a linear slew at which the model counts as linear
 _LONGEST = 3.0  # of Newton's iterates, times the guess
 _FOLLOWED = 24  # candidates at most
 _MARGIN = 3.0  # see continued_durations
+# Newton's last change, times half of the rigid slew: of what is kept, of what is only compared
+_EXACT, _NEAR = 1e-12, 1e-5
 
 
 def linear_candidates(slew: BangBang, antisymmetric: bool, longer: float = 0.0) -> list[Vector]:
@@ -169,7 +171,7 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
     middle = slew.start[rows] + np.array([0.5 * slew.distance, 0.0])
     ensemble, efforts = slew.copies((1.0,)), slew.efforts(3)
 
-    def arcs(p: float) -> Vector | None:
+    def arcs(p: float, close: float = _EXACT) -> Vector | None:
         d = np.array([p, 0.0, half - p])
         for _ in range(20):
             x, by_duration = final_sensitivity(*ensemble, slew.start, efforts, d, slew.step)
@@ -177,16 +179,16 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
             if not np.isfinite(change).all() or np.abs(change).max() > half:
                 return None
             d = d + np.append(0.0, change)
-            if np.abs(change).max() < 1e-12 * half:
+            if np.abs(change).max() < close * half:
                 return d if d.min() > 0.0 else None
         return None
 
-    def length(p: float) -> float:
-        d = arcs(p)
+    def length(p: float, close: float = _EXACT) -> float:
+        d = arcs(p, close)
         return float("inf") if d is None else float(d.sum())
 
     grid: Vector = half * np.linspace(0.01, 0.99, 99)
-    lengths = [length(float(p)) for p in grid]
+    lengths = [length(float(p), _NEAR) for p in grid]
     best = int(np.argmin(lengths))
     if not np.isfinite(lengths[best]):
         return None

@@ -1,7 +1,7 @@
 """Give the bench to another controller."""
 
 from flexslew_lab.console.desk import Desk, Reply
-from flexslew_lab.console.forms import moment, offer
+from flexslew_lab.console.forms import moment, not_negative, offer
 from flexslew_lab.console.link import Told
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
@@ -36,7 +36,7 @@ class SwapPanel:
                 "controller": self._who.value,
                 "at": moment("At", self._at.value),
                 "strict": self._strict.value,
-                "max_effort_step": moment("Largest step", self._step.value),
+                "max_effort_step": not_negative("Largest step", self._step.value),
                 "timeout": 2.0,
                 "who": who,
             }

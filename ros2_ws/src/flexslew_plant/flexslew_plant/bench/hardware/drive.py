@@ -71,14 +71,15 @@ class Drive:
 
     def miss(self) -> bool:
         """Count a tick without a valid answer; return whether somebody else must take over now."""
+        over = self.one_miss_left
         self.missed += 1
         self.missed_in_a_row += 1
-        return self.missed_in_a_row >= self._max_missed
+        return over
 
     @property
-    def last_chance(self) -> bool:
+    def one_miss_left(self) -> bool:
         """Whether somebody else must take over if this tick is missed too."""
-        return bool(self.active) and self.missed_in_a_row + 1 >= self._max_missed
+        return self.missed_in_a_row + 1 >= self._max_missed
 
     def hand_over(self, controller: str) -> None:
         """Put a controller in charge; "" is the brake."""

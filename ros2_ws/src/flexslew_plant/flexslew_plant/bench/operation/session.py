@@ -80,7 +80,8 @@ class Session:
                 bench.offer(command)
         self._look_around(now)
         drive = bench.drive
-        last_chance = drive.last_chance and not self.reason(drive.active, now)
+        alive = bool(drive.active) and not self.reason(drive.active, now)
+        last_chance = alive and drive.one_miss_left
         if self.pacing.tick_over(now, bench.answered, drive.missed_in_a_row, last_chance):
             if self._held_back(now):
                 return 0.005
