@@ -72,6 +72,7 @@ class ControllerNode:
         self.node.destroy_node()
 
     def _on_testbed(self, message: msg.Testbed) -> None:
+        self._watch.seen = True
         self._period = message.period
         plant = described(message.settings, "/testbed")
         self._host.announce(

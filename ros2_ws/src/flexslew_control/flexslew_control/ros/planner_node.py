@@ -115,7 +115,7 @@ class Planner:
         return plan_request(text, self._testbed, period, limit, gains)
 
     def _on_testbed(self, testbed: msg.Testbed) -> None:
-        self._testbed = testbed.settings
+        self._testbed, self._watch.seen = testbed.settings, True
         if self._settings.file:
             self._release.publish(load_plan(Path(self._settings.file)), "")
         elif self._settings.plan and self._done is None:

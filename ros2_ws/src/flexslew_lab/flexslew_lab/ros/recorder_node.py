@@ -104,6 +104,7 @@ class Recorder:
     def _arrived(self) -> Iterator[tuple[str, bytes]]:
         for topic, data in self._listener.take():
             self._heard = monotonic()
+            self._watch.seen = self._watch.seen or topic == "/measurement"
             if topic != "/tf" or of_namespace(data, self.node.get_namespace()):
                 yield topic, data
 

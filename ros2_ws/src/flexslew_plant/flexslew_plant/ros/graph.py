@@ -87,11 +87,14 @@ class PlantWatch:
         loop: to stop.
         subscription: to a topic that only the plant publishes.
         enabled: otherwise it only watches.
+
+    Attributes:
+        seen: it was there; set by who hears it, since it may come and go between two looks.
     """
 
     def __init__(self, loop: _Stops, subscription: Subscription[Any], enabled: bool) -> None:
         self._loop, self._subscription, self._enabled = loop, subscription, enabled
-        self._seen = False
+        self.seen = False
 
     @property
     def here(self) -> bool:
@@ -101,6 +104,6 @@ class PlantWatch:
     def look(self, code: int = 0, stay: bool = False) -> None:
         """Look for the plant; stop the loop with this code if it has left, unless told to stay."""
         here = self.here
-        if self._enabled and self._seen and not here and not stay:
+        if self._enabled and self.seen and not here and not stay:
             self._loop.stop(code)
-        self._seen = self._seen or here
+        self.seen = self.seen or here
