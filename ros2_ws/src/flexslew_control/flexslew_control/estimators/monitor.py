@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from pydantic import Field
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.settings import Positive, section
@@ -97,7 +97,7 @@ class Monitor:
         ticks = channels * _HOUR / self._period  # tests in an hour
         single = min(half / ticks, 0.5)
         several = min(half * window / ticks, 0.5)
-        return float(chi2.isf(single, 1)), float(chi2.isf(several, window))
+        return float(chdtri(1, single)), float(chdtri(window, several))
 
 
 def channel_name(number: int, joints: tuple[str, ...]) -> str:

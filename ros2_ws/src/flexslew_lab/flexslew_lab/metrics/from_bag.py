@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -33,7 +34,19 @@ def metrics_of(path: Path) -> dict[str, Any]:
 
 
 def metrics_from(bag: BagReader) -> dict[str, Any]:
-    """Return the content of metrics.json from an open bag. See `metrics_of`."""
+    """Return the content of metrics.json from an open bag. See `metrics_of`.
+
+    An open bag is measured once.
+    """
+    if bag not in _MEASURED:
+        _MEASURED[bag] = _measured(bag)
+    return dict(_MEASURED[bag])
+
+
+_MEASURED: WeakKeyDictionary[BagReader, dict[str, Any]] = WeakKeyDictionary()
+
+
+def _measured(bag: BagReader) -> dict[str, Any]:
     overview = bag.overview
     own, refused = _own(bag)
     epoch: Epoch | None = None

@@ -9,6 +9,7 @@ import yaml
 
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_layout import RUN_RECORD, TRIAL_RECORD
+from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.rows import flat, key_of, unit_of
@@ -37,15 +38,15 @@ class _Headline(NamedTuple):
 
 
 def write_report(
-    bags: Sequence[Path],
+    bags: Sequence[Path | BagReader],
     out: Path,
-    comparison: Path | None = None,
+    comparison: Path | BagReader | None = None,
     labels: Sequence[str] = (),
 ) -> Path:
     """Return the path of the report that was written.
 
     Args:
-        bags: the run; with more than one they are overlaid, the first one leads.
+        bags: the run, by path or open; with more than one they are overlaid, the first one leads.
         out: the HTML file.
         comparison: a bag of the same trial without feedforward, for a comparison of its own.
         labels: names of the bags in the figures; default: the names of the trials.
@@ -268,7 +269,7 @@ def _provenance(run: RunData) -> dict[str, Any]:
     }
 
 
-def _labels(bags: Sequence[Path], labels: Sequence[str]) -> list[str]:
+def _labels(bags: Sequence[object], labels: Sequence[str]) -> list[str]:
     return [*labels, *[""] * (len(bags) - len(labels))][: len(bags)]
 
 

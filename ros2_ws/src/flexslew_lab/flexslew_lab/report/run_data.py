@@ -49,18 +49,18 @@ class RunData(NamedTuple):
     frame_position: Matrix  # joints and modes, (frames, n)
 
 
-def read_run(path: Path, label: str = "") -> RunData:
+def read_run(path: Path | BagReader, label: str = "") -> RunData:
     """Return what a report shows of the bag at `path`.
 
     Args:
-        path: the bag's folder or file.
+        path: the bag's folder or file, or the open bag.
         label: its name in figures; default: the trial's name.
 
     Raises:
         BadInput: the bag cannot be read, or holds no truth.
 
     """
-    bag = BagReader(path)
+    bag = path if isinstance(path, BagReader) else BagReader(path)
     overview = bag.overview
     metrics = metrics_from(bag)
     trial = logged_yaml(bag.trial_text, f"{bag.path}: trial")
@@ -79,7 +79,7 @@ def read_run(path: Path, label: str = "") -> RunData:
     tips = traces["tip"].value.shape[1] if "tip" in traces else 0
     end = float(np.nanmax(traces["effort"].time, initial=0.0))
     return RunData(
-        label or str(trial.get("name", "")) or Path(path).name,
+        label or str(trial.get("name", "")) or bag.path.parent.name,
         bag.path,
         trial,
         overview,

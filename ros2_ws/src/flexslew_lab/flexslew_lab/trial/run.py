@@ -110,15 +110,15 @@ def run_trial(
         outcome = _in_process(trial, flight, bag, metadata, progress)
     else:
         outcome = _over_ros(trial, flight.plan, folder, metadata, progress, say, autostart)
-    result = _finished(folder, bag, outcome)
+    result, reader = _finished(folder, bag, outcome)
     words = broken_promise(trial, flight.plan, result.metrics)
     if words:
         say(words)
-    if report and result.metrics and outcome.exit_code != 130:
+    if report and reader is not None and result.metrics and outcome.exit_code != 130:
         bare = _without_feedforward(trial, source, folder)
-        write_report([bag], folder / "report.html", bare)
+        write_report([reader], folder / "report.html", bare)
         if bare is not None:
-            result = result._replace(bare_metrics=metrics_from(BagReader(bare)))
+            result = result._replace(bare_metrics=metrics_from(bare))
     return result
 
 
@@ -132,7 +132,7 @@ def finished(folder: Path, report: bool = True) -> None:
     reader = BagReader(folder / "bag")
     (folder / "metrics.json").write_text(json.dumps(metrics_from(reader), indent=2) + "\n")
     if report:
-        write_report([folder / "bag"], folder / "report.html")
+        write_report([reader], folder / "report.html")
 
 
 def _prepared(trial: Trial, source: str) -> _Flight:
@@ -155,12 +155,17 @@ def _prepared(trial: Trial, source: str) -> _Flight:
 
 
 def _in_process(
-    trial: Trial, flight: _Flight, bag: Path, metadata: dict[str, str], progress: Progress
+    trial: Trial,
+    flight: _Flight,
+    bag: Path,
+    metadata: dict[str, str],
+    progress: Progress,
+    bare: bool = False,
 ) -> Outcome:
     bench, controllers, plan = flight
     last = bench.last_tick or 0
     with BagWriter(bag, {"trial": trial_text(trial), **metadata}) as writer:
-        observer = BagObserver(writer)
+        observer = BagObserver(writer, bare)
         observer.announce(trial, bench, plan, controllers)
         fly(bench, controllers, observer, lambda tick: progress(tick, last))
         writer.close({"messages": str(writer.messages)})
@@ -168,7 +173,7 @@ def _in_process(
     return Outcome(3 if bench.faulted else 0, words)
 
 
-def _without_feedforward(trial: Trial, source: str, folder: Path) -> Path | None:
+def _without_feedforward(trial: Trial, source: str, folder: Path) -> BagReader | None:
     """Fly the same reference without feedforward, in process; return its bag, if any."""
     plan = trial.plan
     if not isinstance(plan, OptimizedFeedforward):
@@ -178,8 +183,8 @@ def _without_feedforward(trial: Trial, source: str, folder: Path) -> Path | None
     bag = folder / WITHOUT
     other = replace(trial, name=f"{trial.name}-without-feedforward", plan=bare)
     flight = _prepared(other, source)
-    _in_process(other, flight, bag, {"trial_file": source}, lambda tick, last: None)
-    return bag
+    _in_process(other, flight, bag, {"trial_file": source}, lambda tick, last: None, bare=True)
+    return BagReader(bag)
 
 
 def _over_ros(
@@ -203,16 +208,17 @@ def _over_ros(
         return supervisor.run()
 
 
-def _finished(folder: Path, bag: Path, outcome: Outcome) -> Result:
+def _finished(folder: Path, bag: Path, outcome: Outcome) -> tuple[Result, BagReader | None]:
+    """Write metrics.json; return what is known of the run, and its bag where there is one."""
     metrics: dict[str, Any] = {}
-    message = outcome.message
+    message, reader = outcome.message, None
     with suppress(BadInput):  # an interrupted run may hold no tick at all
         reader = BagReader(bag)
         metrics = metrics_from(reader)
         (folder / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
         if outcome.exit_code == 3:
             message = "; ".join(_takeovers(reader.overview.events)) or message
-    return Result(folder, outcome.exit_code, message, metrics, {})
+    return Result(folder, outcome.exit_code, message, metrics, {}), reader
 
 
 def _takeovers(events: Sequence[LoggedEvent]) -> list[str]:

@@ -14,15 +14,20 @@ from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.message_fields import event_fields, testbed_fields, truth_fields
-from flexslew_plant.bench.wire import Stamp, stamp_of
+from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_bytes, stamp_of
 from flexslew_plant.settings import plain, yaml_text
 
 
 class BagObserver:
-    """Topics of a run, written tick by tick. Fulfils in_process.Observer."""
+    """Topics of a run, written tick by tick. Fulfils in_process.Observer.
 
-    def __init__(self, writer: BagWriter) -> None:
-        self._writer = writer
+    Args:
+        writer: of the bag.
+        bare: without measurements and answers, for a flight that others are compared with.
+    """
+
+    def __init__(self, writer: BagWriter, bare: bool = False) -> None:
+        self._writer, self._bare = writer, bare
         self._now = Stamp(0, 0)
 
     def announce(
@@ -57,9 +62,8 @@ class BagObserver:
     def question(self, question: Measurement) -> None:
         """Write a measurement."""
         self._now = stamp_of(question.time)
-        values = question._asdict()
-        del values["time"]
-        self._put("/measurement", header=self._header(), **values)
+        if not self._bare:
+            self._write("/measurement", measurement_bytes(question))
 
     def truth(self, truth: Truth) -> None:
         """Write the state at a tick."""
@@ -68,7 +72,9 @@ class BagObserver:
 
     def answer(self, answer: Answer) -> None:
         """Write a command and what led to it."""
-        self._put("/effort_command", stamp=self._now, **answer.command._asdict())
+        if self._bare:
+            return
+        self._write("/effort_command", command_bytes(answer.command, self._now))
         self._put("/controller_state", header=self._header(), **answer_fields(answer))
 
     def event(self, event: Event) -> None:
@@ -79,6 +85,8 @@ class BagObserver:
         return {"stamp": self._now, "frame_id": ""}
 
     def _put(self, topic: str, **message: Any) -> None:
-        kind = TOPICS[topic].type
+        self._write(topic, encode(TOPICS[topic].type, message))
+
+    def _write(self, topic: str, data: bytes) -> None:
         at = self._now.sec * 10**9 + self._now.nanosec
-        self._writer.write(topic, kind, encode(kind, message), at)
+        self._writer.write(topic, TOPICS[topic].type, data, at)
