@@ -29,7 +29,7 @@ STENCIL = tuple(
 _STEP = 0.25  # longest integration step, as an angle of the fastest mode [rad]
 # a rough slew, to find the arcs that an exact one settles
 _ROUGH_STENCIL = ((1.0 + _CHANGE, 0.5 / _CHANGE), (1.0 - _CHANGE, -0.5 / _CHANGE))
-_ROUGH_STEP = 0.8  # as _STEP
+_ROUGH_STEP = 1.2  # as _STEP
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ def solve_durations(
         slopes: dr/dd to use everywhere; None: the exact ones.
     """
     d = guess.copy()
-    for _ in range(25):
+    for _ in range(15):
         r, j = slew.linearised(d, scale) if slopes is None else (slew.residual(d, scale), slopes)
         if not (np.isfinite(r).all() and np.isfinite(j).all()) or np.linalg.cond(j) > 1e13:
             return None
@@ -110,12 +110,12 @@ def continued_durations(slew: BangBang, antisymmetric: bool = True) -> Vector | 
     if _ends_at_goal(slew, guess):
         return solve_durations(slew, guess)
     candidates = linear_candidates(slew, antisymmetric, 2.0 * np.pi / slew.mode[0])
-    rough = replace(slew, rough=slew.robust)
+    rough = replace(slew, rough=True)
     best = _shortest(rough, candidates[:_FOLLOWED], solve_durations)
     if best is None:
         best = _shortest(rough, candidates[:1], _scaled_up)
-    if best is None or not rough.rough:
-        return best
+    if best is None:
+        return None
     return solve_durations(slew, best, slopes=rough.linearised(best)[1])
 
 
@@ -152,7 +152,7 @@ def _scaled_up(slew: BangBang, guess: Vector) -> Vector | None:
         found = solve_durations(slew, guess, min(1.0, scale + ahead))
         if found is None:
             ahead /= 2.0
-            if ahead < 1.0 / 64.0:
+            if ahead < 1.0 / 32.0:
                 return None
         else:
             scale, guess = min(1.0, scale + ahead), found
@@ -170,11 +170,12 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
     rows = np.array([slew.joint, slew.model.joints])
     middle = slew.start[rows] + np.array([0.5 * slew.distance, 0.0])
     ensemble, efforts = slew.copies((1.0,)), slew.efforts(3)
+    rough = replace(slew, rough=True).step
 
-    def arcs(p: float, close: float = _EXACT) -> Vector | None:
+    def arcs(p: float, close: float = _EXACT, step: float = slew.step) -> Vector | None:
         d = np.array([p, 0.0, half - p])
         for _ in range(20):
-            x, by_duration = final_sensitivity(*ensemble, slew.start, efforts, d, slew.step)
+            x, by_duration = final_sensitivity(*ensemble, slew.start, efforts, d, step)
             change = np.linalg.solve(by_duration[rows, 1:], middle - x[rows])
             if not np.isfinite(change).all() or np.abs(change).max() > half:
                 return None
@@ -184,15 +185,15 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
         return None
 
     def length(p: float, close: float = _EXACT) -> float:
-        d = arcs(p, close)
+        d = arcs(p, close, rough)
         return float("inf") if d is None else float(d.sum())
 
-    grid: Vector = half * np.linspace(0.01, 0.99, 99)
+    grid: Vector = half * np.linspace(0.01, 0.99, 49)
     lengths = [length(float(p), _NEAR) for p in grid]
     best = int(np.argmin(lengths))
     if not np.isfinite(lengths[best]):
         return None
-    bounds = (float(grid[max(best - 1, 0)]), float(grid[min(best + 1, 98)]))
+    bounds = (float(grid[max(best - 1, 0)]), float(grid[min(best + 1, 48)]))
     found = minimize_scalar(length, bounds=bounds, method="bounded", options={"xatol": 1e-9})
     d = arcs(float(found.x)) if found.fun <= lengths[best] else arcs(float(grid[best]))
     if d is None:
