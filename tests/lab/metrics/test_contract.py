@@ -15,6 +15,7 @@ from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.metrics.metric import Block, Ending, Flight, Manoeuvre
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.metrics.rows import flat
+from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial
@@ -48,10 +49,15 @@ plan: {method: none, goal: {base_yaw: 0.2}, duration: 1.0}
 metrics: [OWN]
 """
 
+_TWICE = [{"to": 0.3, "at": 0.5, "duration": 0.06}, {"to": 0.1, "at": 0.6, "duration": 0.01}]
+TURNING = shipped(
+    "antenna_4", {"testbed": {"appendages": {"beam": {"hinge": {"motion": _TWICE}}}}}
+).testbed
+
 
 def flown(name: str, ticks: int, rng: np.random.Generator) -> tuple[Flight, Block]:
     """Return a run of a shipped trial's testbed under random efforts, its manoeuvre half-way."""
-    craft = load_trial(trial_path(name)).testbed
+    craft = TURNING if name == "antenna" else load_trial(trial_path(name)).testbed
     model, x = craft.model(), initial_state(craft)
     limit = np.array(craft.effort_limit)
     effort = rng.uniform(-1.5, 1.5, (ticks, model.joints)).clip(-1.0, 1.0) * limit
@@ -89,7 +95,7 @@ def events() -> list[LoggedEvent]:
     return [LoggedEvent(0.0, 0, 0, level, "plant", kind, "", d) for kind, level, d in data]
 
 
-@pytest.mark.parametrize("kind", ["m1", "time_optimal_oscillator", "scole_s_open"])
+@pytest.mark.parametrize("kind", ["m1", "time_optimal_oscillator", "scole_s_open", "antenna"])
 @pytest.mark.parametrize("name", METRICS)
 def test_a_metric_does_not_depend_on_how_the_run_is_cut(name: str, kind: str) -> None:
     rng = np.random.default_rng(5)
@@ -110,7 +116,7 @@ def test_a_metric_does_not_depend_on_how_the_run_is_cut(name: str, kind: str) ->
         }
 
 
-@pytest.mark.parametrize("kind", ["m1", "time_optimal_oscillator", "scole_s_open"])
+@pytest.mark.parametrize("kind", ["m1", "time_optimal_oscillator", "scole_s_open", "antenna"])
 @pytest.mark.parametrize("name", METRICS)
 def test_a_metric_says_what_it_promises_in_json(name: str, kind: str) -> None:
     flight, block = flown(kind, 30, np.random.default_rng(6))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from flexslew_control.planners import PLANNERS
-from flexslew_lab.report.compare import compared, write_comparison
-from flexslew_lab.report.compare_report import short_table
+from flexslew_lab.report.comparison.planners import compared
+from flexslew_lab.report.comparison.planners_page import comparison_page, short_table
+from flexslew_lab.report.page import write_page
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial
 from flexslew_plant.errors import BadInput
@@ -71,7 +72,7 @@ def test_feedforward_is_worth_something_and_robust_is_robust(yaw: Any) -> None:
 def test_another_testbed_says_what_does_not_apply(tmp_path: Path) -> None:
     trial = replace(load_trial(HUB), period=0.02)
     found = compared(trial, "hub.yaml", errors=(0.0, 0.1))
-    page = write_comparison(found, tmp_path / "deep" / "hub.html")
+    page = write_page(comparison_page(found), tmp_path / "deep" / "hub.html")
     text = page.read_text(encoding="utf-8")
     assert "Not flown" in text
     assert text.count("data-panels=") == 3

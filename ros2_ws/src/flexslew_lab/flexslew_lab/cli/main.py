@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexslew_lab.cli.checkout import bench, test
+from flexslew_lab.cli.compare import Sets, TrialFile, compare
 from flexslew_lab.cli.console import console
 from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, SOON, patient, while_running
 from flexslew_lab.cli.log import Json, bag_of, log, reading_limits, recover
@@ -35,14 +36,6 @@ app.add_typer(log, name="log")
 app.add_typer(study, name="study")
 app.callback()(reading_limits)
 
-TrialFile = Annotated[
-    str | None,
-    typer.Argument(help="Trial file, or the name of a shipped one (see trials); none: m1."),
-]
-Sets = Annotated[
-    list[str] | None,
-    typer.Option("--set", help="key.path=value, replaces the file's; may be repeated."),
-]
 Bags = Annotated[list[Path], typer.Argument(help="Folders of runs, or bags.")]
 
 
@@ -200,39 +193,6 @@ def report(
 
 
 @app.command()
-def compare(
-    file: TrialFile = None,
-    sets: Sets = None,
-    out: Annotated[
-        Path | None, typer.Option(help="The HTML file; else a new one below runs/.")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Fly one manoeuvre with every planner, also on testbeds that differ from the model.
-
-    Example: `./flexslew compare --out compare.html`
-    """
-    from flexslew_lab.report import compare as comparison
-    from flexslew_lab.report.compare_report import short_table
-    from flexslew_lab.trial.sources import read_trial
-
-    wanted, source = read_trial(file, sets)
-    target = writable_file(out or new_file(f"{wanted.name}-compare.html"), "--out")
-    with progress("compare", "flights") as advance:
-        found = comparison.compared(wanted, source, advance)
-    if as_json:
-        print(json.dumps(found.rows(), indent=2))
-    else:
-        print_table(*short_table(found))
-        for entry in found.entries:
-            if entry.refused:
-                say(f"not flown: {entry.name}: {entry.refused}")
-    if out is not None or not as_json:
-        comparison.write_comparison(found, target)
-        say(f"written {link(target)}")
-
-
-@app.command()
 def reproduce(
     name: Annotated[str, typer.Argument(help="csa, ofc, pi or time-optimal.")],
     figures: Annotated[
@@ -266,7 +226,7 @@ def reproduce(
         raise typer.Exit(1)
 
 
-for often in (*COMMANDS, recover, resim, check, play, live, console, bench):
+for often in (*COMMANDS, compare, recover, resim, check, play, live, console, bench):
     app.command()(often)
 app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(test)
 

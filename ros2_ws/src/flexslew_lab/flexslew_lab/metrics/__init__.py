@@ -8,13 +8,16 @@ flexslew.metrics.
 from flexslew_lab.metrics.course import Course
 from flexslew_lab.metrics.efforts import Efforts
 from flexslew_lab.metrics.joint_errors import JointErrors
+from flexslew_lab.metrics.line_of_sight import LineOfSight
 from flexslew_lab.metrics.metric import Key as Key
 from flexslew_lab.metrics.metric import Metric as Metric
+from flexslew_lab.metrics.platform_error import PlatformError
 from flexslew_lab.metrics.pointing import Pointing
 from flexslew_lab.metrics.settling import Settling
 from flexslew_lab.metrics.takeovers import Takeovers
 from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_lab.metrics.trajectory import Trajectory
+from flexslew_lab.metrics.vibration import Vibration
 
 METRICS: dict[str, type[Metric]] = {
     "tip_deflection": TipDeflection,
@@ -25,6 +28,9 @@ METRICS: dict[str, type[Metric]] = {
     "course": Course,
     "trajectory": Trajectory,
     "pointing": Pointing,  # after what it says by appendage
+    "platform_error": PlatformError,
+    "line_of_sight": LineOfSight,
+    "vibration": Vibration,
 }
 
 KEYS: dict[str, Key] = {  # of metrics.json

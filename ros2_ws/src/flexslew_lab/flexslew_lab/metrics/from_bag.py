@@ -14,6 +14,7 @@ from flexslew_lab.metrics.epoch import Epoch
 from flexslew_lab.metrics.metric import Ending, Flight, Manoeuvre, Metric
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_plant.arrays import Matrix
+from flexslew_plant.bench.retarget import with_wishes
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed
 
@@ -57,7 +58,7 @@ def _measured(bag: BagReader) -> dict[str, Any]:
             columns = {k: c[part] for k, c in block.columns.items()}
             if epoch is None or number > epoch.number:
                 joints = columns["applied_effort"].shape[1]
-                epoch = Epoch(int(number), _flight(overview, joints), own)
+                epoch = Epoch(int(number), _flight(overview, joints, int(number)), own)
             epoch.add(columns)
     if epoch is None:
         raise BadInput(f"{bag.path}: holds no truth, so there is nothing to measure")
@@ -85,21 +86,30 @@ def manoeuvre_of(position: Matrix, start: float, duration: float) -> Manoeuvre:
     return Manoeuvre(start, start + duration, position[-1], position[-1] - position[0])
 
 
-def _flight(overview: Overview, joints: int) -> Flight:
-    limit = np.zeros(0) if overview.testbed is None else overview.testbed.effort_limit
-    return Flight(
-        joint_names_of(overview, joints), _manoeuvre(overview, joints), limit, _testbed(overview)
-    )
+def flown_testbed(overview: Overview, epoch: int) -> Testbed | None:
+    """Return the testbed of a log with all its turns, those of operators in that epoch too.
 
-
-def _testbed(overview: Overview) -> Testbed | None:
-    """Return the testbed of the log, which says where its joints are and where it points."""
+    It says where the joints are and where antennas look; None: of a version that this one does not
+    know.
+    """
     if overview.testbed is None:
         return None
+    wishes = [
+        e.data for e in overview.events
+        if e.kind == "retargeted" and e.epoch == epoch and isinstance(e.data, dict)
+    ]  # fmt: skip
     try:
-        return described(overview.testbed.settings, "the log").testbed
-    except BadInput:  # of a version that this one does not know
+        plant = described(overview.testbed.settings, "the log")
+        turns = [(str(w["text"]), float(w["start"]) * plant.period) for w in wishes]
+        return with_wishes(plant.testbed, turns)
+    except (BadInput, KeyError, TypeError, ValueError):
         return None
+
+
+def _flight(overview: Overview, joints: int, epoch: int) -> Flight:
+    limit = np.zeros(0) if overview.testbed is None else overview.testbed.effort_limit
+    testbed = flown_testbed(overview, epoch)
+    return Flight(joint_names_of(overview, joints), _manoeuvre(overview, joints), limit, testbed)
 
 
 def _manoeuvre(overview: Overview, joints: int) -> Manoeuvre:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Matrix, Vector
@@ -75,6 +76,23 @@ class Metric(Protocol):
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the values by key, ready for JSON; a key that does not apply may be left out."""
+
+
+def goal_by_joint(flight: Flight) -> dict[str, float]:
+    """Return where the manoeuvre ends, by joint; empty without a plan."""
+    goal = flight.manoeuvre.goal
+    return {} if goal is None else dict(zip(flight.joint_names, goal.tolist(), strict=True))
+
+
+def larger(before: Vector | None, values: Matrix) -> Vector:
+    """Return the largest absolute values of each column so far."""
+    largest: Vector = abs(values).max(axis=0)
+    return largest if before is None else np.maximum(before, largest)
+
+
+def plain(values: Mapping[str, Vector]) -> dict[str, list[float]]:
+    """Return arrays by name, ready for JSON."""
+    return {name: value.tolist() for name, value in values.items()}
 
 
 def by_joint(flight: Flight, values: Vector) -> dict[str, float | None]:

@@ -35,7 +35,7 @@ class MetricsObserver(Observer):
         else:
             aim = manoeuvre_of(plan.position, plan.start, plan.duration)
         names = tuple(bench.model.joint_names)
-        flight = Flight(names, aim, bench.limit, bench.settings.testbed)
+        flight = Flight(names, aim, bench.limit, bench.testbed)
         self._epoch = Epoch(bench.epoch, flight, own)
         rates = bench.truth().velocity.size
         self._rows = 0

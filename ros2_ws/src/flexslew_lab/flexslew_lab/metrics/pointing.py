@@ -5,9 +5,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key
+from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, goal_by_joint, larger, plain
 from flexslew_lab.metrics.tip_deflection import TipDeflection
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
 
 
@@ -43,8 +43,7 @@ class Pointing:
     def __init__(self, flight: Flight) -> None:
         testbed = flight.testbed
         self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
-        goal, self._names = flight.manoeuvre.goal, flight.joint_names
-        self._goal = {} if goal is None else dict(zip(self._names, goal.tolist(), strict=True))
+        self._names, self._goal = flight.joint_names, goal_by_joint(flight)
         self._error: dict[str, Vector] = {}
         self._turn: dict[str, Vector] = {}
         self._tip: dict[str, float] = {}
@@ -73,8 +72,8 @@ class Pointing:
             if beyond.size:
                 self._settled[name] = float(block.time[beyond[-1]])
             if block.over.any():
-                self._error[name] = _larger(self._error.get(name), error[block.over])
-                self._turn[name] = _larger(self._turn.get(name), m.turns[name][block.over])
+                self._error[name] = larger(self._error.get(name), error[block.over])
+                self._turn[name] = larger(self._turn.get(name), m.turns[name][block.over])
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the values by appendage, actuator and wheel."""
@@ -83,8 +82,8 @@ class Pointing:
         last = self._last_time
         settled = {name: self._settled.get(name, 0.0) for name in self._tip}
         return {
-            "pointing_error": _plain(self._error),
-            "residual_tip_rotation": _plain(self._turn),
+            "pointing_error": plain(self._error),
+            "residual_tip_rotation": plain(self._turn),
             "pointing_settled_at": {k: t if t < last else None for k, t in settled.items()},
             "control_effort_by_actuator": dict(
                 zip(self._names, self._effort.tolist(), strict=True)
@@ -94,13 +93,3 @@ class Pointing:
             "peak_tip_deflection": self._tip,
             "peak_wheel_momentum": self._wheels,
         }
-
-
-def _larger(before: Vector | None, values: Matrix) -> Vector:
-    """Return the largest absolute values so far, shape (3,)."""
-    largest: Vector = abs(values).max(axis=0)
-    return largest if before is None else np.maximum(before, largest)
-
-
-def _plain(values: dict[str, Vector]) -> dict[str, list[float]]:
-    return {name: value.tolist() for name, value in values.items()}

@@ -3,10 +3,13 @@
 import json
 import re
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import jinja2
 from markupsafe import Markup, escape
+
+from flexslew_plant.errors import BadInput
 
 _BREAKS = re.compile(r"(?<=[_./:-])(?=\w)")  # where a long name may go on in the next line
 
@@ -30,6 +33,20 @@ def render(template: str, **values: Any) -> str:
     return environment.get_template(template).render(
         **values, plotly=script.read_text(encoding="utf-8")
     )
+
+
+def write_page(page: str, out: Path) -> Path:
+    """Return the file to which a page was written.
+
+    Raises:
+        BadInput: it cannot be written.
+    """
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{out}: cannot be written: {error.strerror}") from None
+    return out
 
 
 def wrapped(text: object) -> Markup:

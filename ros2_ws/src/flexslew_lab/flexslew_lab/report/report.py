@@ -13,7 +13,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.rows import flat, key_of, unit_of
-from flexslew_lab.report import figures
+from flexslew_lab.report import figures, pointing
 from flexslew_lab.report.page import embedded, render
 from flexslew_lab.report.panels import COLOURS, PALE, Group
 from flexslew_lab.report.run_data import RunData, read_run
@@ -114,6 +114,7 @@ def page_of(runs: Sequence[RunData], other: RunData | None = None) -> str:
         groups=list(_groups(runs, other)),
         charges=[_charge(run) for run in runs if len(run.phases) > 1],
         scenes=embedded(scenes) if scenes else "",
+        aims=any(scene["aims"] for scene in scenes),
         first_look=0.5 * first.metrics["manoeuvre_start"] + 0.5 * first.metrics["manoeuvre_end"],
         metric_rows=_metric_rows(shown),
         provenance=[_provenance(run) for run in shown],
@@ -143,7 +144,7 @@ def _groups(runs: Sequence[RunData], other: RunData | None) -> Iterator[Group]:
     modes = figures.modes(runs)
     if modes is not None:
         yield modes
-    for draw in (figures.estimation, figures.effort_terms):
+    for draw in (pointing.platform, figures.estimation, figures.effort_terms):
         for number, run in enumerate(runs):
             group = draw(run)
             if group is None:

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.messages.logged_text import logged_yaml
-from flexslew_lab.metrics.from_bag import joint_names_of, metrics_from
+from flexslew_lab.metrics.from_bag import flown_testbed, joint_names_of, metrics_from
 from flexslew_lab.report.matching import Waiting, keys_of
 from flexslew_lab.report.spans import Span, spans_of
 from flexslew_lab.report.thinning import Thinner, Trace
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import Model, read_testbed
+from flexslew_plant.testbeds import Model, Testbed, read_testbed
 
 BUCKETS = 1200  # of which each keeps its smallest and its largest value
 FRAMES = 500  # of the animation
@@ -47,6 +47,7 @@ class RunData(NamedTuple):
     phases: tuple[Phase, ...]
     frame_time: Vector  # of the animation, (frames,) [s]
     frame_position: Matrix  # joints and modes, (frames, n)
+    testbed: Testbed | None  # with all its turns; None: it cannot be read
 
 
 def read_run(path: Path | BagReader, label: str = "") -> RunData:
@@ -94,6 +95,7 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
         tuple(collector.phases),
         np.array(collector.frame_time),
         np.array(collector.frame_position),
+        _testbed(overview, trial, str(bag.path)),
     )
 
 
@@ -103,6 +105,17 @@ def appendage_names_of(overview: Overview, count: int) -> tuple[str, ...]:
     if testbed is not None and len(testbed.appendage_names) == count:
         return tuple(testbed.appendage_names)
     return tuple(f"appendage_{k + 1}" for k in range(count))
+
+
+def _testbed(overview: Overview, trial: Mapping[str, Any], source: str) -> Testbed | None:
+    """Return what was flown last, with the turns that operators asked for."""
+    known = flown_testbed(overview, max((e.epoch for e in overview.events), default=0))
+    if known is not None or "testbed" not in trial:
+        return known
+    try:
+        return read_testbed(trial["testbed"], source)
+    except BadInput:
+        return None
 
 
 def _model_with_readings(trial: Mapping[str, Any], source: str) -> Model | None:

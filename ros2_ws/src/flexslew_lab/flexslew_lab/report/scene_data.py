@@ -7,9 +7,8 @@ import numpy as np
 
 from flexslew_lab.report.run_data import RunData
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import Model, read_testbed
-from flexslew_plant.testbeds.scene import Frame
+from flexslew_plant.testbeds import Model
+from flexslew_plant.testbeds.scene import Frame, Scene
 
 _BEND = 3  # how much a bend that can be seen anyway is exaggerated
 _SEEN = 0.02  # of the drawn size: a bend below cannot be seen
@@ -21,17 +20,13 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
 
     An appendage is a straight line plus the modal coordinates times its shapes, so the page only
     adds up: `line + gain sum_j q_j shape_j`, points in the frame of the line [m]. `body` is the
-    frame of the hub or platform; `turntable` tells a hub on a base from a body in space.
+    frame of the hub or platform; `turntable` tells a hub on a base from a body in space; `aims` are
+    the lines of sight of antennas with their targets.
     """
-    section = run.trial.get("testbed")
-    position = run.frame_position
-    if section is None or position.ndim != 2:
+    testbed, position = run.testbed, run.frame_position
+    if testbed is None or position.ndim != 2:
         return None
-    try:
-        testbed = read_testbed(section, str(run.path))
-        scene = testbed.scene()
-    except BadInput:
-        return None
+    scene = testbed.scene()
     modes = testbed.modes
     model = testbed.model()
     leading = model.positions - modes
@@ -40,12 +35,14 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
     rest = np.zeros(leading + modes)
     straight = scene.lines(rest)
     bent = [scene.lines(np.concatenate((rest[:leading], row))) for row in np.eye(modes)]
+    moments = list(zip(position, run.frame_time.tolist(), strict=True))
     frames = scene.frames(position[0])
     chain = all(a.child == b.parent for a, b in pairwise(frames))
     turntable = chain and model.leading is None
     names = [frames[-1].child if turntable else frames[0].child]
     names += sorted(set(scene.line_frames) - set(names))
-    poses = [[_pose(scene.frames(row), name) for row in position] for name in names]
+    seen = [scene.frames_at(row, t) for row, t in moments]
+    poses = [[_pose(frames, name) for frames in seen] for name in names]
     shapes = [np.array([b[k] - line for b in bent]) for k, line in enumerate(straight)]
     return {
         "label": run.label,
@@ -60,7 +57,23 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
             {"line": _rounded(line, 3), "shapes": _rounded(shape, 5), "frame": names.index(frame)}
             for line, shape, frame in zip(straight, shapes, scene.line_frames, strict=True)
         ],
+        "aims": _aims(scene, names, run.frame_time),
     }
+
+
+def _aims(scene: Scene, names: list[str], time: Vector) -> list[dict[str, Any]]:
+    """Return where each antenna looks in its frame, and where it shall in the world, by time."""
+    if scene.aims is None:
+        return []
+    each = zip(*(scene.aims(t) for t in time.tolist()), strict=True)
+    return [
+        {
+            "frame": names.index(aims[0].frame),
+            "look": list(aims[0].look),
+            "target": _rounded([aim.target for aim in aims], 5),
+        }
+        for aims in each
+    ]
 
 
 def _joints(model: Model, position: Matrix) -> Matrix:

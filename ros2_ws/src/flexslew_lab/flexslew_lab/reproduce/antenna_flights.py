@@ -20,6 +20,7 @@ from flexslew_lab.reproduce import planar_antenna
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
+from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 from flexslew_plant.testbeds.spacecraft.units import UNITS
 
@@ -84,13 +85,17 @@ class Example(NamedTuple):
         kept: Vector = self.motion.units.coordinates[self.motion.kept]
         return np.asarray(path * kept)
 
+    def modes(self, path: Matrix) -> Matrix:
+        """Return the modal coordinates in SI, shape (steps + 1, modes)."""
+        model = self.motion.model
+        whole = np.zeros((len(path), model.coordinates))
+        whole[:, self.motion.kept] = self.metres(path)
+        return whole[:, model.before_modes :]
+
     def tips(self, path: Matrix) -> Matrix:
         """Return displacements of the tips in the example's lengths, shape (steps + 1, tips)."""
-        model = self.motion.model
-        modes = np.zeros((len(path), model.coordinates))
-        modes[:, self.motion.kept] = self.metres(path)
         length = float(self.motion.units.coordinates[0])
-        return np.asarray(modes[:, model.before_modes :] @ model.appendages.tip.T / length)
+        return np.asarray(self.modes(path) @ self.motion.model.appendages.tip.T / length)
 
 
 @lru_cache
@@ -110,6 +115,15 @@ def example(name: str, changes: tuple[tuple[str, Any], ...] = ()) -> Example:
     motion = small_motion(testbed, last_turn(testbed))
     turning = [motion.at(t) for t in STEP * (np.arange(round(TURN / STEP)) + 0.5)]
     return Example(motion, turning + [motion.at(TURN + STEP)] * round((RUN - TURN) / STEP))
+
+
+def flexible_shape(name: str) -> FlexibleShape:
+    """Return the shape of a shipped example's first appendage."""
+    testbed = shipped(name).testbed
+    assert isinstance(testbed, SpacecraftTestbed)
+    shape = testbed.craft.appendages[0].shape
+    assert shape is not None
+    return shape
 
 
 def _shaped(appendage: str, changes: tuple[tuple[str, Any], ...]) -> dict[str, Any]:

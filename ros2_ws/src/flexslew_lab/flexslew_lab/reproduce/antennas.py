@@ -14,14 +14,12 @@ from flexslew_control.controllers.retargeting.modal_space import modal_gains
 from flexslew_lab.reproduce import antenna_flights as flights
 from flexslew_lab.reproduce.antennas_figures import antennas_figures as antennas_figures
 from flexslew_lab.reproduce.laws import row
-from flexslew_lab.reproduce.membrane_flights import membrane_peaks
+from flexslew_lab.reproduce.membrane_flights import half_way, membrane_peaks
 from flexslew_lab.reproduce.planar_antenna import ROUNDED, constant
-from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.beam import wave_numbers
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
-from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
-from flexslew_plant.testbeds.spacecraft.units import FOOT, UNITS
+from flexslew_plant.testbeds.spacecraft.units import UNITS
 
 NOT_PRINTED = "not printed"
 _ONE = 0.01  # of a peak
@@ -58,7 +56,7 @@ def _peaks(example: str, columns: dict[str, tuple[float, float]]) -> list[dict[s
 
 
 def _beam_constants() -> list[dict[str, Any]]:
-    shape = _shape("antenna_1")
+    shape = flights.flexible_shape("antenna_1")
     unit, mass = UNITS["slug_ft_lb"], 0.15
     # (4-1) is two at the tip, a mode of ours is one
     translation = 2.0 * shape.integrals.translation[0, :5] / unit.mass / mass
@@ -171,7 +169,7 @@ def _example_4() -> list[dict[str, Any]]:
         peaks = (*_largest(x)[:2], float(np.degrees(_largest(x)[2])))
         named = zip(("R_y [ft]", "R_z [ft]", "theta [deg]"), references, peaks, strict=True)
         rows += _peaks(f"example 4, {name}", {key: (there, here) for key, there, here in named})
-    shape, unit = _shape("antenna_4"), UNITS["slug_ft_lb"]
+    shape, unit = flights.flexible_shape("antenna_4"), UNITS["slug_ft_lb"]
     bar = 2.0 * float(abs(shape.integrals.translation[:, 0]).max()) / unit.mass
     tilde = 2.0 * float(abs(shape.integrals.rotation[:, 0]).max()) / (unit.mass * unit.length)
     stiffness = 4.0 * float(shape.stiffness[0]) / unit.mass
@@ -191,7 +189,7 @@ def _example_4() -> list[dict[str, Any]]:
 
 
 def _example_5() -> list[dict[str, Any]]:
-    shape, unit = _shape("antenna_5_1"), UNITS["slug_ft_lb"]
+    shape, unit = flights.flexible_shape("antenna_5_1"), UNITS["slug_ft_lb"]
     i = shape.integrals
     second = i.second / unit.torque
     rows = []
@@ -235,17 +233,8 @@ def _membrane_constants(shape: FlexibleShape) -> tuple[float, ...]:
     unit = UNITS["slug_ft_lb"]
     scale = 3.0 * np.sqrt(0.01) * np.sqrt(unit.mass)
     centre = scale * shape.tip.displacement[2, :2]
-    half = scale * shape.line_shape[abs(shape.line[:, 0] - 1.5 * FOOT).argmin(), 2]
-    around = (*half[:2], -half[6], -half[7], half[2], half[3])  # cos 2 theta = -1, sin theta = 1
-    return tuple(float(c) for c in (*centre, *around))
-
-
-def _shape(name: str) -> FlexibleShape:
-    testbed = shipped(name).testbed
-    assert isinstance(testbed, SpacecraftTestbed)
-    shape = testbed.craft.appendages[0].shape
-    assert shape is not None
-    return shape
+    half = scale * half_way(shape)
+    return tuple(float(c) for c in (*centre, *half[:2], *half[6:8], *half[4:6]))
 
 
 def _largest(path: Matrix) -> Vector:

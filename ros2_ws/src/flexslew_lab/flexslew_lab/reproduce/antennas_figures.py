@@ -10,7 +10,7 @@ from plotly.subplots import make_subplots
 
 from flexslew_lab.report.panels import COLOURS
 from flexslew_lab.reproduce import antenna_flights as flights
-from flexslew_lab.reproduce.membrane_flights import membrane_flight
+from flexslew_lab.reproduce.membrane_flights import half_way, membrane_flight
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.testbeds.spacecraft.units import FOOT
 
@@ -21,7 +21,7 @@ _LAWS = {"frozen": "adiabatic", "adiabatic": "perturbation", "zero": "perturbati
 
 
 def antennas_figures() -> dict[str, go.Figure]:
-    """Return Figures 5 to 8, 10 to 17, 19 to 21 and 27 to 30, by name."""
+    """Return Figures 5 to 8, 10 to 17, 19 to 21 and 23 to 30, by name."""
     one = {"open": flights.open_path("antenna_1"), "controlled": flights.minimised_path()}
     two = {"open": flights.open_path("antenna_2"), "PI": flights.accommodated_path()}
     return {
@@ -32,7 +32,8 @@ def antennas_figures() -> dict[str, go.Figure]:
         "figures_14_to_16": _oscillator_gains(),
         "figure_17": _oscillator(),
         "figures_19_to_21": _planar(),
-        "figures_27_to_30": _membrane(),
+        "figures_23_to_26": _membrane(1),
+        "figures_27_to_30": _membrane(2),
     }
 
 
@@ -113,14 +114,24 @@ def _planar() -> go.Figure:
     return figure
 
 
-def _membrane() -> go.Figure:
-    figure = _stack(("R_y [ft]", "R_z [ft]", "theta_x [rad]", "centre [ft]"))
-    for number, controlled in enumerate((False, True)):
-        m = membrane_flight(2, controlled)
+def _membrane(case: int) -> go.Figure:
+    """Return the flights of one of the cases of example 5; at r = a / 2 the point off x."""
+    figure = _stack(("R_y [ft]", "R_z [ft]", "theta_x [rad]", "centre [ft]", "r = a / 2 [ft]"))
+    name = f"antenna_5_{case}"
+    shape = flights.flexible_shape(name)
+    half = half_way(shape)
+    linear, path = flights.example(name), flights.open_path(name)
+    modes, centre = linear.modes(path), shape.tip.displacement[2]
+    columns = (*path.T[1:4], modes @ centre / FOOT, modes @ half / FOOT)
+    for row, column in enumerate(columns, start=1):
+        t = flights.STEP * np.arange(len(column))
+        _curve(figure, row, "linear, uncontrolled", 0, t[::5], column[::5])
+    for number, controlled in enumerate((False, True), start=1):
+        m, modes = membrane_flight(case, controlled)
         columns = (m.place[:, 1] / FOOT, m.place[:, 2] / FOOT, m.turned[:, 0],
-                   np.linalg.norm(m.tips["membrane"], axis=1) / FOOT)  # fmt: skip
-        t = np.linspace(0.0, flights.RUN, len(m.place))
+                   m.tips["membrane"][:, 2] / FOOT, modes @ half / FOOT)  # fmt: skip
+        t = np.linspace(0.0, flights.RUN, len(modes))
         for row, column in enumerate(columns, start=1):
-            name = "controlled" if controlled else "uncontrolled"
-            _curve(figure, row, name, number, t[::10], column[::10])
+            words = "controlled" if controlled else "uncontrolled"
+            _curve(figure, row, words, number, t[::10], column[::10])
     return figure

@@ -1,15 +1,17 @@
 """Non-linear flights of the membrane antenna, example 5 of Kwak (1989), on the bench."""
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.trial.in_process import Observer, fly
 from flexslew_lab.trial.trial import bench_settings, build_controllers
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.testbeds.spacecraft.motions import Motions, Pointing
+from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 from flexslew_plant.testbeds.spacecraft.units import FOOT
 
 _FREE = {"controllers": {"pd_feedforward": {"kp": [0.0], "kd": [0.0]}}, "active": "pd_feedforward"}
@@ -24,9 +26,16 @@ class _States(Observer):
         self.rows.append(truth)
 
 
+class MembraneFlight(NamedTuple):
+    """What the platform and the membrane do."""
+
+    motions: Motions
+    modes: Matrix  # modal coordinates, (ticks, 10) [m]
+
+
 @lru_cache
-def membrane_flight(case: int, controlled: bool) -> Motions:
-    """Return what the platform and the membrane's centre do in one of the two cases."""
+def membrane_flight(case: int, controlled: bool) -> MembraneFlight:
+    """Return what the platform and the membrane do in one of the two cases."""
     changes: dict[str, Any] = {} if controlled else _FREE
     trial = shipped(f"antenna_5_{case}", changes)
     bench, seen = Bench(bench_settings(trial)), _States()
@@ -36,11 +45,26 @@ def membrane_flight(case: int, controlled: bool) -> Motions:
     assert isinstance(testbed, Pointing)
     position = np.array([row.position for row in seen.rows])
     velocity = np.array([row.velocity for row in seen.rows])
-    return testbed.motions(position, velocity, {})
+    return MembraneFlight(
+        testbed.motions(position, velocity, {}), position[:, -trial.testbed.modes :]
+    )
+
+
+def half_way(shape: FlexibleShape) -> Vector:
+    """Return how the modes deflect the membrane at half its radius, 90 deg from x, (10,) [-].
+
+    Modes come as waves 0, 1 (cos, sin), 2 (cos, sin), two rings each; the points of the shape's
+    line lie at 0 deg.
+    """
+    middle = 0.5 * shape.line[:, 0].max()
+    at_zero = shape.line_shape[abs(shape.line[:, 0] - middle).argmin(), 2]
+    turned = np.zeros(10)
+    turned[:2], turned[4:6], turned[6:8] = at_zero[:2], at_zero[2:4], -at_zero[6:8]
+    return turned
 
 
 def membrane_peaks(case: int, controlled: bool) -> tuple[float, float, float, float]:
     """Return the peaks of R_y, R_z [ft], theta_x [rad] and the centre's deflection [ft]."""
-    m = membrane_flight(case, controlled)
+    m = membrane_flight(case, controlled).motions
     place, centre = abs(m.place).max(axis=0) / FOOT, abs(m.tips["membrane"]).max() / FOOT
     return float(place[1]), float(place[2]), float(abs(m.turned[:, 0]).max()), float(centre)

@@ -31,7 +31,7 @@ from flexslew_plant.bench.schedule import injected_entry, require_allowed
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import Names
 from flexslew_plant.faults.effects import Fate
-from flexslew_plant.testbeds import initial_state
+from flexslew_plant.testbeds import Testbed, initial_state
 
 _RIGID_FREQUENCY = 0.1  # of the brake on what has no mode [rad/s]
 
@@ -113,6 +113,11 @@ class Bench:
         self._breakings = Breakings(self._names, period, seed, self.epoch, self._known, self.say)
         self._faults = self._breakings.faults
         self._ask()
+
+    @property
+    def testbed(self) -> Testbed:
+        """What stands here, with the turns of the schedule and those that operators have wanted."""
+        return self._turned
 
     @property
     def time(self) -> float:

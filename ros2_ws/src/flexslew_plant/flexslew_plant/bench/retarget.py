@@ -1,5 +1,6 @@
 """New targets for appendages on prescribed hinges: of the schedule, and of operators in flight."""
 
+from collections.abc import Iterable
 from typing import Any
 
 from flexslew_plant.bench.schedule import Schedule
@@ -44,6 +45,21 @@ def with_schedule(testbed: Testbed, schedule: Schedule) -> Testbed:
     for i, entry in enumerate(schedule):
         if entry.retarget is not None:
             testbed = retargeted(testbed, entry.retarget, entry.at, f"schedule.{i}.retarget")
+    return testbed
+
+
+def with_wishes(testbed: Testbed, wishes: Iterable[tuple[str, float]]) -> Testbed:
+    """Return a testbed with the turns that operators have asked for in flight.
+
+    Args:
+        testbed: with the turns of its schedule.
+        wishes: what they said, YAML, and when it begins [s], in the order in which they asked.
+
+    Raises:
+        BadInput: see retargeted.
+    """
+    for text, at in wishes:
+        testbed = retargeted(testbed, wanted_turn(text), at, "target")
     return testbed
 
 

@@ -31,7 +31,8 @@ class Display:
         self._bench = bench
         self._prefix = f"{node.get_namespace()}/".lstrip("/")
         self.set_rate(rate)
-        self._scene = bench.settings.testbed.scene()
+        self._testbed = bench.testbed
+        self._scene = bench.testbed.scene()
         self._frame = (*self._scene.line_frames, "world")[0]  # of the appendages
         self._clock = publisher(node, topics.CLOCK)
         self._joints = publisher(node, topics.JOINT_STATES)
@@ -72,8 +73,11 @@ class Display:
         )
         state.header.stamp, state.header.frame_id = at, self._prefix + self._frame
         self._appendages.publish(state)
+        if self._bench.testbed is not self._testbed:  # an antenna has a new target
+            self._testbed = self._bench.testbed
+            self._scene = self._testbed.scene()
         transforms = []
-        for frame in self._scene.frames(truth.position):
+        for frame in self._scene.frames_at(truth.position, truth.time):
             transform = TransformStamped(child_frame_id=self._prefix + frame.child)
             transform.header.stamp, transform.header.frame_id = at, self._prefix + frame.parent
             place, turn = transform.transform.translation, transform.transform.rotation

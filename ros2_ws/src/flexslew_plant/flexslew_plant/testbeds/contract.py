@@ -131,6 +131,14 @@ class Retargeting(Protocol):
         """
 
 
+@runtime_checkable
+class Inertial(Protocol):
+    """A testbed whose carrier, on which its appendages hang, can be heavier than it says."""
+
+    def heavier(self, factor: float) -> "Testbed":
+        """Return it with mass and inertia of the carrier times a factor [-]."""
+
+
 class RigidTurn(NamedTuple):
     """The efforts that turn a rigid spacecraft about one axis, u = a rate' + b rate^2."""
 

@@ -44,6 +44,14 @@ class Joint(NamedTuple):
     height: float = 0.0  # of the child above its parent [m]
 
 
+class Aim(NamedTuple):
+    """Where an antenna looks, and where it shall: unit vectors from the origin of its frame."""
+
+    frame: str
+    look: tuple[float, float, float]  # in the frame
+    target: tuple[float, float, float]  # in the world
+
+
 class Scene(NamedTuple):
     """Draws a testbed.
 
@@ -52,12 +60,20 @@ class Scene(NamedTuple):
         lines: from q to the centre line of each appendage, (points, 3) [m].
         line_frames: the frame of each line.
         robot_description: URDF with straight appendages; the bend is drawn by the lines.
+        moving: frames from q and the time [s], where some move by themselves; None: `frames`.
+        aims: from the time [s] to where antennas look; None: there are none.
     """
 
     frames: Callable[[Vector], list[Frame]]
     lines: Callable[[Vector], list[Matrix]]
     line_frames: tuple[str, ...]
     robot_description: str
+    moving: Callable[[Vector, float], list[Frame]] | None = None
+    aims: Callable[[float], list[Aim]] | None = None
+
+    def frames_at(self, q: Vector, t: float) -> list[Frame]:
+        """Return the frames at a time [s]."""
+        return self.frames(q) if self.moving is None else self.moving(q, t)
 
 
 def turntable(

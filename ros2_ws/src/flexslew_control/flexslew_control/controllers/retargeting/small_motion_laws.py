@@ -1,6 +1,7 @@
 """Laws on the small motions of a platform with retargeting appendages, as gains on the estimate."""
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,6 +22,7 @@ class StateFeedback:
     """
 
     gain: Matrix
+    follows_reference: ClassVar[bool] = False  # it holds the rest
     terms: dict[str, Vector] = field(init=False, default_factory=dict)
 
     def reset(
@@ -54,6 +56,7 @@ class IntegralFeedback:
     tracking_time: float | None
     period: float
     planned: bool = False
+    follows_reference: ClassVar[bool] = False  # it holds the rest
     terms: dict[str, Vector] = field(init=False, default_factory=dict)
     _z: Vector = field(init=False, default_factory=lambda: np.zeros(0))
     _before: Vector = field(init=False, default_factory=lambda: np.zeros(0))

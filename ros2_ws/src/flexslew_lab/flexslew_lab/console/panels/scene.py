@@ -44,7 +44,7 @@ class ScenePanel:
             return
         if testbed is not self._testbed:
             self._build(testbed)
-        state = (position.tobytes(), self._scale.value, self._outline_wanted.value)
+        state = (position.tobytes(), self._view.time, self._scale.value, self._outline_wanted.value)
         if state == self._shown or self._bent is None or self._outline is None:
             return
         self._shown = state
@@ -55,12 +55,12 @@ class ScenePanel:
         bent[position.size - model.modes :] *= self._scale.value
         reference = self._view.thought.column("reference_position")
         with self._desk.server.atomic():
-            self._bent.show(bent)
+            self._bent.show(bent, self._view.time)
             wanted = bool(self._outline_wanted.value) and reference.shape[1] == model.joints
             self._outline.visible(wanted and len(reference) > 0)
             if wanted and len(reference):
                 pose = dict(zip(model.joint_names, reference[-1].tolist(), strict=True))
-                self._outline.show(model.rest(pose))
+                self._outline.show(model.rest(pose), self._view.time)
 
     def _build(self, testbed: Testbed) -> None:
         self._testbed = testbed
@@ -113,8 +113,8 @@ class _Drawing:
             )
         ]  # fmt: skip
 
-    def show(self, q: Vector) -> None:
-        for frame in self._scene.frames(q):
+    def show(self, q: Vector, t: float) -> None:
+        for frame in self._scene.frames_at(q, t):
             x, y, z, w = frame.rotation
             handle = self._frames[frame.child]
             handle.position, handle.wxyz = frame.translation, (w, x, y, z)

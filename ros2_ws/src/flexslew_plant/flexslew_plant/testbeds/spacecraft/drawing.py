@@ -6,6 +6,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.scene import (
     FAINT,
     GOLD,
+    Aim,
     Frame,
     Joint,
     Link,
@@ -15,6 +16,7 @@ from flexslew_plant.testbeds.scene import (
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.sights import hinge_turned, target_directions
 
 
 def quaternion(axes: Matrix) -> tuple[float, float, float, float]:
@@ -61,10 +63,10 @@ def scene_of(craft: Spacecraft) -> Scene:
     hinges, wheels = len(craft.hinged), len(craft.wheels)
     first = own + hinges + wheels
 
-    def frames(q: Vector) -> list[Frame]:
+    def frames(q: Vector, t: float = 0.0) -> list[Frame]:
         found, hinge = [Frame("world", "platform", *_pose(craft, q))], 0
         for a in craft.appendages:
-            axes = a.axes
+            axes = hinge_turned(a, np.array([t]))[0][0] if a.manoeuvres else a.axes
             if a.hinge == at.DRIVEN:
                 axes = turn(a.axis, float(q[own + hinge])) @ axes
                 hinge += 1
@@ -87,7 +89,18 @@ def scene_of(craft: Spacecraft) -> Scene:
         links.append(Link(a.name, "box", {"size": wide}, (x, y, z), FAINT))
         joints.append(Joint(f"{a.name}_hinge", "fixed", "platform", a.name))
     names = tuple(a.name for a in craft.appendages)
-    return Scene(frames, lines, names, robot_description("spacecraft", links, joints))
+    robot = robot_description("spacecraft", links, joints)
+    return Scene(frames, lines, names, robot, frames, lambda t: _aims(craft, t))
+
+
+def _aims(craft: Spacecraft, t: float) -> list[Aim]:
+    """Return where the antennas that turn look, with the platform at rest."""
+    found = []
+    for a in craft.appendages:
+        if a.manoeuvres:
+            x, y, z = target_directions(a, np.array([t]))[0].tolist()
+            found.append(Aim(a.name, (0.0, 0.0, 1.0), (x, y, z)))
+    return found
 
 
 def _pose(

@@ -16,6 +16,7 @@ class Motions(NamedTuple):
         attitude: turn from the goal's attitude, shape (k, 3) [rad].
         turned: turn from the inertial attitude, shape (k, 3) [rad].
         place: of the body origin in inertia space, shape (k, 3) [m].
+        away: the same from where it is at the goal, shape (k, 3) [m].
         tips: elastic displacement of each tip, by appendage, shape (k, 3) [m].
         turns: elastic turn of each tip, by appendage, shape (k, 3) [rad].
         wheels: momentum of each wheel's spin relative to the platform, by name, (k,) [N m s].
@@ -24,6 +25,7 @@ class Motions(NamedTuple):
     attitude: Matrix
     turned: Matrix
     place: Matrix
+    away: Matrix
     tips: dict[str, Matrix]
     turns: dict[str, Matrix]
     wheels: dict[str, Vector]
@@ -75,10 +77,11 @@ def motions(craft: Spacecraft, position: Matrix, velocity: Matrix, goal: Vector)
     k, modes = len(position), craft.modes
     own = {at.FREE: 7, at.HELD: 0, at.PIVOT: 1}[craft.motion]
     hinges = len(craft.hinged)
-    place = np.zeros((k, 3))
+    place = away = np.zeros((k, 3))
     if craft.motion == at.FREE:
         turned = _turns(position[:, 3:7])
         attitude, place = _turns(_from_goal(goal[3:7], position[:, 3:7])), position[:, :3]
+        away = place - goal[:3]
     elif craft.motion == at.PIVOT:
         turned = position[:, :1] * craft.pivot_axis
         attitude = (position[:, :1] - goal[0]) * craft.pivot_axis
@@ -95,4 +98,4 @@ def motions(craft: Spacecraft, position: Matrix, velocity: Matrix, goal: Vector)
     rates = velocity[:, velocity.shape[1] - modes - len(craft.wheels) :]
     wheels = {w.name: w.inertia * rates[:, i] for i, w in enumerate(craft.wheels)}
     assert own + hinges + len(wheels) + modes == position.shape[1]
-    return Motions(attitude, turned, place, tips, turns, wheels)
+    return Motions(attitude, turned, place, away, tips, turns, wheels)

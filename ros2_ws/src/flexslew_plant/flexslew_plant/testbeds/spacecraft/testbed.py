@@ -43,6 +43,7 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     SensorPlace,
     WheelSettings,
 )
+from flexslew_plant.testbeds.spacecraft.sights import Sight, sights
 from flexslew_plant.testbeds.spacecraft.turning import driven_most, rigid_turn, turning_point
 from flexslew_plant.testbeds.spacecraft.units import UNITS, UnitSystem
 
@@ -131,6 +132,12 @@ class SpacecraftTestbed:
             raise BadInput(f"payload: {payload:g} is not allowed: no appendage has a tip_body")
         return replace(self, appendages=changed)
 
+    def heavier(self, factor: float) -> "SpacecraftTestbed":
+        """Return it with the platform's mass and inertia times a factor; see contract.Inertial."""
+        p = self.platform
+        inertia = Inertia(**{key: factor * value for key, value in vars(p.inertia).items()})
+        return replace(self, platform=replace(p, mass=factor * p.mass, inertia=inertia))
+
     def turning(self, joint: str, modes: int | None = None) -> "SpacecraftTestbed":
         """Return the platform turning about a joint's axis, which is its only one.
 
@@ -192,6 +199,10 @@ class SpacecraftTestbed:
     def motions(self, position: Matrix, velocity: Matrix, goal: dict[str, float]) -> Motions:
         """Return what platform and tips do; see motions.Pointing."""
         return motions(self.craft, position, velocity, self.model().rest(goal))
+
+    def sights(self, time: Vector, position: Matrix, goal: dict[str, float]) -> dict[str, Sight]:
+        """Return where antennas look; see sights.Sighting."""
+        return sights(self.craft, time, position, self.model().rest(goal))
 
     def clamped(self, name: str) -> Clamped:
         """Return an appendage clamped to the platform; see clamped.Carrying."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,27 +10,21 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, make_plan, other_method
 from flexslew_control.planners.time_optimal.time_optimal import RESERVE
 from flexslew_control.planners.trajectories import rigid_duration
-from flexslew_lab.trial.in_process import Observer, fly
+from flexslew_lab.report.comparison.flight import Flight, flown
 from flexslew_lab.trial.trial import (
     SavedPlan,
     Trial,
-    bench_settings,
-    build_controllers,
     feedback_of,
     plan_section_of,
     plant_of,
 )
-from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import initial_positions
 
 ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of the stiffness, relative [-]
 PAYLOADS = (-0.2, 0.2)  # of what the testbed carries, relative [-]
-BAND = 0.02  # a joint has settled within this part of its way [-]
 _WATCHED = 40.0  # at least, after the longest slew [s]
-_SHOWN = 600  # samples of a curve
 _SAME_TIME = {"optimized_feedforward", "robust_feedforward", "reference_only"}
 _VARIANTS: dict[str, dict[str, Any]] = {  # ways to use a method that are compared too
     "input_shaping, zvd": {"shaper": "zvd"},
@@ -43,25 +36,6 @@ _VARIANTS: dict[str, dict[str, Any]] = {  # ways to use a method that are compar
     "robust_feedforward, 1.2 x time": {},
 }
 _LONGER = {"robust_feedforward, 1.2 x time": 1.2}  # than the trial's plan [-]
-
-
-@dataclass(frozen=True)
-class Flight:
-    """What one method did on one bench."""
-
-    error: float  # of the stiffness [-]
-    payload: float  # error of what the testbed carries [-]
-    residual_tip: float  # largest |tip deflection| after the end [m]
-    residual_joint: float  # largest |joint - goal| after the end [rad or m]
-    settling_time: float  # of the slowest joint, from the start of the plan [s]
-    peak_position: Vector  # farthest from the start, (joints,) [rad or m]
-    overshoot: Vector  # beyond the goal as a fraction of the way, NaN without a way, (joints,) [-]
-    peak_effort: Vector  # (joints,) [N m or N]
-    effort: float  # integral of the sum of squared efforts to the end of the run [(N m)^2 s]
-    time: Vector  # (samples,) [s]
-    position: Matrix  # (samples, joints) [rad or m]
-    tip: Vector  # the largest appendage's deflection, with its sign, (samples,) [m]
-    applied: Matrix  # (samples, joints) [N m or N]
 
 
 @dataclass(frozen=True)
@@ -148,38 +122,6 @@ class Comparison:
         return out
 
 
-class _Recorder(Observer):
-    """Keeps the truth."""
-
-    def __init__(self) -> None:
-        self.truths: list[Truth] = []
-
-    def truth(self, truth: Truth) -> None:
-        """Take the state at a tick."""
-        self.truths.append(truth)
-
-
-def write_comparison(comparison: Comparison, out: Path) -> Path:
-    """Return the report that was written: one HTML file with everything in it.
-
-    Args:
-        comparison: what to show.
-        out: the HTML file.
-
-    Raises:
-        BadInput: the file cannot be written.
-    """
-    from flexslew_lab.report.compare_report import comparison_page
-
-    page = comparison_page(comparison)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise BadInput(f"{out}: cannot be written: {error.strerror}") from None
-    return out
-
-
 def compared(
     trial: Trial,
     source: str,
@@ -216,7 +158,7 @@ def compared(
         flights = []
         for error, payload in benches if entry.plan is not None else ():
             assert entry.plan is not None
-            refused, flight = _flown(long_enough, source, entry.plan, error, payload, longest)
+            refused, flight = flown(long_enough, source, entry.plan, error, payload, longest)
             done += 1
             progress(done, last)
             if flight is None:
@@ -271,56 +213,3 @@ def _planned(trial: Trial, source: str, name: str) -> Entry:
     except (BadInput, PlanFailed) as refused:
         return Entry(name, None, str(refused).removeprefix(f"{source}: "))
     return Entry(name, plan, "")
-
-
-def _flown(
-    trial: Trial, source: str, plan: Plan, error: float, payload: float, longest: float
-) -> tuple[str, Flight | None]:
-    """Return the flight of a plan on the bench with these errors, or why the law refuses it."""
-    flown = trial.testbed.scaled(stiffness=1.0 + error, payload=1.0 + payload)
-    other = replace(trial, testbed=flown)
-    bench = Bench(bench_settings(other))
-    controllers = build_controllers(other, bench, source)
-    for controller in controllers.values():
-        refused = controller.adopt(plan)
-        if refused:
-            return refused, None
-    recorder = _Recorder()
-    fly(bench, controllers, recorder)
-    # a step has no end of its own
-    end = plan.end if plan.duration > 0.0 else longest
-    return "", _measured(recorder.truths, plan, (error, payload), end)
-
-
-def _measured(truths: list[Truth], plan: Plan, errors: tuple[float, float], end: float) -> Flight:
-    time = np.array([truth.time for truth in truths])
-    joints = len(plan.joint_names)
-    position = np.array([truth.position[:joints] for truth in truths])
-    tips = np.array([truth.tip_deflection for truth in truths])
-    applied = np.array([truth.applied_effort for truth in truths])
-    largest = np.take_along_axis(tips, np.abs(tips).argmax(axis=1)[:, None], axis=1)[:, 0]
-    goal = plan.position[-1]
-    away = np.abs(position - goal)
-    way = np.abs(goal - position[0])
-    outside = (away > BAND * np.where(way > 0.0, way, way.max())).any(axis=1)
-    over = time >= end - 1e-9
-    settled = float(time[outside][-1]) - plan.start if outside.any() else 0.0
-    held = np.diff(time, prepend=time[0])
-    moved = position - position[0]
-    beyond = np.maximum(((position - goal) * np.sign(goal - position[0])).max(axis=0), 0.0)
-    shown = np.unique(np.linspace(0, len(time) - 1, _SHOWN).astype(int))
-    return Flight(
-        error=errors[0],
-        payload=errors[1],
-        residual_tip=float(np.abs(largest[over]).max()),
-        residual_joint=float(away[over].max()),
-        settling_time=settled,
-        peak_position=np.take_along_axis(position, np.abs(moved).argmax(axis=0)[None], axis=0)[0],
-        overshoot=np.divide(beyond, way, out=np.full(joints, np.nan), where=way > 0.0),
-        peak_effort=np.abs(applied).max(axis=0),
-        effort=float((applied**2).sum(axis=1) @ held),
-        time=time[shown],
-        position=position[shown],
-        tip=largest[shown],
-        applied=applied[shown],
-    )

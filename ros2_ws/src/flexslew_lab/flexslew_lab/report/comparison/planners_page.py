@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_lab.report.compare import Comparison, Entry
+from flexslew_lab.report.comparison.planners import Comparison, Entry
 from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Mark, Panel, legend, style
 

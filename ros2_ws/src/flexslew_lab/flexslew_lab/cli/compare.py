@@ -1,0 +1,65 @@
+"""Subcommand that flies one manoeuvre with every planner, or with every law."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.terminal import link, print_table, progress, say
+from flexslew_lab.trial.outputs import new_file, writable_file
+
+TrialFile = Annotated[
+    str | None,
+    typer.Argument(help="Trial file, or the name of a shipped one (see trials); none: m1."),
+]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="key.path=value, replaces the file's; may be repeated."),
+]
+
+
+def compare(
+    file: TrialFile = None,
+    sets: Sets = None,
+    laws: Annotated[bool, typer.Option("--laws", help="Every law, not every planner.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="The HTML file; else a new one below runs/.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Fly one manoeuvre with every planner, or every law, also on testbeds that are not as said.
+
+    Example: `./flexslew compare antenna_2 --laws --out laws.html`
+    """
+    from flexslew_lab.report.comparison import laws as by_law
+    from flexslew_lab.report.comparison import laws_page, planners, planners_page
+    from flexslew_lab.report.page import write_page
+    from flexslew_lab.trial.sources import read_trial
+
+    wanted, source = read_trial(file, sets)
+    words = "laws" if laws else "compare"
+    target = writable_file(out or new_file(f"{wanted.name}-{words}.html"), "--out")
+    found: by_law.LawComparison | planners.Comparison
+    with progress("compare", "flights") as advance:
+        if laws:
+            found = by_law.compared_laws(wanted, source, advance)
+        else:
+            found = planners.compared(wanted, source, advance)
+    if as_json:
+        print(json.dumps(found.rows(), indent=2))
+    elif isinstance(found, by_law.LawComparison):
+        print_table(*laws_page.short_table(found))
+    else:
+        print_table(*planners_page.short_table(found))
+    if not as_json:
+        for entry in found.entries:
+            if entry.refused:
+                say(f"not flown: {entry.name}: {entry.refused}")
+    if out is not None or not as_json:
+        if isinstance(found, by_law.LawComparison):
+            page = laws_page.laws_page(found)
+        else:
+            page = planners_page.comparison_page(found)
+        say(f"written {link(write_page(page, target))}")

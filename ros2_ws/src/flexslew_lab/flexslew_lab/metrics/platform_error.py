@@ -1,0 +1,60 @@
+"""How far a platform is from its goal: where it is, and how it is turned."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, goal_by_joint, larger, plain
+from flexslew_plant.arrays import Vector
+from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
+
+
+class PlatformError:
+    """Fulfils Metric; says nothing of a testbed without a platform that points."""
+
+    KEYS: ClassVar[Mapping[str, Key]] = {
+        "residual_platform_position": Key(
+            "m", False, "x y z: largest |place - goal| of the body origin after the manoeuvre's end"
+        ),
+        "residual_platform_attitude": Key(
+            "rad", False, "x y z: largest |turn from the goal's attitude| after the manoeuvre's end"
+        ),
+        "rms_platform_position": Key(
+            "m", False, "root mean square of the body origin's distance from its goal over the run"
+        ),
+        "rms_platform_attitude": Key(
+            "rad", False, "root mean square of the turn from the goal's attitude over the run"
+        ),
+    }
+
+    def __init__(self, flight: Flight) -> None:
+        testbed = flight.testbed
+        self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
+        self._goal = goal_by_joint(flight)
+        self._left: dict[str, Vector] = {}  # after the end, by kind
+        self._squares, self._time = np.zeros(2), 0.0  # integrals over the run
+
+    def add(self, block: Block) -> None:
+        """Take the next ticks."""
+        if self._testbed is None:
+            return
+        m = self._testbed.motions(block.position, block.velocity, self._goal)
+        for k, (kind, error) in enumerate((("position", m.away), ("attitude", m.attitude))):
+            self._squares[k] += float((error**2).sum(axis=1) @ block.held)
+            if block.over.any():
+                self._left[kind] = larger(self._left.get(kind), error[block.over])
+        self._time += float(block.held.sum())
+
+    def result(self, ending: Ending) -> dict[str, Any]:
+        """Return the four values; what is left is None where the log ends too early."""
+        if self._testbed is None:
+            return {}
+        left = plain(self._left)
+        position, attitude = np.sqrt(self._squares / self._time if self._time else self._squares)
+        return {
+            "residual_platform_position": left.get("position"),
+            "residual_platform_attitude": left.get("attitude"),
+            "rms_platform_position": float(position),
+            "rms_platform_attitude": float(attitude),
+        }

@@ -1,0 +1,65 @@
+"""When the vibration of an appendage has died away after it has turned."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, goal_by_joint
+from flexslew_plant.testbeds.contract import Retargeting
+from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
+
+BAND = 0.05  # of the largest distance of its tip until then [-]
+
+
+class Vibration:
+    """Fulfils Metric; says nothing of a testbed without a platform that points."""
+
+    KEYS: ClassVar[Mapping[str, Key]] = {
+        "vibration_settling_time": Key(
+            "s",
+            False,
+            "by appendage: from the end of its last turn (without one, of the manoeuvre) until its "
+            "tip stays within 5 % of the largest distance before; null: never",
+        ),
+    }
+
+    def __init__(self, flight: Flight) -> None:
+        known: Any = flight.testbed
+        self._testbed: PointingTestbed | None = (
+            known if isinstance(known, PointingTestbed) else None
+        )
+        self._goal = goal_by_joint(flight)
+        self._end: dict[str, float] = {}  # of the last turn [s]
+        if isinstance(known, Retargeting):
+            self._end = {turn.appendage: turn.end for turn in known.hinge_turns()}
+        self._without = flight.manoeuvre.end  # of an appendage that does not turn [s]
+        self._peak: dict[str, float] = {}  # until then [m]
+        self._outside: dict[str, float] = {}  # last time outside of the band [s]
+        self._last_time = 0.0
+
+    def add(self, block: Block) -> None:
+        """Take the next ticks."""
+        if self._testbed is None:
+            return
+        self._last_time = float(block.time[-1])
+        tips = self._testbed.motions(block.position, block.velocity, self._goal).tips
+        for name, tip in tips.items():
+            distance = np.linalg.norm(tip, axis=1)
+            before = block.time < self._end.get(name, self._without)
+            peak = max(self._peak.get(name, 0.0), float(distance[before].max(initial=0.0)))
+            self._peak[name] = peak
+            outside = np.flatnonzero(before | (distance > BAND * peak))
+            if outside.size:
+                self._outside[name] = float(block.time[outside[-1]])
+
+    def result(self, ending: Ending) -> dict[str, Any]:
+        """Return the value by appendage."""
+        if not self._peak:
+            return {}
+        settled: dict[str, float | None] = {}
+        for name in self._peak:
+            last = self._outside.get(name, -np.inf)
+            end = self._end.get(name, self._without)
+            settled[name] = max(last - end, 0.0) if last < self._last_time else None
+        return {"vibration_settling_time": settled}

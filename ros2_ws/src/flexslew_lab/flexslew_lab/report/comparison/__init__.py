@@ -1,0 +1,1 @@
+"""The same manoeuvre by every planner, or by every law, side by side on one page."""

@@ -1,0 +1,134 @@
+"""Where antennas look while their hinges turn and the platform moves, and where they should."""
+
+from inspect import unwrap
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Manoeuvre, Spacecraft
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.equations.hinge_motion import share
+
+_share = unwrap(share)  # plain Python: a few calls are not worth a compilation
+_STILL = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+class Sight(NamedTuple):
+    """The line of sight of an antenna, its z with its tip's turn, at k times."""
+
+    hinge: Vector  # angle from the hinge's rest, (k,) [rad]
+    error: Vector  # between the line of sight and its target in inertia space, (k,) [rad]
+    rests: NDArray[np.bool_]  # a turn has ended, and no other one has begun, (k,)
+
+
+@runtime_checkable
+class Sighting(Protocol):
+    """A testbed with antennas that turn to targets."""
+
+    @property
+    def pointing_tolerance(self) -> float:
+        """Error of a line of sight that is good enough [rad]."""
+
+    def sights(self, time: Vector, position: Matrix, goal: dict[str, float]) -> dict[str, Sight]:
+        """Return the lines of sight of all antennas that turn, by name.
+
+        Args:
+            time: shape (k,) [s].
+            position: q, shape (k, positions).
+            goal: where the joints go, by name; targets count from the platform's attitude there.
+        """
+
+
+def hinge_turned(a: Appendage, time: Vector) -> tuple[NDArray[np.float64], Vector]:
+    """Return the axes of a prescribed hinge, body to appendage, and its angle.
+
+    Args:
+        a: the appendage.
+        time: shape (k,) [s].
+
+    Returns:
+        Axes of shape (k, 3, 3), angles from the hinge's rest of shape (k,) [rad].
+    """
+    axes, start = np.tile(a.axes, (len(time), 1, 1)), a.axes
+    angle, before = np.zeros(len(time)), 0.0
+    for m in a.manoeuvres:
+        begun = time >= m.begin
+        s, place = np.unique(
+            np.minimum((time[begun] - m.begin) / m.duration, 1.0), return_inverse=True
+        )
+        done = m.angle * _done(m, s)
+        axes[begun] = np.array([turn(m.axis, x) @ start for x in done]).reshape(-1, 3, 3)[place]
+        angle[begun] = before + done[place]
+        start, before = turn(m.axis, m.angle) @ start, before + m.angle
+    return axes, angle
+
+
+def sights(craft: Spacecraft, time: Vector, position: Matrix, goal: Vector) -> dict[str, Sight]:
+    """Return the lines of sight of all antennas that turn; see Sighting.
+
+    Args:
+        craft: the spacecraft.
+        time: shape (k,) [s].
+        position: q, shape (k, positions).
+        goal: q at the goal, shape (positions,).
+    """
+    attitude, wanted = _attitude(craft, position), _attitude(craft, goal[None])
+    modes = position[:, position.shape[1] - craft.modes :]
+    found = {}
+    for index, a in enumerate(craft.appendages):
+        if not a.manoeuvres:
+            continue
+        axes, angle = hinge_turned(a, time)
+        look = np.tile((0.0, 0.0, 1.0), (len(time), 1))
+        if a.shape is not None:
+            bent = modes[:, craft.first_mode(index) :][:, : a.modes] @ a.shape.tip.turn.T
+            look = look + np.cross(bent, look)
+        look = _rotated(attitude, np.einsum("kji,kj->ki", axes, look))
+        aim = _rotated(wanted, target_directions(a, time))
+        across = np.linalg.norm(np.cross(look, aim), axis=1)
+        error = np.arctan2(across, np.einsum("ki,ki->k", look, aim))
+        rests = np.zeros(len(time), dtype=bool)
+        for m in a.manoeuvres:
+            rests = np.where(time >= m.begin, time >= m.begin + m.duration - 1e-9, rests)
+        found[a.name] = Sight(angle, error, rests)
+    return found
+
+
+def target_directions(a: Appendage, time: Vector) -> Matrix:
+    """Return where an antenna shall look, with the platform at its goal, shape (k, 3).
+
+    Before its first turn that is where it looks at rest; from the begin of a turn on, its target.
+    """
+    aims, start = np.tile(a.axes[2], (len(time), 1)), a.axes
+    for m in a.manoeuvres:
+        start = turn(m.axis, m.angle) @ start
+        aims[time >= m.begin] = start[2]
+    return aims
+
+
+def _done(m: Manoeuvre, s: Vector) -> Vector:
+    """Return the share of a turn that is done, shape of s."""
+    row = np.concatenate((np.zeros(at.MANOEUVRE_SIZE), m.table.ravel()))
+    row[at.PROFILE], row[at.TABLE_AT], row[at.ROWS] = m.profile, at.MANOEUVRE_SIZE, len(m.table)
+    return np.array([1.0 if x >= 1.0 else _share(row, 0, x)[0] for x in s.tolist()])
+
+
+def _attitude(craft: Spacecraft, position: Matrix) -> Matrix:
+    """Return the platform's attitude as quaternions, shape (k, 4)."""
+    if craft.motion == at.FREE:
+        return position[:, 3:7]
+    if craft.motion == at.HELD:
+        return np.tile(_STILL, (len(position), 1))
+    half = 0.5 * position[:, :1]
+    return np.hstack((np.sin(half) * craft.pivot_axis, np.cos(half)))
+
+
+def _rotated(q: Matrix, v: Matrix) -> Matrix:
+    """Return vectors turned by quaternions (x, y, z, w), shape (k, 3)."""
+    u, w = np.broadcast_to(q[:, :3], v.shape), q[:, 3:]
+    across = np.cross(u, v)
+    turned: Matrix = v + 2.0 * (w * across + np.cross(u, across))
+    return turned
