@@ -124,7 +124,7 @@ def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path: Path) -> Non
             (now,) = struct.unpack_from("<Q", binary(client, 2), 1)
             assert set(services) == {
                 "/operate", "/step", "/set_rate", "/note", "/switch_controller", "/inject_fault",
-                "/end_fault", "/decide_plan",
+                "/end_fault", "/decide_plan", "/retarget",
             }  # fmt: skip
             answer = called(client, services["/step"], {"ticks": "many"})
             assert answer["message"] == "ticks: 'many' is not allowed: of type uint32"

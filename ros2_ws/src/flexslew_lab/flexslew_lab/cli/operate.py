@@ -82,6 +82,19 @@ def inject(
     _done(namespace, lambda bench: bench.inject(what, at))
 
 
+def retarget(
+    target: Annotated[str, typer.Argument(help="An appendage and where it turns, YAML.")],
+    at: At = 0.0,
+    namespace: Namespace = "",
+) -> None:
+    """Give an antenna on a prescribed hinge a new target while the bench runs.
+
+    Example: `./flexslew retarget "{appendage: first, to: 0.3, duration: 2.0}" --at 5`
+    """
+    _require("--at", at)
+    _done(namespace, lambda bench: bench.retarget(target, at))
+
+
 def controllers(as_json: Json = False, namespace: Namespace = "") -> None:
     """List the controllers of a running bench, who is ready and who is in charge.
 
@@ -113,7 +126,7 @@ def switch(
     _done(namespace, lambda bench: bench.switch(controller, at, strict, max_effort_step))
 
 
-COMMANDS = (controllers, switch, start, pause, step, reset, brake, inject)
+COMMANDS = (controllers, switch, start, pause, step, reset, brake, inject, retarget)
 
 
 def bench_domain() -> tuple[int, bool]:

@@ -22,6 +22,7 @@ SERVICES: dict[str, Any] = {
     topics.INJECT_FAULT: srv.InjectFault,
     topics.END_FAULT: srv.EndFault,
     topics.DECIDE_PLAN: srv.Operate,
+    topics.RETARGET: srv.Retarget,
 }
 TUNE = topics.TUNE.removeprefix("~")  # behind the name of a controller
 PATIENCE = 10.0  # with a service that does not answer [wall s]

@@ -54,6 +54,11 @@ class Operator:
         request = srv.InjectFault.Request(fault=fault, at=_stamp(at), who=self._who)
         return _told(self._call(srv.InjectFault, topics.INJECT_FAULT, request))
 
+    def retarget(self, target: str, at: float) -> Told:
+        """Give an appendage a new target, as YAML in a schedule has it, at a simulated time [s]."""
+        request = srv.Retarget.Request(target=target, at=_stamp(at), who=self._who)
+        return _told(self._call(srv.Retarget, topics.RETARGET, request))
+
     def controllers(self) -> tuple[str, list[dict[str, Any]]]:
         """Return who is in charge and the status of every controller."""
         reply = self._call(

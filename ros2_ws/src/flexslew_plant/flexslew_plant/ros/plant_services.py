@@ -54,6 +54,7 @@ class Services:
             (srv.ListControllers, topics.LIST_CONTROLLERS, self._on_list),
             (srv.InjectFault, topics.INJECT_FAULT, self._on_inject),
             (srv.EndFault, topics.END_FAULT, self._on_end_fault),
+            (srv.Retarget, topics.RETARGET, self._on_retarget),
         ):
             node.create_service(kind, name, answer)
 
@@ -141,6 +142,13 @@ class Services:
         result = self._bench.inject(request.fault, tick, request.who)
         self._loop.hurry()
         reply.ok, reply.message, reply.tick, reply.number = result
+        return reply
+
+    def _on_retarget(self, request: Any, reply: Any) -> Any:
+        tick = round(seconds_of(request.at) / self._bench.settings.period)
+        result = self._bench.retarget(request.target, tick, request.who)
+        self._loop.hurry()
+        reply.ok, reply.message, reply.tick, _ = result
         return reply
 
     def _on_end_fault(self, request: Any, reply: Any) -> Any:
