@@ -118,7 +118,7 @@ def _manoeuvres(h: Hinge, axis: Vector, axes: Matrix, key: str) -> tuple[Manoeuv
     given = (h.motion,) if isinstance(h.motion, Motion) else (h.motion or ())
     found: list[Manoeuvre] = []
     angle, end = 0.0, 0.0
-    for k, m in enumerate(sorted(given, key=lambda motion: motion.at)):
+    for k, m in sorted(enumerate(given), key=lambda pair: pair[1].at):
         to = _target(m, axis, axes, f"{key}.motion.{k}")
         if h.range is not None and not h.range[0] <= to <= h.range[1]:
             raise BadInput(
