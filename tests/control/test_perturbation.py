@@ -91,7 +91,7 @@ def test_an_end_that_is_not_positive_definite_is_refused() -> None:
     frozen = Frozen(np.eye(1), np.zeros((1, 1)), 100.0 * np.eye(1), np.eye(1), np.zeros(1))
     r = regulator(frozen, np.eye(3), 0.01 * np.eye(1))
     weaker = r.change(frozen._replace(stiffness=-400.0 * np.eye(1)))
-    with pytest.raises(BadInput, match="take zero"):
+    with pytest.raises(BadInput, match="end_condition: zero"):
         backward(r, [weaker, weaker], DT)
 
 

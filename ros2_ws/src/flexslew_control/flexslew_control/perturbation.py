@@ -193,7 +193,8 @@ def require_positive_definite(p: Matrix, key: str) -> None:
     if not lowest > 0.0:
         raise BadInput(
             f"{key}: P0 + P1 at the end of the manoeuvre is not positive definite: lowest "
-            f"eigenvalue {lowest:.4g}; the plant changes too much for first order, take zero"
+            f"eigenvalue {lowest:.4g}; the plant changes too much for first order: take "
+            "gains: perturbation with end_condition: zero"
         )
 
 
