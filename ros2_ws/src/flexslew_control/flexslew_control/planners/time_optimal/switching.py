@@ -20,9 +20,10 @@ from flexslew_plant.arrays import Matrix, Vector
 _LINEAR = 1e-8  # residual of a linear slew at which the model counts as linear
 _LONGEST = 3.0  # of Newton's iterates, times the guess
 _FOLLOWED = 24  # candidates at most
+_FAST = 0.2  # residual after a step, over that before, from which the slopes are still good
 _MARGIN = 3.0  # see continued_durations
 # Newton's last change, times half of the rigid slew: of what is kept, of what is only compared
-_EXACT, _NEAR = 1e-12, 1e-5
+_EXACT, _NEAR = 1e-12, 1e-3
 
 
 def linear_candidates(slew: BangBang, antisymmetric: bool, longer: float = 0.0) -> list[Vector]:
@@ -77,20 +78,35 @@ def solve_durations(
         scale: of goal and effort.
         slopes: dr/dd to use everywhere; None: the exact ones.
     """
-    d = guess.copy()
+    d, step, before = guess.copy(), np.zeros(0), np.zeros(0)
+    j = slopes
     for _ in range(15):
-        r, j = slew.linearised(d, scale) if slopes is None else (slew.residual(d, scale), slopes)
+        r = slew.residual(d, scale) if j is not None else np.zeros(0)
+        if slopes is None:
+            j = _updated(j, r, before, step)
+            if j is None:
+                r, j = slew.linearised(d, scale)
+        assert j is not None
         if not (np.isfinite(r).all() and np.isfinite(j).all()) or np.linalg.cond(j) > 1e13:
             return None
         change = -np.linalg.solve(j, r)
         shrinking = change < 0.0
         room = float(np.min(-d[shrinking] / change[shrinking])) if shrinking.any() else np.inf
-        d = d + min(1.0, 0.8 * room) * change
+        step, before = min(1.0, 0.8 * room) * change, r
+        d = d + step
         if d.sum() > _LONGEST * guess.sum():
             return None
         if room > 1.0 and np.abs(change).max() < 1e-9:
             return d
     return None
+
+
+def _updated(j: Matrix | None, r: Vector, before: Vector, step: Vector) -> Matrix | None:
+    """Return dr/dd after a step by Broyden's rule; None where the step did too little for that."""
+    if j is None or not np.abs(r).max() < _FAST * np.abs(before).max():
+        return None
+    updated: Matrix = j + np.outer(r - before - j @ step, step) / (step @ step)
+    return updated
 
 
 def continued_durations(slew: BangBang, antisymmetric: bool = True) -> Vector | None:
