@@ -39,7 +39,7 @@ class Intruder:
         return 0.2
 
     def close(self) -> None:
-        self.node.destroy_node()
+        pass
 
 
 def main() -> None:

@@ -160,6 +160,13 @@ def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(tmp_path
     assert flight.metrics["missed_ticks"] == 0
 
 
+def test_a_node_that_dds_does_not_let_go_is_ended_and_the_run_is_unharmed(tmp_path: Path) -> None:
+    flight = Flight(
+        slew(duration=1.0), tmp_path, extra=[NodeProcess("stuck", "tests", "stuck", {})]
+    )
+    assert flight.outcome == (0, ""), flight.log
+
+
 def test_bad_input_stops_before_a_folder_is_made(tmp_path: Path) -> None:
     trial = tmp_path / "bad.yaml"
     trial.write_text("testbed: {kind: csa, modez: 3}\n")

@@ -68,8 +68,7 @@ class ControllerNode:
         return self._next_look - now
 
     def close(self) -> None:
-        """Leave the graph."""
-        self.node.destroy_node()
+        """Nothing has to be finished."""
 
     def _on_testbed(self, message: msg.Testbed) -> None:
         self._watch.seen = True

@@ -77,11 +77,10 @@ class Planner:
         return _PLANNING
 
     def close(self) -> None:
-        """Leave the graph."""
+        """End the process that plans, and the actions."""
         self._planning.close()
         for server in self._servers:
             server.destroy()
-        self.node.destroy_node()
 
     def _ask(self, request: PlanRequest | Refusal, goal: ServerGoalHandle | None) -> Future:
         """Begin to plan; return the future of what comes of it."""

@@ -53,10 +53,9 @@ class ConsoleNode:
         return self._page.poll()
 
     def close(self) -> None:
-        """End the page and leave the graph."""
+        """End the page."""
         self._page.close()
         self._link.close()
-        self.node.destroy_node()
 
 
 def console(settings: ConsoleSettings, say: Callable[[str], None], namespace: str = "") -> None:

@@ -20,10 +20,13 @@ class HiddenListener:
     Args:
         node: on whose behalf; its namespace and its remappings hold.
         heard: topics by their absolute names in a bench without a namespace.
+
+    Attributes:
+        node: the second one.
     """
 
     def __init__(self, node: Node, heard: Mapping[str, Topic]) -> None:
-        self._node = Node(
+        self.node = Node(
             HIDDEN + node.get_name(),
             namespace=node.get_namespace(),
             use_global_arguments=False,
@@ -32,7 +35,7 @@ class HiddenListener:
         )
         self.subscriptions: dict[str, Subscription[Any]] = {}
         for name, topic in heard.items():
-            self.subscriptions[name] = self._node.create_subscription(
+            self.subscriptions[name] = self.node.create_subscription(
                 message_class(topic.type),
                 node.resolve_topic_name(topic.name),
                 _nothing,
@@ -50,7 +53,7 @@ class HiddenListener:
 
     def close(self) -> None:
         """Leave the graph."""
-        self._node.destroy_node()
+        self.node.destroy_node()
 
 
 def _nothing(_: Any) -> None:

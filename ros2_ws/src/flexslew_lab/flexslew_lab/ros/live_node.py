@@ -120,10 +120,9 @@ class LiveNode:
         return _REFRESH
 
     def close(self) -> None:
-        """End the server and leave the graph."""
+        """End the server."""
         self._server.stop()
         self._services.close()
-        self.node.destroy_node()
 
     def _forward(self, topic: str, kind: str, data: bytes) -> None:
         self._last = stamp_of(kind, data, self._last)

@@ -71,8 +71,7 @@ class PlayNode:
         return min(self.player.wait(monotonic()), self._until_clock(), _LOOK)
 
     def close(self) -> None:
-        """Leave the graph."""
-        self.node.destroy_node()
+        """Nothing has to be finished."""
 
     def _publish(self, topics: Set[str]) -> None:
         """Offer these topics; a publisher that is there already is forgotten with its history."""

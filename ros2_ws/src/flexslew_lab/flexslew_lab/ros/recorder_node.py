@@ -55,6 +55,7 @@ class Recorder:
         self._next_look = 0.0
         self._heard = 0.0  # when something came [wall s]
         self._listener = HiddenListener(node, TOPICS)
+        loop.own(self._listener.node)
         measurement = self._listener.subscriptions["/measurement"]
         serve_changes(node, lambda changes: "")
         self._watch = PlantWatch(loop, measurement, self._settings.exit_with_plant)
@@ -85,8 +86,6 @@ class Recorder:
             self._recording.close()
         except RecordingStopped as error:
             self.node.get_logger().error(str(error))
-        self._listener.close()
-        self.node.destroy_node()
 
     def _expects_more(self, now: float) -> bool:
         """Return whether those who leave after the plant may still have something to say."""

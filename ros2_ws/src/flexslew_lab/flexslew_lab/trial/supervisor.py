@@ -14,6 +14,7 @@ from flexslew_lab.trial.fork_server import ForkServer
 from flexslew_lab.trial.processes import NodeProcess
 
 _TICK = re.compile(rb"^tick (\d+) of (\d+)$")
+_LEAVES = re.compile(rb"^leaves with exit code (\d+)$")
 _GRACE = 10.0  # from one signal to the next stronger one [wall s]
 _LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.LAST_WORDS
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
@@ -56,6 +57,7 @@ class Supervisor:
         self._log = log.open("wb")
         self._running: dict[str, int] = {}  # pids
         self._codes: dict[str, int] = {}
+        self._told: dict[str, int] = {}  # exit codes, by those who leave
         self._selector = selectors.DefaultSelector()
         self._rest: dict[str, bytes] = {}
         environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
@@ -115,7 +117,7 @@ class Supervisor:
         for name, pid in list(self._running.items()):
             code = self._fork_server.exit_code(pid)
             if code is not None:
-                self._codes[name] = code
+                self._codes[name] = self._told.get(name, code) if code == -signal.SIGALRM else code
                 del self._running[name]
 
     def _take(self, name: str, data: bytes) -> None:
@@ -125,6 +127,10 @@ class Supervisor:
             if found:
                 self._tick = int(found[1])
                 self._progress(self._tick, int(found[2]))
+                continue
+            leaves = _LEAVES.match(line)
+            if leaves:
+                self._told[name] = int(leaves[1])
                 continue
             if line.startswith(b"error: "):
                 self._complaint = line[7:].decode(errors="replace")

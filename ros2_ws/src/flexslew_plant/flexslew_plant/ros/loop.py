@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 from collections.abc import Callable
 from math import inf
@@ -23,6 +24,7 @@ from flexslew_plant.unbroken import unbroken
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
+_LEAVING = 10  # until a process that DDS does not let go is ended [wall s]
 
 
 class Served(Protocol):
@@ -36,7 +38,7 @@ class Served(Protocol):
         """Do what is due; return after how many wall seconds to be called again."""
 
     def close(self) -> None:
-        """Leave the graph."""
+        """Finish what must be whole; the nodes of the loop leave the graph after it."""
 
 
 _interrupts = Interrupts()
@@ -50,6 +52,7 @@ class Loop:
         self._alive: dict[Node, Alive] = {}
         self._code: int | None = None
         self._due = 0.0  # when to poll [wall s]
+        self._nodes: list[Node] = []
 
     def hurry(self) -> None:
         """Poll before the next event: something changed that it has to know."""
@@ -58,16 +61,21 @@ class Loop:
     def add(self, node: Node) -> None:
         """Serve this node, too."""
         self._executor.add_node(node)
+        self._nodes.append(node)
 
     def live(self, node: Node, role: str) -> Alive:
         """Serve this node and beat for it."""
         self._alive[node] = Alive(node, role)
-        self._executor.add_node(node)
+        self.add(node)
         return self._alive[node]
 
     def future(self) -> Future:
         """Return a future that a coroutine of this loop may await."""
         return self._executor.create_future()
+
+    def own(self, node: Node) -> None:
+        """Take a node that nobody serves; it leaves with the others."""
+        self._nodes.append(node)
 
     def close(self, patience: float) -> None:
         """Let go of the nodes as soon as they were heard, or patience is at an end [wall s]."""
@@ -75,6 +83,20 @@ class Loop:
             alive = self._alive.get(node)
             stay_until_heard(node, alive, lambda: self._serve(0.0), patience)
         self._executor.shutdown()
+
+    def leave(self, code: int) -> None:
+        """Take all nodes off the graph.
+
+        Fast DDS 3.2 hangs, about once in a thousand times, where others leave at the same moment
+        (DomainParticipant::set_listener against PDP::removeWriterProxyData), and holds up all of
+        Python. The process is then ended by SIGALRM; the supervisor was told its exit code.
+        """
+        if SUPERVISOR in os.environ:
+            print(f"leaves with exit code {code}", flush=True)
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(_LEAVING)
+        while self._nodes:
+            self._nodes.pop().destroy_node()
 
     def _serve(self, timeout: float) -> None:
         """Beat, and let one callback run."""
@@ -156,8 +178,10 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
         if served is not None and loop is not None:
             loop.close(HURRIED if code == 130 else LAST_WORDS)
             served.close()
+            loop.leave(code)
         # the graph hears of our leaving only if the participant is really destroyed
         del served, loop
         gc.collect()
         rclpy.try_shutdown()
+        signal.alarm(0)
     sys.exit(code)

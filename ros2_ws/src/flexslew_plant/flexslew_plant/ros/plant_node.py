@@ -79,8 +79,7 @@ class Plant:
         return min(wait, self._services.poll(now))
 
     def close(self) -> None:
-        """Leave the graph."""
-        self.node.destroy_node()
+        """Nothing has to be finished."""
 
     def interrupted(self) -> None:
         """Say that the run ends before its time."""
