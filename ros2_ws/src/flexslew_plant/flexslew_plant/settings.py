@@ -160,8 +160,8 @@ def _one_line(error: ValidationError, kind: Any, values: Any, source: str) -> st
         return f"{source}: {key}: is missing{more}"
     if first["type"] == "value_error" and isinstance(first["input"], dict):  # checked as a whole
         words = _reason(first)
-        known = key == "(whole file)" or words.startswith(f"{key}.")  # it names its own key
-        return f"{source}: {words}{more}" if known else f"{source}: {key}: {words}{more}"
+        named = key == "(whole file)" or words.startswith(f"{key}.")  # by the words themselves
+        return f"{source}: {words}{more}" if named else f"{source}: {key}: {words}{more}"
     value = repr(first["input"])
     value = value if len(value) <= 60 else value[:57] + "..."
     return f"{source}: {key}: {value} is not allowed: {_reason(first)}{more}"

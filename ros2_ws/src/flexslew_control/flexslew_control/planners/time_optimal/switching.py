@@ -7,6 +7,7 @@ closed form is exact.
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -76,24 +77,22 @@ def solve_durations(
         slew: what is turned.
         guess: durations to start from.
         scale: of goal and effort.
-        slopes: dr/dd to use everywhere; None: the exact ones.
+        slopes: dr/dd to use everywhere; None: exact ones, kept up while they serve.
     """
-    d, step, before = guess.copy(), np.zeros(0), np.zeros(0)
-    j = slopes
+    d: Vector = guess.copy()
+    last: _Step | None = None
     for _ in range(15):
-        r = slew.residual(d, scale) if j is not None else np.zeros(0)
         if slopes is None:
-            j = _updated(j, r, before, step)
-            if j is None:
-                r, j = slew.linearised(d, scale)
-        assert j is not None
+            r, j = _linearised(slew, d, scale, last)
+        else:
+            r, j = slew.residual(d, scale), slopes
         if not (np.isfinite(r).all() and np.isfinite(j).all()) or np.linalg.cond(j) > 1e13:
             return None
         change = -np.linalg.solve(j, r)
         shrinking = change < 0.0
         room = float(np.min(-d[shrinking] / change[shrinking])) if shrinking.any() else np.inf
-        step, before = min(1.0, 0.8 * room) * change, r
-        d = d + step
+        last = _Step(r, j, min(1.0, 0.8 * room) * change)
+        d = d + last.change
         if d.sum() > _LONGEST * guess.sum():
             return None
         if room > 1.0 and np.abs(change).max() < 1e-9:
@@ -101,12 +100,25 @@ def solve_durations(
     return None
 
 
-def _updated(j: Matrix | None, r: Vector, before: Vector, step: Vector) -> Matrix | None:
-    """Return dr/dd after a step by Broyden's rule; None where the step did too little for that."""
-    if j is None or not np.abs(r).max() < _FAST * np.abs(before).max():
-        return None
-    updated: Matrix = j + np.outer(r - before - j @ step, step) / (step @ step)
-    return updated
+class _Step(NamedTuple):
+    """Where a step of Newton's method began, and how far it went."""
+
+    residual: Vector
+    slopes: Matrix
+    change: Vector
+
+
+def _linearised(
+    slew: BangBang, d: Vector, scale: float, last: _Step | None
+) -> tuple[Vector, Matrix]:
+    """Return the residual and dr/dd: by Broyden's rule after a step that was good, else exact."""
+    if last is not None:
+        r = slew.residual(d, scale)
+        if np.abs(r).max() < _FAST * np.abs(last.residual).max():
+            missed = r - last.residual - last.slopes @ last.change
+            rank_one = np.outer(missed, last.change) / (last.change @ last.change)
+            return r, np.asarray(last.slopes + rank_one)
+    return slew.linearised(d, scale)
 
 
 def continued_durations(slew: BangBang, antisymmetric: bool = True) -> Vector | None:
