@@ -91,7 +91,7 @@ def solve_durations(
         change = -np.linalg.solve(j, r)
         shrinking = change < 0.0
         room = float(np.min(-d[shrinking] / change[shrinking])) if shrinking.any() else np.inf
-        last = _Step(r, j, min(1.0, 0.8 * room) * change)
+        last = _Step(r, j, np.asarray(min(1.0, 0.8 * room) * change, dtype=float))
         d = d + last.change
         if d.sum() > _LONGEST * guess.sum():
             return None
