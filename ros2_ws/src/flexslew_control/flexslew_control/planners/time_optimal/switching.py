@@ -81,7 +81,7 @@ def solve_durations(
     """
     d: Vector = guess.copy()
     last: _Step | None = None
-    for _ in range(15):
+    for _ in range(10):
         if slopes is None:
             r, j = _linearised(slew, d, scale, last)
         else:
@@ -202,7 +202,7 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
 
     def arcs(p: float, close: float = _EXACT, step: float = slew.step) -> Vector | None:
         d = np.array([p, 0.0, half - p])
-        for _ in range(20):
+        for _ in range(8):
             x, by_duration = final_sensitivity(*ensemble, slew.start, efforts, d, step)
             change = np.linalg.solve(by_duration[rows, 1:], middle - x[rows])
             if not np.isfinite(change).all() or np.abs(change).max() > half:
