@@ -87,9 +87,9 @@ class Loop:
     def leave(self, code: int) -> None:
         """Take all nodes off the graph.
 
-        Fast DDS 3.2 hangs, about once in a thousand times, where others leave at the same moment
-        (DomainParticipant::set_listener against PDP::removeWriterProxyData), and holds up all of
-        Python. The process is then ended by SIGALRM; the supervisor was told its exit code.
+        Fast DDS 3.2 hangs now and then where others leave at the same moment: one thread waits for
+        the events in PDP::removeWriterProxyData, the events wait for it to announce this node. It
+        holds up all of Python. SIGALRM then ends the process; the supervisor was told its code.
         """
         if SUPERVISOR in os.environ:
             print(f"leaves with exit code {code}", flush=True)
