@@ -21,6 +21,7 @@ from flexslew_plant.topics import EVENTS, TOPICS
 
 from .flight import Flight, slew
 
+TICKS = 9000  # some seconds, in which DDS finds who listens
 SIZE = 300 * 1024  # of the disk [B], about a third of what the run would record
 INSIDE = "FLEXSLEW_TEST_IN_NAMESPACE"
 
@@ -89,10 +90,10 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(small_disk: Any, tmp_pat
         heard.extend(hear("recording_stopped", pids["recorder"], domain))
 
     heard: list[str] = []
-    flight = Flight(slew(duration=30.0), small_disk.parent, 1, listen)
+    flight = Flight(slew(duration=0.01 * TICKS), small_disk.parent, 1, listen)
     assert len(heard) == 1
     assert "recording stopped: No space left on device" in heard[0]
-    assert "3000 ticks in" in flight.log  # the plant's last words
+    assert f"{TICKS} ticks in" in flight.log  # the plant's last words
     assert flight.outcome.exit_code == 3
     assert "recorder ended during the run" in flight.outcome.message
 
@@ -113,6 +114,6 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(small_disk: Any, tmp_pat
     assert {path.name: path.read_bytes() for path in small_disk.iterdir()} == written
     recovery = recover(small_disk, tmp_path / "whole")
     assert recovery.last_tick == metrics["ticks"]
-    assert recovery.unrecorded_ticks == 3000 - metrics["ticks"]
+    assert recovery.unrecorded_ticks == TICKS - metrics["ticks"]
     assert list(BagReader(tmp_path / "whole").messages()) == list(BagReader(small_disk).messages())
     assert wrong(tmp_path / "whole") == {"end of the run": recovery.statement}

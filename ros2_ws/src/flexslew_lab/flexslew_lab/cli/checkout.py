@@ -68,19 +68,14 @@ def _figures_of(name: str, path: Path) -> dict[str, float]:
 def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
-    Without arguments they run side by side, a file at a time: first those that need no ROS, then
-    those over ROS, and at last, one after another, those that keep pace with the wall clock.
+    Without arguments those that need no ROS run side by side, a file at a time, and then those
+    over ROS, whose nodes fill the processors by themselves, one after another.
 
     Example: `./flexslew test tests/plant -k energy`
     """
     if context.args:
         raise typer.Exit(_pytest(*context.args))
-    beside = ("-n", "2", "--dist", "loadfile")
-    codes = (
-        _pytest(*beside, "--ignore", "tests/ros"),
-        _pytest(*beside, "-m", "not alone", "tests/ros"),
-        _pytest("-m", "alone", "tests/ros"),
-    )
+    codes = _pytest("-n", "2", "--dist", "loadfile", "--ignore", "tests/ros"), _pytest("tests/ros")
     raise typer.Exit(max(codes))
 
 
