@@ -95,6 +95,14 @@ def test_laws_of_a_slew_are_compared_by_its_joints_without_the_schedule_s_switch
         assert rows[name]["by_inertia"]["+0.3"]["joint_error"] > 0.0
 
 
+def test_laws_that_cannot_fly_an_antenna_say_why() -> None:
+    trial = shipped("antenna_2", {"duration": 0.05})
+    found = compared_laws(trial, "antenna_2", errors=())
+    refused = {entry.name: entry.refused for entry in found.entries if entry.refused}
+    assert "needs one motor in each joint" in refused["output_feedback"]
+    assert {"disturbance_minimisation", "modal_space"} <= {entry.name for entry in found.flown}
+
+
 def test_errors_that_leave_nothing_are_refused() -> None:
     trial = replace(shipped("antenna_3", SHORT))
     with pytest.raises(BadInput, match="errors"):

@@ -40,6 +40,7 @@ from flexslew_control.linear_design import (
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.model import Model
 
@@ -225,6 +226,12 @@ def build(
     if settings.appendage is not None:
         return _of_appendage(settings, settings.appendage, plant)
     model = plant.believed(settings.model)
+    if model.efforts != model.joints or model.positions != model.coordinates:
+        raise BadInput(
+            f"output_feedback: needs one motor in each joint, and {plant.testbed.kind} has "
+            f"{model.efforts} efforts for {model.joints} joints; give the key appendage, whose "
+            "efforts it then takes"
+        )
     rest = operating_point_of(plant, model, settings.operating_point, 0.5)
     system = testbed_system(model, rest, settings, plant.period)
     found = design(system, testbed_weight(model, rest, settings), settings.reaching_rate)
