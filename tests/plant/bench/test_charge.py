@@ -153,6 +153,16 @@ def test_the_latched_brake_holds_until_it_is_released_on_purpose() -> None:
     assert not bed.faulted
 
 
+def test_a_brake_that_is_released_within_its_tick_takes_the_bench_all_the_same() -> None:
+    bed = bench(fallback=("b",))
+    asked(bed, 3)
+    assert bed.brake(True) is None
+    assert bed.brake(False) is None
+    assert asked(bed, 3) == ["a", "", ""]
+    assert kinds(bed, "brake_latched", "brake_released") == ["brake_latched", "brake_released"]
+    assert bed.request_switch(SwitchRequest("a", 8)) is None
+
+
 def test_the_brake_in_the_middle_of_a_handover_answers_the_switch() -> None:
     bed = bench()
     bed.request_switch(SwitchRequest("b", 1))

@@ -39,7 +39,7 @@ class Charge:
         self.faulted = False  # a controller had to be replaced
         self._queue: list[SwitchRequest] = []
         self._handover: tuple[SwitchRequest, str] | None = None  # under way, with the predecessor
-        self._brake_wanted: tuple[int, bool] | None = None  # from which tick on, and whether
+        self._brake_wanted: list[tuple[int, bool]] = []  # from which tick on, and whether
         self._unready: dict[str, str] = {}
         self._fallen: set[str] = set()  # fell silent since the last valid answer of anybody
         self._misled: set[str] = set()  # lost the bench to implausible sensors in this epoch
@@ -49,7 +49,7 @@ class Charge:
         self.drop_all("the bench was reset")
         self._drive.reset()
         self.faulted = False
-        self._queue, self._handover, self._brake_wanted = list(scheduled), None, None
+        self._queue, self._handover, self._brake_wanted = list(scheduled), None, []
         self._fallen.clear()
         self._misled.clear()
         if self.latched:
@@ -89,10 +89,10 @@ class Charge:
 
     def brake(self, on: bool, tick: int, who: str) -> str | None:
         """Latch or release the brake from this tick on; return why not, or None."""
-        wanted = self._brake_wanted[1] if self._brake_wanted else self.latched
+        wanted = self._brake_wanted[-1][1] if self._brake_wanted else self.latched
         if wanted == on:
             return "the brake is latched already" if on else "the brake is not latched"
-        self._brake_wanted = tick, on
+        self._brake_wanted.append((tick, on))
         words = f"{'brake' if on else 'release of the brake'} wanted from tick {tick} on"
         self._say(Level.INFO, "brake_requested", words, {"on": on, "tick": tick, "who": who})
         return None
@@ -104,8 +104,8 @@ class Charge:
     def begin(self, tick: int) -> None:
         """Let happen what is due at the tick that begins."""
         self._tick = tick
-        if self._brake_wanted is not None and self._brake_wanted[0] <= tick:
-            self._latch(self._brake_wanted[1])
+        while self._brake_wanted and self._brake_wanted[0][0] <= tick:
+            self._latch(self._brake_wanted.pop(0)[1])  # one that is released at once acts, too
         if not self._queue:
             return
         due = [request for request in self._queue if request.tick <= tick]
@@ -220,7 +220,6 @@ class Charge:
             self._say(Level.INFO, "ready", f"{controller} is ready again", data)
 
     def _latch(self, on: bool) -> None:
-        self._brake_wanted = None
         self.latched = on
         outgoing = self._drive.active
         if on:
