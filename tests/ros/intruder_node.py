@@ -6,19 +6,16 @@ from typing import Any
 from flexslew_msgs import msg
 
 from flexslew_plant import topics
-from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import run_node
-from flexslew_plant.ros.offers import publisher, subscription
-from flexslew_plant.ros.parameters import new_node
+from flexslew_plant.ros.offers import publisher
+
+from .guest import Guest
 
 
-class Intruder:
+class Intruder(Guest):
     def __init__(self, loop: Any) -> None:
-        self.node = new_node("intruder")
-        loop.add(self.node)
+        super().__init__(loop, "intruder", self._lie)
         self._lies = publisher(self.node, topics.EFFORT_COMMAND)
-        heard = subscription(self.node, topics.MEASUREMENT, self._lie)
-        self._watch = PlantWatch(loop, heard, True)
 
     def _lie(self, question: Any) -> None:
         if question.tick % 20:
@@ -33,13 +30,6 @@ class Intruder:
             msg.EffortCommand(tick=question.tick, effort=array("d", [float("nan")] * 2), **asked),
         ):
             self._lies.publish(lie)
-
-    def poll(self) -> float:
-        self._watch.look()
-        return 0.2
-
-    def close(self) -> None:
-        pass
 
 
 def main() -> None:

@@ -3,26 +3,15 @@
 import ctypes
 from typing import Any
 
-from flexslew_plant import topics
-from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import run_node
-from flexslew_plant.ros.offers import subscription
-from flexslew_plant.ros.parameters import new_node
+
+from .guest import Guest
 
 
-class Stuck:
+class Stuck(Guest):
     def __init__(self, loop: Any) -> None:
-        self.node: Any = new_node("stuck")
-        loop.add(self.node)
-        self._watch = PlantWatch(loop, subscription(self.node, topics.MEASUREMENT, print), True)
+        super().__init__(loop, "stuck", print)
         self.node.destroy_node = ctypes.PyDLL(None).pause  # holds up all of Python
-
-    def poll(self) -> float:
-        self._watch.look()
-        return 0.2
-
-    def close(self) -> None:
-        pass
 
 
 def main() -> None:

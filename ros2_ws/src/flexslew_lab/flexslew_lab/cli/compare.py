@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -41,25 +41,20 @@ def compare(
     wanted, source = read_trial(file, sets)
     words = "laws" if laws else "compare"
     target = writable_file(out or new_file(f"{wanted.name}-{words}.html"), "--out")
-    found: by_law.LawComparison | planners.Comparison
+    compared: Any
+    compared, table_of, page_of = (
+        (by_law.compared_laws, laws_page.short_table, laws_page.laws_page)
+        if laws
+        else (planners.compared, planners_page.short_table, planners_page.comparison_page)
+    )
     with progress("compare", "flights") as advance:
-        if laws:
-            found = by_law.compared_laws(wanted, source, advance)
-        else:
-            found = planners.compared(wanted, source, advance)
+        found = compared(wanted, source, advance)
     if as_json:
         print(json.dumps(found.rows(), indent=2))
-    elif isinstance(found, by_law.LawComparison):
-        print_table(*laws_page.short_table(found))
     else:
-        print_table(*planners_page.short_table(found))
-    if not as_json:
+        print_table(*table_of(found))
         for entry in found.entries:
             if entry.refused:
                 say(f"not flown: {entry.name}: {entry.refused}")
     if out is not None or not as_json:
-        if isinstance(found, by_law.LawComparison):
-            page = laws_page.laws_page(found)
-        else:
-            page = planners_page.comparison_page(found)
-        say(f"written {link(write_page(page, target))}")
+        say(f"written {link(write_page(page_of(found), target))}")

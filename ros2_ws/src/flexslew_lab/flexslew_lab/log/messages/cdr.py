@@ -138,10 +138,7 @@ def _collect(type_name: str, message: Any, values: list[Any], lengths: list[int]
     for name, array, fixed, code, nested in fields(type_name):
         value = message.get(name) if mapping else getattr(message, name, None)
         if not array:
-            if nested or code == "s":
-                _collect_one(code, nested, value, values, lengths)
-            else:
-                values.append(0 if value is None else value)
+            _collect_one(code, nested, value, values, lengths)
             continue
         items = () if value is None else value
         if fixed:

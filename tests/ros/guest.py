@@ -1,0 +1,23 @@
+"""What the nodes of the tests share that fly along in a run: they end with its plant."""
+
+from collections.abc import Callable
+from typing import Any
+
+from flexslew_plant import topics
+from flexslew_plant.ros.graph import PlantWatch
+from flexslew_plant.ros.offers import subscription
+from flexslew_plant.ros.parameters import new_node
+
+
+class Guest:
+    def __init__(self, loop: Any, name: str, hear: Callable[[Any], None]) -> None:
+        self.node: Any = new_node(name)
+        loop.add(self.node)
+        self._watch = PlantWatch(loop, subscription(self.node, topics.MEASUREMENT, hear), True)
+
+    def poll(self) -> float:
+        self._watch.look()
+        return 0.2
+
+    def close(self) -> None:
+        pass
