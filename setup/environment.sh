@@ -20,5 +20,5 @@ fi
 # one thread, as every node has: a design by larger matrices has other bits on other numbers of cores
 export OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1} OMP_NUM_THREADS=${OMP_NUM_THREADS:-1}
 # Numba looks at a kernel's own file only; a kernel that inlines another one must follow it, too
-export NUMBA_CACHE_DIR=$flexslew_root/.numba_cache/$(grep -lrE '@(compiled|called|inlined|overload|vectorised)' --include='*.py' \
+export NUMBA_CACHE_DIR=$flexslew_root/.numba_cache/$(grep -lrE "@(compiled|called|inlined|overload|vectorised)|from numba" --include='*.py' \
   "$flexslew_root/ros2_ws/src" | LC_ALL=C sort | xargs cat | sha256sum | cut -c1-12)

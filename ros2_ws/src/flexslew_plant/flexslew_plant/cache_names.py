@@ -3,13 +3,27 @@
 The cache of a function with a closure goes by what it closes over. For that, Numba gives each of
 its functions a name, drawn at random in each process: a function that closes over another one would
 be compiled anew by everyone, and never found. Here the name is what the function is made of.
+
+What is compiled has a symbol with a number that Numba counts from 1 in each process. Two closures
+of one function, compiled by two processes, would meet under one symbol in a third that loads both
+("'descr' is NULL", or the wrong one runs); so each process counts from a number of its own.
 """
 
 import os
 from hashlib import sha256
+from itertools import count
 from typing import Any
 
+from numba.core.bytecode import FunctionIdentity
 from numba.core.serialize import dumps
+
+
+def _count_apart() -> None:
+    FunctionIdentity._unique_ids = count(int.from_bytes(os.urandom(6), "big"))
+
+
+_count_apart()
+os.register_at_fork(after_in_child=_count_apart)
 
 
 def recognised(dispatcher: Any) -> Any:
