@@ -2,9 +2,7 @@
 
 import os
 import subprocess
-import json
 import sys
-import numpy as np
 from pathlib import Path
 
 MODULE = """
