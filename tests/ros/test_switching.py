@@ -1,0 +1,86 @@
+"""What a bench answers to an operator who switches and steps, whatever becomes of it."""
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+from flexslew_msgs.srv import ListControllers, Step, SwitchController
+from std_srvs.srv import Trigger
+
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_plant.ros.messages import stamp
+
+from .bystander import Bystander, beside
+from .flight import Flight, slew
+
+LONG = 10_000.0  # simulated; ended when all is seen [s]
+
+
+def switch(bench: Bystander, controller: str, **more: Any) -> Any:
+    return bench.ask(SwitchController, "switch_controller", controller=controller, **more)
+
+
+def one_more(bench: Bystander) -> int:
+    """Return the tick to which a bench that rests, or soon will, flies one tick on."""
+    replies: list[Any] = []
+
+    def taken() -> bool:
+        replies.append(bench.ask(Step, "step", ticks=1))
+        return bool(replies[-1].ok)
+
+    bench.until(taken)
+    return int(replies[-1].tick)
+
+
+def stepped(bench: Bystander) -> tuple[int, int]:
+    """Return where two single steps end after a long one that a pause cut short."""
+    assert bench.ask(Trigger, "pause").success
+    assert bench.ask(Step, "step", ticks=100_000).ok
+    bench.pass_by(5)
+    assert bench.ask(Trigger, "pause").success
+    return one_more(bench), one_more(bench)
+
+
+def test_every_switch_is_answered_with_who_is_in_charge(tmp_path: Path) -> None:
+    answers: dict[str, Any] = {}
+    steps: list[int] = []
+
+    def operate(pids: dict[str, int], domain: int) -> None:
+        with beside(domain) as bench:
+            answers["same"] = switch(bench, "pd_feedforward")
+            answers["late"] = switch(bench, "lqr", at=stamp(2.0 * LONG))
+            answers["stranger"] = switch(bench, "nobody")
+            bench.swap("lqr")
+            bench.until(lambda: bench.ask(ListControllers, "list_controllers").active == "lqr")
+            os.kill(pids["output_feedback"], signal.SIGSTOP)  # not known to be silent yet
+            answers["mute"] = switch(bench, "output_feedback", timeout=20.0)
+            os.kill(pids["output_feedback"], signal.SIGCONT)
+            assert bench.ask(Trigger, "brake").success
+            bench.pass_by(50)
+            assert bench.ask(Trigger, "release_brake").success
+            bench.pass_by(3)
+            answers["strict"] = switch(bench, "pd_feedforward", strict=True, max_effort_step=0.0)
+            bench.swap("pd_feedforward")
+            steps.extend(stepped(bench))
+        raise KeyboardInterrupt
+
+    push = "schedule: [{at: 0.0, disturbance: {base_yaw: 20.0}}]"  # the brake gives way to it
+    trial = slew(LONG, 2.0, ", lqr: {}, output_feedback: {}", push)
+    flight = Flight(trial, tmp_path, 1, operate)
+    assert flight.outcome.exit_code == 130
+    words = {
+        "same": ("already in charge", "pd_feedforward"),
+        "late": ("is not flown any more", "pd_feedforward"),
+        "stranger": ("unknown controller nobody", "pd_feedforward"),
+        "mute": ("output_feedback never answered; lqr is in charge", "lqr"),
+        "strict": ("its effort would step by", ""),
+    }
+    for name, (said, active) in words.items():
+        answer = answers[name]
+        assert (answer.ok, answer.scheduled) == (False, False), name
+        assert said in answer.message
+        assert answer.active == active, name
+    assert steps[1] == steps[0] + 1  # nothing was left of the long step
+    kinds = [event.kind for event in BagReader(flight.bag).overview.events]
+    assert {"fallback", "switch_refused"} <= {*kinds}
