@@ -1,9 +1,12 @@
 """The display side of the plant node: standard topics that RViz, Foxglove and PlotJuggler draw."""
 
+from typing import Any
+
 import numpy as np
 from flexslew_msgs.msg import AppendageState
 from geometry_msgs.msg import Point, TransformStamped
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA, String
@@ -39,12 +42,18 @@ class Display:
         self._appendages = publisher(node, topics.APPENDAGE_STATES)
         self._tf = publisher(node, topics.TF)
         self._markers = publisher(node, topics.MARKERS)
+        self._samples = (self._clock, self._joints, self._appendages, self._tf, self._markers)
         self._description = publisher(node, topics.ROBOT_DESCRIPTION)
         self._description.publish(String(data=self._scene.robot_description))
 
     def set_rate(self, rate: float) -> None:
         """Show so many samples per simulated second; 0: none."""
         self._every = max(1, round(1.0 / (rate * self._bench.settings.period))) if rate else 0
+
+    @property
+    def publishers(self) -> list[Publisher[Any]]:
+        """What is published at this rate."""
+        return [*self._samples] if self._every else []
 
     def show(self, truth: Truth) -> None:
         """Publish this truth if it is due."""

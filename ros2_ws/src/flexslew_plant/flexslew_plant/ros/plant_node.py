@@ -114,7 +114,7 @@ class Plant:
         """Return who would not hear the first question."""
         bench = self.session.bench
         controllers = {*self._settings.controllers, bench.drive.active} - {""}
-        heard = [self._measurement] + [self._truth] * self._settings.truth
+        heard = [self._measurement, *[self._truth] * self._settings.truth, *self.display.publishers]
         missing = unmatched(self.node, [self._measurement], sorted(controllers))
         return missing + unmatched(self.node, heard, self._settings.wait_for)
 
