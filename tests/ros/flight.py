@@ -2,11 +2,12 @@
 
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from flexslew_control.plan_file import save_plan
@@ -53,7 +54,10 @@ def fork_server() -> ForkServer:
 
 
 class Flight:
-    """Flies a trial; from the tick `at` on `act` is called once: pids by name, ROS_DOMAIN_ID."""
+    """Flies a trial; from the tick `at` on `act` is called once: pids by name, ROS_DOMAIN_ID.
+
+    Nodes other than the controllers get the `names` that are given for theirs.
+    """
 
     def __init__(
         self,
@@ -62,6 +66,7 @@ class Flight:
         at: int = -1,
         act: Any = None,
         extra: Sequence[NodeProcess] = (),
+        names: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self._at, self._act = at, act
         self.folder, self.bag = folder, folder / "bag"
@@ -71,7 +76,7 @@ class Flight:
             plan = folder / "plan.yaml"
             save_plan(plan_of_trial(trial), plan)
         nodes = node_processes(trial, folder, True, {"trial_file": "test"}, plan)
-        processes = [*extra, *nodes]
+        processes = [*extra, *(_renamed(node, names) for node in nodes)]
         parameters = folder / "parameters.yaml"
         parameters.write_text(parameter_file(processes))
         with own_domain() as domain:
@@ -97,6 +102,13 @@ class Flight:
     @property
     def events(self) -> list[str]:
         return [event.kind for event in BagReader(self.bag).overview.events]
+
+
+def _renamed(node: NodeProcess, names: Mapping[str, str]) -> NodeProcess:
+    parameters = dict(node.parameters)
+    if "wait_for" in parameters:
+        parameters["wait_for"] = [names.get(name, name) for name in parameters["wait_for"]]
+    return node._replace(name=names.get(node.name, node.name), parameters=parameters)
 
 
 def kill(name: str, strength: int = signal.SIGKILL) -> Any:

@@ -11,6 +11,7 @@ import pytest
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.messages.cdr import stamp_of
 from flexslew_lab.trial.run import run_trial
 
@@ -36,6 +37,14 @@ def test_a_run_over_dds_is_bit_identical_to_the_one_in_process(
     assert (metrics["ticks"], metrics["missed_ticks"], metrics["missing_ticks"]) == (600, 0, 0)
 
 
+def test_nodes_by_any_other_name_fly_the_same(tmp_path: Path, in_process_hash: Any) -> None:
+    names = {"plant": "testbed", "planner": "strategist", "recorder": "scribe"}
+    flight = Flight(slew(), tmp_path, names=names)
+    assert flight.outcome == (0, ""), flight.log
+    assert flight.metrics["trajectory_hash"] == in_process_hash
+    assert [finding for finding in check_log(flight.bag) if not finding.ok] == []
+
+
 def test_a_paced_run_without_a_miss_is_bit_identical_too(
     tmp_path: Path, in_process_hash: Any
 ) -> None:
@@ -48,8 +57,6 @@ def test_a_paced_run_without_a_miss_is_bit_identical_too(
 
 
 def test_nothing_is_lost_in_the_log(tmp_path: Path) -> None:
-    from flexslew_lab.log.checks.check import check_log
-
     flight = Flight(slew(duration=3.0, extra="display_rate: 50.0"), tmp_path)
     assert [finding for finding in check_log(flight.bag) if not finding.ok] == []
 

@@ -63,12 +63,10 @@ def _effort(view: BenchView, joints: Joints) -> list[Curve]:
     names = _named("", joints, joints.effort_units)
     curves = _columns(names, view.truth.time, view.truth.column("applied_effort"))
     time = view.truth.time
-    if len(time):
-        ends = np.array([time[0], time[-1]])
-        for limit in sorted(set(joints.limit)):
-            for sign in (1.0, -1.0):
-                label = f"limit {sign * limit:g}"
-                curves.append(Curve(label, ends, np.full(2, sign * limit), True))
+    for limit in sorted(set(joints.limit)):
+        for sign in (1.0, -1.0):
+            level = np.full(len(time), sign * limit)  # whatever window is cut out, it crosses it
+            curves.append(Curve(f"limit {sign * limit:g}", time, level, True))
     return curves
 
 

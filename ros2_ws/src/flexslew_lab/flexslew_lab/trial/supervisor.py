@@ -1,5 +1,6 @@
 """Starts the processes of a trial, watches them, ends them; knows nothing of ROS messages."""
 
+import fcntl
 import os
 import re
 import selectors
@@ -15,6 +16,7 @@ from flexslew_lab.trial.processes import NodeProcess
 
 _TICK = re.compile(rb"^tick (\d+) of (\d+)$")
 _LEAVES = re.compile(rb"^leaves with exit code (\d+)$")
+_ROOM = 1 << 20  # what a node may say while nobody reads it; Linux gives 64 KiB [bytes]
 _GRACE = 10.0  # from one signal to the next stronger one [wall s]
 _LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.LAST_WORDS
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
@@ -97,6 +99,8 @@ class Supervisor:
         for old, new in process.remappings:
             arguments += ["-r", f"{old}:={new}"]
         said, says = os.pipe()
+        with suppress(OSError):  # a terminal that rests for a while does not hold up the nodes
+            fcntl.fcntl(said, fcntl.F_SETPIPE_SZ, _ROOM)
         try:
             pid = self._fork_server.start(process.module, arguments, environment, says)
         finally:
