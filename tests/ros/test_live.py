@@ -5,6 +5,7 @@ import json
 import os
 import socket
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,9 @@ class Client:
     """A WebSocket client that speaks as little as it can."""
 
     def __init__(self, port: int) -> None:
+        self.services: dict[str, int] = {}  # ids of what is offered, by name
+        self.channels: dict[str, Any] = {}  # by topic
+        self.complaints: list[str] = []
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=20.0)
         key = base64.b64encode(os.urandom(16)).decode()
         self._socket.sendall(
@@ -46,7 +50,16 @@ class Client:
         elif size == 127:
             (size,) = struct.unpack(">Q", self._read(8))
         data = self._read(size)
-        return json.loads(data) if first & 15 == 1 else data
+        if first & 15 != 1:
+            return data
+        message = json.loads(data)
+        if message["op"] == "advertiseServices":
+            self.services |= {s["name"]: s["id"] for s in message["services"]}
+        elif message["op"] == "advertise":
+            self.channels |= {c["topic"]: c for c in message["channels"]}
+        elif message["op"] == "status":
+            self.complaints.append(message["message"])
+        return message
 
     def send(self, message: dict[str, Any]) -> None:
         self._send(0x81, json.dumps(message).encode())
@@ -85,58 +98,99 @@ def connected(port: int, supervisor: Supervisor) -> Client:
     raise AssertionError("the server never opened")
 
 
-def test_a_client_gets_schemas_and_messages_byte_for_byte(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    run_trial(slew(duration=6.0), "test", run, in_process=True, report=False)
-    port = free_port()
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Client, Path]]:
+    """Yield a client of a server beside a controller, a planner and a log that plays; its bag."""
+    folder = tmp_path_factory.mktemp("live")
+    run_trial(slew(duration=6.0), "test", folder / "run", in_process=True, report=False)
+    port, bag = free_port(), folder / "run" / "bag"
+    played = {"bag": str(bag), "topics": ["/truth", "/testbed"], "rate": 0.05}
     processes = [
         NodeProcess("live", "flexslew_lab", "live", {"port": port}),
-        NodeProcess(
-            "plant", "flexslew_lab", "play",
-            {"bag": str(run / "bag"), "topics": ["/truth", "/testbed"], "rate": 0.2},
-        ),
-    ]  # fmt: skip
-    parameters = tmp_path / "parameters.yaml"
+        NodeProcess("pd_feedforward", "flexslew_control", "controller", {}),
+        NodeProcess("planner", "flexslew_control", "planner", {}),
+        NodeProcess("plant", "flexslew_lab", "play", played),
+    ]
+    parameters = folder / "parameters.yaml"
     parameters.write_text(parameter_file(processes))
     with own_domain() as domain:
-        log = tmp_path / "nodes.log"
+        log = folder / "nodes.log"
         supervisor = Supervisor(
             processes, parameters, log, domain, lambda tick, last: None, fork_server()
         )
         try:
             client = connected(port, supervisor)
-            channels: dict[Any, Any] = {}
-            assert client.receive()["capabilities"] == ["time", "services"]
-            services: dict[str, int] = {}
-            while not ({"/truth", "/testbed"} <= {*channels} and services):
-                message = client.receive()
-                if isinstance(message, dict) and message["op"] == "advertiseServices":
-                    services |= {s["name"]: s["id"] for s in message["services"]}
-                if isinstance(message, dict) and message["op"] == "advertise":
-                    channels |= {c["topic"]: c for c in message["channels"]}
-            truth = channels["/truth"]
-            assert (truth["encoding"], truth["schemaEncoding"]) == ("cdr", "ros2msg")
-            assert truth["schema"] == schema_text("flexslew_msgs/msg/PlantState")
-            found = {7: subscribed(client, 7, truth["id"])}
-            for _ in range(10):  # by now the testbed has announced itself, once
-                client.receive()
-            found[8] = subscribed(client, 8, channels["/testbed"]["id"])
-            (now,) = struct.unpack_from("<Q", binary(client, 2), 1)
-            assert set(services) == {
-                "/operate", "/step", "/set_rate", "/note", "/switch_controller", "/inject_fault",
-                "/end_fault", "/decide_plan", "/retarget",
-            }  # fmt: skip
-            answer = called(client, services["/step"], {"ticks": "many"})
-            assert answer["message"] == "ticks: 'many' is not allowed: of type uint32"
+            offered = ["time", "services", "parameters", "parametersSubscribe"]
+            assert client.receive()["capabilities"] == offered
+            yield client, bag
         finally:
             supervisor._end()
+
+
+def test_a_client_gets_schemas_and_messages_byte_for_byte(bench: tuple[Client, Path]) -> None:
+    client, bag = bench
+    while not {"/truth", "/testbed"} <= {*client.channels}:
+        client.receive()
+    truth = client.channels["/truth"]
+    assert (truth["encoding"], truth["schemaEncoding"]) == ("cdr", "ros2msg")
+    assert truth["schema"] == schema_text("flexslew_msgs/msg/PlantState")
+    found = {7: subscribed(client, 7, truth["id"])}
+    for _ in range(10):  # by now the testbed has announced itself, once
+        client.receive()
+    found[8] = subscribed(client, 8, client.channels["/testbed"]["id"])
+    (now,) = struct.unpack_from("<Q", binary(client, 2), 1)
     for number, topic in ((7, "/truth"), (8, "/testbed")):
-        logged = {m.data.rstrip(b"\0") for m in BagReader(run / "bag").messages([topic])}
+        logged = {m.data.rstrip(b"\0") for m in BagReader(bag).messages([topic])}
         stamp, data = found[number]
         assert data.rstrip(b"\0") in logged  # DDS rounds lengths up
         assert stamp % 10_000_000 == 0  # simulated time of a tick
     assert found[7][0] <= now <= 6_000_000_000  # the server's clock is the bench's
     assert now % 10_000_000 == 0
+
+
+def test_a_client_calls_the_services_of_the_bench_and_plans(bench: tuple[Client, Path]) -> None:
+    client, _ = bench
+    tune = "/pd_feedforward/tune"
+    while tune not in client.services:
+        client.receive()
+    assert set(client.services) == {
+        "/operate", "/step", "/set_rate", "/note", "/switch_controller", "/inject_fault",
+        "/end_fault", "/decide_plan", "/retarget", "/plan_slew", "/draft_plan", tune,
+    }  # fmt: skip
+    answer = called(client, "/step", {"ticks": "many"})
+    assert answer["message"] == "ticks: 'many' is not allowed: of type uint32"
+    answer = called(client, tune, {"settings": "{kp: [510.0, 510.0]}"})
+    assert answer["message"].startswith("kp: [510.0, 510.0] from tick")
+    wanted = "{method: reference_only, goal: {base_yaw: 0.1}, duration: 5}"
+    while "no planner" in (answer := called(client, "/draft_plan", {"request": wanted}))["message"]:
+        continue
+    assert answer["message"] == "reference_only: 5 s from 0 s on is drafted: adopt or refuse it"
+    assert called(client, "/decide_plan", {"action": "refuse"})["ok"]
+    assert not called(client, "/decide_plan", {"action": "adopt"})["ok"]
+
+
+def test_a_client_reads_and_sets_parameters(bench: tuple[Client, Path]) -> None:
+    client, _ = bench
+
+    def told(request: dict[str, Any]) -> dict[str, Any]:
+        client.send({**request, "id": "a"})
+        while True:
+            message = client.receive()
+            if isinstance(message, dict) and message.get("id") == "a":
+                return {p["name"]: p.get("value") for p in message["parameters"]}
+
+    every: dict[str, Any] = {}
+    while not {"/pd_feedforward.kp", "/plant.rate"} <= {*every}:
+        every = told({"op": "getParameters", "parameterNames": []})
+    assert every["/plant.rate"] == 0.05
+    name = "/pd_feedforward.kd"
+    for value in ([900.0, 900.0], [800, 800]):
+        set_to = {"op": "setParameters", "parameters": [{"name": name, "value": value}]}
+        assert told(set_to) == {name: value}
+    set_to["parameters"] = [{"name": name, "value": [-1.0, 1.0]}]
+    assert told(set_to) == {name: [800, 800]}
+    [words] = client.complaints
+    assert "-1.0 is not allowed" in words
 
 
 def binary(client: Client, kind: int) -> bytes:
@@ -147,8 +201,9 @@ def binary(client: Client, kind: int) -> bytes:
             return message
 
 
-def called(client: Client, service: int, request: dict[str, Any]) -> Any:
+def called(client: Client, name: str, request: dict[str, Any]) -> Any:
     """Return the answer of a service."""
+    service = client.services[name]
     client.send_binary(
         struct.pack("<BIII4s", 2, service, 9, 4, b"json") + json.dumps(request).encode()
     )

@@ -8,18 +8,15 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.messages.cdr import stamp_of
-from flexslew_lab.log.messages.schemas import schema_text
+from flexslew_lab.ros.live_channels import LiveChannels
+from flexslew_lab.ros.live_parameters import LiveParameters
 from flexslew_lab.ros.live_services import LiveServices
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.loop import Loop, run_node, within
-from flexslew_plant.ros.offers import SEVERAL, message_class, qos
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.settings import section
 
 _REFRESH = 0.05  # how often clients hear the simulated time [wall s]
-_CLOCKS = {"/clock", "/measurement", "/truth"}  # the plant's own: each rises until a reset
 HOST = "127.0.0.1"  # never another one: nobody is asked for a password
 
 
@@ -31,21 +28,39 @@ class LiveSettings:
 
 
 class _Listener:
-    """Notes the topics that a client begins to listen to; called from the server's threads."""
+    """What clients begin to listen to, and their parameters; called from the server's threads."""
 
-    def __init__(self, newcomers: deque[str]) -> None:
-        self._newcomers = newcomers
+    def __init__(self, live: "LiveNode") -> None:
+        self._live = live
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
         """Take the topic of the channel."""
-        self._newcomers.append(channel.topic)
+        self._live.newcomers.append(channel.topic)
 
     def on_unsubscribe(self, client: Any, channel: Any) -> None:
         """Nothing to do."""
 
+    def on_get_parameters(self, client: Any, names: list[str], request: str | None) -> list[Any]:
+        """Return parameters by name; no names: all."""
+        return self._live.shown(self._live.parameters.values(names))
+
+    def on_set_parameters(self, client: Any, wanted: list[Any], request: str | None) -> list[Any]:
+        """Set parameters; what is refused is told as a status, and what holds is returned."""
+        for parameter in wanted:
+            refused = self._live.parameters.set(parameter.name, parameter.get_value())
+            if refused:
+                self._live.refuse(refused)
+        return self._live.shown(self._live.parameters.values([p.name for p in wanted]))
+
+    def on_parameters_subscribe(self, names: list[str]) -> None:
+        """Nothing to do: changes are told to all."""
+
+    def on_parameters_unsubscribe(self, names: list[str]) -> None:
+        """Nothing to do."""
+
 
 class LiveNode:
-    """Forwards the serialised messages with their schemas; reads none of them but for the time.
+    """Topics, services and parameters of the bench for the clients of the server.
 
     Args:
         settings: None: the parameters of the node.
@@ -66,57 +81,41 @@ class LiveNode:
         self.node = node = new_node("live")
         loop.add(node)
         chosen: LiveSettings = settings or settings_of(node, LiveSettings)
-        self._newcomers: deque[str] = deque()  # topics that somebody has begun to listen to
-        self._latched: dict[str, deque[tuple[bytes, int]]] = {}  # with log times
-        self._channels: dict[str, Any] = {}
-        self._services = LiveServices(node)
+        self._websocket = foxglove.websocket
         self._context = context = foxglove.Context()  # its channels close with it
-        offers = foxglove.websocket.Capability
+        self.newcomers: deque[str] = deque()  # topics that somebody has begun to listen to
+        self.parameters = LiveParameters(node)
+        self._services = LiveServices(node, foxglove)
+        capability = foxglove.websocket.Capability
         try:
             self._server = foxglove.start_server(
                 name="flexslew",
                 host=HOST,
                 port=chosen.port,
-                capabilities=[offers.Time, offers.Services],
+                capabilities=[capability.Time, capability.Services, capability.Parameters],
                 supported_encodings=["json"],
-                services=self._services.offered(foxglove),
+                services=self._services.offered(),
                 context=context,
-                server_listener=_Listener(self._newcomers),
+                server_listener=_Listener(self),
             )
         except Exception as error:  # a type of its own below the binding
             raise BadInput(f"live: port {chosen.port} cannot be opened: {error}") from None
-        self._last = 0  # simulated time of the last message [ns]
-        self._stamps = dict.fromkeys(_CLOCKS, 0)  # of their last messages [ns]
-        self._now, self._told = 0, -1  # simulated time: of the bench, as clients know it [ns]
-        for topic, known in TOPICS.items():
-            text = schema_text(known.type).encode()
-            self._channels[topic] = foxglove.Channel(
-                topic,
-                schema=foxglove.Schema(name=known.type, encoding="ros2msg", data=text),
-                message_encoding="cdr",
-                context=context,
-            )
-            if known.latched:
-                self._latched[topic] = deque(maxlen=max(known.depth, SEVERAL))
-            node.create_subscription(
-                message_class(known.type),
-                known.name,
-                partial(self._forward, topic, known.type),
-                qos(known, SEVERAL if known.latched else 0),
-                raw=True,
-            )
+        self._channels = LiveChannels(node, foxglove, context)
+        self._told = -1  # what the clients think the simulated time is [ns]
         say(f"open ws://{HOST}:{self._server.port} in Foxglove; Ctrl-C ends it")
 
     def poll(self) -> float:
-        """Tell the time, and newcomers what is latched; return when to look again [wall s]."""
-        self._services.poll(monotonic())
-        if self._newcomers or self._now != self._told:
-            self._told = self._now
-            self._server.broadcast_time(self._now)  # else a client plots over its own clock
-        while self._newcomers:
-            topic = self._newcomers.popleft()
-            for data, time in self._latched.get(topic, ()):
-                self._channels[topic].log(data, log_time=time)
+        """Tell the time and what has changed; return when to look again [wall s]."""
+        now = monotonic()
+        self._services.poll(now, self._server.add_services)
+        changed = self.parameters.poll(now)
+        if changed:
+            self._server.publish_parameter_values(self.shown(changed))
+        if self.newcomers or self._channels.now != self._told:
+            self._told = self._channels.now
+            self._server.broadcast_time(self._told)  # else a client plots over its own clock
+        while self.newcomers:
+            self._channels.welcome(self.newcomers.popleft())
         return _REFRESH
 
     def close(self) -> None:
@@ -124,15 +123,13 @@ class LiveNode:
         self._server.stop()
         self._services.close()
 
-    def _forward(self, topic: str, kind: str, data: bytes) -> None:
-        self._last = stamp_of(kind, data, self._last)
-        self._channels[topic].log(data, log_time=self._last)
-        if topic in self._latched:
-            self._latched[topic].append((data, self._last))
-        elif topic in _CLOCKS:
-            if self._last > self._now or self._last < self._stamps[topic]:
-                self._now = self._last
-            self._stamps[topic] = self._last
+    def shown(self, values: dict[str, Any]) -> list[Any]:
+        """Return parameters as the server's library takes them."""
+        return [self._websocket.Parameter(name, value=value) for name, value in values.items()]
+
+    def refuse(self, words: str) -> None:
+        """Tell all clients why a parameter was not set."""
+        self._server.publish_status(words, self._websocket.StatusLevel.Error, "parameters")
 
 
 def live(port: int, say: Callable[[str], None], namespace: str = "") -> None:

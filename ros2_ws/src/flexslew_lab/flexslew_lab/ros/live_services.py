@@ -2,17 +2,27 @@
 
 import json
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
 from typing import Any
 
+from flexslew_msgs import action, msg, srv
 from rclpy.node import Node
 
 from flexslew_lab.console.link import Told
-from flexslew_lab.ros.bench_client import PATIENCE, SERVICES, BenchClient
+from flexslew_lab.ros.bench_client import PATIENCE, SERVICES, TUNE, BenchClient
+from flexslew_lab.ros.service_request import request_of
+from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
+from flexslew_plant.ros.offers import subscription
 
 _KINDS = {"string": "string", "boolean": "boolean", "double": "number"}  # of JSON; else integer
 _AT = "builtin_interfaces/Time"
+_TOLD = {"ok": "boolean", "message": "string", "tick": "uint64"}
+_LOOK = 0.5  # between two looks for controllers [wall s]
+_PLANS = (topics.PLAN_SLEW, topics.DRAFT_PLAN)
+_PLANNING = 600.0  # how long a plan may take [wall s]
 
 
 class LiveServices:
@@ -20,47 +30,89 @@ class LiveServices:
 
     Args:
         node: of this process.
+        foxglove: the library of the server.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, foxglove: Any) -> None:
+        self._node, self._foxglove = node, foxglove
         self._client = BenchClient(node)
         self._calls: deque[tuple[str, dict[str, Any], Future[Told]]] = deque()
+        self._testbed = msg.Testbed()
+        self._tuned: set[str] = set()  # controllers' services that are offered
+        self._next_look = 0.0
+        subscription(node, topics.TESTBED, self._on_testbed)
 
-    def offered(self, foxglove: Any) -> list[Any]:
-        """Return the services as the server's library takes them."""
-        return [self._service(foxglove, name, kind) for name, kind in SERVICES.items()]
+    def offered(self) -> list[Any]:
+        """Return the services as the server's library takes them; an action answers once."""
+        plans = [self._service(name, action.PlanSlew.Goal) for name in _PLANS]
+        return plans + [self._service(name, kind.Request) for name, kind in SERVICES.items()]
 
-    def poll(self, now: float) -> None:
-        """Ask the bench for what clients have called, and deliver its answers."""
+    def poll(self, now: float, add: Callable[[list[Any]], None]) -> None:
+        """Ask the bench for what clients have called, and deliver its answers.
+
+        Args:
+            now: [wall s].
+            add: takes services of controllers that have come.
+        """
         while self._calls:
             name, values, answer = self._calls.popleft()
-            self._client.ask(name, values, answer.set_result)
+            if name in _PLANS:
+                self._plan(name, values, answer)
+            else:
+                self._client.ask(name, values, answer.set_result)
         self._client.poll(now)
+        if now >= self._next_look:
+            self._next_look = now + _LOOK
+            found = [self._service(name, srv.Tune.Request) for name in self._new_controllers()]
+            if found:
+                add(found)
 
     def close(self) -> None:
         """Leave the graph."""
         self._client.close()
 
-    def _service(self, foxglove: Any, name: str, kind: Any) -> Any:
-        fields = kind.Request.get_fields_and_field_types()
-        keys = {
-            key: {"type": "number" if of == _AT else _KINDS.get(of, "integer")}
-            for key, of in fields.items()
+    def _new_controllers(self) -> list[str]:
+        space = self._node.get_namespace().rstrip("/") + "/"
+        there = {
+            name.removeprefix(space)
+            for name, kinds in self._node.get_service_names_and_types()
+            if kinds == ["flexslew_msgs/srv/Tune"] and name.startswith(space)
         }
-        told = {"ok": {"type": "boolean"}, "message": {"type": "string"}}
-        request, response = (
-            foxglove.MessageSchema(
+        found = sorted(name for name in there - self._tuned if name.endswith(TUNE))
+        self._tuned.update(found)
+        return found
+
+    def _on_testbed(self, testbed: Any) -> None:
+        self._testbed = testbed
+
+    def _plan(self, name: str, values: dict[str, Any], answer: Future[Told]) -> None:
+        """Ask the planner; where a client says nothing of ticks and drives, those of the bench."""
+        bench = {"period": self._testbed.period, "effort_limit": [*self._testbed.effort_limit]}
+        try:
+            goal = request_of(action.PlanSlew.Goal, {**bench, **values})
+        except BadInput as error:
+            answer.set_result(Told(False, str(error)))
+            return
+        self._client.plan(name, goal, lambda news: None, lambda told, plan: answer.set_result(told))
+
+    def _service(self, name: str, request: Any) -> Any:
+        fields = request.get_fields_and_field_types()
+        keys = {key: _type_of(of) for key, of in fields.items()}
+        told = {key: _type_of(of) for key, of in _TOLD.items()}
+        schemas = {
+            part: self._foxglove.MessageSchema(
                 encoding="json",
-                schema=foxglove.Schema(
+                schema=self._foxglove.Schema(
                     name=f"{name}.{part}",
                     encoding="jsonschema",
                     data=json.dumps({"type": "object", "properties": properties}).encode(),
                 ),
             )
             for part, properties in (("request", keys), ("response", told))
-        )
-        schema = foxglove.ServiceSchema(name, request=request, response=response)
-        return foxglove.Service(f"/{name}", schema=schema, handler=partial(self._call, name))
+        }
+        schema = self._foxglove.ServiceSchema(name, **schemas)
+        handler = partial(self._call, name)
+        return self._foxglove.Service(f"/{name}", schema=schema, handler=handler)
 
     def _call(self, name: str, request: Any) -> bytes:
         """Return the answer to a call; runs in a thread of the server."""
@@ -72,4 +124,12 @@ class LiveServices:
         if not isinstance(values, dict):
             return json.dumps({"ok": False, "message": "give a JSON object"}).encode()
         self._calls.append((name, values, answer))
-        return json.dumps(answer.result(2.0 * PATIENCE)._asdict()).encode()
+        patience = _PLANNING if name in _PLANS else 2.0 * PATIENCE
+        return json.dumps(answer.result(patience)._asdict()).encode()
+
+
+def _type_of(field: str) -> dict[str, Any]:
+    """Return the JSON schema of a field."""
+    if field.startswith("sequence<"):
+        return {"type": "array", "items": _type_of(field[9:-1])}
+    return {"type": "number" if field == _AT else _KINDS.get(field, "integer")}
