@@ -67,9 +67,6 @@ class ControllerNode:
             self._next_look = now + (_LOOK if self._announcer.reason else 0.2)
         return self._next_look - now
 
-    def close(self) -> None:
-        """Nothing has to be finished."""
-
     def _on_testbed(self, message: msg.Testbed) -> None:
         self._watch.seen = True
         self._period = message.period

@@ -70,9 +70,6 @@ class PlayNode:
             return 0.0
         return min(self.player.wait(monotonic()), self._until_clock(), _LOOK)
 
-    def close(self) -> None:
-        """Nothing has to be finished."""
-
     def _publish(self, topics: Set[str]) -> None:
         """Offer these topics; a publisher that is there already is forgotten with its history."""
         for topic in topics:

@@ -31,14 +31,12 @@ class Served(Protocol):
     """What a loop runs: one node or several.
 
     It may also have `interrupted()`, called when somebody wants it to end; where that returns True,
-    it stops its loop itself, or is interrupted again.
+    it stops its loop itself, or is interrupted again. And `close()`, which finishes what must be
+    whole; the nodes of the loop leave the graph after it.
     """
 
     def poll(self) -> float:
         """Do what is due; return after how many wall seconds to be called again."""
-
-    def close(self) -> None:
-        """Finish what must be whole; the nodes of the loop leave the graph after it."""
 
 
 _interrupts = Interrupts()
@@ -177,7 +175,7 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
         _interrupts.ignore()
         if served is not None and loop is not None:
             loop.close(HURRIED if code == 130 else LAST_WORDS)
-            served.close()
+            getattr(served, "close", lambda: None)()
             loop.leave(code)
         # the graph hears of our leaving only if the participant is really destroyed
         del served, loop

@@ -78,9 +78,6 @@ class Plant:
         self._diagnostics.poll(now)
         return min(wait, self._services.poll(now))
 
-    def close(self) -> None:
-        """Nothing has to be finished."""
-
     def interrupted(self) -> None:
         """Say that the run ends before its time."""
         self.session.interrupted()
