@@ -1,5 +1,9 @@
-"""The run again from its log: the demo with a fallback, wishes typed by hand, and a lie."""
+"""The run again from its log: the demo with a fallback, wishes typed by hand, and a lie.
 
+A few random sessions here; FLEXSLEW_SESSIONS=1000 makes a campaign.
+"""
+
+import os
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +29,7 @@ from flexslew_lab.trial.trial import (
     trial_text,
 )
 from flexslew_plant.bench.bench import Bench, SwitchRequest
+from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.errors import BadInput
 
 TRIAL = """
@@ -43,25 +48,33 @@ allow_faults: true
 
 
 class Operated(Bench):
-    """A bench with an operator at it."""
+    """A bench with an operator at it, and answers that may never come."""
 
     def advance(self) -> None:
-        for tick, wish in self.wishes:
-            if tick == self.tick:
-                wish(self)
+        due = [wish for tick, wish in self.wishes if tick == self.tick]
+        self.wishes = [(tick, wish) for tick, wish in self.wishes if tick != self.tick]
+        for wish in due:
+            wish(self)
         super().advance()
+        if self.again:
+            self.again = False
+            self.observer.truth(self.truth())  # the tick had begun
+            self.reset()
+
+    def offer(self, command: EffortCommand) -> bool:
+        return command.tick not in self.unheard and super().offer(command)
 
 
-def record(folder: Path, wishes: Any = ()) -> Path:
+def record(folder: Path, wishes: Any = (), unheard: Any = ()) -> Path:
     trial = parse_trial(TRIAL, "test")
     bench = Operated(bench_settings(trial))
-    bench.wishes = wishes
+    bench.wishes, bench.unheard, bench.again = wishes, unheard, False
     controllers = build_controllers(trial, bench, "test")
     plan = plan_of_trial(trial)
     for controller in controllers.values():
         controller.adopt(plan)
     with BagWriter(folder, {"trial": trial_text(trial)}) as writer:
-        observer = BagObserver(writer)
+        bench.observer = observer = BagObserver(writer)
         observer.announce(trial, bench, plan, controllers)
         fly(bench, controllers, observer)
     return folder
@@ -99,6 +112,43 @@ def test_switches_faults_and_disturbances_by_hand_come_at_their_ticks(tmp_path: 
     assert again.replayed["switch_requested"] == again.replayed["injected"] == 3
     assert again.hash == metrics_of(bag)["trajectory_hash"]
     assert again.hash != resim(record(tmp_path / "undisturbed")).hash
+
+
+FAULTS = ("command_lost", "command_late", "command_duplicated", "command_reordered")
+LAWS = ("pd_feedforward", "output_feedback", "lqr")
+
+
+def any_wish(rng: np.random.Generator) -> Any:
+    """Return something that an operator may want, or that becomes of a controller."""
+    law, soon = str(rng.choice(LAWS)), int(rng.integers(0, 20))
+    strict, step = bool(rng.random() < 0.3), float(rng.choice([-1.0, 5.0]))
+    fault = f"{{kind: {rng.choice(FAULTS)}, probability: {rng.choice([0.3, 1.0])}}}"
+    wishes = (
+        lambda bench: bench.brake(True),
+        lambda bench: bench.brake(False),
+        lambda bench: bench.request_switch(SwitchRequest(law, bench.tick + soon, strict, step)),
+        lambda bench: bench.request_switch(SwitchRequest(law, 0, strict, step)),
+        lambda bench: bench.note_readiness(law, "" if strict else "it is elsewhere"),
+        lambda bench: bench.inject(fault, bench.tick + soon),
+        lambda bench: bench.inject(f"{{kind: controller_silent, controller: {law}}}"),
+        lambda bench: bench.end_fault(int(rng.integers(0, 4))),
+        lambda bench: setattr(bench, "again", strict),
+    )
+    return wishes[int(rng.integers(len(wishes)))]
+
+
+@pytest.mark.parametrize("seed", range(int(os.environ.get("FLEXSLEW_SESSIONS", "12"))))
+def test_any_session_flies_again_with_the_same_bits(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng([seed, 17])
+    bursts = rng.integers(0, 1150, 15)  # several wishes at once and shortly after one another
+    wishes = [(int(rng.choice(bursts) + rng.integers(0, 4)), any_wish(rng)) for _ in range(60)]
+    alone = set(rng.integers(0, 1200, 60).tolist())
+    rows = {int(first) + k for first in rng.integers(0, 1150, 8) for k in range(rng.integers(2, 9))}
+    bag = record(tmp_path / "bag", wishes, alone | rows)
+    again = resim(bag)
+    assert again.first_difference is None
+    assert again.identical
+    assert again.missing == ""
 
 
 def test_nothing_is_planned_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,6 +49,22 @@ def test_a_newcomer_from_the_brake_that_never_answers_leaves_the_brake_on() -> N
     assert result.message == "b never answered; the brake is in charge"
 
 
+def test_the_effort_of_the_brake_is_held_until_a_newcomer_answers() -> None:
+    bed = bench(max_missed=3)
+    for _ in range(30):
+        tick(bed, effort=(50.0, -50.0))
+    bed.brake(True)
+    bed.brake(False)
+    asked(bed, 5)
+    bed.request_switch(SwitchRequest("b", 0))
+    before = []
+    for _ in range(3):
+        before.append(bed.truth().applied_effort)
+        assert tick(bed, silent=("b",)) in ("", "b")
+    assert np.abs(before[0]).max() < 10.0  # the brake's, not the 50 N m of long ago
+    assert bed.truth().applied_effort.tolist() == before[1].tolist() != before[0].tolist()
+
+
 def test_a_fallback_serves_as_often_as_it_is_needed() -> None:
     bed = bench(fallback=("b",), max_missed=1)
     assert asked(bed, 2, silent=("a",)) == ["a", "b"]

@@ -146,6 +146,7 @@ class _Again:
         }
         self._controllers = LoggedControllers(bag, replaced=other, trial=trial)
         self._wishes: dict[Key, list[LoggedEvent]] = defaultdict(list)
+        self._afterwards: dict[Key, list[LoggedEvent]] = defaultdict(list)  # a step was refused
         self._missed: set[Key] = set()
         self._refused: set[Key] = set()
         self._dropped: dict[Key, set[str]] = defaultdict(set)  # not ready when they were due
@@ -155,12 +156,13 @@ class _Again:
         for event in bag.overview.events:
             key = event.epoch, event.tick
             if event.kind in WISHES:
-                self._wishes[key].append(event)
+                wishes = self._afterwards if key in self._refused else self._wishes
+                wishes[key].append(event)
             elif event.kind == "missed":
                 self._missed.add(key)
             elif event.kind == "switch_refused":
                 self._refused.add(key)
-            elif event.kind == "switch_dropped":
+            elif event.kind == "switch_dropped" and "is not ready" in event.data["reason"]:
                 self._dropped[key].add(event.data["controller"])
             elif event.kind in ("fallback", "brake"):
                 self._successors[key] = event.data["to"]
@@ -200,6 +202,8 @@ class _Again:
             answer = predecessor.observe(bench.question) if predecessor else None
             if answer is not None:
                 bench.offer(answer.command)
+        for wish in self._afterwards.pop(key, ()):
+            self._grant(wish)
         unready = self._unready(key)
         for name in unready:
             bench.note_readiness(name, "the log says so")
@@ -214,7 +218,8 @@ class _Again:
         unready = set(self._dropped.get((key[0], key[1] + 1), ()))
         if key in self._successors:
             possible = {*self._controllers.by_name, *self.bench.settings.fallback}
-            unready |= possible - {self._successors[key]}
+            ready = {self._successors[key], *self.bench.charge.due(key[1] + 1)}
+            unready |= possible - ready
         return unready
 
     def _grant(self, wish: LoggedEvent) -> None:

@@ -1,4 +1,4 @@
-"""The drive: checks every answer, holds the last good one, and brakes when nobody is in charge."""
+"""The drive: checks every answer, holds the last effort, and brakes when nobody is in charge."""
 
 from collections import Counter, deque
 from math import isfinite
@@ -28,7 +28,7 @@ class Drive:
     def reset(self) -> None:
         """Return to the state of the start."""
         self.active = self._start
-        self.demand: Vector = np.zeros(self._brake.size)  # last good answer [N m or N]
+        self.demand: Vector = np.zeros(self._brake.size)  # last effort asked [N m or N]
         self.missed_in_a_row = 0
         self.missed = 0
         self.rejected: Counter[str] = Counter()
@@ -87,5 +87,11 @@ class Drive:
         self.missed_in_a_row = 0
 
     def effort(self, velocity: Vector) -> Vector:
-        """Return the effort to ask of the motors, shape (joints,) [N m or N]."""
-        return self.demand if self.active else -self._brake * velocity
+        """Return the effort to ask of the motors, shape (joints,) [N m or N].
+
+        That of the brake is held, too, until a newcomer has answered: what the controller before
+        the brake asked for last is long out of date.
+        """
+        if not self.active:
+            self.demand = -self._brake * velocity
+        return self.demand
