@@ -50,6 +50,11 @@ allow_faults: true
 class Operated(Bench):
     """A bench with an operator at it, and answers that may never come."""
 
+    wishes: list[Any]
+    unheard: Any
+    observer: Any
+    again: bool
+
     def advance(self) -> None:
         due = [wish for tick, wish in self.wishes if tick == self.tick]
         self.wishes = [(tick, wish) for tick, wish in self.wishes if tick != self.tick]
