@@ -53,6 +53,7 @@ class Operated(Bench):
     wishes: list[Any]
     unheard: Any
     observer: Any
+    controllers: Any
     again: bool
 
     def advance(self) -> None:
@@ -63,7 +64,10 @@ class Operated(Bench):
         super().advance()
         if self.again:
             self.again = False
-            self.observer.truth(self.truth())  # the tick had begun
+            self.observer.question(self.question)  # the tick had begun
+            self.observer.truth(self.truth())
+            for controller in self.controllers.values():
+                controller.observe(self.question)
             self.reset()
 
     def offer(self, command: EffortCommand) -> bool:
@@ -74,7 +78,7 @@ def record(folder: Path, wishes: Any = (), unheard: Any = ()) -> Path:
     trial = parse_trial(TRIAL, "test")
     bench = Operated(bench_settings(trial))
     bench.wishes, bench.unheard, bench.again = wishes, unheard, False
-    controllers = build_controllers(trial, bench, "test")
+    bench.controllers = controllers = build_controllers(trial, bench, "test")
     plan = plan_of_trial(trial)
     for controller in controllers.values():
         controller.adopt(plan)

@@ -25,13 +25,14 @@ class Desk:
     Args:
         server: of the page.
         link: to the bench.
+        say: told in one line when a page sends what none of its forms can.
     """
 
-    def __init__(self, server: Any, link: Link) -> None:
+    def __init__(self, server: Any, link: Link, say: Callable[[str], None]) -> None:
         self.server, self.gui, self.scene = server, server.gui, server.scene
         self.link, self.view = link, link.view
         self._waiting: deque[tuple[Act, int | None]] = deque()
-        self._user = _user()
+        self._user, self._say = _user(), say
 
     def click(self, button: Any, act: Act) -> None:
         """Let a button, or a command with a key of its own, do something."""
@@ -52,7 +53,10 @@ class Desk:
         """Do what the pages have asked for since the last call."""
         while self._waiting:
             act, page = self._waiting.popleft()
-            act(f"{self._user}, page {page}" if page is not None else self._user)
+            try:
+                act(f"{self._user}, page {page}" if page is not None else self._user)
+            except (LookupError, TypeError, ValueError) as error:  # others go on working
+                self._say(f"a page sent what cannot be used: {error!r:.200}")
 
     def _handler(self, act: Act) -> Callable[[Any], Any]:
         async def handle(event: Any) -> None:  # async: runs in the order of the clicks

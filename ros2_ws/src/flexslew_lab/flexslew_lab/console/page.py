@@ -52,7 +52,7 @@ class Page:
     ) -> None:
         self._link = link
         self.server = ConsoleServer(host, port, say)
-        self._desk = Desk(self.server.viser, link)
+        self._desk = Desk(self.server.viser, link, say)
         self._panels = _built(self._desk, recording, self.server.gate.files)
         self._next = 0.0
         self._spent = 0.0  # processor time at the last frame [s]

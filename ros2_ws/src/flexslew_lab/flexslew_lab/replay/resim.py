@@ -149,6 +149,7 @@ class _Again:
         self._afterwards: dict[Key, list[LoggedEvent]] = defaultdict(list)  # a step was refused
         self._missed: set[Key] = set()
         self._refused: set[Key] = set()
+        self._asked: Key | None = None  # the newest question of the log that is out
         self._dropped: dict[Key, set[str]] = defaultdict(set)  # not ready when they were due
         self._successors: dict[Key, str] = {}  # who took over from one that was silent
         self.replayed = dict.fromkeys((*WISHES, "tuned", "missed"), 0)
@@ -176,21 +177,36 @@ class _Again:
                 f"the truth of tick {key[1]} of epoch {key[0]} is beyond the end of the trial"
             )
         while bench.epoch < key[0]:
-            bench.reset()
+            self._end_epoch()
         while (bench.epoch, bench.tick) < key:
             self._fly_tick()
             bench.events.clear()
             bench.switch_results.clear()
         if bench.tick != key[1]:
             raise BadInput(f"the truth steps back to tick {key[1]} of epoch {key[0]}")
+        self._asked = key
         return bench.truth()._asdict()
+
+    def _end_epoch(self) -> None:
+        """Reset the bench; its last question was heard, if it went out, and never answered."""
+        question = self.bench.question
+        key = question.epoch, question.tick
+        self._begin(key)
+        if key == self._asked:
+            for controller in self._controllers.by_name.values():
+                controller.observe(question)
+        self.bench.reset()
+
+    def _begin(self, key: Key) -> None:
+        """Let happen what was wanted of the controllers and of the bench at this tick."""
+        self.replayed["tuned"] += self._controllers.until(key)
+        for wish in self._wishes.pop(key, ()):
+            self._grant(wish)
 
     def _fly_tick(self) -> None:
         bench, question = self.bench, self.bench.question
         key = question.epoch, question.tick
-        self.replayed["tuned"] += self._controllers.until(key)
-        for wish in self._wishes.pop(key, ()):
-            self._grant(wish)
+        self._begin(key)
         missed = key in self._missed
         self.replayed["missed"] += missed
         for controller in self._controllers.by_name.values():

@@ -98,7 +98,7 @@ class DisturbPanel:
         return [first, Key(_EFFORT, "[N m or N]", "5.0")]
 
     def _made(self, given: dict[str, Any]) -> dict[str, Any]:
-        joint, shape = given.pop("on joint"), self._injection.choice.value
+        joint, shape = str(given.pop("on joint", "")), self._injection.choice.value
         if shape in _SHAPES:
             return {"disturbance": {joint: {shape: given}}}
         return {"disturbance": {joint: number_of(_EFFORT, given.get(_EFFORT))}}
