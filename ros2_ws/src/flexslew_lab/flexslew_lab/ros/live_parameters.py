@@ -101,7 +101,7 @@ class LiveParameters:
 
     def _keep(self, name: str, value: Any) -> None:
         found = parameter_value_to_python(value)
-        self._values[name] = plain_value(found)
+        self._values[name] = _plain(found)
         self._changed.add(name)
 
     def _set(self, name: str, value: Any, answer: Future[str]) -> None:
@@ -124,7 +124,7 @@ class LiveParameters:
         self._clients[node].set_parameters([parameter]).add_done_callback(done)
 
 
-def plain_value(value: Any) -> Any:
+def _plain(value: Any) -> Any:
     """Return a value as JSON can have it: arrays as lists, what is no number as text."""
     if isinstance(value, float) and not isfinite(value):
         return str(value)
