@@ -1,8 +1,9 @@
 """What a console with its page costs: at real time, and as fast as the bench goes.
 
 A page in headless Chromium shows four charts and the bench in three dimensions. Each run is flown
-again without it: the console leaves at the start. The delay is from a tick's message, as another listener
-hears it, to the page that shows its time. FLEXSLEW_BENCH_SECONDS says how long each run takes.
+again without it: the console leaves at the start. The delay is from a tick's message, as another
+listener hears it, to the page that shows its time. FLEXSLEW_BENCH_SECONDS says how long each run
+takes.
 """
 
 import os
