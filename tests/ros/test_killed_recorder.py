@@ -10,16 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rclpy
-from flexslew_msgs.msg import Measurement
-from rclpy.qos import QoSProfile
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.recording.bag_writer import CHUNK_SIZE
-from flexslew_lab.log.recording.recording_order import tick_and_epoch
 from flexslew_lab.log.recover import recover
 
-from .bystander import busy
+from .bystander import beside, busy
 from .flight import Flight, slew
 
 KILLS = int(os.environ.get("FLEXSLEW_KILLS", "2"))
@@ -34,29 +30,18 @@ class Killing:
         self.tick = -1
 
     def __call__(self, pids: dict[str, int], domain: int) -> None:
-        rclpy.init(domain_id=domain)
-        node = rclpy.create_node("bystander")
-        heard: list[int] = []
-        try:
-            node.create_subscription(
-                Measurement, "/measurement", lambda data: heard.append(tick_and_epoch(data)[0]),
-                QoSProfile(depth=4000), raw=True,
-            )  # fmt: skip
+        with beside(domain) as bench:
             with busy(2):
-                while len(heard) < self._after:
-                    rclpy.spin_once(node, timeout_sec=1.0)
+                bench.until(lambda: bench.heard >= self._after)
                 os.kill(pids["plant"], signal.SIGSTOP)
                 os.kill(pids["recorder"], signal.SIGKILL)
             quiet = 0
             while quiet < 5:
-                before = len(heard)
-                rclpy.spin_once(node, timeout_sec=0.2)
-                quiet = quiet + 1 if len(heard) == before else 0
+                before = bench.heard
+                bench.listen(0.2)
+                quiet = quiet + 1 if bench.heard == before else 0
             os.kill(pids["plant"], signal.SIGKILL)
-        finally:
-            node.destroy_node()
-            rclpy.try_shutdown()
-        self.tick = max(heard)
+            self.tick = bench.tick
         raise KeyboardInterrupt  # what the others do then is not asked here
 
 

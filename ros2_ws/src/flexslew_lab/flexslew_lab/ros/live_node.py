@@ -86,7 +86,7 @@ class LiveNode:
         self.newcomers: deque[str] = deque()  # topics that somebody has begun to listen to
         self.parameters = LiveParameters(node)
         self._services = LiveServices(node, foxglove)
-        capability = foxglove.websocket.Capability
+        capability = self._websocket.Capability
         try:
             self._server = foxglove.start_server(
                 name="flexslew",

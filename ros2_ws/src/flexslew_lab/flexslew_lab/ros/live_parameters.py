@@ -47,7 +47,7 @@ class LiveParameters:
             self._next_look = now + _LOOK
             self._look(now)
         changed, self._changed = self._changed, set()
-        return {name: self._values[name] for name in sorted(changed) if name in self._values}
+        return {name: self._values[name] for name in sorted(changed)}
 
     def values(self, names: Sequence[str]) -> dict[str, Any]:
         """Return parameters by name, those that are known; no names: all of them."""
@@ -100,8 +100,7 @@ class LiveParameters:
                 self._keep(f"{event.node}.{parameter.name}", parameter.value)
 
     def _keep(self, name: str, value: Any) -> None:
-        found = parameter_value_to_python(value)
-        self._values[name] = _plain(found)
+        self._values[name] = _plain(parameter_value_to_python(value))
         self._changed.add(name)
 
     def _set(self, name: str, value: Any, answer: Future[str]) -> None:
