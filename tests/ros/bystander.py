@@ -20,7 +20,8 @@ from flexslew_plant.topics import MEASUREMENT, TOPICS
 PATIENCE = 200.0  # on a busy machine [wall s]
 _BUSY = "import os\nwhile os.getppid() == {}: pass"
 _SLEEPER = """
-import select, sys, time
+import os, select, sys, time
+os.sched_setaffinity(0, [int(sys.argv[1])])
 longest, at = 0.0, time.monotonic()
 while not select.select([sys.stdin], [], [], 0.002)[0]:
     now = time.monotonic()
@@ -115,22 +116,24 @@ def busy(processes: int) -> Iterator[None]:
             process.wait()
 
 
-class Sleeper:
-    """A process that only sleeps, 2 ms at a time: how long a processor may keep one waiting."""
+class Sleepers:
+    """On each processor a process that sleeps 2 ms at a time: how long are they kept waiting?"""
 
     def __init__(self) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-S", "-c", _SLEEPER],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
+        self._processes = [
+            subprocess.Popen(
+                [sys.executable, "-S", "-c", _SLEEPER, str(processor)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                start_new_session=True,
+            )
+            for processor in os.sched_getaffinity(0)
+        ]
 
     def longest(self) -> float:
-        """End it; return the longest time that it overslept [wall s]."""
-        said, _ = self._process.communicate("")
-        return float(said)
+        """End them; return the longest time that one of them overslept [wall s]."""
+        return max(float(process.communicate("")[0]) for process in self._processes)
 
 
 def stall(pid: int, seconds: float) -> None:
