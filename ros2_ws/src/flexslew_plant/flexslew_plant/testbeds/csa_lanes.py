@@ -32,26 +32,27 @@ class _Rows(NamedTuple):
     at: int  # the state of a stage
     turned: int  # pitch, its sine and its cosine at the step's begin
     slope: int  # accelerations of a stage
-    kept: int  # those of all stages
+    kept: int  # those of the stages but the last
     end: int
 
 
 def rows_of(modes: int) -> _Rows:
     """Return where in the array of so many modes everything begins, the states at 0."""
     n = 2 + modes
-    counts = (2 * n, 2, 5, modes, modes, modes, modes, 2 * n, 3, n, STAGES * n)
+    counts = (2 * n, 2, 7, modes, modes, modes, modes, 2 * n, 3, n, (STAGES - 1) * n)
     return _Rows(*(LANES * sum(counts[: k + 1]) for k in range(len(counts))))
 
 
 def constants(packed: Matrix) -> Matrix:
-    """Return the constants of `advance` from packed parameters, shape (5 + 4 modes, LANES).
+    """Return the constants of `advance` from packed parameters, shape (7 + 4 modes, LANES).
 
-    complete, J_a - sum of m^2 / M_qq, J_1, J_2, J_a, then of each mode m, m / M_qq, K_qq / M_qq
-    and C_qq / M_qq.
+    1 + complete, complete, J_a - sum of m^2 / M_qq, J_1, J_2, J_a, 1 - complete, then of each mode
+    m, m / M_qq, K_qq / M_qq and C_qq / M_qq.
     """
     m, mass, stiffness, damping = packed[4:].reshape(4, -1, packed.shape[1])
     arm = packed[1] - (m * m / mass).sum(axis=0)
-    head = (packed[0], arm, packed[2], packed[3], packed[1])
+    complete = packed[0]
+    head = (1.0 + complete, complete, arm, packed[2], packed[3], packed[1], 1.0 - complete)
     return np.vstack((*head, m, m / mass, stiffness / mass, damping / mass))
 
 
@@ -137,16 +138,15 @@ def _accelerations(modes: int) -> OnRows:
             # the angle moves little within a step: sine and cosine come from those at its begin
             moved = w[at + LANES + k] - w[turned + k]
             z = moved * moved
-            sin = moved + moved * z * (
-                -1.0 / 6.0 + z * (1.0 / 120.0 + z * (-1.0 / 5040.0 + z / 362880.0))
-            )
-            less = z * (-0.5 + z * (1.0 / 24.0 + z * (-1.0 / 720.0 + z / 40320.0)))
+            sin = moved + moved * z * (-1.0 / 6.0 + z * (1.0 / 120.0 - z * (1.0 / 5040.0)))
+            less = z * (-0.5 + z * (1.0 / 24.0 - z * (1.0 / 720.0)))
             s = w[turned + LANES + k]
             cos = w[turned + 2 * LANES + k]
             s, cos = s + (s * less + cos * sin), cos + (cos * less - s * sin)
-            complete = w[given + k]
             yaw_rate, pitch_rate = w[at + half + k], w[at + half + LANES + k]
-            twist = (1.0 + complete) * s * yaw_rate
+            turned_yaw = s * yaw_rate
+            twist = w[given + k] * turned_yaw
+            twisting = twist * pitch_rate
             sway, swaying = 0.0, 0.0  # m^T q and m^T q'
             driven = 0.0  # m^T of the modes' accelerations with the joints held
             for j in range(modes):
@@ -156,31 +156,30 @@ def _accelerations(modes: int) -> OnRows:
                 sway += m * deflection
                 swaying += m * rate
                 held = (
-                    twist * pitch_rate * w[share + row]
-                    - w[stiff + row] * deflection
-                    - w[damp + row] * rate
+                    twisting * w[share + row] - w[stiff + row] * deflection - w[damp + row] * rate
                 )
                 driven += m * held
                 w[slope + 2 * LANES + row] = held
-            turning = cos * s * w[given + 4 * LANES + k] * yaw_rate
-            yaw = w[given + 2 * LANES + k] + w[given + LANES + k] * cos * cos
-            pitch = w[given + 3 * LANES + k]
-            cross = complete * s * sway
-            pull_yaw = (
-                w[effort + k]
-                + 2.0 * turning * pitch_rate
-                - complete * cos * pitch_rate * pitch_rate * sway
-                + (1.0 - complete) * s * pitch_rate * swaying
-                - cos * driven
+            turning = cos * w[given + 5 * LANES + k] * turned_yaw
+            yaw = w[given + 3 * LANES + k] + w[given + 2 * LANES + k] * (cos * cos)
+            pitch = w[given + 4 * LANES + k]
+            swayed = w[given + LANES + k] * sway
+            cross = s * swayed
+            carried = (
+                2.0 * turning
+                - cos * (pitch_rate * swayed)
+                + s * (w[given + 6 * LANES + k] * swaying)
             )
+            pull_yaw = w[effort + k] - cos * driven + pitch_rate * carried
             pull_pitch = w[effort + LANES + k] - turning * yaw_rate - twist * swaying
             scale = 1.0 / (yaw * pitch - cross * cross)
             turn = (pitch * pull_yaw - cross * pull_pitch) * scale
             w[slope + k] = turn
             w[slope + LANES + k] = (yaw * pull_pitch - cross * pull_yaw) * scale
+            along = cos * turn
             for j in range(modes):
                 row = j * LANES + k
-                w[slope + 2 * LANES + row] -= w[share + row] * cos * turn
+                w[slope + 2 * LANES + row] -= w[share + row] * along
 
     return accelerate
 
@@ -207,4 +206,4 @@ def lane_kernel(modes: int) -> LaneKernel:
         w[rows.constants : rows.at] = constants(packed).ravel()
         return w
 
-    return LaneKernel(advance(modes), place, needed_steps)
+    return LaneKernel(advance(modes), rows.end, place, needed_steps)

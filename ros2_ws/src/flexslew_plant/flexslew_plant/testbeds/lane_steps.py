@@ -35,7 +35,7 @@ def order_five(
         half: entries of all positions, as many as of all rates.
         at: where the states of a stage begin, 2 half.
         slope: where its accelerations begin, half.
-        kept: where those of all stages begin, STAGES half.
+        kept: where those of the stages but the last begin, (STAGES - 1) half.
         begin: is told that a step begins.
         accelerate: writes `slope` from `at` and what else the array holds.
     """
@@ -48,14 +48,17 @@ def order_five(
         @vectorised
         def go(h: float, w: Vector) -> None:
             for i in range(half):
-                w[kept + (number - 1) * half + i] = w[slope + i]
-            for i in range(half):
                 rate = w[half + i]
                 position = w[i] + h * whole * rate
-                for j in range(number):
+                for j in range(number - 1):
                     kick = w[kept + j * half + i]
                     position += h * h * _AA[number, j] * kick
                     rate += h * _A[number, j] * kick
+                kick = w[slope + i]
+                position += h * h * _AA[number, number - 1] * kick
+                rate += h * _A[number, number - 1] * kick
+                if number < STAGES:
+                    w[kept + (number - 1) * half + i] = kick
                 w[target + i] = position
                 w[target + half + i] = rate
 

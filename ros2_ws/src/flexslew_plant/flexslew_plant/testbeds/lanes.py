@@ -3,10 +3,14 @@
 from collections.abc import Callable
 from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
+import numpy as np
+
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.contract import Testbed
 
 LANES = 64  # trials side by side: states and slopes just fit into the first cache
+
+_LINE = 8  # numbers in a line of the cache
 
 # (t, dt, steps, w): replaces the states by those dt after t [s] with the efforts held, in so many
 # equal steps. w is flat, rows of LANES: states [q, v], efforts, and what `place` puts behind them
@@ -17,6 +21,7 @@ class LaneKernel(NamedTuple):
     """How a testbed flies in lanes."""
 
     advance: Advance
+    size: int  # of its array
     place: Callable[[Matrix], Vector]  # its array at rest, from packed parameters, (P, LANES)
     steps: Callable[[Vector, float], int]  # that a tick needs, from packed parameters and the tick
 
@@ -32,3 +37,10 @@ class Laned(Protocol):
 def lane_kernel(testbed: Testbed) -> LaneKernel | None:
     """Return how a testbed flies in lanes; None where it does not say so."""
     return testbed.lanes() if isinstance(testbed, Laned) else None
+
+
+def flat_zeros(size: int) -> Vector:
+    """Return so many zeros that begin a line of the cache: a vector across two takes two turns."""
+    room = np.zeros(size + _LINE)
+    start = -(room.ctypes.data // room.itemsize) % _LINE
+    return room[start : start + size]

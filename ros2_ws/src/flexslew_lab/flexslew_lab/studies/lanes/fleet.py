@@ -18,25 +18,19 @@ from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans, columns_of
 from flexslew_lab.studies.lanes.inputs import aim_of, errors_of, gains_of, schedule_of
-from flexslew_lab.studies.lanes.loop import (
-    Aim,
-    Counted,
-    Matrices,
-    Schedule,
-    Sizes,
-    lane_loop,
-)
+from flexslew_lab.studies.lanes.loop import Matrices, Schedule, lane_loop
 from flexslew_lab.studies.lanes.observers import beginning
 from flexslew_lab.studies.lanes.passengers import (
     Passenger,
     controller_of,
     passenger_of,
 )
+from flexslew_lab.studies.lanes.rows import Rows, Sizes, of_lane, rows_of
 from flexslew_lab.studies.study import Study
-from flexslew_plant.arrays import Matrix
+from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.testbeds import initial_state
-from flexslew_plant.testbeds.lanes import LANES
+from flexslew_plant.testbeds.lanes import LANES, flat_zeros
 
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _KEPT = 32  # laws on a plan that are kept
@@ -47,7 +41,7 @@ class _Prepared(NamedTuple):
 
     form: LinearForm
     schedule: Schedule
-    aim: Aim
+    aim: Vector  # rows `tip` to `law_limit`
     goal: Manoeuvre
 
 
@@ -93,17 +87,19 @@ class Lanes:
         lanes = [group[min(k, len(group) - 1)] for k in range(LANES)]  # the last one fills up
         packed = np.array([lane.model.packed for lane in lanes]).T
         at_rest = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
-        w = first.kernel.place(np.ascontiguousarray(packed))
+        rows = rows_of(first.kernel.size, sizes)
+        w = flat_zeros(rows.end)
+        w[: first.kernel.size] = first.kernel.place(np.ascontiguousarray(packed))
         w[: at_rest.size] = at_rest.ravel()
-        counted = _nothing_yet(m)
+        w[rows.kp : rows.tip] = gains_of(lanes, form)
+        w[rows.tip : rows.residual_tip] = np.repeat(prepared.aim, LANES)
+        w[rows.outside : rows.terminal] = -np.inf
         lane_loop(first.kernel, sizes, observer.observe)(
             w,
             first.trial.period,
             first.steps,
             schedule,
             Matrices(*(np.ascontiguousarray(getattr(form, name)) for name in Matrices._fields)),
-            prepared.aim,
-            gains_of(lanes, form),
             form.integral,
             form.unwinding,
             errors_of(lanes, sizes.outputs, len(schedule.time)),
@@ -111,7 +107,6 @@ class Lanes:
             observer.z,
             observer.memory,
             len(group),
-            counted,
         )
         results, lost = [], []
         state = w[: at_rest.size].reshape(-1, LANES)
@@ -119,7 +114,7 @@ class Lanes:
             if not (np.abs(state[:, k]) < _FAR).all():
                 lost.append(passenger.case)
                 continue
-            metrics = _metrics(passenger, k, counted, state, schedule, prepared.goal)
+            metrics = _metrics(passenger, k, w, rows, schedule, prepared.goal)
             results.append(Flown(passenger.case.number, metrics, None, "ok", "", "lanes"))
         return results, lost
 
@@ -147,24 +142,8 @@ class Lanes:
         return made
 
 
-def _nothing_yet(m: int) -> Counted:
-    none = np.zeros(LANES)
-    each = np.zeros(m * LANES)
-    return Counted(
-        none.copy(),
-        none.copy(),
-        each.copy(),
-        each.copy(),
-        np.full(m * LANES, -np.inf),
-        none.copy(),
-        each.copy(),
-        each.copy(),
-        none.copy(),
-    )
-
-
 def _metrics(
-    passenger: Passenger, k: int, c: Counted, x: Matrix, schedule: Schedule, aim: Manoeuvre
+    passenger: Passenger, k: int, w: Vector, rows: Rows, schedule: Schedule, aim: Manoeuvre
 ) -> dict[str, float | None]:
     """Return the metrics of a lane, by the rule for all runs."""
     time, settings = schedule.time, passenger.trial.testbed
@@ -172,16 +151,20 @@ def _metrics(
     flight = Flight(passenger.model.joint_names, aim, limit, settings)
     tip, errors, settling = TipDeflection(flight), JointErrors(flight), Settling(flight)
     efforts, course = Efforts(flight), Course(flight)
-    ended = bool(schedule.over.any())
-    tip.peak = float(c.peak_tip[k])
-    settling.outside, settling.beyond = c.outside[k::LANES], c.beyond[k::LANES]
+    m, ended = limit.size, bool(schedule.over.any())
+    tip.peak = float(w[rows.peak_tip + k])
+    settling.outside = of_lane(w, rows.outside, m, k)
+    settling.beyond = of_lane(w, rows.beyond, m, k)
     assert aim.goal is not None
-    errors.final = x[: limit.size, k] - aim.goal
+    errors.final = of_lane(w, 0, m, k) - aim.goal
     if ended:
-        tip.residual = float(c.residual_tip[k])
-        errors.residual, errors.terminal = c.residual[k::LANES], float(c.terminal[k])
-    efforts.peak, efforts.square_sum = c.peak_effort[k::LANES], c.square_sum[k::LANES]
-    efforts.integral, efforts.saturated = float(efforts.square_sum.sum()), float(c.saturated[k])
+        tip.residual = float(w[rows.residual_tip + k])
+        errors.residual = of_lane(w, rows.residual, m, k)
+        errors.terminal = float(w[rows.terminal + k])
+    efforts.peak = of_lane(w, rows.peak_effort, m, k)
+    efforts.square_sum = of_lane(w, rows.square_sum, m, k)
+    efforts.integral = float(efforts.square_sum.sum())
+    efforts.saturated = float(w[rows.saturated + k])
     course.ticks = 0, len(time) - 1
     efforts.times = course.times = float(time[0]), float(time[-1])
     settling.last_time = float(time[-1])

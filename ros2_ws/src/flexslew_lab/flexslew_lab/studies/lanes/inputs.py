@@ -9,10 +9,7 @@ from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import Manoeuvre
 from flexslew_lab.metrics.settling import settling_band
-from flexslew_lab.studies.lanes.loop import (
-    Aim,
-    Schedule,
-)
+from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.studies.lanes.passengers import (
     COLLOCATED,
     PER_LANE,
@@ -61,21 +58,19 @@ def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
     return total
 
 
-def aim_of(passenger: Passenger, plan: Plan, form: LawForm) -> tuple[Aim, Manoeuvre]:
-    """Return what the metrics of a group are measured against, in two forms."""
+def aim_of(passenger: Passenger, plan: Plan, form: LawForm) -> tuple[Vector, Manoeuvre]:
+    """Return what the metrics of a group are measured against: from `tip` on, and as a record."""
     goal = manoeuvre_of(plan.position, plan.start, plan.duration)
     assert goal.goal is not None
-    return (
-        Aim(
-            np.ascontiguousarray(goal.goal),
-            np.sign(goal.way),
-            settling_band(goal.way),
-            np.array(passenger.trial.testbed.effort_limit, dtype=np.float64),
-            np.minimum(form.limit, np.finfo(float).max),
-            np.ascontiguousarray(passenger.model.appendages.tip, dtype=np.float64),
-        ),
-        goal,
+    rows = (
+        passenger.model.appendages.tip.ravel(),
+        goal.goal,
+        np.sign(goal.way),
+        settling_band(goal.way),
+        np.array(passenger.trial.testbed.effort_limit),
+        np.minimum(form.limit, np.finfo(float).max),
     )
+    return np.concatenate(rows), goal
 
 
 def gains_of(lanes: list[Passenger], form: LawForm) -> Vector:

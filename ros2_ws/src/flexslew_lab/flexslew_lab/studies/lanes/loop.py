@@ -1,7 +1,7 @@
 """The compiled loop that flies LANES trials at once: readings, law, drive, testbed, metrics.
 
 It says in compiled form what Sensors, Controller, Drive, Actuator, Bench and the metrics
-say for one run. Arrays with a lane are flat, row after row with LANES neighbours each.
+say for one run. What differs from lane to lane stands in one flat array, see rows.
 """
 
 from collections.abc import Callable
@@ -12,20 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_lab.studies.lanes.observers import Observe, Signals
+from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
 from flexslew_plant.arrays import Matrix, Vector, vectorised
 from flexslew_plant.testbeds.lanes import LANES, LaneKernel
 
 MARGIN = 1.0 - 1e-12  # of the limit: an effort from there on is saturated, as in metrics.efforts
-
-
-class Sizes(NamedTuple):
-    """What the compiler builds in."""
-
-    joints: int
-    modes: int
-    states: int  # z of linear_form
-    outputs: int  # that the law reads: joints, rates, perhaps the first tip
-    appendages: int
 
 
 class Schedule(NamedTuple):
@@ -49,31 +40,6 @@ class Matrices(NamedTuple):
     to_integral: Matrix
 
 
-class Aim(NamedTuple):
-    """What the metrics are measured against, and what limits the efforts."""
-
-    goal: Vector  # (joints,)
-    sign: Vector  # of the way to go, (joints,)
-    band: Vector  # of settling, (joints,)
-    limit: Vector  # of the drives, (joints,)
-    law_limit: Vector  # of the law itself, (joints,)
-    tip: Matrix  # (appendages, modes)
-
-
-class Counted(NamedTuple):
-    """What the metrics count, flat with LANES of each."""
-
-    residual_tip: Vector
-    peak_tip: Vector
-    residual: Vector  # (joints)
-    beyond: Vector  # (joints)
-    outside: Vector  # (joints), last time outside of the band
-    terminal: Vector
-    peak_effort: Vector  # (joints)
-    square_sum: Vector  # (joints)
-    saturated: Vector
-
-
 Loop = Callable[..., None]
 
 
@@ -81,125 +47,35 @@ Loop = Callable[..., None]
 def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (w, dt, steps, Schedule, Matrices, Aim, gains, integral, unwinding, error, observer, z,
-    memory, filled, Counted): w of lanes.Advance, beginning with the states; `gains` kp, ki, kd,
-    flat; `error` of the readings, (ticks + 1 or 1, outputs LANES); w, z, memory and Counted in and
-    out; `observer` as `observe` wants it, which is asked for the first `filled` lanes at least.
+    It takes (w, dt, steps, Schedule, Matrices, integral, unwinding, error, observer, z, memory,
+    filled): w of lanes.Advance with the rows of `rows` behind; `error` of the readings, (ticks + 1
+    or 1, outputs LANES); w, z and memory in and out; `observer` as `observe` wants it, which is
+    asked for the first `filled` lanes at least.
     """
-    m, modes, nz, ny, tips = sizes
+    m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
     n = m + modes
-    advance = kernel.advance
+    rows = rows_of(kernel.size, sizes)
+    advance, law, metrics = kernel.advance, _effort(n, rows, sizes), _measure(n, rows, sizes)
+    reading, earlier, effort = rows.reading, rows.earlier, rows.effort
+    tip = rows.tip
 
     @vectorised
-    def read(k: int, x: Vector, tip: Matrix, error: Matrix, y: Vector) -> None:
+    def read(k: int, error: Matrix, w: Vector) -> None:
         """Write what the sensors say: joints, rates, perhaps the first tip."""
         row = k if error.shape[0] > 1 else 0
-        for i in range(m):
-            for lane in range(LANES):
-                y[i * LANES + lane] = x[i * LANES + lane] + error[row, i * LANES + lane]
-                j = (m + i) * LANES + lane
-                y[j] = x[(n + i) * LANES + lane] + error[row, j]
+        for i in range(ny * LANES):
+            w[earlier + i] = w[reading + i]
+        for i in range(m * LANES):
+            w[reading + i] = w[i] + error[row, i]
+        for i in range(m * LANES):
+            w[reading + m * LANES + i] = w[n * LANES + i] + error[row, m * LANES + i]
         for i in range(2 * m, ny):
             for lane in range(LANES):
-                y[i * LANES + lane] = error[row, i * LANES + lane]
-            for j in range(modes):
-                shape = tip[i - 2 * m, j]
-                for lane in range(LANES):
-                    y[i * LANES + lane] += shape * x[(m + j) * LANES + lane]
-
-    @vectorised
-    def effort(
-        k: int,
-        dt: float,
-        schedule: Any,
-        law: Any,
-        aim: Any,
-        gains: Vector,
-        integral: bool,
-        unwinding: float,
-        y: Vector,
-        z: Vector,
-        s: Vector,
-        u: Vector,
-    ) -> None:
-        """Write the efforts that the drives apply; take the integral to the next tick."""
-        for i in range(m):
-            base, wanted = schedule.demand[k, i], schedule.position[k, i]
-            turning, most = schedule.velocity[k, i], aim.law_limit[i]
-            for lane in range(LANES):
-                at = i * LANES + lane
-                u[at] = (
-                    base
-                    + gains[at] * (wanted - y[at])
-                    + gains[2 * m * LANES + at] * (turning - y[m * LANES + at])
-                )
-            for j in range(nz):
-                weight = law.from_state[i, j]
-                for lane in range(LANES):
-                    u[i * LANES + lane] += weight * z[j * LANES + lane]
-            for j in range(ny):
-                weight = law.from_output[i, j]
-                for lane in range(LANES):
-                    u[i * LANES + lane] += weight * y[j * LANES + lane]
-            if integral:
-                rate = schedule.integrand[k, i]
-                for lane in range(LANES):
-                    at = i * LANES + lane
-                    demand = u[at] + s[at]
-                    u[at] = min(max(demand, -most), most)
-                    back = unwinding * (u[at] - demand)
-                    error = wanted - y[at]
-                    s[at] += dt * (rate + gains[m * LANES + at] * error + back)
-                for j in range(nz):
-                    weight = dt * law.to_integral[i, j]
-                    for lane in range(LANES):
-                        s[i * LANES + lane] += weight * z[j * LANES + lane]
-            limit = aim.limit[i]
-            for lane in range(LANES):
-                u[i * LANES + lane] = min(max(u[i * LANES + lane], -limit), limit)
-
-    @vectorised
-    def measure(k: int, schedule: Any, aim: Any, x: Vector, u: Vector, seen: bool, c: Any) -> None:
-        """Count the truth of a tick and the effort that was held before it."""
-        time = schedule.time[k]
-        held = time - schedule.time[k - 1] if k > 0 else 0.0
-        over, started = schedule.over[k], schedule.started[k]
-        for i in range(tips):
-            for lane in range(LANES):
-                at = 0.0
+                at = error[row, i * LANES + lane]
                 for j in range(modes):
-                    at += aim.tip[i, j] * x[(m + j) * LANES + lane]
-                at = abs(at)
-                c.peak_tip[lane] = max(c.peak_tip[lane], at)
-                if over:
-                    c.residual_tip[lane] = max(c.residual_tip[lane], at)
-        for i in range(m):
-            goal, sign, band = aim.goal[i], aim.sign[i], aim.band[i]
-            for lane in range(LANES):
-                at = i * LANES + lane
-                error = x[at] - goal
-                if over:
-                    c.residual[at] = max(c.residual[at], abs(error))
-                if started:
-                    c.beyond[at] = max(c.beyond[at], error * sign)
-                c.outside[at] = time if abs(error) > band else c.outside[at]
-        if over and not seen:
-            for i in range(2 * n):
-                goal = aim.goal[i] if i < m else 0.0
-                for lane in range(LANES):
-                    c.terminal[lane] += (x[i * LANES + lane] - goal) ** 2
-            for lane in range(LANES):
-                c.terminal[lane] = np.sqrt(c.terminal[lane])
-        for i in range(m):
-            for lane in range(LANES):
-                at = i * LANES + lane
-                c.peak_effort[at] = max(c.peak_effort[at], abs(u[at]))
-                c.square_sum[at] += held * u[at] * u[at]
-        for lane in range(LANES):
-            full = 0.0
-            for i in range(m):
-                full = held if abs(u[i * LANES + lane]) >= aim.limit[i] * MARGIN else full
-            c.saturated[lane] += full
+                    share = w[tip + ((i - 2 * m) * modes + j) * LANES + lane]
+                    at += share * w[(m + j) * LANES + lane]
+                w[reading + i * LANES + lane] = at
 
     @vectorised
     def loop(
@@ -207,9 +83,7 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
         dt: float,
         steps: int,
         schedule: Any,
-        law: Any,
-        aim: Any,
-        gains: Vector,
+        matrices: Any,
         integral: bool,
         unwinding: float,
         error: Matrix,
@@ -217,28 +91,127 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
         z: Vector,
         memory: Vector,
         filled: int,
-        counted: Any,
     ) -> None:
         ticks = schedule.demand.shape[0]
-        x, total = w[: 2 * n * LANES], w[2 * n * LANES : (2 * n + m) * LANES]
-        u = np.zeros(m * LANES)
-        y, earlier = np.zeros(ny * LANES), np.zeros(ny * LANES)
-        s = np.zeros(m * LANES)
+        signals = Signals(
+            w[reading : reading + ny * LANES],
+            w[earlier : earlier + ny * LANES],
+            w[effort : effort + m * LANES],
+        )
         seen = False
         for k in range(ticks):
-            measure(k, schedule, aim, x, u, seen, counted)
+            metrics(k, schedule, seen, w)
             seen = seen or schedule.over[k]
-            for i in range(ny * LANES):
-                earlier[i] = y[i]
-            read(k, x, aim.tip, error, y)
-            signals = Signals(y, earlier, u)
+            read(k, error, w)
             observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
-            effort(k, dt, schedule, law, aim, gains, integral, unwinding, y, z, s, u)
-            for i in range(m):
-                pushed = schedule.disturbance[k, i]
-                for lane in range(LANES):
-                    total[i * LANES + lane] = u[i * LANES + lane] + pushed
+            law(k, dt, schedule, matrices, integral, unwinding, z, w)
             advance(k * dt, dt, steps, w)
-        measure(ticks, schedule, aim, x, u, seen, counted)
+        metrics(ticks, schedule, seen, w)
 
     return cast(Loop, loop)
+
+
+def _effort(n: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what writes the efforts of a tick and takes the integral to the next one."""
+    m, nz, ny = sizes.joints, sizes.states, sizes.outputs
+    effort, reading, integral_sum = rows.effort, rows.reading, rows.integral
+    kp, ki, kd, limit, law_limit = rows.kp, rows.ki, rows.kd, rows.limit, rows.law_limit
+    total = 2 * n * LANES
+
+    @vectorised
+    def law(
+        k: int,
+        dt: float,
+        schedule: Any,
+        matrices: Any,
+        integral: bool,
+        unwinding: float,
+        z: Vector,
+        w: Vector,
+    ) -> None:
+        for i in range(m):
+            row = i * LANES
+            base, wanted = schedule.demand[k, i], schedule.position[k, i]
+            turning, pushed = schedule.velocity[k, i], schedule.disturbance[k, i]
+            for at in range(row, row + LANES):
+                w[effort + at] = (
+                    base
+                    + w[kp + at] * (wanted - w[reading + at])
+                    + w[kd + at] * (turning - w[reading + m * LANES + at])
+                )
+            for j in range(nz):
+                weight = matrices.from_state[i, j]
+                if weight != 0.0:
+                    for lane in range(LANES):
+                        w[effort + row + lane] += weight * z[j * LANES + lane]
+            for j in range(ny):
+                weight = matrices.from_output[i, j]
+                if weight != 0.0:
+                    for lane in range(LANES):
+                        w[effort + row + lane] += weight * w[reading + j * LANES + lane]
+            if integral:
+                rate = schedule.integrand[k, i]
+                for at in range(row, row + LANES):
+                    demand = w[effort + at] + w[integral_sum + at]
+                    given = min(max(demand, -w[law_limit + at]), w[law_limit + at])
+                    back = unwinding * (given - demand)
+                    error = wanted - w[reading + at]
+                    w[effort + at] = given
+                    w[integral_sum + at] += dt * (rate + w[ki + at] * error + back)
+                for j in range(nz):
+                    weight = dt * matrices.to_integral[i, j]
+                    if weight != 0.0:
+                        for lane in range(LANES):
+                            w[integral_sum + row + lane] += weight * z[j * LANES + lane]
+            for at in range(row, row + LANES):
+                applied = min(max(w[effort + at], -w[limit + at]), w[limit + at])
+                w[effort + at] = applied
+                w[total + at] = applied + pushed
+
+    return cast(Callable[..., None], law)
+
+
+def _measure(n: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what counts the truth of a tick and the effort that was held before it."""
+    m, modes, tips = sizes.joints, sizes.modes, sizes.appendages
+    effort, tip, goal, sign, band = rows.effort, rows.tip, rows.goal, rows.sign, rows.band
+    limit, residual_tip, peak_tip = rows.limit, rows.residual_tip, rows.peak_tip
+    residual, beyond, outside = rows.residual, rows.beyond, rows.outside
+    terminal, peak_effort = rows.terminal, rows.peak_effort
+    square_sum, saturated = rows.square_sum, rows.saturated
+
+    @vectorised
+    def measure(k: int, schedule: Any, seen: bool, w: Vector) -> None:
+        time = schedule.time[k]
+        held = time - schedule.time[k - 1] if k > 0 else 0.0
+        over = 1.0 if schedule.over[k] else 0.0
+        started = 0.0 if schedule.started[k] else -np.inf
+        for lane in range(LANES):
+            for i in range(tips):
+                bent = 0.0
+                for j in range(modes):
+                    share = w[tip + (i * modes + j) * LANES + lane]
+                    bent += share * w[(m + j) * LANES + lane]
+                bent = abs(bent)
+                w[peak_tip + lane] = max(w[peak_tip + lane], bent)
+                w[residual_tip + lane] = max(w[residual_tip + lane], over * bent)
+            full = 0.0
+            for i in range(m):
+                at = i * LANES + lane
+                error, push = w[at] - w[goal + at], abs(w[effort + at])
+                w[residual + at] = max(w[residual + at], over * abs(error))
+                w[beyond + at] = max(w[beyond + at], error * w[sign + at] + started)
+                w[outside + at] = time if abs(error) > w[band + at] else w[outside + at]
+                w[peak_effort + at] = max(w[peak_effort + at], push)
+                w[square_sum + at] += held * push * push
+                full = held if push >= w[limit + at] * MARGIN else full
+            w[saturated + lane] += full
+        if schedule.over[k] and not seen:
+            for i in range(m * LANES):
+                w[terminal + i % LANES] += (w[i] - w[goal + i]) ** 2
+            for i in range(m * LANES, 2 * n * LANES):
+                w[terminal + i % LANES] += w[i] ** 2
+            for lane in range(LANES):
+                w[terminal + lane] = np.sqrt(w[terminal + lane])
+
+    return cast(Callable[..., None], measure)

@@ -1,0 +1,60 @@
+"""Where in the flat array of a group of lanes everything stands, row after row.
+
+One array holds it all: the offsets are constants of the compiler, which then knows what does not
+overlap, and loops over lanes become vector instructions without a look.
+"""
+
+from typing import NamedTuple
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.testbeds.lanes import LANES
+
+
+class Sizes(NamedTuple):
+    """What the compiler builds in."""
+
+    joints: int
+    modes: int
+    states: int  # z of linear_form
+    outputs: int  # that the law reads: joints, rates, perhaps the first tip
+    appendages: int
+
+
+class Rows(NamedTuple):
+    """Where each begins, behind what the kernel placed."""
+
+    effort: int  # that the drives apply
+    reading: int  # of this tick
+    earlier: int  # reading of the one before
+    integral: int
+    kp: int
+    ki: int
+    kd: int
+    tip: int  # share of each mode in each tip
+    goal: int
+    sign: int  # of the way to go
+    band: int  # of settling
+    limit: int  # of the drives
+    law_limit: int  # of the law itself
+    residual_tip: int  # from here on: what the metrics count
+    peak_tip: int
+    residual: int
+    beyond: int
+    outside: int  # last time outside of the band
+    terminal: int
+    peak_effort: int
+    square_sum: int
+    saturated: int
+    end: int
+
+
+def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
+    """Return where everything begins in the array of such a group."""
+    m, read, tip = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes
+    counts = (m, read, read, m, m, m, m, tip, m, m, m, m, m, 1, 1, m, m, m, 1, m, m, 1)
+    return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))
+
+
+def of_lane(w: Vector, begin: int, rows: int, lane: int) -> Vector:
+    """Return a view of what stands for one lane in so many rows."""
+    return w[begin + lane : begin + lane + rows * LANES : LANES]
