@@ -1,6 +1,5 @@
 """How many trials a second fly: in lanes and on the bench, beside a SciPy loop of the same run."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
@@ -8,7 +7,7 @@ from time import perf_counter
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from flexslew_lab.studies.cases import Case, case_of, case_trial
+from flexslew_lab.studies.cases import Cases, case_of, case_trial
 from flexslew_lab.studies.execution.pool import Pool
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.lanes.fleet import Lanes
@@ -55,7 +54,7 @@ def figures() -> dict[str, float]:
 
 def _kernel(ready: Preparation) -> float:
     lanes = Lanes(ready.study, ready.plans)
-    cases = list(_cases(ready, 256))
+    cases = list(Cases(ready.study, ready.samples, range(256)))
     best = np.inf
     for _ in range(_ROUNDS + 1):
         start = perf_counter()
@@ -71,7 +70,7 @@ def _processes(ready: Preparation, workers: int, count: int) -> float:
     try:
         for _ in range(_ROUNDS + 1):
             start = perf_counter()
-            for _ in pool.fly(_cases(ready, count)):
+            for _ in pool.fly(Cases(ready.study, ready.samples, range(count))):
                 pass
             best = min(best, perf_counter() - start)
     finally:
@@ -97,10 +96,6 @@ def _scipy(ready: Preparation) -> float:
 
         x = solve_ivp(slope, (0.0, trial.period), x, method="DOP853").y[:, -1]
     return 0.1 / (perf_counter() - start)
-
-
-def _cases(ready: Preparation, count: int) -> Iterator[Case]:
-    return (case_of(ready.study, ready.samples, k) for k in range(count))
 
 
 if __name__ == "__main__":

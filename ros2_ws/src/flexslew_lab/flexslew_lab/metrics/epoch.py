@@ -1,6 +1,7 @@
 """The metrics of one epoch of the truth, block after block."""
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -83,8 +84,8 @@ def merged(metrics: Sequence[Metric], ending: Ending) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if isfinite(value) else None
     if isinstance(value, dict):
         return {name: _finite(part) for name, part in value.items()}
-    if isinstance(value, list):
-        return [_finite(part) for part in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    return [_finite(part) for part in value] if isinstance(value, list) else value

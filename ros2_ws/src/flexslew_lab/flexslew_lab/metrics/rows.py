@@ -1,6 +1,6 @@
 """The content of metrics.json as rows: one name and one value each."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from flexslew_lab.metrics import KEYS, Key
@@ -10,10 +10,10 @@ _AXES = "xyz"
 
 def flat(metrics: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values by dotted name: `final_error.x`, `pointing_error.antenna.z`."""
-    rows: dict[str, Any] = {}
+    found: dict[str, Any] = {}
     for key, value in metrics.items():
-        rows |= dict(_rows(key, value))
-    return rows
+        found.update(_rows(key, value))
+    return found
 
 
 def key_of(name: str) -> Key:
@@ -35,11 +35,19 @@ def unit_of(name: str, kinds: Collection[str]) -> str:
     return "" if unit in ("-", "hex") else unit
 
 
-def _rows(name: str, value: Any) -> list[tuple[str, Any]]:
-    if isinstance(value, Mapping):
-        return [row for part, inner in value.items() for row in _rows(f"{name}.{part}", inner)]
-    if isinstance(value, list) and value and isinstance(value[0], float):
-        return [(f"{name}.{axis}", part) for axis, part in zip(_AXES, value, strict=True)]
-    if isinstance(value, list):
-        return [(name, "; ".join(map(str, value)))]
-    return [(name, value)]
+def _rows(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    if value is None or isinstance(value, float):  # most of them
+        yield name, value
+    elif isinstance(value, Mapping):
+        for part, inner in value.items():
+            if inner is None or isinstance(inner, float):
+                yield f"{name}.{part}", inner
+            else:
+                yield from _rows(f"{name}.{part}", inner)
+    elif isinstance(value, list) and value and isinstance(value[0], float):
+        for axis, inner in zip(_AXES, value, strict=True):
+            yield f"{name}.{axis}", inner
+    elif isinstance(value, list):
+        yield name, "; ".join(map(str, value))
+    else:
+        yield name, value

@@ -1,5 +1,6 @@
 """The trials of a study by number: which sample, which variant, which seed, which trial exactly."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, NamedTuple
 
@@ -63,6 +64,29 @@ def case_of(study: Study, samples: pa.Table, index: int) -> Case:
     sample, variant = divmod(index, len(study.variants))
     draws = tuple(samples[varied.name][sample].as_py() for varied in study.varied)
     return Case(index, sample, variant, samples["seed"][sample].as_py(), draws)
+
+
+class Cases:
+    """Trials of a study by their numbers, made as they are taken."""
+
+    def __init__(self, study: Study, samples: pa.Table, numbers: Sequence[int]) -> None:
+        self._study, self._samples = study, samples
+        self._numbers = iter(numbers)
+        self._left = len(numbers)
+
+    def __iter__(self) -> Iterator[Case]:
+        """Return itself."""
+        return self
+
+    def __next__(self) -> Case:
+        """Return the next one."""
+        case = case_of(self._study, self._samples, next(self._numbers))
+        self._left -= 1
+        return case
+
+    def __length_hint__(self) -> int:
+        """Return how many are left."""
+        return self._left
 
 
 def typical_case(study: Study, samples: pa.Table, variant: int) -> Case:

@@ -83,13 +83,19 @@ def plan_key(trial: Trial) -> str:
     """Return what a trial's plan depends on, as text: less where its beliefs are written out."""
     plan = plain(trial.plan) or {}
     asked = [plan, trial.period, list(trial.testbed.effort_limit)]
-    initial = plan.get("initial") or {}
-    rests = all(name in initial for name in trial.testbed.model().joint_names)
-    if not (rests and leaves_nothing(plan.get("model"), trial.testbed)):
+    if asks_the_testbed(trial):
         asked.append(plain(trial.testbed))
     if not plan.get("feedback"):
         asked.append(plain(feedback_of(trial)))
     return json.dumps(asked, sort_keys=True)
+
+
+def asks_the_testbed(trial: Trial) -> bool:
+    """Return whether the plan takes more from the testbed than its limits of the effort."""
+    plan = trial.plan if isinstance(trial.plan, dict) else plain(trial.plan) or {}
+    initial = plan.get("initial") or {}
+    rests = all(name in initial for name in trial.testbed.model().joint_names)
+    return not (rests and leaves_nothing(plan.get("model"), trial.testbed))
 
 
 def leaves_nothing(belief: Any, testbed: Any) -> bool:
@@ -153,10 +159,10 @@ def columns_of(metrics: dict[str, Any]) -> dict[str, float | None]:
             continue
         parts = flat({name: value})
         if name not in parts:
-            entries = list(parts.values())
-            whole = bool(entries) and None not in entries
-            found[name] = max(map(abs, entries)) if whole else None
-        found |= {part: None if v is None else float(v) for part, v in parts.items()}
+            entries = parts.values()
+            found[name] = None if None in entries else max(map(abs, entries), default=None)
+        for part, entry in parts.items():
+            found[part] = None if entry is None else float(entry)
     return found
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from flexslew_lab.metrics.own import own_metrics
-from flexslew_lab.studies.cases import case_of, case_trial, sample_table, typical_case
+from flexslew_lab.studies.cases import Cases, case_of, case_trial, sample_table, typical_case
 from flexslew_lab.studies.execution.pool import Executor
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.findings.stopping import looks, settled
@@ -188,10 +188,7 @@ def _fly_missing(
     try:
         for look in looks(ready.study, ready.samples):
             numbers = np.flatnonzero(missing[start * variants : look * variants])
-            cases = (
-                case_of(ready.study, ready.samples, int(number) + start * variants)
-                for number in numbers
-            )
+            cases = Cases(ready.study, ready.samples, (numbers + start * variants).tolist())
             for count in _written(executor.fly(cases), store):
                 flown += count
                 progress(before + flown, before + wanted)

@@ -138,7 +138,7 @@ def believed(testbed: Testbed, changes: Mapping[str, Any] | None, source: str) -
 def initial_positions(testbed: Testbed) -> dict[str, float]:
     """Return where each joint rests at the start, by name [rad or m]."""
     given = testbed.initial
-    values = given if isinstance(given, dict) else plain(given)
+    values = given if isinstance(given, dict) else vars(given)
     return {name: float(values.get(name, 0.0)) for name in testbed.model().joint_names}
 
 

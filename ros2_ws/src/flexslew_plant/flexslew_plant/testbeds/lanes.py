@@ -1,7 +1,8 @@
 """Many trials side by side: the step that a compiled kernel takes for all of them at once."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
+from functools import lru_cache
+from typing import NamedTuple, Protocol, TypeAlias, cast, runtime_checkable
 
 import numpy as np
 
@@ -36,7 +37,12 @@ class Laned(Protocol):
 
 def lane_kernel(testbed: Testbed) -> LaneKernel | None:
     """Return how a testbed flies in lanes; None where it does not say so."""
-    return testbed.lanes() if isinstance(testbed, Laned) else None
+    return cast(Laned, testbed).lanes() if _laned(type(testbed)) else None
+
+
+@lru_cache
+def _laned(kind: type) -> bool:
+    return issubclass(kind, Laned)
 
 
 def flat_zeros(size: int) -> Vector:

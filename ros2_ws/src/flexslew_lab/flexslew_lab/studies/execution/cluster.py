@@ -91,7 +91,7 @@ class Cluster:
             raise self._gone("the scheduler does not answer any more")
         threads = max(sum(self._client.nthreads().values()), 1)
         while len(self._running) < threads:
-            chunk = [alone.popleft()] if alone else self._pace.chunk(cases)
+            chunk = [alone.popleft()] if alone else self._pace.chunk(cases, threads)
             if not chunk:
                 return
             future = self._client.submit(fly_on_worker, self._name, chunk, pure=False)

@@ -6,19 +6,25 @@ not depend on who flew it or in which chunk.
 
 import multiprocessing
 import signal
+import sys
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import islice
 from multiprocessing.connection import Connection, wait
+from operator import length_hint
 from time import monotonic
 from typing import Protocol
 
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.execution.worker import Flyer, Job
 from flexslew_lab.studies.flight import Flown, failed
+from flexslew_plant.testbeds.lanes import LANES
 
 CHUNK_TIME = 3.0  # of a chunk, aimed at [wall s]
+_LEAST_TIME = 0.05  # of a chunk, where there are enough trials for all [wall s]
+_SHARES = 2  # that each worker gets of the cases left, at least
 _LARGEST = 4096  # trials of a chunk
 _GROWTH = 4  # of a chunk over the one before, at most
 _DEATHS = 2  # with a chunk, before it is split to find out which trial it is
@@ -63,16 +69,27 @@ class Pace:
 
     def __init__(self) -> None:
         self._size = 1
+        self._rate = 0.0  # of the last chunk [trials / s]
 
-    def chunk(self, cases: Iterator[Case]) -> list[Case]:
-        """Return the next chunk; empty at the end."""
-        return [case for _, case in zip(range(self._size), cases, strict=False)]
+    def chunk(self, cases: Iterator[Case], workers: int = 1) -> list[Case]:
+        """Return the next chunk; empty at the end.
+
+        Towards the end of the cases, if they say how many are left, chunks become smaller: no
+        worker shall wait for the last one of another.
+        """
+        size = self._size
+        if workers > 1:
+            share = length_hint(cases, sys.maxsize) // (_SHARES * workers)
+            size = max(1, min(size, max(share, int(self._rate * _LEAST_TIME))))
+        size -= size % LANES if size > LANES else 0
+        return list(islice(cases, size))
 
     def took(self, count: int, seconds: float) -> None:
         """Learn from a chunk that was flown in so much wall time."""
-        if count < self._size:  # a rest of another one
+        self._rate = count / max(seconds, 1e-9)
+        if count < self._size - self._size % LANES:  # a rest of another one
             return
-        aim = int(count * CHUNK_TIME / max(seconds, 1e-9))
+        aim = int(self._rate * CHUNK_TIME)
         self._size = max(1, min(aim, _GROWTH * self._size, _LARGEST))
 
 
@@ -144,7 +161,10 @@ class Pool:
         """Give every idle process a chunk, as long as there are any."""
         idle = [worker for worker in self._workers if not worker.chunk]
         while idle or len(self._workers) < self._count:
-            chunk = self._again.popleft() if self._again else _Chunk(self._pace.chunk(cases))
+            if self._again:
+                chunk = self._again.popleft()
+            else:
+                chunk = _Chunk(self._pace.chunk(cases, self._count))
             if not chunk:
                 return
             worker = idle.pop() if idle else self._start()

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.cases import Cases
 from flexslew_lab.studies.execution.pool import Executor
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.run import Preparation, note
@@ -68,8 +68,7 @@ def check_lanes(ready: Preparation, store: Store, bench: Executor) -> dict[str, 
         "metric": "",
         "index": numbers[0],
     }
-    cases = (case_of(ready.study, ready.samples, number) for number in numbers)
-    for results in bench.fly(cases):
+    for results in bench.fly(Cases(ready.study, ready.samples, numbers)):
         for result in results:
             row = rows.slice(places[result.number], 1)
             for name in columns:

@@ -1,31 +1,21 @@
 """Trials flown at once: from trials to lanes and back to metrics."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from flexslew_control.linear_form import LinearForm, linear_form
-from flexslew_lab.metrics.course import Course
-from flexslew_lab.metrics.efforts import Efforts
-from flexslew_lab.metrics.epoch import merged
-from flexslew_lab.metrics.joint_errors import JointErrors
-from flexslew_lab.metrics.metric import Ending, Flight, Manoeuvre
-from flexslew_lab.metrics.settling import Settling
-from flexslew_lab.metrics.takeovers import Takeovers
-from flexslew_lab.metrics.tip_deflection import TipDeflection
+from flexslew_lab.metrics.metric import Manoeuvre
 from flexslew_lab.studies.cases import Case
-from flexslew_lab.studies.flight import Flown, Plans, columns_of
+from flexslew_lab.studies.flight import Flown, Plans
+from flexslew_lab.studies.lanes.counted import Counted
 from flexslew_lab.studies.lanes.inputs import aim_of, errors_of, gains_of, schedule_of
 from flexslew_lab.studies.lanes.loop import Matrices, Schedule, lane_loop
 from flexslew_lab.studies.lanes.observers import beginning
-from flexslew_lab.studies.lanes.passengers import (
-    Passenger,
-    controller_of,
-    passenger_of,
-)
-from flexslew_lab.studies.lanes.rows import Rows, Sizes, of_lane, rows_of
+from flexslew_lab.studies.lanes.passengers import Boarding, Passenger, controller_of
+from flexslew_lab.studies.lanes.rows import Sizes, rows_of
 from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
@@ -56,23 +46,30 @@ class Lanes:
 
     study: Study
     plans: Plans
-    _prepared: dict[str, _Prepared] = field(init=False, default_factory=dict)
+    _prepared: dict[Hashable, _Prepared] = field(init=False, default_factory=dict)
+    _boarding: Boarding = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Open the doors."""
+        self._boarding = Boarding(self.study)
 
     def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[Flown], list[Case]]]:
         """Yield results, and cases that have to be flown one by one."""
-        groups: dict[str, list[Passenger]] = {}
-        others: list[Case] = []
+        groups: dict[Hashable, list[Passenger]] = {}
+        others = []
         for case in cases:
-            passenger = passenger_of(self.study, case)
+            passenger = self._boarding.passenger(case)
             if passenger is None:
                 others.append(case)
-            else:
-                groups.setdefault(passenger.alike, []).append(passenger)
+                continue
+            group = groups.setdefault(passenger.alike, [])
+            group.append(passenger)
+            if len(group) == LANES:
+                yield self._flown(groups.pop(passenger.alike))
+        for group in groups.values():
+            yield self._flown(group)
         if others:
             yield [], others
-        for group in groups.values():
-            for first in range(0, len(group), LANES):
-                yield self._flown(group[first : first + LANES])
 
     def _flown(self, group: list[Passenger]) -> tuple[list[Flown], list[Case]]:
         first = group[0]
@@ -109,13 +106,14 @@ class Lanes:
             len(group),
         )
         results, lost = [], []
-        state = w[: at_rest.size].reshape(-1, LANES)
+        near = (np.abs(w[: at_rest.size].reshape(-1, LANES)) < _FAR).all(axis=0)
+        counted = Counted(first, rows, schedule, prepared.goal)
         for k, passenger in enumerate(group):
-            if not (np.abs(state[:, k]) < _FAR).all():
+            if near[k]:
+                metrics = counted.metrics(w, k)
+                results.append(Flown(passenger.case.number, metrics, None, "ok", "", "lanes"))
+            else:
                 lost.append(passenger.case)
-                continue
-            metrics = _metrics(passenger, k, w, rows, schedule, prepared.goal)
-            results.append(Flown(passenger.case.number, metrics, None, "ok", "", "lanes"))
         return results, lost
 
     def _prepare(self, passenger: Passenger) -> _Prepared | None:
@@ -140,33 +138,3 @@ class Lanes:
         made = _Prepared(form, schedule, *aim_of(passenger, plan, form.law))
         self._prepared[passenger.alike] = made
         return made
-
-
-def _metrics(
-    passenger: Passenger, k: int, w: Vector, rows: Rows, schedule: Schedule, aim: Manoeuvre
-) -> dict[str, float | None]:
-    """Return the metrics of a lane, by the rule for all runs."""
-    time, settings = schedule.time, passenger.trial.testbed
-    limit = np.array(settings.effort_limit)
-    flight = Flight(passenger.model.joint_names, aim, limit, settings)
-    tip, errors, settling = TipDeflection(flight), JointErrors(flight), Settling(flight)
-    efforts, course = Efforts(flight), Course(flight)
-    m, ended = limit.size, bool(schedule.over.any())
-    tip.peak = float(w[rows.peak_tip + k])
-    settling.outside = of_lane(w, rows.outside, m, k)
-    settling.beyond = of_lane(w, rows.beyond, m, k)
-    assert aim.goal is not None
-    errors.final = of_lane(w, 0, m, k) - aim.goal
-    if ended:
-        tip.residual = float(w[rows.residual_tip + k])
-        errors.residual = of_lane(w, rows.residual, m, k)
-        errors.terminal = float(w[rows.terminal + k])
-    efforts.peak = of_lane(w, rows.peak_effort, m, k)
-    efforts.square_sum = of_lane(w, rows.square_sum, m, k)
-    efforts.integral = float(efforts.square_sum.sum())
-    efforts.saturated = float(w[rows.saturated + k])
-    course.ticks = 0, len(time) - 1
-    efforts.times = course.times = float(time[0]), float(time[-1])
-    settling.last_time = float(time[-1])
-    measured = (tip, errors, settling, efforts, Takeovers(flight), course)
-    return columns_of(merged(measured, Ending([], [], True)))

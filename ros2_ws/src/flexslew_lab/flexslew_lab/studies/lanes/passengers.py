@@ -1,12 +1,13 @@
 """Which trials may fly beside each other in lanes."""
 
 import json
+from collections.abc import Hashable
 from typing import Any, NamedTuple
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_lab.studies.cases import Case, case_trial
-from flexslew_lab.studies.flight import leaves_nothing, plan_key
+from flexslew_lab.studies.flight import asks_the_testbed, leaves_nothing, plan_key
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.bench.hardware.actuator import ActuatorSettings
@@ -28,25 +29,61 @@ class Passenger(NamedTuple):
     model: Model
     kernel: LaneKernel
     steps: int  # of the kernel per tick
-    alike: str  # trials with the same text may fly at once
+    alike: Hashable  # trials for which it is equal may fly at once
 
 
-def passenger_of(study: Study, case: Case) -> Passenger | None:
-    """Return a case ready for a lane; None where only the bench can fly it."""
-    try:
-        trial = case_trial(study, case)
-        if not _simple(trial):
-            return None
-        kernel = lane_kernel(trial.testbed)
-        if kernel is None or trial.plan is None or not _linear(trial):
-            return None
+class _Common(NamedTuple):
+    """What does not depend on the testbed, and what it was made from."""
+
+    source: tuple[Any, ...]
+    asked: str
+    law: str
+
+
+class Boarding:
+    """Turns cases of a study into passengers; keeps what many have in common."""
+
+    def __init__(self, study: Study) -> None:
+        self._study = study
+        self._common: dict[int, _Common] = {}  # newest by variant
+
+    def passenger(self, case: Case) -> Passenger | None:
+        """Return a case ready for a lane; None where only the bench can fly it."""
+        try:
+            trial = case_trial(self._study, case)
+            if not _simple(trial):
+                return None
+            kernel = lane_kernel(trial.testbed)
+            if kernel is None or trial.plan is None or not _linear(trial):
+                return None
+            common = self._said(case.variant, trial)
+        except FlexslewError:
+            return None  # the bench says why
+        model = trial.testbed.model()
+        steps = kernel.steps(model.packed, trial.period)
+        noisy = tuple(bool(channel.noise or channel.bias) for channel in _read_channels(trial))
+        alike = (common.law, model.modes, steps, noisy, model.appendages.tip.tobytes())
+        return Passenger(case, trial, common.asked, model, kernel, steps, alike)
+
+    def _said(self, variant: int, trial: Trial) -> _Common:
+        testbed = trial.testbed
+        source = (trial.plan, trial.controllers, trial.active, trial.schedule)
+        source += (trial.period, trial.duration, testbed.effort_limit, type(testbed))
+        known = self._common.get(variant)
+        if known is not None and known.source == source:
+            return known
+        law, own = law_of(trial.active, trial.controllers[trial.active] or {})
+        if law in COLLOCATED:
+            own = {key: value for key, value in own.items() if key not in PER_LANE}
         asked = plan_key(trial)
-    except FlexslewError:
-        return None  # the bench says why
-    model = trial.testbed.model()
-    steps = kernel.steps(model.packed, trial.period)
-    alike = _alike(trial, model, steps, asked)
-    return Passenger(case, trial, asked, model, kernel, steps, alike)
+        shared = [law, own, asked, trial.duration, plain(trial.schedule), testbed.kind]
+        believes = law not in COLLOCATED and not leaves_nothing(own.get("model"), testbed)
+        if believes:
+            shared.append(plain(testbed))
+        common = _Common(source, asked, json.dumps(shared, sort_keys=True))
+        if not (believes or asks_the_testbed(trial)):
+            self._common[variant] = common
+        return common
 
 
 def _simple(trial: Trial) -> bool:
@@ -66,28 +103,6 @@ def _linear(trial: Trial) -> bool:
     if law == "output_feedback":
         return own.get("mode") == "tracking_b"
     return law in CONTROLLERS
-
-
-def _alike(trial: Trial, model: Model, steps: int, plan: str) -> str:
-    """Return everything that trials in lanes beside each other must share, as text."""
-    law, own = law_of(trial.active, trial.controllers[trial.active] or {})
-    if law in COLLOCATED:
-        own = {key: value for key, value in own.items() if key not in PER_LANE}
-    shared = [
-        law,
-        own,
-        plan,
-        trial.period,
-        trial.duration,
-        list(trial.testbed.effort_limit),
-        plain(trial.schedule),
-        [trial.testbed.kind, model.modes, steps],
-        model.appendages.tip.tolist(),
-        [bool(channel.noise or channel.bias) for channel in _read_channels(trial)],
-    ]
-    if law not in COLLOCATED and not leaves_nothing(own.get("model"), trial.testbed):
-        shared.append(plain(trial.testbed))  # in which the law believes
-    return json.dumps(shared, sort_keys=True)
 
 
 def controller_of(trial: Trial) -> Controller:
