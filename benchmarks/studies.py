@@ -1,5 +1,6 @@
 """How many trials a second fly: in lanes and on the bench, beside a SciPy loop of the same run."""
 
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
@@ -26,6 +27,7 @@ vary:
 """
 _ROUNDS = 3
 _ON_BENCH = 16  # trials on each number of processes
+_COUNTED = 50_000_000  # numbers
 
 
 def figures() -> dict[str, float]:
@@ -35,6 +37,7 @@ def figures() -> dict[str, float]:
     studies_lanes_2: in lanes on two processes, from the first chunk to the last result.
     studies_bench_1, studies_bench_2: by the ordinary bench on one and on two processes.
     studies_bench_speed_up: of two processes over one.
+    studies_machine_speed_up: the floor for that, two processes that only count over one.
     studies_scipy: the floor, the closed loop by solve_ivp, DOP853 with its default tolerances, tick
         by tick, in one process.
     studies_lanes_over_scipy: on two processes, over two of these.
@@ -47,6 +50,7 @@ def figures() -> dict[str, float]:
     found["studies_bench_1"] = _processes(bench, 1, _ON_BENCH)
     found["studies_bench_2"] = _processes(bench, 2, 2 * _ON_BENCH)
     found["studies_bench_speed_up"] = found["studies_bench_2"] / found["studies_bench_1"]
+    found["studies_machine_speed_up"] = _counting(2) / _counting(1)
     found["studies_scipy"] = _scipy(bench)
     found["studies_lanes_over_scipy"] = found["studies_lanes_2"] / (2.0 * found["studies_scipy"])
     return found
@@ -76,6 +80,20 @@ def _processes(ready: Preparation, workers: int, count: int) -> float:
     finally:
         pool.close()
     return count / best
+
+
+def _counting(workers: int) -> float:
+    """Return how many numbers processes count together, per second of wall time."""
+    with get_context("forkserver").Pool(workers) as pool:
+        pool.map(_count, [1] * workers)
+        start = perf_counter()
+        pool.map(_count, [_COUNTED] * workers, chunksize=1)
+        return workers * _COUNTED / (perf_counter() - start)
+
+
+def _count(numbers: int) -> None:
+    for _ in range(numbers):
+        pass
 
 
 def _scipy(ready: Preparation) -> float:
