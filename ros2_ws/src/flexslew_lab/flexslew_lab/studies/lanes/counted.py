@@ -30,6 +30,7 @@ class Counted:
     def __init__(
         self, passenger: Passenger, rows: Rows, schedule: Schedule, aim: Manoeuvre
     ) -> None:
+        assert aim.goal is not None
         self._rows, self._goal = rows, aim.goal
         self._ended = bool(schedule.over.any())
         testbed, time = passenger.trial.testbed, schedule.time

@@ -106,10 +106,10 @@ class Lanes:
             len(group),
         )
         results, lost = [], []
-        near = (np.abs(w[: at_rest.size].reshape(-1, LANES)) < _FAR).all(axis=0)
+        far = np.abs(w[: at_rest.size].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
         counted = Counted(first, rows, schedule, prepared.goal)
         for k, passenger in enumerate(group):
-            if near[k]:
+            if far[k] < _FAR:
                 metrics = counted.metrics(w, k)
                 results.append(Flown(passenger.case.number, metrics, None, "ok", "", "lanes"))
             else:
