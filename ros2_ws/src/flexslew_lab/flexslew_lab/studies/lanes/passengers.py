@@ -67,7 +67,7 @@ class Boarding:
 
     def _said(self, variant: int, trial: Trial) -> _Common:
         testbed = trial.testbed
-        source = (trial.plan, trial.controllers, trial.active, trial.schedule)
+        source: tuple[Any, ...] = (trial.plan, trial.controllers, trial.active, trial.schedule)
         source += (trial.period, trial.duration, testbed.effort_limit, type(testbed))
         known = self._common.get(variant)
         if known is not None and known.source == source:
