@@ -1,6 +1,5 @@
 """The run again from nothing but its log: trial, logged plan, operator's wishes, missed ticks."""
 
-from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,19 +9,16 @@ import numpy as np
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.logged_text import logged_json
-from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.metrics.trajectory import TrajectoryHash
 from flexslew_lab.replay.coverage import missing_part
+from flexslew_lab.replay.flight_again import FlightAgain
 from flexslew_lab.replay.logged_code import changed_code, reading
-from flexslew_lab.replay.logged_controllers import Key, LoggedControllers, trial_of
-from flexslew_lab.trial.trial import Trial, bench_settings, law_of
+from flexslew_lab.replay.logged_controllers import trial_of
 from flexslew_plant.arrays import Matrix
-from flexslew_plant.bench.bench import Bench, SwitchRequest
-from flexslew_plant.errors import BadInput, RunFault
+from flexslew_plant.errors import BadInput
 
 # Another processor or another build rounds differently. Of the largest magnitude of a field.
 TOLERANCE = 1e-9
-_LATEST = 1 << 40  # tick of a run without an end
 FIELDS = ("applied_effort", "disturbance", "position", "velocity")  # cause before effect
 
 
@@ -86,7 +82,7 @@ def _flown_again(
     reader: BagReader, progress: Callable[[int, int], None], changes: Mapping[str, Any]
 ) -> Resimulation:
     trial = trial_of(reader, changes)
-    again = _Again(reader, trial)
+    again = FlightAgain(reader, trial)
     same = _Comparison()
     recorded, ours, epoch = TrajectoryHash(), TrajectoryHash(), 0
     for block in reader.blocks(["/truth"]):
@@ -123,137 +119,6 @@ def _flown_again(
         missing_part(reader, trial, same.began, same.last[1], same.gaps),
         changed_code(reader),
     )
-
-
-WISHES = ("switch_requested", "injected", "fault_ended", "brake_requested", "retargeted")
-
-
-class _Again:
-    """The bench and its controllers, steered by what the events of the log say.
-
-    Args:
-        bag: to read.
-        trial: that it was recorded from, with what is changed in it.
-    """
-
-    def __init__(self, bag: BagReader, trial: Trial) -> None:
-        recorded = trial_of(bag)
-        self.bench = Bench(bench_settings(trial))
-        other = {
-            name: law_of(name, values or {})
-            for name, values in trial.controllers.items()
-            if values != recorded.controllers.get(name)
-        }
-        self._controllers = LoggedControllers(bag, replaced=other, trial=trial)
-        self._wishes: dict[Key, list[LoggedEvent]] = defaultdict(list)
-        self._afterwards: dict[Key, list[LoggedEvent]] = defaultdict(list)  # a step was refused
-        self._missed: set[Key] = set()
-        self._refused: set[Key] = set()
-        self._asked: Key | None = None  # the newest question of the log that is out
-        self._dropped: dict[Key, set[str]] = defaultdict(set)  # not ready when they were due
-        self._successors: dict[Key, str] = {}  # who took over from one that was silent
-        self.replayed = dict.fromkeys((*WISHES, "tuned", "missed"), 0)
-        self._epochs = len(bag.overview.events)  # each reset is one of them
-        for event in bag.overview.events:
-            key = event.epoch, event.tick
-            if event.kind in WISHES:
-                wishes = self._afterwards if key in self._refused else self._wishes
-                wishes[key].append(event)
-            elif event.kind == "missed":
-                self._missed.add(key)
-            elif event.kind == "switch_refused":
-                self._refused.add(key)
-            elif event.kind == "switch_dropped" and "is not ready" in event.data["reason"]:
-                self._dropped[key].add(event.data["controller"])
-            elif event.kind in ("fallback", "brake"):
-                self._successors[key] = event.data["to"]
-
-    def truth(self, key: Key) -> dict[str, Any]:
-        """Fly to this tick; return the state there."""
-        bench = self.bench
-        last = _LATEST if bench.last_tick is None else bench.last_tick
-        if key[0] > self._epochs or key[1] > last:
-            raise BadInput(
-                f"the truth of tick {key[1]} of epoch {key[0]} is beyond the end of the trial"
-            )
-        while bench.epoch < key[0]:
-            self._end_epoch()
-        while (bench.epoch, bench.tick) < key:
-            self._fly_tick()
-            bench.events.clear()
-            bench.switch_results.clear()
-        if bench.tick != key[1]:
-            raise BadInput(f"the truth steps back to tick {key[1]} of epoch {key[0]}")
-        self._asked = key
-        return bench.truth()._asdict()
-
-    def _end_epoch(self) -> None:
-        """Reset the bench; its last question was heard, if it went out, and never answered."""
-        question = self.bench.question
-        key = question.epoch, question.tick
-        self._begin(key)
-        if key == self._asked:
-            for controller in self._controllers.by_name.values():
-                controller.observe(question)
-        self.bench.reset()
-
-    def _begin(self, key: Key) -> None:
-        """Let happen what was wanted of the controllers and of the bench at this tick."""
-        self.replayed["tuned"] += self._controllers.until(key)
-        for wish in self._wishes.pop(key, ()):
-            self._grant(wish)
-
-    def _fly_tick(self) -> None:
-        bench, question = self.bench, self.bench.question
-        key = question.epoch, question.tick
-        self._begin(key)
-        missed = key in self._missed
-        self.replayed["missed"] += missed
-        for controller in self._controllers.by_name.values():
-            answer = controller.observe(question)  # heard it, even where nobody heard the answer
-            if answer is not None and (not missed or key in self._refused):
-                bench.offer(answer.command)
-        if bench.question is not question and not missed:  # the newcomer's step was refused
-            predecessor = self._controllers.by_name.get(bench.question.controller)  # or the brake
-            answer = predecessor.observe(bench.question) if predecessor else None
-            if answer is not None:
-                bench.offer(answer.command)
-        for wish in self._afterwards.pop(key, ()):
-            self._grant(wish)
-        unready = self._unready(key)
-        for name in unready:
-            bench.note_readiness(name, "the log says so")
-        bench.advance()
-        for name in unready:
-            bench.note_readiness(name, "")
-        if bench.failure:
-            raise RunFault(bench.failure)
-
-    def _unready(self, key: Key) -> set[str]:
-        """Return who could not take charge at the end of this tick, as its outcome shows."""
-        unready = set(self._dropped.get((key[0], key[1] + 1), ()))
-        if key in self._successors:
-            possible = {*self._controllers.by_name, *self.bench.settings.fallback}
-            ready = {self._successors[key], *self.bench.charge.due(key[1] + 1)}
-            unready |= possible - ready
-        return unready
-
-    def _grant(self, wish: LoggedEvent) -> None:
-        self.replayed[wish.kind] += 1
-        data = wish.data
-        if wish.kind == "injected":
-            self.bench.inject(data["text"], data["start"])
-        elif wish.kind == "retargeted":
-            self.bench.retarget(data["text"], data["start"])
-        elif wish.kind == "fault_ended":
-            self.bench.end_fault(data["number"])
-        elif wish.kind == "brake_requested":
-            self.bench.brake(data["on"])
-        else:
-            step = data["max_effort_step"]
-            self.bench.request_switch(
-                SwitchRequest(data["controller"], data["tick"], data["strict"], step)
-            )
 
 
 class _Comparison:
