@@ -59,7 +59,7 @@ def kalman_tick(kernels: Kernels, n: int, m: int, linear: bool) -> Tick:
         state = x[:k].copy()
         dx, du = np.empty((k, k)), np.empty((k, effort.size))
         jacobian(belief.packed, t, state, total, dx, du)
-        advance(belief.packed, t, total, dt, 1, state)
+        advance(belief.packed, t, total, dt, 1, m, state)
         x[:k] = state
         return predicted_covariance(dx, du[:, :d].copy(), p, belief.q, dt)
 

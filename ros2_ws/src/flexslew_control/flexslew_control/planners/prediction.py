@@ -1,14 +1,16 @@
 """What a plan promises: its flight on the planner's own model, tick by tick as on the bench."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numba import types
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds.dynamics import take_steps
-from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.bound import ADVANCE
 
 WATCHED = 40.0  # after the end of the plan [s]
 
@@ -38,8 +40,8 @@ def predicted(plan: Plan, slew: Slew) -> Prediction:
         return np.vstack((rows, np.tile(end, (after, 1))))
 
     rest = np.zeros(model.joints)
-    path = _flown(
-        model.kernels,
+    path = _kernel()(
+        model.integrate,
         model.packed,
         np.concatenate((model.rest(slew.named(slew.start)), np.zeros(model.coordinates))),
         held(plan.position[:-1], plan.position[-1]),
@@ -50,15 +52,27 @@ def predicted(plan: Plan, slew: Slew) -> Prediction:
         slew.effort_limit,
         plan.period,
         model.coordinates,
+        model.before_modes,
     )[last:]
     tips = path[:, model.joints : model.coordinates] @ model.appendages.tip.T
     away = np.abs(path[:, : model.joints] - plan.position[-1])
     return Prediction(float(np.abs(tips).max(initial=0.0)), away.max(axis=0))
 
 
-@compiled
+@lru_cache
+def _kernel() -> Callable[..., Matrix]:
+    """Return _flown as machine code, the same for all testbeds."""
+    vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
+    kernel: Any = compiled(_flown)
+    sizes = types.float64, types.int64, types.int64
+    rows = matrix, matrix, matrix, vector, vector, vector
+    kernel.compile(matrix(ADVANCE, vector, vector, *rows, *sizes))
+    kernel.disable_compile()  # never for the type of one testbed's function
+    return cast(Callable[..., Matrix], kernel)
+
+
 def _flown(
-    kernels: Kernels,
+    advance: Callable[..., None],
     p: Vector,
     start: Vector,
     position: Matrix,
@@ -69,6 +83,7 @@ def _flown(
     limit: Vector,
     period: float,
     n: int,
+    before_modes: int,
 ) -> Matrix:
     """Return the states at the ticks, shape (ticks + 1, 2 n), for a testbed with q' = v."""
     ticks, m = effort.shape
@@ -79,6 +94,6 @@ def _flown(
             u[j] = effort[k, j] + kp[j] * (position[k, j] - x[j])
             u[j] += kd[j] * (velocity[k, j] - x[n + j])
             u[j] = min(max(u[j], -limit[j]), limit[j])
-        take_steps(kernels, p, k * period, u, period, 1, n, m, x)
+        advance(p, k * period, u, period, 1, before_modes, x)
         path[k + 1] = x
     return path

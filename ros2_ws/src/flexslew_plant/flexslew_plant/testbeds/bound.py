@@ -5,10 +5,17 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds import dynamics, interface
 from flexslew_plant.testbeds.kernels import Kernels
+
+_VECTOR = types.Array(types.float64, 1, "C")
+# Bound.advance as an argument of a compiled loop, which so is compiled once for all testbeds
+ADVANCE = types.FunctionType(
+    types.void(_VECTOR, types.float64, _VECTOR, types.float64, types.int64, types.int64, _VECTOR)
+)
 
 
 class Bound(NamedTuple):
@@ -16,7 +23,8 @@ class Bound(NamedTuple):
 
     terms: Callable[[Vector, float, Vector, Matrix, Matrix, Vector, Vector], None]
     derivative: Callable[[Vector, float, Vector, Vector], Vector]
-    advance: Callable[[Vector, float, Vector, float, int, Vector], None]
+    # (p, t, effort, dt, steps, entries of v before the modes, x)
+    advance: Callable[[Vector, float, Vector, float, int, int, Vector], None]
     jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
     residual_jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
     energy: Callable[[Vector, float, Vector], float]
@@ -65,7 +73,9 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
         return dynamics.derivative(kernels, p, t, x, effort, m)
 
     @compiled
-    def advance(p: Vector, t: float, effort: Vector, dt: float, steps: int, x: Vector) -> None:
+    def advance(
+        p: Vector, t: float, effort: Vector, dt: float, steps: int, _: int, x: Vector
+    ) -> None:
         dynamics.take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
 
     @compiled
@@ -143,7 +153,7 @@ def _of_any_size(kernels: Kernels, m: int) -> Bound:
     return Bound(
         own["terms"],
         lambda p, t, x, effort: dynamics.derivative(kernels, p, t, x, effort, m),
-        lambda p, t, effort, dt, steps, x: advance(p, t, effort, dt, steps, m, x),
+        advance,
         jacobian,
         own["residual_jacobian"],
         lambda p, t, x: dynamics.energy(kernels, p, t, x, m),

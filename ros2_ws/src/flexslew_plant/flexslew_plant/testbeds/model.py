@@ -189,8 +189,13 @@ class Model:
     ) -> Vector:
         """Return the state dt after t with the effort held (order 8, `steps` equal steps)."""
         after = x.copy()
-        self._bound.advance(self.packed, t, effort, dt, steps, after)
+        self.integrate(self.packed, t, effort, dt, steps, self.before_modes, after)
         return after
+
+    @cached_property
+    def integrate(self) -> Callable[[Vector, float, Vector, float, int, int, Vector], None]:
+        """The kernel of `advance`, for compiled loops: see bound.ADVANCE."""
+        return self._bound.advance
 
     def jacobian(self, x: Vector, effort: Vector, t: float = 0.0) -> tuple[Matrix, Matrix]:
         """Return df/dx, shape (2 n, 2 n), and df/du, shape (2 n, actuators), exact."""
