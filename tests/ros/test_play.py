@@ -132,7 +132,10 @@ def late_listener(expected: Any) -> tuple[Any, Any]:
         while not (plans and len([e for e in events if e.source == "plant"]) >= expected):
             rclpy.spin_once(node, timeout_sec=20.0)
         # a way there and back, in which what is too much would arrive, too
-        rclpy.spin_until_future_complete(node, client.call_async(Trigger.Request()))
+        assert client.wait_for_service(timeout_sec=20.0)
+        future = client.call_async(Trigger.Request())
+        rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
+        assert future.done()
         return len(plans), [e.kind for e in events if e.source == "plant"]
     finally:
         node.destroy_node()
