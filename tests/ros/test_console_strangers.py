@@ -6,11 +6,12 @@ FLEXSLEW_ACTIONS=10000 ten of them.
 
 import os
 import random
+import re
 import signal
 from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 import pytest
@@ -74,8 +75,7 @@ def test_a_hung_page_and_a_killed_console_change_no_bit(tmp_path: Path) -> None:
     pages: list[PageClient] = []
 
     def disturb(pids: dict[str, int], domain: int) -> None:
-        said = (tmp_path / "flight" / "nodes.log").read_text()
-        address = said.partition("open ")[2].split()[0]
+        address = while_held(pids["plant"], lambda: opened(tmp_path / "flight" / "nodes.log"))
         pages.append(PageClient(address, hangs=True))
         page = PageClient(address)
 
@@ -90,6 +90,24 @@ def test_a_hung_page_and_a_killed_console_change_no_bit(tmp_path: Path) -> None:
     flight = Flight(trial, tmp_path / "flight", 100, disturb, [viewer])
     assert killed
     assert flight.metrics["trajectory_hash"] == alone.metrics["trajectory_hash"]
+
+
+def opened(log: Path) -> str:
+    """Return where the console says that its page is, as soon as it does."""
+    end = monotonic() + WALL
+    while not (found := re.search(r"open (\S+)\n", log.read_text())):
+        assert monotonic() < end, log.read_text()
+        sleep(0.02)
+    return found[1]
+
+
+def while_held(pid: int, act: Callable[[], str]) -> str:
+    """Return what `act` returns; until then the process rests."""
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        return act()
+    finally:
+        os.kill(pid, signal.SIGCONT)
 
 
 def anything(rng: random.Random, element: dict[str, Any]) -> Any:

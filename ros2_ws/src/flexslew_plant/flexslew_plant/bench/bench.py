@@ -191,8 +191,7 @@ class Bench:
             self.drive.take(self._answer)
         elif self.drive.active:
             self.charge.missed()
-        velocity = self.model.joint_state(self._x)[1]
-        demand = self._faults.demand(self.drive.effort(velocity))
+        demand = self._faults.demand(self.drive.effort(self._velocity))
         applied = self._faults.effort(self.actuator.apply(demand))
         extra = self._breakings.disturbance(self.tick)
         after = self._moved(applied + extra)
@@ -330,6 +329,7 @@ class Bench:
         self.charge.begin(self.tick)
         self._answer, self._lost = None, False
         position, velocity = self.model.joint_state(self._x)
+        self._velocity = velocity  # of the joints
         modes, rates = self.model.modal_state(self._x)
         tip = self.appendages.reading(modes, rates)
         if self.appendages.felt is not None:

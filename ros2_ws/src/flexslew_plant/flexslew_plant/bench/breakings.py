@@ -70,6 +70,7 @@ class Breakings:
         self._all = list(known)
         self._disturbances = [one for one in known if isinstance(one, TimedDisturbance)]
         self._ended: set[int] = set()  # by an operator
+        self._nothing: Vector = np.zeros(len(names.joints))
         self.faults = Faults(
             names, seed, epoch, tuple(one for one in known if isinstance(one, Timed))
         )
@@ -112,7 +113,7 @@ class Breakings:
 
     def disturbance(self, tick: int) -> Vector:
         """Return the effort on the joints over this tick, and say what begins and ends."""
-        total = np.zeros(len(self._names.joints))
+        total = self._nothing
         for timed in self._disturbances:
             if timed.start <= tick < timed.end:
                 total = total + disturbance_effort(timed, tick, self._names.joints, self._period)

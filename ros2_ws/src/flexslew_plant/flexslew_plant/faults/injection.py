@@ -44,6 +44,7 @@ class Faults:
         self._waiting = list(timed)
         self._acting: list[Timed] = []
         self._effects: dict[int, Effect] = {}  # by the identity of an acting fault
+        self._active: list[Effect] = []  # those of the acting ones, in their order
         self._ends: dict[int, int] = {}  # set by an operator, by the identity of a fault
         self._late: list[_Delayed] = []
         self._tick = 0
@@ -74,6 +75,7 @@ class Faults:
                 self._effects.pop(id(timed), None)
             for timed in begun:
                 self._effects[id(timed)] = timed.fault.begin(self._situation(timed))
+            self._active = [self._effects[id(timed)] for timed in self._acting]
         return [Switched(t, False) for t in ended] + [Switched(t, True) for t in begun]
 
     def read(self, readings: Readings) -> Readings:
@@ -118,10 +120,6 @@ class Faults:
                 effort = effect.effort(effort)
         self._last_effort = effort
         return effort
-
-    @property
-    def _active(self) -> list[Effect]:
-        return [self._effects[id(timed)] for timed in self._acting]
 
     def _situation(self, timed: Timed) -> Situation:
         """Return what a fault sees of the bench when it sets in."""
