@@ -9,6 +9,7 @@ import pytest
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.flight import flown
 from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.lanes.passengers import Boarding
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
 from flexslew_plant.testbeds.csa import CsaTestbed
@@ -117,6 +118,19 @@ def test_what_lanes_do_not_know_is_left_to_the_bench(
     cases = [case_of(ready.study, ready.samples, k) for k in range(3)]
     found = list(Lanes(ready.study, ready.plans).fly(cases))
     assert [others for _, others in found] == [cases]
+
+
+def test_a_step_to_the_goal_is_one_plan_for_all_benches(
+    prepared: Callable[..., Preparation],
+) -> None:
+    step = {"method": "none", "goal": {"base_yaw": 0.1}, "duration": 5.0}
+    stiffness = {"testbed.parameters.bending_stiffness": {"relative": {"uniform": [-0.2, 0.2]}}}
+    ready = prepared(vary=stiffness, plan=step)
+    assert len(ready.plans.made) == 1
+    require_equal(ready, [0, 1, 2])
+    boarding = Boarding(ready.study)
+    trials = [boarding.passenger(case_of(ready.study, ready.samples, k)) for k in range(3)]
+    assert len({trial.alike for trial in trials if trial}) == 1
 
 
 def test_a_result_does_not_depend_on_its_neighbours(prepared: Callable[..., Preparation]) -> None:

@@ -68,14 +68,14 @@ def _figures_of(name: str, path: Path) -> dict[str, float]:
 def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
-    Without arguments all run, two files side by side; those against the wall clock run alone.
+    Without arguments those that need no ROS run side by side, a file at a time, and then those
+    over ROS, whose nodes fill the processors by themselves, one after another.
 
     Example: `./flexslew test tests/plant -k energy`
     """
     if context.args:
         raise typer.Exit(_pytest(*context.args))
-    alone = "tests/ros/test_pace.py"
-    codes = _pytest("-n", "2", "--dist", "loadfile", "--ignore", alone), _pytest(alone)
+    codes = _pytest("-n", "2", "--dist", "loadfile", "--ignore", "tests/ros"), _pytest("tests/ros")
     raise typer.Exit(max(codes))
 
 

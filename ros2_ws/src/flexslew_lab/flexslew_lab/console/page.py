@@ -21,8 +21,9 @@ from flexslew_lab.console.panels.swap import SwapPanel
 from flexslew_lab.console.panels.tune import TunePanel
 from flexslew_lab.console.server import ConsoleServer
 
-FRAME = 0.05  # between two frames at least [wall s]
-SHARE = 0.1  # of a core that the page takes of a bench that goes as fast as it can, about
+LOOK = 0.025  # between two looks at bench and pages [wall s]
+FRAME = 1 / 15  # between two frames at least [wall s]
+SHARE = 0.04  # of a core that the page takes of a bench that goes as fast as it can, about
 _SLOWEST = 1.0  # between two frames then at most [wall s]
 LEFT, RIGHT = 400, 560  # widths [px]
 Make = Callable[[Desk], Panel]
@@ -67,7 +68,7 @@ class Page:
             for panel in self._panels:
                 panel.refresh()
             self._next = now + self._pause()
-        return FRAME / 2
+        return LOOK
 
     def _pause(self) -> float:
         """Return the wall seconds until the next frame: fewer frames where time is scarce."""

@@ -25,6 +25,7 @@ from flexslew_lab.trial.trial import (
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
 from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import initial_positions
 
 # of the log or of the clock on the wall, not of the flight
 _LEFT_OUT = ("wall_time", "trajectory_hash", "missing_ticks", "log_complete", "warnings")
@@ -83,7 +84,9 @@ def plan_key(trial: Trial) -> str:
     """Return what a trial's plan depends on, as text: less where its beliefs are written out."""
     plan = plain(trial.plan) or {}
     asked = [plan, trial.period, list(trial.testbed.effort_limit)]
-    if asks_the_testbed(trial):
+    if "model" not in plan:  # none, or a plan from its file
+        asked.append(initial_positions(trial.testbed))
+    elif asks_the_testbed(trial):
         asked.append(plain(trial.testbed))
     if not plan.get("feedback"):
         asked.append(plain(feedback_of(trial)))
@@ -91,8 +94,10 @@ def plan_key(trial: Trial) -> str:
 
 
 def asks_the_testbed(trial: Trial) -> bool:
-    """Return whether the plan takes more from the testbed than its limits of the effort."""
-    plan = trial.plan if isinstance(trial.plan, dict) else plain(trial.plan) or {}
+    """Return whether the plan depends on more of the testbed than its limits and its start."""
+    plan = plain(trial.plan) or {}
+    if "model" not in plan:
+        return False
     initial = plan.get("initial") or {}
     rests = all(name in initial for name in trial.testbed.model().joint_names)
     return not (rests and leaves_nothing(plan.get("model"), trial.testbed))

@@ -68,7 +68,8 @@ class Boarding:
     def _said(self, variant: int, trial: Trial) -> _Common:
         testbed = trial.testbed
         source: tuple[Any, ...] = (trial.plan, trial.controllers, trial.active, trial.schedule)
-        source += (trial.period, trial.duration, testbed.effort_limit, type(testbed))
+        source += (trial.period, trial.duration, type(testbed))
+        source += (testbed.effort_limit, testbed.initial)
         known = self._common.get(variant)
         if known is not None and known.source == source:
             return known
