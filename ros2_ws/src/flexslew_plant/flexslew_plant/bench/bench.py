@@ -16,7 +16,7 @@ from flexslew_plant.bench.divergence import diagnosis, is_lost
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.hardware.actuator import Actuator
 from flexslew_plant.bench.hardware.drive import Drive
-from flexslew_plant.bench.hardware.friction import friction_of
+from flexslew_plant.bench.hardware.friction import Friction, friction_of
 from flexslew_plant.bench.hardware.plausibility import Plausibility
 from flexslew_plant.bench.hardware.sensors import Readings, Sensors
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
@@ -165,8 +165,8 @@ class Bench:
 
         An answer that a fault keeps from the drive settles it too: no better one will come.
         """
-        asked = self.question.tick, self.question.controller
-        other = (command.tick, command.controller) != asked
+        asked = self.question
+        other = command.tick != asked.tick or command.controller != asked.controller
         if other and self.drive.heard_before(command):
             return False
         if self._objected(command) or self._answer is not None or self._lost:
@@ -194,24 +194,26 @@ class Bench:
         demand = self._faults.demand(self.drive.effort(self._velocity))
         applied = self._faults.effort(self.actuator.apply(demand))
         extra = self._breakings.disturbance(self.tick)
-        after = self._moved(applied + extra)
+        if self._friction is None:
+            x, period = self._x, self.settings.period
+            after = self.model.advance(x, applied + extra, period, 1, self.tick * period)
+        else:
+            after = self._rubbed(self._friction, applied + extra)
         if is_lost(after):
             self._fail(after, extra)
             return
         self._x, self._applied, self._extra = after, applied, extra
         self.saturated_ticks += self.actuator.saturated
         self.tick += 1
-        if self.done:
+        if self.tick == self.last_tick:
             self.charge.drop_all("the run is over")
         self._ask()
 
-    def _moved(self, effort: Vector) -> Vector:
-        """Return the state at the end of the tick under this held effort on the joints."""
+    def _rubbed(self, friction: Friction, effort: Vector) -> Vector:
+        """Return the state at the end of the tick under this held effort and friction."""
         x, model, period, now = self._x, self.model, self.settings.period, self.time
-        if self._friction is None:
-            return model.advance(x, effort, period, t=now)
         mobility = model.mobility(x, effort, now)
-        return self._friction.advance(
+        return friction.advance(
             x, effort, mobility, lambda total: model.advance(x, total, period, t=now)
         )
 

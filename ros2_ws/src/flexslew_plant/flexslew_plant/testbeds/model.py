@@ -230,13 +230,24 @@ class Model:
         """Return position and velocity of each joint, each of shape (joints,)."""
         if self.reading is not None:
             return self.reading(x)
-        q, v = self.split(x)
-        return q[: self.joints], v[: self.joints]
+        position, rate = self._of_joints
+        return x[position], x[rate]
 
     def modal_state(self, x: Vector) -> tuple[Vector, Vector]:
         """Return the modal coordinates and their rates, each of shape (modes,)."""
-        q, v = self.split(x)
-        return q[self.positions - self.modes :], v[self.before_modes :]
+        modal, rate = self._of_modes
+        return x[modal], x[rate]
+
+    @cached_property
+    def _of_joints(self) -> tuple[slice, slice]:
+        """Where positions and rates of the joints stand in a state."""
+        return slice(self.joints), slice(self.positions, self.positions + self.joints)
+
+    @cached_property
+    def _of_modes(self) -> tuple[slice, slice]:
+        """Where modal coordinates and their rates stand in a state."""
+        first = self.positions - self.modes
+        return slice(first, self.positions), slice(self.positions + self.before_modes, None)
 
     def mobility(self, x: Vector, effort: Vector, t: float = 0.0) -> Matrix:
         """Return how each effort accelerates each joint, shape (joints, actuators)."""
