@@ -23,7 +23,7 @@ from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 from flexslew_plant.settings import section
 
 _AFTER_PLANT = ("/effort_command", "/controller_state", "/plan")  # who leaves after the plant
-_TAKE_EVERY = 0.01  # [wall s]
+_TAKE_EVERY = 0.005  # [wall s]
 _SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
 _LAST_WORDS = 3.0  # of a plant that is interrupted together with the recorder [wall s]
 

@@ -7,7 +7,7 @@ from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.log.recording.recording_order import Ordered, tick_and_epoch
 
 # A kill costs what the system does not have: at most this, and what is on the way to us.
-_FLUSH_AFTER, _FLUSH_TICKS = 0.5, 50  # [wall s], ticks
+_FLUSH_AFTER, _FLUSH_TICKS = 0.5, 25  # [wall s], ticks
 
 
 class Recording:
