@@ -3,16 +3,18 @@
 import os
 import signal
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.execution.pool import Executor, Here, Pool
+from flexslew_lab.studies.cases import Case, case_of
+from flexslew_lab.studies.execution.pool import Executor, Here, Pace, Pool
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
+from flexslew_plant.testbeds.lanes import LANES
 
 LAW = '''
 import os, signal
@@ -100,3 +102,18 @@ def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is
     assert failed[3] == "its process died 2 times (SIGKILL)"
     assert "no controller answered any more" in failed[5]
     assert failed[7] == "no end after 15 s"
+
+
+def test_workers_share_a_short_study_in_chunks_of_whole_lanes() -> None:
+    pace, rate = Pace(), 2000.0  # trials / s
+    endless = (Case(k, k, 0, 0, ()) for k in count())
+    for _ in range(8):  # it learns that a chunk of seconds holds thousands
+        chunk = pace.chunk(endless)
+        pace.took(len(chunk), len(chunk) / rate)
+    assert len(pace.chunk(endless)) == 4096
+    left = iter([Case(k, k, 0, 0, ()) for k in range(1024)])
+    sizes = list(map(len, iter(lambda: pace.chunk(left, 2), [])))
+    assert sum(sizes) == 1024
+    assert sizes[0] == 256
+    assert all(size % LANES == 0 for size in sizes)
+    assert sizes == sorted(sizes, reverse=True)
