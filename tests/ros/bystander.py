@@ -136,8 +136,17 @@ class Sleepers:
         return max(float(process.communicate("")[0]) for process in self._processes)
 
 
+@contextmanager
+def held(pid: int) -> Iterator[None]:
+    """Hold a process up."""
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.kill(pid, signal.SIGCONT)
+
+
 def stall(pid: int, seconds: float) -> None:
     """Hold a process up for so long [wall s]."""
-    os.kill(pid, signal.SIGSTOP)
-    Event().wait(seconds)
-    os.kill(pid, signal.SIGCONT)
+    with held(pid):
+        Event().wait(seconds)

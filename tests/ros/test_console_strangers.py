@@ -21,6 +21,7 @@ from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.processes import NodeProcess
 from flexslew_lab.trial.run import run_trial
 
+from .bystander import held
 from .console_page import console, trial_file
 from .flight import Flight, slew
 
@@ -75,7 +76,8 @@ def test_a_hung_page_and_a_killed_console_change_no_bit(tmp_path: Path) -> None:
     pages: list[PageClient] = []
 
     def disturb(pids: dict[str, int], domain: int) -> None:
-        address = while_held(pids["plant"], lambda: opened(tmp_path / "flight" / "nodes.log"))
+        with held(pids["plant"]):
+            address = opened(tmp_path / "flight" / "nodes.log")
         pages.append(PageClient(address, hangs=True))
         page = PageClient(address)
 
@@ -99,15 +101,6 @@ def opened(log: Path) -> str:
         assert monotonic() < end, log.read_text()
         sleep(0.02)
     return found[1]
-
-
-def while_held(pid: int, act: Callable[[], str]) -> str:
-    """Return what `act` returns; until then the process rests."""
-    os.kill(pid, signal.SIGSTOP)
-    try:
-        return act()
-    finally:
-        os.kill(pid, signal.SIGCONT)
 
 
 def anything(rng: random.Random, element: dict[str, Any]) -> Any:

@@ -1,7 +1,7 @@
 """One trial of a study flown in process: its metrics, or why there are none."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, NamedTuple
 
@@ -25,7 +25,7 @@ from flexslew_lab.trial.trial import (
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
 from flexslew_plant.settings import plain
-from flexslew_plant.testbeds import initial_positions
+from flexslew_plant.testbeds import Testbed, initial_positions
 
 # of the log or of the clock on the wall, not of the flight
 _LEFT_OUT = ("wall_time", "trajectory_hash", "missing_ticks", "log_complete", "warnings")
@@ -84,23 +84,22 @@ def plan_key(trial: Trial) -> str:
     """Return what a trial's plan depends on, as text: less where its beliefs are written out."""
     plan = plain(trial.plan) or {}
     asked = [plan, trial.period, list(trial.testbed.effort_limit)]
-    if "model" not in plan:  # none, or a plan from its file
-        asked.append(initial_positions(trial.testbed))
-    elif asks_the_testbed(trial):
+    if asks_the_testbed(plan, trial.testbed):
         asked.append(plain(trial.testbed))
+    elif "model" not in plan:
+        asked.append(initial_positions(trial.testbed))
     if not plan.get("feedback"):
         asked.append(plain(feedback_of(trial)))
     return json.dumps(asked, sort_keys=True)
 
 
-def asks_the_testbed(trial: Trial) -> bool:
-    """Return whether the plan depends on more of the testbed than its limits and its start."""
-    plan = plain(trial.plan) or {}
-    if "model" not in plan:
+def asks_the_testbed(plan: Mapping[str, Any], testbed: Testbed) -> bool:
+    """Return whether a `plan` section takes more from the testbed than its limits and its start."""
+    if "model" not in plan:  # method none, or a plan from its file
         return False
     initial = plan.get("initial") or {}
-    rests = all(name in initial for name in trial.testbed.model().joint_names)
-    return not (rests and leaves_nothing(plan.get("model"), trial.testbed))
+    rests = all(name in initial for name in testbed.model().joint_names)
+    return not (rests and leaves_nothing(plan["model"], testbed))
 
 
 def leaves_nothing(belief: Any, testbed: Any) -> bool:

@@ -42,9 +42,7 @@ class Faults:
     def __init__(self, names: Names, seed: int, epoch: int, timed: tuple[Timed, ...]) -> None:
         self._names, self._seed, self._epoch = names, seed, epoch
         self._waiting = list(timed)
-        self._acting: list[Timed] = []
-        self._effects: dict[int, Effect] = {}  # by the identity of an acting fault
-        self._active: list[Effect] = []  # those of the acting ones, in their order
+        self._acting: list[tuple[Timed, Effect]] = []
         self._ends: dict[int, int] = {}  # set by an operator, by the identity of a fault
         self._late: list[_Delayed] = []
         self._tick = 0
@@ -65,29 +63,25 @@ class Faults:
         self._tick = tick
         if not self._acting and not self._waiting:
             return []
-        ended = [t for t in self._acting if tick >= min(t.end, self._ends.get(id(t), t.end))]
+        ended = [t for t, _ in self._acting if tick >= min(t.end, self._ends.get(id(t), t.end))]
         begun = [timed for timed in self._waiting if tick >= timed.start]
         if ended or begun:
             over = set(map(id, ended))
-            self._acting = [t for t in self._acting if id(t) not in over] + begun
+            self._acting = [(t, effect) for t, effect in self._acting if id(t) not in over]
+            self._acting += [(t, t.fault.begin(self._situation(t))) for t in begun]
             self._waiting = [t for t in self._waiting if tick < t.start]
-            for timed in ended:
-                self._effects.pop(id(timed), None)
-            for timed in begun:
-                self._effects[id(timed)] = timed.fault.begin(self._situation(timed))
-            self._active = [self._effects[id(timed)] for timed in self._acting]
         return [Switched(t, False) for t in ended] + [Switched(t, True) for t in begun]
 
     def read(self, readings: Readings) -> Readings:
         """Return what the question says instead of what the sensors read."""
-        for effect in self._active:
+        for _, effect in self._acting:
             if effect.read is not None:
                 readings = effect.read(readings)
         return readings
 
     def fate(self, command: EffortCommand) -> Fate:
         """Return what becomes of the answer of this tick; what reaches the drive later is kept."""
-        for effect in self._active:
+        for _, effect in self._acting:
             fate = Fate.ARRIVES if effect.fate is None else effect.fate(command)
             if fate is not Fate.ARRIVES:
                 return fate
@@ -108,14 +102,14 @@ class Faults:
     def demand(self, demand: Vector) -> Vector:
         """Return what reaches the motors instead of what the drive asks for."""
         self._last_demand = demand
-        for effect in self._active:
+        for _, effect in self._acting:
             if effect.demand is not None:
                 demand = effect.demand(demand)
         return demand
 
     def effort(self, effort: Vector) -> Vector:
         """Return what the motors give instead of what they would."""
-        for effect in self._active:
+        for _, effect in self._acting:
             if effect.effort is not None:
                 effort = effect.effort(effort)
         self._last_effort = effort

@@ -80,17 +80,21 @@ class Pace:
         size = self._size
         if workers > 1:
             share = length_hint(cases, sys.maxsize) // (_SHARES * workers)
-            size = max(1, min(size, max(share, int(self._rate * _LEAST_TIME))))
-        size -= size % LANES if size > LANES else 0
+            size = max(1, min(size, _whole_lanes(max(share, int(self._rate * _LEAST_TIME)))))
         return list(islice(cases, size))
 
     def took(self, count: int, seconds: float) -> None:
         """Learn from a chunk that was flown in so much wall time."""
         self._rate = count / max(seconds, 1e-9)
-        if count < self._size - self._size % LANES:  # a rest of another one
+        if count < self._size:  # a rest of another one
             return
         aim = int(self._rate * CHUNK_TIME)
-        self._size = max(1, min(aim, _GROWTH * self._size, _LARGEST))
+        self._size = max(1, _whole_lanes(min(aim, _GROWTH * self._size, _LARGEST)))
+
+
+def _whole_lanes(trials: int) -> int:
+    """Return as many trials, or as many of them as fill their lanes."""
+    return trials - trials % LANES if trials > LANES else trials
 
 
 class _Chunk(deque[Case]):

@@ -50,7 +50,7 @@ class Lanes:
     _boarding: Boarding = field(init=False)
 
     def __post_init__(self) -> None:
-        """Open the doors."""
+        """Prepare to take cases."""
         self._boarding = Boarding(self.study)
 
     def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[Flown], list[Case]]]:

@@ -82,7 +82,7 @@ class Boarding:
         if believes:
             shared.append(plain(testbed))
         common = _Common(source, asked, json.dumps(shared, sort_keys=True))
-        if not (believes or asks_the_testbed(trial)):
+        if not (believes or asks_the_testbed(plain(trial.plan), testbed)):
             self._common[variant] = common
         return common
 
