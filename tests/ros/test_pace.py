@@ -1,9 +1,7 @@
 """Runs against the wall clock on a machine that is not theirs alone: stalls and busy processors."""
 
 import os
-import warnings
 from collections.abc import Callable
-from functools import wraps
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -40,20 +38,6 @@ def taken_over(flight: Flight) -> list[Any]:
     return events_of(flight, "brake") + events_of(flight, "fallback")
 
 
-def twice_at_most(test: Callable[[Path], None]) -> Callable[[Path], None]:
-    """Return a test that may fail once: others of this machine may be in the way, not each time."""
-
-    @wraps(test)
-    def run(tmp_path: Path) -> None:
-        try:
-            test(tmp_path / "first")
-        except AssertionError as error:
-            warnings.warn(f"flown again: {error}", stacklevel=1)
-            test(tmp_path / "second")
-
-    return run
-
-
 def undisturbed(folder: Path, fly: Callable[[Path], Flight]) -> Flight:
     """Return a flight during which nobody else took the processors."""
     for attempt in range(2):
@@ -64,7 +48,6 @@ def undisturbed(folder: Path, fly: Callable[[Path], Flight]) -> Flight:
     pytest.skip("others keep even one who sleeps from the processors")
 
 
-@twice_at_most
 def test_a_stall_of_the_plant_is_an_event_and_no_fault_of_any_controller(tmp_path: Path) -> None:
     stalled: list[int] = []  # the tick that was out
     before: list[int] = []  # the first of as many ticks without a stall
@@ -100,7 +83,6 @@ def test_a_stall_of_the_plant_is_an_event_and_no_fault_of_any_controller(tmp_pat
     assert not taken_over(flight)
 
 
-@twice_at_most
 def test_at_real_time_busy_processors_do_not_end_in_the_brake(tmp_path: Path) -> None:
     def load(pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bench, busy(BUSY):
@@ -114,7 +96,6 @@ def test_at_real_time_busy_processors_do_not_end_in_the_brake(tmp_path: Path) ->
     assert not taken_over(flight)
 
 
-@twice_at_most
 def test_at_ten_times_real_time_one_that_was_behind_catches_up(tmp_path: Path) -> None:
     phases: list[int] = []
 
@@ -137,7 +118,6 @@ def test_at_ten_times_real_time_one_that_was_behind_catches_up(tmp_path: Path) -
     assert sum(tick in wrong for tick in rest) < 0.3 * len(rest)
 
 
-@twice_at_most
 def test_a_controller_that_is_held_up_for_a_moment_keeps_the_bench(tmp_path: Path) -> None:
     def hold_up(pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bench:
