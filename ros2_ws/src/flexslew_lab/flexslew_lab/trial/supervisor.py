@@ -20,6 +20,8 @@ _ROOM = 1 << 20  # what a node may say while nobody reads it; Linux gives 64 KiB
 _GRACE = 10.0  # from one signal to the next stronger one [wall s]
 _LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.LAST_WORDS
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+# how a process ends that nobody has asked to
+_CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL)
 
 
 class Outcome(NamedTuple):
@@ -31,6 +33,9 @@ class Outcome(NamedTuple):
 
 class Supervisor:
     """The processes of one run.
+
+    A controller or planner that crashes before the start is started again, once. Plant and recorder
+    are not: others depend on the one, the other has begun its bag.
 
     Args:
         processes: what to start; the end of the last one, the plant, is the end of the run.
@@ -54,6 +59,7 @@ class Supervisor:
         self._own_fork_server = server is None
         self._fork_server = server or ForkServer(process.module for process in processes)
         self._plant = processes[-1].name
+        self._again = {p.name: p for p in processes if p.package == "flexslew_control"}
         self._tick = -1
         self._complaint = ""
         self._log = log.open("wb")
@@ -62,9 +68,10 @@ class Supervisor:
         self._told: dict[str, int] = {}  # exit codes, by those who leave
         self._selector = selectors.DefaultSelector()
         self._rest: dict[str, bytes] = {}
-        environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
+        self._parameters = parameters
+        self._environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
         for process in processes:
-            self._start(process, parameters, environment)
+            self._start(process)
 
     @property
     def pids(self) -> dict[str, int]:
@@ -90,8 +97,8 @@ class Supervisor:
             raise
         return self._verdict()
 
-    def _start(self, process: NodeProcess, parameters: Path, environment: dict[str, str]) -> None:
-        arguments = ["--ros-args", "--params-file", str(parameters)]
+    def _start(self, process: NodeProcess) -> None:
+        arguments = ["--ros-args", "--params-file", str(self._parameters)]
         if process.name:  # empty: several nodes, each with the name that it gives itself
             arguments += ["-r", f"__node:={process.name}"]
         if process.namespace:
@@ -102,7 +109,7 @@ class Supervisor:
         with suppress(OSError):  # a terminal that rests for a while does not hold up the nodes
             fcntl.fcntl(said, fcntl.F_SETPIPE_SZ, _ROOM)
         try:
-            pid = self._fork_server.start(process.module, arguments, environment, says)
+            pid = self._fork_server.start(process.module, arguments, self._environment, says)
         finally:
             os.close(says)
         os.set_blocking(said, False)
@@ -120,9 +127,15 @@ class Supervisor:
                 os.close(key.fd)
         for name, pid in list(self._running.items()):
             code = self._fork_server.exit_code(pid)
-            if code is not None:
+            if code is None:
+                continue
+            del self._running[name]
+            if self._tick < 0 and -code in _CRASHES and name in self._again:
+                word = f"crashed ({signal.Signals(-code).name}) before the start: started again\n"
+                self._take(name, word.encode())
+                self._start(self._again.pop(name))
+            else:
                 self._codes[name] = self._told.get(name, code) if code == -signal.SIGALRM else code
-                del self._running[name]
 
     def _take(self, name: str, data: bytes) -> None:
         *lines, self._rest[name] = (self._rest[name] + data).split(b"\n")
@@ -151,6 +164,7 @@ class Supervisor:
 
     def _end(self) -> None:
         """End what still runs: the plant first, so that the recorder gets its last messages."""
+        self._again.clear()
         order = sorted(self._running, key=lambda name: (name == "recorder", name != self._plant))
         for name in order:
             for strength in _SIGNALS:
