@@ -118,11 +118,23 @@ build_workspace() {
   run colcon_build --base-paths "${paths[@]}" --symlink-install \
     --event-handlers console_direct- console_start_end+ --cmake-args "${options[@]}" ||
     fail "the workspace does not build; what the compiler said is in ros2_ws/log/latest_build"
+  workspace_environment
   say "[4/4] machine code of the models, kept for later runs"
   . "$root/setup/environment.sh"
   run "$venv/bin/python" -m flexslew_lab.trial.compile_kernels || fail "the models do not compile"
   rm -f "$root"/ros2_ws/install/flexslew.*
   echo "$root" >"$workspace"
+}
+
+# What local_setup.bash sets, as plain lines: asking it takes longer than all the rest of ./flexslew --help
+workspace_environment() {
+  env -i PATH="$PATH" COLCON_PYTHON_EXECUTABLE="$venv/bin/python" bash -c '
+    . "$1/local_setup.bash"
+    for name in AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH; do
+      value=${!name}
+      echo "export $name=${value%:}\${$name:+:\$$name}"
+    done' bash "$root/ros2_ws/install" >"$workspace_lines.$$"
+  mv "$workspace_lines.$$" "$workspace_lines"
 }
 
 built_for() { cat "$root"/ros2_ws/install/flexslew.* 2>/dev/null || true; }
@@ -138,6 +150,7 @@ esac
 size="1.2 GB"
 packages_digest=$(cat "$lock" "$sources" | digest)
 packages=$venv/flexslew.$packages_digest
+workspace_lines=$root/ros2_ws/install/environment.sh
 workspace=$root/ros2_ws/install/flexslew.$({
   echo "$packages_digest"
   cd "$root"
@@ -155,3 +168,4 @@ if [ ! -e "$packages" ] || [ ! -e "$workspace" ] || [ "$(built_for)" != "$root" 
   trap - INT TERM
   say "ready after $((SECONDS - started)) s"
 fi
+[ -e "$workspace_lines" ] || workspace_environment

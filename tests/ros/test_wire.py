@@ -8,13 +8,19 @@ import pytest
 from flexslew_msgs import msg
 from rclpy.serialization import deserialize_message, serialize_message
 
+from flexslew_control.controllers.controller import Answer
+from flexslew_control.law import Estimate, Reference
+from flexslew_control.message_fields import answer_fields, state_bytes
+from flexslew_lab.log.messages.cdr import encode
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
+from flexslew_plant.bench.records import Truth
 from flexslew_plant.bench.wire import (
     Stamp,
     command_bytes,
     command_from,
     measurement_bytes,
     measurement_from,
+    truth_bytes,
 )
 from flexslew_plant.ros.messages import stamp
 
@@ -51,6 +57,43 @@ def test_a_command_has_the_bytes_of_the_message(name: Any, size: int) -> None:
     again = command_from(bytes(serialize_message(message)))
     assert again[:3] == (7, 1, name)
     assert again.effort.tolist() == effort.tolist()
+
+
+@pytest.mark.parametrize("sizes", [(5, 2, 2, 2), (1, 1, 0, 0), (0, 0, 0, 0), (7, 3, 3, 1)])
+def test_a_truth_has_the_bytes_of_the_message(sizes: Any) -> None:
+    n, *others = sizes
+    arrays = [np.arange(size) + 0.1 * size for size in (n, n, *others)]
+    data = truth_bytes(Truth(1234, 12.34, 5, *arrays, 0.75))
+    message = deserialize_message(data, msg.PlantState)
+    assert (message.header.stamp, message.header.frame_id) == (stamp(12.34), "")
+    assert (message.tick, message.epoch, message.energy) == (1234, 5, 0.75)
+    for name, values in zip(Truth._fields[3:8], arrays, strict=True):
+        assert list(getattr(message, name)) == values.tolist()
+    assert data == encode("flexslew_msgs/msg/PlantState", message)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("terms", [(), ("p",), ("feedforward", "proportional", "derivative")])
+@pytest.mark.parametrize("joints", [1, 2, 3])
+def test_a_controller_state_has_the_bytes_of_the_message(
+    name: str, terms: Any, joints: int
+) -> None:
+    rows = iter(np.random.default_rng(joints).normal(size=(20, joints)))
+    reference = Reference(*(next(rows) for _ in Reference._fields))
+    estimate = Estimate(next(rows), next(rows), next(rows), np.diag(next(rows)), next(rows), 2.5)
+    answer = Answer(
+        EffortCommand(1234, 5, name, next(rows)),
+        reference,
+        estimate,
+        {t: next(rows) for t in terms},
+    )
+    data = state_bytes(answer, Stamp(12, 340_000_000))
+    message = deserialize_message(data, msg.ControllerState)
+    assert message.header.stamp == stamp(12.34)
+    for field, value in answer_fields(answer).items():
+        found = getattr(message, field)
+        assert (list(found) == value.tolist()) if isinstance(value, np.ndarray) else found == value
+    assert data == encode("flexslew_msgs/msg/ControllerState", message)
 
 
 def test_a_frame_in_the_header_shifts_nothing() -> None:

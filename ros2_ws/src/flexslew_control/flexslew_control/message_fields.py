@@ -8,6 +8,7 @@ from flexslew_control.controllers.controller import Answer
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_plant.arrays import Matrix
+from flexslew_plant.bench.wire import Stamp, stamped_bytes
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml, yaml_text
 
@@ -35,6 +36,12 @@ def answer_fields(answer: Answer) -> dict[str, Any]:
         "term_names": list(terms),
         "terms": np.concatenate([*terms.values(), np.zeros(0)]),
     }
+
+
+def state_bytes(answer: Answer, at: Stamp) -> bytes:
+    """Return flexslew_msgs/ControllerState as it goes over DDS, with the stamp of the question."""
+    tick, epoch, *fields = answer_fields(answer).values()
+    return stamped_bytes(at, tick, epoch, fields)
 
 
 def plan_fields(plan: Plan) -> dict[str, Any]:

@@ -5,24 +5,21 @@ from functools import partial
 from pathlib import Path
 from time import monotonic
 
-from builtin_interfaces.msg import Time
 from flexslew_msgs import msg
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
-from flexslew_control.controllers.controller import Answer
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.law import described
-from flexslew_control.message_fields import answer_fields, plan_of
+from flexslew_control.message_fields import plan_of, state_bytes
 from flexslew_control.ros.announcer import Announcer
 from flexslew_control.ros.controller_settings import ControllerNodeSettings
 from flexslew_control.ros.tuning import Tuning
 from flexslew_plant import topics
-from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from
+from flexslew_plant.bench.wire import command_bytes, measurement_from
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop, run_node
-from flexslew_plant.ros.messages import message_of
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import declared, new_node, parameters_of
 
@@ -101,18 +98,13 @@ class ControllerNode:
         answer = host.observe(question)
         if answer is not None and not self._announcer.elder:
             self._command.publish(command_bytes(answer.command, at))
-            self._publish_state(answer, at)
+            self._state.publish(state_bytes(answer, at))
         if host.events:
             while host.events:
                 self._events.tell(host.events.popleft())
             self._announcer.describe()
         else:
             self._announcer.seen(question.tick)
-
-    def _publish_state(self, answer: Answer, at: Stamp) -> None:
-        state = message_of(msg.ControllerState, answer_fields(answer))
-        state.header.stamp = Time(sec=at.sec, nanosec=at.nanosec)
-        self._state.publish(state)
 
 
 def main() -> None:

@@ -5,8 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-
 from flexslew_lab.studies.cases import case_of, case_trial
 from flexslew_lab.studies.findings.summary import summary
 from flexslew_lab.studies.flight import Flown, Plans, columns_of, flown
@@ -54,8 +52,8 @@ def fly_again(
 
 def _difference(store: Store, number: int, metrics: dict[str, Any]) -> str:
     """Return how a trial differs from its row: by its hash, or by its metrics if it has none."""
-    rows = store.table(["index", "trajectory_hash", "status", *store.identity["columns"]])
-    rows = rows.filter(pa.array(rows["index"].to_numpy() == number))
+    columns = ["trajectory_hash", "status", *store.identity["columns"]]
+    rows = store.table(columns, [number])
     if not rows.num_rows or rows["status"][0].as_py() != "ok":
         return ""
     known = rows["trajectory_hash"][0].as_py()

@@ -26,7 +26,7 @@ from flexslew_plant.settings import plain, yaml_text
 
 RUNS = Path("runs")
 _PART_TIME = 5.0  # between two parts [wall s]
-_PART_ROWS = 20_000  # of a part, at most
+_PART_ROWS = 5_000  # of a part, at most
 _FLIGHTS = "flights.json"
 
 

@@ -7,7 +7,7 @@ leaves whole parts alone. Where a trial stands in several parts the last one cou
 import errno
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -25,7 +25,7 @@ from flexslew_plant.file_lock import lock_file
 
 _SAMPLES, _TABLE, _IDENTITY, _PARTS = "samples.parquet", "table.parquet", "study.json", "parts"
 _LOCK = ".writing"
-_GROUP = 65_536  # trials that are sorted at once
+_GROUP = 8_192  # trials that are sorted at once
 
 
 class Store:
@@ -151,9 +151,10 @@ class Store:
             found[rows["index"].to_numpy()] = np.where(ok, 1, 2)
         return found
 
-    def table(self, columns: list[str]) -> pa.Table:
-        """Return columns of the sorted table; see write_table."""
-        return pq.read_table(self.table_path, columns=columns)
+    def table(self, columns: list[str], numbers: Collection[int] | None = None) -> pa.Table:
+        """Return columns of the sorted table, see write_table, of all trials or of some."""
+        wanted = None if numbers is None else [("index", "in", numbers)]
+        return pq.read_table(self.table_path, columns=columns, filters=wanted)
 
     @property
     def columns(self) -> list[str]:

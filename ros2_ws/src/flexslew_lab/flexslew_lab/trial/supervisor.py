@@ -132,7 +132,7 @@ class Supervisor:
             del self._running[name]
             if self._tick < 0 and -code in _CRASHES and name in self._again:
                 word = f"crashed ({signal.Signals(-code).name}) before the start: started again\n"
-                self._take(name, word.encode())
+                self._take(name, b"\n" * bool(self._rest[name]) + word.encode())
                 self._start(self._again.pop(name))
             else:
                 self._codes[name] = self._told.get(name, code) if code == -signal.SIGALRM else code

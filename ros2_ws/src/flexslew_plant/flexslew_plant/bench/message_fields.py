@@ -3,16 +3,9 @@
 import json
 from typing import Any
 
-from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.wire import stamp_of
-
-
-def truth_fields(truth: Truth) -> dict[str, Any]:
-    """Return the fields of flexslew_msgs/PlantState but for its header."""
-    fields = truth._asdict()
-    del fields["time"]
-    return fields
 
 
 def event_fields(event: Event) -> dict[str, Any]:

@@ -1,10 +1,11 @@
-"""Measurement and EffortCommand as the CDR bytes that go over DDS, without message objects.
+"""The messages of every tick as the CDR bytes that go over DDS, without message objects.
 
-The two messages of every tick are the bench's hot path; building and copying message objects costs
-about as much as everything else between two ticks. The layout is that of flexslew_msgs in
+They are the bench's hot path; building and copying message objects costs about as much as
+everything else between two ticks. The layout is that of flexslew_msgs in
 little-endian CDR: alignment counts from behind the four bytes of encapsulation.
 """
 
+from collections.abc import Iterable
 from functools import lru_cache
 from struct import Struct
 from typing import NamedTuple
@@ -13,6 +14,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
+from flexslew_plant.bench.records import Truth
 
 _HEAD = b"\x00\x01\x00\x00"
 _LENGTH = Struct("<I")
@@ -33,32 +35,81 @@ def stamp_of(seconds: float) -> Stamp:
     return Stamp(*divmod(round(seconds * 1e9), 1_000_000_000))
 
 
-@lru_cache(maxsize=64)
-def _format(head: str, at: int, name: int, counts: tuple[int, ...]) -> Struct:
-    """Return the layout of a message whose head ends at `at`, before its name and its arrays."""
-    parts = [head, f"{name}s"]
-    at += name
-    for count in counts:
-        pad = -at % 4
-        parts.append(f"{pad}xI")
-        at += pad + 4
-        if count:
-            pad = -at % 8
-            parts.append(f"{pad}x{count}d")
-            at += pad + 8 * count
-    return Struct("".join(parts))
+@lru_cache(maxsize=256)
+def _layout(head: str, at: int, parts: tuple[int | str, ...]) -> Struct:
+    """Return the layout of a message.
+
+    Args:
+        head: its first fields, in the terms of `struct`.
+        at: where they end [bytes].
+        parts: of each further field the number of its doubles, as a sequence; or "d", one double;
+            "I", the length of a sequence of strings; "12s", a string of 12 bytes.
+    """
+    layout = [head]
+
+    def put(size: int, code: str, count: int = 1) -> None:
+        nonlocal at
+        pad = -at % size
+        layout.append(f"{pad}x{code}")
+        at += pad + size * count
+
+    for part in parts:
+        if part == "d":
+            put(8, "d")
+            continue
+        put(4, "I")
+        if isinstance(part, int) and part:
+            put(8, f"{part}d", part)
+        elif isinstance(part, str) and part != "I":
+            put(1, part, int(part[:-1]))
+    return Struct("".join(layout))
+
+
+def stamped_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) -> bytes:
+    """Return a message that begins with header, tick and epoch as it goes over DDS.
+
+    Args:
+        at: its stamp.
+        tick: of the message.
+        epoch: of the message.
+        fields: the others, in order: vectors, strings, lists of strings or floats.
+    """
+    parts: list[int | str] = []
+    values: list[object] = [_HEAD, *at, 1, b"\x00", tick, epoch]
+
+    def text(word: str) -> None:
+        data = word.encode() + b"\x00"
+        parts.append(f"{len(data)}s")
+        values.extend((len(data), data))
+
+    for field in fields:
+        if isinstance(field, np.ndarray):
+            numbers = field.tolist()
+            parts.append(len(numbers))
+            values.append(len(numbers))
+            values += numbers
+        elif isinstance(field, str):
+            text(field)
+        elif isinstance(field, list):
+            parts.append("I")
+            values.append(len(field))
+            for word in field:
+                text(word)
+        else:
+            parts.append("d")
+            values.append(field)
+    return _layout("<4siIIc3xQI", 28, tuple(parts)).pack(*values)
 
 
 def measurement_bytes(m: Measurement) -> bytes:
     """Return the question as it goes over DDS."""
-    name = m.controller.encode() + b"\x00"
-    arrays = [array.tolist() for array in m[4:]]
-    layout = _format("<4siIIc3xQII", 32, len(name), tuple(map(len, arrays)))
-    values: list[object] = [_HEAD, *stamp_of(m.time), 1, b"\x00", m.tick, m.epoch, len(name), name]
-    for array in arrays:
-        values.append(len(array))
-        values += array
-    return layout.pack(*values)
+    return stamped_bytes(stamp_of(m.time), m.tick, m.epoch, m[3:])
+
+
+def truth_bytes(truth: Truth) -> bytes:
+    """Return flexslew_msgs/PlantState as it goes over DDS."""
+    tick, time, epoch, *fields = truth
+    return stamped_bytes(stamp_of(time), tick, epoch, fields)
 
 
 def measurement_from(data: bytes, period: float) -> tuple[Measurement, Stamp]:
@@ -81,7 +132,7 @@ def command_bytes(command: EffortCommand, at: Stamp) -> bytes:
     """Return the answer as it goes over DDS, with the stamp of its question."""
     name = command.controller.encode() + b"\x00"
     effort = command.effort.tolist()
-    layout = _format("<4siIQII", 24, len(name), (len(effort),))
+    layout = _layout("<4siIQI", 20, (f"{len(name)}s", len(effort)))
     tick, epoch = command.tick, command.epoch
     return layout.pack(_HEAD, *at, tick, epoch, len(name), name, len(effort), *effort)
 

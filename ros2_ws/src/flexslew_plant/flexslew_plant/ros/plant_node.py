@@ -8,11 +8,11 @@ from flexslew_msgs import msg
 from flexslew_plant import topics
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
-from flexslew_plant.bench.message_fields import testbed_fields, truth_fields
+from flexslew_plant.bench.message_fields import testbed_fields
 from flexslew_plant.bench.operation.backlog import RECORDED_WITHIN
 from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
-from flexslew_plant.bench.wire import command_from, measurement_bytes
+from flexslew_plant.bench.wire import command_from, measurement_bytes, truth_bytes
 from flexslew_plant.ros.diagnostics import Diagnostics
 from flexslew_plant.ros.display import Display
 from flexslew_plant.ros.event_log import EventLog
@@ -102,9 +102,7 @@ class Plant:
 
     def _show(self, truth: Truth) -> None:
         if self._settings.truth:
-            message = message_of(msg.PlantState, truth_fields(truth))
-            message.header.stamp = stamp(truth.time)
-            self._truth.publish(message)
+            self._truth.publish(truth_bytes(truth))
         self.display.show(truth)
 
     def _missing(self) -> list[str]:

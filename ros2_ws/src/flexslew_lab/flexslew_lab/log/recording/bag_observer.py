@@ -4,7 +4,7 @@ from typing import Any
 
 from flexslew_control.controllers import settings_text
 from flexslew_control.controllers.controller import Answer, Controller
-from flexslew_control.message_fields import answer_fields, plan_fields
+from flexslew_control.message_fields import plan_fields, state_bytes
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import encode
@@ -13,8 +13,14 @@ from flexslew_lab.trial.trial import Trial, bench_settings, law_of
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.measurement import Measurement
-from flexslew_plant.bench.message_fields import event_fields, testbed_fields, truth_fields
-from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_bytes, stamp_of
+from flexslew_plant.bench.message_fields import event_fields, testbed_fields
+from flexslew_plant.bench.wire import (
+    Stamp,
+    command_bytes,
+    measurement_bytes,
+    stamp_of,
+    truth_bytes,
+)
 from flexslew_plant.settings import plain, yaml_text
 
 
@@ -68,21 +74,18 @@ class BagObserver:
     def truth(self, truth: Truth) -> None:
         """Write the state at a tick."""
         self._now = stamp_of(truth.time)
-        self._put("/truth", header=self._header(), **truth_fields(truth))
+        self._write("/truth", truth_bytes(truth))
 
     def answer(self, answer: Answer) -> None:
         """Write a command and what led to it."""
         if self._bare:
             return
         self._write("/effort_command", command_bytes(answer.command, self._now))
-        self._put("/controller_state", header=self._header(), **answer_fields(answer))
+        self._write("/controller_state", state_bytes(answer, self._now))
 
     def event(self, event: Event) -> None:
         """Write an event."""
         self._put("/events", **event_fields(event))
-
-    def _header(self) -> dict[str, Any]:
-        return {"stamp": self._now, "frame_id": ""}
 
     def _put(self, topic: str, **message: Any) -> None:
         self._write(topic, encode(TOPICS[topic].type, message))

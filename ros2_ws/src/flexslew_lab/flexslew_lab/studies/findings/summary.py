@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from flexslew_lab.metrics.rows import key_of
@@ -18,6 +19,7 @@ from flexslew_plant.arrays import Vector
 QUANTILES = (0.5, 0.9, 0.99)
 CONFIDENCE = 0.9  # of bounds that no criterion names
 _WORST = 5
+_REASONS = 20
 _NEVER = ("settling_time",)  # null means that it never happened, not that there is no such number
 
 
@@ -40,19 +42,18 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
     """
     columns = store.identity["columns"]
     rows = store.table(["status", "reason", "way"])
-    failed = rows["status"].to_numpy(zero_copy_only=False) != "ok"
+    failed = pc.not_equal(rows["status"], "ok")
     chosen = [name for name in columns if _worth_telling(name)]
     metrics = {name: _metric(study, store, name) for name in chosen}
     criteria = [
         row for name, c in study.settings.criteria.items() for row in _judged(study, store, name, c)
     ]
-    ways = rows["way"].to_numpy(zero_copy_only=False)
     total = store.samples.num_rows * len(study.variants)
     return {
         "study": study.settings.study,
         "trials": rows.num_rows,
         "planned": total,
-        "failed": int(failed.sum()),
+        "failed": pc.sum(failed).as_py() or 0,
         "wall_time": flights.get("wall_time"),
         "trials_per_second": flights.get("trials_per_second"),
         "columns": store.columns,
@@ -65,8 +66,8 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
             "bounds": _kind_of_bounds(study),
         },
         "variants": [variant.label for variant in study.variants],
-        "ways": {str(way): int((ways == way).sum()) for way in np.unique(ways)},
-        "reasons": _counted(rows["reason"].to_numpy(zero_copy_only=False)[failed]),
+        "ways": dict(sorted(_counted(rows["way"]).items())),
+        "reasons": _counted(rows["reason"].filter(failed)),
         "paired": _paired(study, store, list(study.settings.criteria) or chosen[:1]),
         "sensitivity": _sensitivity(study, store, list(study.settings.criteria) or chosen[:1]),
         "check": flights.get("check"),
@@ -87,7 +88,7 @@ def column(study: Study, store: Store, name: str, variant: int | None) -> tuple[
         count = len(study.variants)
         rows = rows.filter(pa.array(rows["index"].to_numpy() % count == variant))
     values = rows[name].to_numpy(zero_copy_only=False).astype(np.float64)
-    failed = rows["status"].to_numpy(zero_copy_only=False) != "ok"
+    failed = pc.not_equal(rows["status"], "ok").to_numpy()
     if name.split(".")[0] in _NEVER:
         values = np.where(np.isnan(values), inf, values)
     values = np.where(failed, inf, values)
@@ -278,7 +279,7 @@ def _worth_telling(name: str) -> bool:
     return name not in ("ticks", "duration", "manoeuvre_start", "manoeuvre_end")
 
 
-def _counted(reasons: NDArray[Any]) -> dict[str, int]:
-    found, counts = np.unique(reasons.astype(str), return_counts=True)
-    order = np.argsort(-counts, kind="stable")[:20]
-    return {str(found[k]): int(counts[k]) for k in order}
+def _counted(words: pa.ChunkedArray) -> dict[str, int]:
+    """Return the most frequent words, each with how often it is there."""
+    found = {entry["values"]: entry["counts"] for entry in pc.value_counts(words).to_pylist()}
+    return dict(sorted(found.items(), key=lambda item: (-item[1], item[0]))[:_REASONS])

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pyarrow.compute as pc
 
 from flexslew_lab.studies.cases import Cases
 from flexslew_lab.studies.execution.pool import Executor
@@ -21,7 +22,7 @@ def chosen(study: Study, store: Store) -> list[int]:
     """Return the numbers of the trials that are flown again, the same for the same table."""
     first = next(iter(study.settings.criteria), "residual_tip_deflection")
     rows = store.table(["index", "way", first])
-    lanes = rows["way"].to_numpy(zero_copy_only=False) == "lanes"
+    lanes = pc.equal(rows["way"], "lanes").to_numpy()
     numbers = rows["index"].to_numpy()[lanes]
     if not len(numbers):
         return []
@@ -59,7 +60,7 @@ def check_lanes(ready: Preparation, store: Store, bench: Executor) -> dict[str, 
         note(store, check=None)
         return None
     columns = store.identity["columns"]
-    rows = store.table(["index", *columns])
+    rows = store.table(["index", *columns], numbers)
     places = {number: k for k, number in enumerate(rows["index"].to_pylist())}
     found: dict[str, Any] = {
         "trials": len(numbers),
