@@ -75,21 +75,20 @@ def test_a_hung_page_and_a_killed_console_change_no_bit(tmp_path: Path) -> None:
     killed: list[str] = []
     pages: list[PageClient] = []
 
-    def disturb(pids: dict[str, int], domain: int) -> None:
+    def disturb(pids: dict[str, int]) -> None:
         with held(pids["plant"]):
             address = opened(tmp_path / "flight" / "nodes.log")
-        pages.append(PageClient(address, hangs=True))
-        page = PageClient(address)
+            pages.append(PageClient(address, hangs=True))
+            page = PageClient(address)
+        until(lambda: ">running<" in page.text, page)
+        os.kill(pids["console"], signal.SIGKILL)
+        killed.append(page.text)
 
-        def kill() -> None:
-            until(lambda: ">running<" in page.text, page)
-            os.kill(pids["console"], signal.SIGKILL)
-            killed.append(page.text)
-
-        Thread(target=kill).start()
+    def begin(pids: dict[str, int], domain: int) -> None:
+        Thread(target=disturb, args=(pids,)).start()  # the supervisor goes on to read what they say
 
     viewer = NodeProcess("console", "flexslew_lab", "console", {"port": 0})
-    flight = Flight(trial, tmp_path / "flight", 100, disturb, [viewer])
+    flight = Flight(trial, tmp_path / "flight", 100, begin, [viewer])
     assert killed
     assert flight.metrics["trajectory_hash"] == alone.metrics["trajectory_hash"]
 
