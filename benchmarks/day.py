@@ -78,15 +78,16 @@ class AllTopics(BagObserver):
         super().question(question)
         self._put("/clock", clock=self._now)
         if question.tick % DISPLAY_EVERY == 0:
+            header = {"stamp": self._now, "frame_id": ""}
             self._put(
                 "/joint_states",
-                header=self._header(),
+                header=header,
                 name=["base_yaw", "hub_pitch"],
                 position=question.joint_position,
                 velocity=question.joint_velocity,
                 effort=question.applied_effort,
             )
-            self._put("/appendage_states", header=self._header())
+            self._put("/appendage_states", header=header)
             at = self._now.sec * 10**9 + self._now.nanosec
             for topic, data in self._fixed.items():
                 self._writer.write(topic, TOPICS[topic].type, data, at)

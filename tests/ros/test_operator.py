@@ -512,7 +512,7 @@ def asked_by_the_command_line():
         bench.inject("{kind: command_lost}", 0.0)
         bench.controllers()
         bench.switch("nobody", 0.0, False, 1.0)
-        node = bench._node
+        node = bench.nodes[0]
         said, heard, served = seen_of(node, "operator")
         rights = ROLES["operator"]
         assert said <= {*OWN_TOPICS}

@@ -63,7 +63,7 @@ def test_a_command_has_the_bytes_of_the_message(name: Any, size: int) -> None:
 def test_a_truth_has_the_bytes_of_the_message(sizes: Any) -> None:
     n, *others = sizes
     arrays = [np.arange(size) + 0.1 * size for size in (n, n, *others)]
-    data = truth_bytes(Truth(1234, 12.34, 5, *arrays, 0.75))
+    data = truth_bytes(Truth._make((1234, 12.34, 5, *arrays, 0.75)))
     message = deserialize_message(data, msg.PlantState)
     assert (message.header.stamp, message.header.frame_id) == (stamp(12.34), "")
     assert (message.tick, message.epoch, message.energy) == (1234, 5, 0.75)
