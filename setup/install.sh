@@ -129,11 +129,12 @@ build_workspace() {
 # What local_setup.bash sets, as plain lines: asking it takes longer than all the rest of ./flexslew --help
 workspace_environment() {
   env -i PATH="$PATH" COLCON_PYTHON_EXECUTABLE="$venv/bin/python" bash -c '
+    set -e
     . "$1/local_setup.bash"
     for name in AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH; do
-      value=${!name}
-      echo "export $name=${value%:}\${$name:+:\$$name}"
-    done' bash "$root/ros2_ws/install" >"$workspace_lines.$$"
+      value=${!name:-}
+      [ -z "$value" ] || echo "export $name=${value%:}\${$name:+:\$$name}"
+    done' bash "$root/ros2_ws/install" >"$workspace_lines.$$" || fail "$root/ros2_ws/install is not whole; remove it"
   mv "$workspace_lines.$$" "$workspace_lines"
 }
 

@@ -26,7 +26,8 @@ case "$*" in
     fi
     [ ! -e "$STUB_FOLDER/fail" ] || { echo "ERROR: no space left" >&2; exit 1; } ;;
   "-m colcon "*)
-    mkdir -p install ;;
+    mkdir -p install
+    echo 'export PYTHONPATH=/of/colcon LD_LIBRARY_PATH=/of/colcon/lib:' >install/local_setup.bash ;;
   "-m flexslew_lab.cli.main"*)
     echo "here is the command line" ;;
 esac
@@ -94,6 +95,29 @@ def test_the_first_call_sets_up_and_the_second_one_does_nothing(checkout: Checko
     assert checkout.steps == ALL
     assert checkout.call() == (0, "")
     assert checkout.steps == []
+
+
+def test_the_environment_of_the_workspace_is_that_of_colcon_before_what_is_there(
+    checkout: Checkout,
+) -> None:
+    def seen(**outer: str) -> list[str]:
+        script = checkout.root / "setup" / "environment.sh"
+        words = f'set -eu; . "{script}"; echo "$PYTHONPATH|$LD_LIBRARY_PATH"'
+        done = subprocess.run(
+            ["bash", "-c", words],
+            env={"PATH": os.environ["PATH"]} | outer,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stdout.strip().split("|")
+
+    assert checkout.call()[0] == 0
+    assert seen() == ["/of/colcon", "/of/colcon/lib"]
+    assert seen(PYTHONPATH="/mine") == ["/of/colcon:/mine", "/of/colcon/lib"]
+    (checkout.root / "ros2_ws" / "install" / "environment.sh").unlink()  # built before it was
+    assert checkout.call() == (0, "")
+    assert seen() == ["/of/colcon", "/of/colcon/lib"]
 
 
 def test_a_symbolic_link_to_the_folder_is_the_same_checkout(checkout: Checkout) -> None:
