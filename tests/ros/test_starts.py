@@ -56,14 +56,15 @@ def test_six_nodes_start_at_once_without_a_fault(
 
 
 def test_a_node_that_crashes_before_the_start_is_started_again_once(tmp_path: Path) -> None:
-    crashes = [("planner", 1), ("pd_feedforward", 1), ("lqr", 2), ("recorder", 1)]
+    crashes = [
+        ("planner", 1, 0.0), ("lqr", 1, 0.5), ("lqr", 2, 0.0), ("recorder", 1, 0.5),
+    ]  # fmt: skip
     with ThreadPoolExecutor() as pool:
         flown = {
             (name, times, after): pool.submit(
-                crashing, name, after, times, tmp_path / f"{name}{after}"
+                crashing, name, after, times, tmp_path / f"{name}{times}"
             )
-            for name, times in crashes
-            for after in (0.0, 0.5)
+            for name, times, after in crashes
         }
     for (name, times, _), flight in flown.items():
         outcome, log = flight.result()

@@ -10,7 +10,7 @@ from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.graph import listeners_of
 
 # How long a node stays at most until all have heard it [wall s]. For a listener that was held up,
-# DDS repairs 256 messages of a topic with every heartbeat: 3 s, or 0.1 s by setup/fastdds.xml.
+# DDS repairs 256 messages of a topic with every heartbeat: 3 s, or 0.02 s by setup/fastdds.xml.
 LAST_WORDS = 60.0
 HURRIED = 5.0  # the same when somebody has interrupted it, or for one that gives no sign of life
 _SEVERAL = 50  # callbacks between two looks at who has heard what

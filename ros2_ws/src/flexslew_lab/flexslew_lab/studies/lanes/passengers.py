@@ -17,6 +17,7 @@ from flexslew_plant.testbeds.lanes import LaneKernel, lane_kernel
 from flexslew_plant.testbeds.model import Model
 
 PER_LANE = ("kp", "ki", "kd")  # gains that each lane may have for itself
+_EXACT = ActuatorSettings()
 COLLOCATED = ("pd_feedforward", "collocated_pid")  # the laws whose gains may
 
 
@@ -95,7 +96,7 @@ def _simple(trial: Trial) -> bool:
     channels = (s.joint_position, s.joint_velocity, s.tip_deflection, s.root_curvature)
     pushed = all(entry.disturbance is not None for entry in trial.schedule)
     exact = all(channel.quantisation == 0.0 for channel in channels)
-    return trial.actuator == ActuatorSettings() and exact and pushed and not trial.allow_faults
+    return trial.actuator == _EXACT and exact and pushed and not trial.allow_faults
 
 
 def _linear(trial: Trial) -> bool:
