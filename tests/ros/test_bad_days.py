@@ -48,7 +48,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str],
         controller=lambda: Flight(slew(80.0), folder / "1", 30, kill("pd_feedforward")),
         fallback=lambda: Flight(slew(20.0, **second), folder / "2", 0, kill("pd_feedforward")),
         planner=lambda: Flight(slew(20.0), folder / "3", 0, kill("planner")),
-        recorder=lambda: Flight(slew(30.0), folder / "4", 100, kill("recorder")),
+        recorder=lambda: Flight(slew(80.0), folder / "4", 100, kill("recorder")),
     ) as flown:
         yield flown
 
@@ -81,7 +81,7 @@ def test_a_killed_planner_disturbs_nobody_in_flight(killed: Any) -> None:
 def test_a_killed_recorder_leaves_a_readable_log_and_the_run_goes_on(killed: Any) -> None:
     flight = killed("recorder")
     assert flight.outcome.exit_code == 3
-    assert "3000 ticks" in flight.log
+    assert "8000 ticks" in flight.log
     assert "the recorder recorder gives no sign of life" in flight.log
     metrics = flight.metrics
     assert not metrics["log_complete"]

@@ -44,7 +44,7 @@ def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -> 
             answers.append(bench.act("start"))
 
     answers: list[Any] = []
-    trial = replace(slew(80.0, 0.0, OTHERS, PATIENT), answer_timeout=20.0)  # a busy machine
+    trial = replace(slew(120.0, 0.0, OTHERS, PATIENT), answer_timeout=20.0)  # a busy machine
     flight = Flight(trial, tmp_path, 0, by_hand)
     assert flight.outcome == (0, "")
     assert [ok for ok, _ in answers] == [True] * 3, answers
@@ -60,7 +60,7 @@ def test_late_answers_and_a_fallback_fly_again_to_the_same_hash(tmp_path: Path) 
         os.kill(pids["pd_feedforward"], signal.SIGSTOP)
         Timer(2.0, os.kill, (pids["pd_feedforward"], signal.SIGCONT)).start()  # and all is late
 
-    trial = slew(duration=15.0, more=OTHERS, extra="fallback: [output_feedback]\ndisplay_rate: 0.0")
+    trial = slew(duration=80.0, more=OTHERS, extra="fallback: [output_feedback]\ndisplay_rate: 0.0")
     flight = Flight(trial, tmp_path, 1, hold_up)
     assert "fallback" in flight.events
     again = resim(flight.bag)
@@ -122,7 +122,7 @@ def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -
         )
 
     answers: list[Any] = []
-    trial = slew(duration=80.0, more=OTHERS, extra=f"{PATIENT}\nallow_faults: true")
+    trial = slew(duration=120.0, more=OTHERS, extra=f"{PATIENT}\nallow_faults: true")
     flight = Flight(trial, tmp_path, 1, by_hand)
     done = [getattr(a, "ok", getattr(a, "success", False)) for a in answers]
     words = [answer.message for answer in answers]
