@@ -13,6 +13,7 @@ import rclpy
 from flexslew_msgs.srv import (
     EndFault,
     InjectFault,
+    ListControllers,
     Note,
     Operate,
     SetRate,
@@ -87,6 +88,11 @@ def ask(domain: int, *requests: Any) -> Any:
         rclpy.try_shutdown()
 
 
+def standing(domain: int) -> Any:
+    """Return the status of every controller."""
+    return ask(domain, (ListControllers, "list_controllers", {}))[0].controllers
+
+
 def swap(name: Any, at: float = 0.0, **more: Any) -> tuple[Any, str, Any]:
     return SwitchController, "switch_controller", {"controller": name, "at": stamp(at), **more}
 
@@ -158,8 +164,9 @@ def guest(name: Any, law: Any, **values: Any) -> NodeProcess:
 def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_path: Path) -> None:
     def by_hand(pids: Any, domain: int) -> None:
         answers.extend(ask(domain, (Trigger, "pause", {}), (Step, "step", {"ticks": 1})))
-        now = answers[-1].tick * 0.01
-        swaps = [swap("own", now + 0.1, timeout=0.01), swap("stiff", now + 2.0, timeout=0.01)]
+        while not all(status.plan_hash for status in standing(domain)):
+            pass  # a newcomer may hear of the plan late
+        swaps = [swap("own", 42.0, timeout=0.01), swap("stiff", 44.0, timeout=0.01)]
         answers.extend(ask(domain, *swaps, (Trigger, "start", {})))
 
     answers: list[Any] = []
@@ -169,7 +176,9 @@ def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_
         guest("own", f"{file}:MyLaw", kp=300.0, kd=800.0),
         guest("stiff", "pd_feedforward", kp=[600.0, 600.0], handover_time=0.5),
     ]
-    flight = Flight(slew(80.0, 0.0, "", PATIENT), tmp_path / "run", 0, by_hand, guests)
+    trial = slew(80.0, 0.0, "", PATIENT)
+    trial = replace(trial, plan=replace(trial.plan, start=40.0))
+    flight = Flight(trial, tmp_path / "run", 0, by_hand, guests)
     assert flight.outcome == (0, "")
     assert all(answer.scheduled for answer in answers[2:4]), answers
     blended = {
