@@ -1,6 +1,9 @@
 """Pages that send anything: seeded random messages, valid and not, through their own connection."""
 
 import random
+from collections.abc import Callable
+from time import monotonic, sleep
+from typing import Any
 
 import msgspec
 import pytest
@@ -41,7 +44,9 @@ def test_whatever_pages_send_the_console_goes_on_and_asks_only_what_there_is(
     link.asked.clear()
     for uuid, value in ((remark._impl.uuid, "the end"), (note._impl.uuid, True)):
         stranger.set(uuid, value)
+    limit = monotonic() + 60.0
     while ("note", "the end") not in [(s, v.get("text")) for s, v in link.asked]:
+        assert monotonic() < limit, (link.asked[-5:], said[-5:], remark.value)
         page.poll()
         stranger.reach()
     assert {service for service, _ in link.asked} <= SERVICES
@@ -72,3 +77,36 @@ def test_what_is_no_message_ends_its_page_and_no_other(capfd: pytest.CaptureFixt
     assert link.asked[0][1]["action"] == "start"
     page.close()
     assert "Traceback" not in "".join(capfd.readouterr())
+
+
+def test_what_is_written_while_a_remark_is_noted_is_not_lost(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    page = Page(FakeLink(), "127.0.0.1", 0, lambda words: None)
+    page.poll()
+    writer = PageClient(page.server.address)
+    [remark] = [
+        e
+        for e in page.server.gui._gui_input_handle_from_uuid.values()
+        if getattr(e, "label", "") == "Remark"
+    ]
+    writer.set(remark._impl.uuid, "first")
+    writer.reach()
+    while "Note it" not in [element["label"] for element in writer.inputs.values()]:
+        writer.reach()
+    tell: Callable[[Any], None] = page.server.gui._websock_interface.queue_message
+
+    def slow(message: Any) -> None:  # the field is about to be emptied
+        if getattr(message, "updates", None) == {"value": ""}:
+            writer.set(remark._impl.uuid, "second")
+            sleep(0.3)
+        tell(message)
+
+    monkeypatch.setattr(page.server.gui._websock_interface, "queue_message", slow)
+    writer.set(writer.named("Note it"), True)
+    writer.reach()
+    page.poll()
+    sleep(0.6)
+    writer.reach()
+    assert remark.value == "second"
+    page.close()

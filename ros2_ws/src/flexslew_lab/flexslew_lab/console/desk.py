@@ -49,6 +49,19 @@ class Desk:
 
         field.on_update(changed)
 
+    def replace(self, field: Any, old: Any, new: Any) -> None:
+        """Give a field another value, unless a page has changed it meanwhile.
+
+        Both what pages write and this is done by the thread of the server, so that neither
+        comes between the look and the change.
+        """
+
+        def swap() -> None:
+            if field.value == old:
+                field.value = new
+
+        self.server._event_loop.call_soon_threadsafe(swap)
+
     def work(self) -> None:
         """Do what the pages have asked for since the last call."""
         while self._waiting:

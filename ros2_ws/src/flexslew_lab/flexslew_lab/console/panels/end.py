@@ -19,7 +19,7 @@ class EndPanel:
     """
 
     def __init__(self, desk: Desk, files: dict[str, Path]) -> None:
-        gui, self._gui = desk.gui, desk.gui
+        gui, self._desk = desk.gui, desk
         folder = Path(desk.link.folder) if desk.link.folder else None
         self._report = folder / _REPORT if folder else None
         if self._report is not None:
@@ -40,14 +40,19 @@ class EndPanel:
             self._state.visible = not there
 
     def _open(self, who: str) -> None:
-        modal: Any = self._gui.add_modal("Report of the run")
+        modal: Any = self._desk.gui.add_modal("Report of the run")
         with modal:
-            self._gui.add_html(
+            self._desk.gui.add_html(
                 f'<iframe title="report of the run" src="{FILES}{_REPORT}" '
                 'style="width:100%;height:75vh;border:0"></iframe>'
             )
-            close = self._gui.add_button("Close the report")
-            close.on_click(lambda event: modal.close())
+            close = self._desk.gui.add_button("Close the report")
+
+        def closed(who: str) -> None:
+            if not modal.closed:  # by another page
+                modal.close()
+
+        self._desk.click(close, closed)
 
 
 def _row(name: str, value: str) -> str:

@@ -76,7 +76,7 @@ class NotePanel:
     """
 
     def __init__(self, desk: Desk) -> None:
-        gui = desk.gui
+        gui, self._desk = desk.gui, desk
         self._text = gui.add_text("Remark", "", multiline=True)
         desk.click(gui.add_button("Note it"), self._note)
         self._reply = Reply(desk)
@@ -92,7 +92,7 @@ class NotePanel:
             return
 
         def noted(told: Told) -> None:
-            if told.ok and self._text.value == text:  # nobody has written on meanwhile
-                self._text.value = ""
+            if told.ok:
+                self._desk.replace(self._text, text, "")
 
         self._reply.ask(topics.NOTE, {"text": text, "who": who}, noted)
