@@ -180,6 +180,30 @@ def test_equal_keys_of_different_sections_and_merges_are_read() -> None:
     assert load_yaml(text, "t")["b"] == {"x": 3, "y": 2}
 
 
+LAUGHS = "a0: &a0 [1, 1]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for k in range(1, 31))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("&x [*x]", "or holds itself"),
+        ("a: &x {b: [1, *x, *x]}", "or holds itself"),
+        ("[" * 33 + "]" * 33, "is nested more than 32 deep"),
+        ("a: &a " + "[" * 20 + "]" * 20 + "\nb: " + "[" * 20 + "*a" + "]" * 20, "than 32 deep"),
+        (LAUGHS.replace("a30: ", "b: "), "holds more than 1000000 values"),
+    ],
+)
+def test_what_cannot_be_walked_through_is_refused(text: str, words: str) -> None:
+    with pytest.raises(BadInput, match="^trial.yaml: ") as caught:
+        load_yaml(text, "trial.yaml")
+    assert words in str(caught.value)
+
+
+def test_aliases_and_nesting_within_the_limits_are_read() -> None:
+    assert load_yaml("a: &a [1, 2]\nb: [*a, *a]", "t")["b"] == [[1, 2], [1, 2]]
+    assert load_yaml("[" * 32 + "]" * 32, "t")
+
+
 @pytest.mark.parametrize(("kind", "drives"), [("csa", 2), ("floating_oscillator", 1)])
 def test_a_single_effort_limit_serves_every_drive(kind: str, drives: int) -> None:
     found = read_testbed({"kind": kind, "effort_limit": 7}, "t")

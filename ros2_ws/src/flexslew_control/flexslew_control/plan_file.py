@@ -12,6 +12,7 @@ import yaml
 
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import bounded
 
 VERSION = 1  # of the layout of the file
 _ARRAYS = ("position", "velocity", "effort", "state")
@@ -75,10 +76,11 @@ def load_plan(path: Path | str) -> Plan:
         BadInput: there is no such file, or it is no whole and unaltered plan.
     """
     try:
-        content = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
+        text = Path(path).read_text(encoding="utf-8")
+        content = bounded(yaml.load(text, Loader=_Loader), str(path))
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError):
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
         raise BadInput(f"{path}: is damaged: not YAML; plan again") from None
     if not isinstance(content, dict) or "flexslew_plan" not in content:
         raise BadInput(f"{path}: is not a plan: the key flexslew_plan is missing")

@@ -2,6 +2,7 @@
 
 import difflib
 from collections.abc import Hashable
+from math import inf
 from typing import Annotated, Any, TypeVar, dataclass_transform
 
 import yaml
@@ -12,6 +13,8 @@ from flexslew_plant.errors import BadInput
 
 _T = TypeVar("_T")
 _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
+_MOST = 1_000_000  # values in a YAML text
+DEEPEST = 32  # lists and keys in one another
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -70,10 +73,10 @@ def load_yaml(text: str, source: str) -> Any:
     """Return the content of a YAML text, with the place of a syntax error named.
 
     Raises:
-        BadInput: the text is not YAML.
+        BadInput: the text is not YAML, or is more than can be used: see `bounded`.
     """
     try:
-        return yaml.load(text, Loader=_Loader)
+        return bounded(yaml.load(text, Loader=_Loader), source)
     except yaml.YAMLError as error:
         where = getattr(error, "problem_mark", None)
         line = f" line {where.line + 1}, column {where.column + 1}" if where else ""
@@ -82,6 +85,35 @@ def load_yaml(text: str, source: str) -> Any:
         raise BadInput(f"{source}:{line} {' '.join(words.split())}") from None
     except (ValueError, OverflowError, RecursionError) as error:  # a date that is none, 9**9**9 [
         raise BadInput(f"{source}: is not YAML: {error}") from None
+
+
+def bounded(value: Any, source: str) -> Any:
+    """Return what a YAML text holds, if it can be walked through.
+
+    Aliases let a few lines stand for gigabytes, or hold themselves.
+
+    Raises:
+        BadInput: it has more than 1,000,000 values written out, or is nested more than 32 deep.
+    """
+    known: dict[int, tuple[float, float]] = {}
+
+    def measure(part: Any) -> tuple[float, float]:
+        """Return the values in a part and how deep it is nested."""
+        if not isinstance(part, dict | list):
+            return 1, 0
+        if id(part) not in known:
+            known[id(part)] = inf, inf  # where it holds itself
+            inside = part.values() if isinstance(part, dict) else part
+            sizes, depths = zip((0, 0), *map(measure, inside), strict=True)
+            known[id(part)] = sum(sizes), 1 + max(depths)
+        return known[id(part)]
+
+    size, depth = measure(value)
+    if depth > DEEPEST:
+        raise BadInput(f"{source}: is nested more than {DEEPEST} deep, or holds itself")
+    if size > _MOST:
+        raise BadInput(f"{source}: holds more than {_MOST} values, aliases written out")
+    return value
 
 
 class _TwiceError(yaml.MarkedYAMLError):

@@ -7,10 +7,9 @@ import yaml
 from pydantic_core import from_json
 
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import load_yaml
+from flexslew_plant.settings import DEEPEST, load_yaml
 
 LONGEST = 1 << 18  # of one text [B]; a trial takes about 3 KiB, a list of 64 faults 6 KiB
-DEEPEST = 32  # brackets in brackets
 
 
 def logged_yaml(text: str, source: str) -> dict[str, Any]:
