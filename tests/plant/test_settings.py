@@ -194,7 +194,7 @@ LAUGHS = "a0: &a0 [1, 1]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" fo
     ],
 )
 def test_what_cannot_be_walked_through_is_refused(text: str, words: str) -> None:
-    with pytest.raises(BadInput, match="^trial.yaml: ") as caught:
+    with pytest.raises(BadInput, match=r"^trial\.yaml: ") as caught:
         load_yaml(text, "trial.yaml")
     assert words in str(caught.value)
 
