@@ -1,5 +1,6 @@
 # Source this: the bench's environment in this shell. Loopback only unless you say otherwise.
-flexslew_root=$(dirname -- "$(dirname -- "$(readlink -f -- "${BASH_SOURCE[0]}")")")
+flexslew_root=$(readlink -f -- "${BASH_SOURCE[0]}")
+flexslew_root=${flexslew_root%/setup/*}
 if [ -z "${FLEXSLEW_INSTALLED_ROS:-}" ]; then
   export AMENT_PREFIX_PATH=$flexslew_root/.venv${AMENT_PREFIX_PATH:+:$AMENT_PREFIX_PATH}
   export CMAKE_PREFIX_PATH=$flexslew_root/.venv${CMAKE_PREFIX_PATH:+:$CMAKE_PREFIX_PATH}
@@ -16,5 +17,6 @@ if [ -e "$flexslew_root/ros2_ws/install/environment.sh" ]; then . "$flexslew_roo
 # one thread, as every node has: a design by larger matrices has other bits on other numbers of cores
 export OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1} OMP_NUM_THREADS=${OMP_NUM_THREADS:-1}
 # Numba looks at a kernel's own file only; a kernel that inlines another one must follow it, too
-export NUMBA_CACHE_DIR=$flexslew_root/.numba_cache/$(grep -lrE "@(compiled|called|inlined|overload|vectorised)|from numba" --include='*.py' \
-  "$flexslew_root/ros2_ws/src" | LC_ALL=C sort | xargs cat | sha256sum | cut -c1-12)
+export NUMBA_CACHE_DIR=$(grep -lrE "@(compiled|called|inlined|overload|vectorised)|from numba" --include='*.py' \
+  "$flexslew_root/ros2_ws/src" | LC_ALL=C sort | xargs cat | sha256sum)
+NUMBA_CACHE_DIR=$flexslew_root/.numba_cache/${NUMBA_CACHE_DIR:0:12}

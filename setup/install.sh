@@ -2,7 +2,8 @@
 # Set up everything that the bench needs, once. Sourced by ./flexslew, called by docker/.
 # On a sourced ROS 2 (Jazzy, Kilted) that installation is used; elsewhere the ROS 2 wheels.
 set -euo pipefail
-root=$(dirname -- "$(dirname -- "$(readlink -f -- "${BASH_SOURCE[0]}")")")
+root=$(readlink -f -- "${BASH_SOURCE[0]}")
+root=${root%/setup/*}
 venv=$root/.venv
 python=${FLEXSLEW_PYTHON:-python3}
 installed_ros=${FLEXSLEW_INSTALLED_ROS:-}
@@ -14,7 +15,6 @@ step=
 
 say() { printf '\033[1mflexslew\033[0m %s\n' "$*" >&2; }
 fail() { printf 'flexslew: %s\n' "$*" >&2; exit 2; }
-digest() { sha256sum | cut -c1-16; }
 
 # Run a long step in a process group of its own: an interrupt ends all of it and leaves the rest to us.
 run() {
@@ -119,7 +119,7 @@ build_workspace() {
     --event-handlers console_direct- console_start_end+ --cmake-args "${options[@]}" ||
     fail "the workspace does not build; what the compiler said is in ros2_ws/log/latest_build"
   workspace_environment
-  say "[4/4] machine code of the models, kept for later runs"
+  say "[4/4] machine code of the models, kept for later runs (about two minutes on two processors)"
   . "$root/setup/environment.sh"
   run "$venv/bin/python" -m flexslew_lab.trial.compile_kernels || fail "the models do not compile"
   rm -f "$root"/ros2_ws/install/flexslew.*
@@ -149,18 +149,20 @@ case $root in
     fail "the checkout lies in '$root', and the ROS 2 build tools take no spaces, quotes or signs in a path; move it" ;;
 esac
 size="1.2 GB"
-packages_digest=$(cat "$lock" "$sources" | digest)
-packages=$venv/flexslew.$packages_digest
+# each process started here delays every command
+packages_digest=$(cat "$lock" "$sources" | sha256sum)
+packages=$venv/flexslew.${packages_digest:0:16}
 workspace_lines=$root/ros2_ws/install/environment.sh
-workspace=$root/ros2_ws/install/flexslew.$({
-  echo "$packages_digest"
+workspace_digest=$({
+  echo "${packages_digest:0:16}"
   cd "$root"
   find ros2_ws/src setup/wheels_overlay setup/wheels_fix.cmake -type f \
     \( -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name package.xml -o -name CMakeLists.txt \
     -o -name setup.py -o -name '*.launch.py' -o -name '*.cmake' -o -path '*/config/*' \) -print0 |
     LC_ALL=C sort -z | xargs -0 sha256sum
-} | digest)
-if [ ! -e "$packages" ] || [ ! -e "$workspace" ] || [ "$(built_for)" != "$root" ]; then
+} | sha256sum)
+workspace=$root/ros2_ws/install/flexslew.${workspace_digest:0:16}
+if [ ! -e "$packages" ] || [ ! -e "$workspace" ] || [ "$(<"$workspace")" != "$root" ]; then
   trap 'interrupted 130' INT
   trap 'interrupted 143' TERM
   system_packages

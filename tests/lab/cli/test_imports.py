@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+from flexslew_lab.cli import early, operate
+
 HEAVY = ("numpy", "scipy", "numba", "plotly", "pyarrow", "casadi", "rclpy", "rosbags", "viser")
 
 
@@ -23,3 +25,7 @@ def test_help_loads_no_numerics(arguments: list[str]) -> None:
     )
     assert "Usage" in done.stdout
     assert done.stdout.splitlines()[-1] == "loaded: []"
+
+
+def test_every_command_that_operates_a_bench_joins_its_graph_early() -> None:
+    assert set(early.OPERATING) == {command.__name__ for command in operate.COMMANDS}

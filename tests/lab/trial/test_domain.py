@@ -3,7 +3,6 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_lab.cli import operate
 from flexslew_lab.trial import domain
 from flexslew_plant.errors import BadInput, FlexslewError
 
@@ -17,25 +16,25 @@ def alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_run_leaves_its_domain_for_those_who_look_for_it() -> None:
     assert domain.domains_in_use() == {}
-    assert operate.bench_domain() == (0, False)
+    assert domain.bench_domain() == (0, False)
     with domain.own_domain("m1") as first:
         assert domain.domains_in_use() == {first: "m1"}
-        assert operate.bench_domain() == (first, True)
+        assert domain.bench_domain() == (first, True)
         with domain.own_domain("swap_demo") as second:
             assert second != first
             assert domain.domains_in_use() == {first: "m1", second: "swap_demo"}
             with pytest.raises(FlexslewError, match=rf"{first} \(m1\), {second} \(swap_demo\)"):
-                operate.bench_domain()
+                domain.bench_domain()
     assert domain.domains_in_use() == {}
 
 
 def test_the_users_own_domain_wins(monkeypatch: pytest.MonkeyPatch) -> None:
     with domain.own_domain("m1") as first:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(first + 1))
-        assert operate.bench_domain() == (first + 1, False)
+        assert domain.bench_domain() == (first + 1, False)
         with domain.own_domain("mine") as wanted:
             assert wanted == first + 1
-            assert operate.bench_domain() == (first + 1, True)
+            assert domain.bench_domain() == (first + 1, True)
 
 
 @pytest.mark.parametrize("wanted", ["x", "-1", "233", "1.5"])

@@ -8,3 +8,6 @@ if "flexslew_lab.cli.main" in sys.orig_argv or os.path.basename(sys.argv[0]) == 
     from flexslew_lab.cli.interrupt import while_importing
 
     while_importing()
+    from flexslew_lab.cli.early import join
+
+    join(sys.argv[1:])

@@ -16,9 +16,10 @@ import typer
 from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, patient
 from flexslew_lab.cli.log import bag_of
 from flexslew_lab.cli.missing import require_ros
-from flexslew_lab.cli.operate import Namespace, bench_domain
+from flexslew_lab.cli.operate import Namespace
 from flexslew_lab.cli.replay import Trust
 from flexslew_lab.cli.terminal import link, progress, say
+from flexslew_lab.trial.domain import bench_domain
 from flexslew_plant.errors import BadInput
 
 _GRACE = 10.0  # for the page to end [wall s]

@@ -10,7 +10,7 @@ import typer
 
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import print_table, say, short
-from flexslew_lab.trial.domain import chosen_domain, domains_in_use
+from flexslew_lab.trial.domain import bench_domain
 from flexslew_plant.errors import BadInput, FlexslewError
 
 if TYPE_CHECKING:
@@ -127,23 +127,6 @@ def switch(
 
 
 COMMANDS = (controllers, switch, start, pause, step, reset, brake, inject, retarget)
-
-
-def bench_domain() -> tuple[int, bool]:
-    """Return the domain of the bench that is meant, and whether a run says that it is there.
-
-    ROS_DOMAIN_ID decides where it is set; else the only run of this machine does.
-
-    Raises:
-        FlexslewError: several runs are under way.
-    """
-    chosen, found = chosen_domain(), domains_in_use()
-    if chosen is not None:
-        return chosen, chosen in found
-    if len(found) > 1:
-        runs = ", ".join(f"{number} ({what or 'a bench'})" for number, what in found.items())
-        raise FlexslewError(f"several benches run here; set ROS_DOMAIN_ID to one of {runs}")
-    return (next(iter(found)), True) if found else (0, False)
 
 
 @contextmanager

@@ -210,8 +210,8 @@ def live(
 
     Example: `./flexslew live`, then open ws://127.0.0.1:8765 in Foxglove
     """
-    from flexslew_lab.cli.operate import bench_domain
     from flexslew_lab.ros.live_node import live as run
+    from flexslew_lab.trial.domain import bench_domain
 
     if not 0 <= port <= 65535:
         raise BadInput(f"--port: {port} is not allowed: 0 to 65535")

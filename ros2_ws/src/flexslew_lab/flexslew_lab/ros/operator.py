@@ -3,6 +3,7 @@
 Only messages are imported here: an answer takes well under a second.
 """
 
+import atexit
 import getpass
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -19,6 +20,7 @@ from flexslew_plant import topics
 from flexslew_plant.errors import FlexslewError
 
 PATIENCE = 5.0  # for the plant to be found and to answer [wall s]
+_early: dict[tuple[int, str], list[Node]] = {}  # by domain and namespace
 _AGAIN = 0.25  # until another node tries to be heard, then twice that, and so on [wall s]
 
 
@@ -40,7 +42,7 @@ class Operator:
 
     def __init__(self, domain: int, namespace: str, patience: float) -> None:
         self._domain, self._namespace, self._patience = domain, namespace, patience
-        self.nodes: list[Node] = []  # on the graph, all of one name
+        self.nodes = _early.pop((domain, namespace), [])  # on the graph, all of one name
         self._who = _user()
 
     def act(self, action: str) -> Told:
@@ -93,9 +95,7 @@ class Operator:
 
     def close(self) -> None:
         """Leave the graph."""
-        for node in self.nodes:
-            node.destroy_node()
-            node.context.try_shutdown()
+        _leave(self.nodes)
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         node, client = self._found(kind, name)
@@ -142,6 +142,19 @@ def _newcomer(domain: int, namespace: str) -> Node:
         enable_rosout=False,
         enable_logger_service=False,
     )
+
+
+def join_early(domain: int) -> None:
+    """Join the graph of a bench without a namespace, for the first connection to it."""
+    _early[domain, ""] = nodes = [_newcomer(domain, "")]
+    atexit.register(_leave, nodes)
+
+
+def _leave(nodes: list[Node]) -> None:
+    while nodes:
+        node = nodes.pop()
+        node.destroy_node()
+        node.context.try_shutdown()
 
 
 @contextmanager

@@ -1,31 +1,98 @@
-"""Compile every kernel once, so that no run pays for it."""
+"""Compile the kernels of everything that is shipped, so that no run pays for it."""
 
+import os
+import signal
+import sys
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
+from multiprocessing import get_context
+from typing import Any
 
 import numpy as np
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
+from flexslew_lab.studies.cases import case_of
+from flexslew_lab.studies.lanes.fleet import Lanes
+from flexslew_lab.studies.run import prepare
+from flexslew_lab.studies.study import load_study, shipped_names, study_path
 from flexslew_lab.trial.in_process import fly
-from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, plant_of
+from flexslew_lab.trial.sources import read_trial, shipped_trials
+from flexslew_lab.trial.trial import (
+    Trial,
+    bench_settings,
+    build_controllers,
+    plan_of_trial,
+    plant_of,
+)
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.hardware.actuator import ActuatorSettings
 from flexslew_plant.bench.hardware.friction import Friction
-from flexslew_plant.testbeds import default_testbed
+from flexslew_plant.testbeds import default_testbed, initial_state
+
+_MOST = 8  # processes, of half a gigabyte each
+_TICKS = 5
+
+
+def default_bench(modes: int) -> None:
+    """Fly the default testbed with every controller on an optimised plan."""
+    goal = dict.fromkeys(default_testbed().typical_goal, 0.1)
+    wanted = OptimizedFeedforward(model={"modes": modes}, goal=goal)
+    testbed = replace(default_testbed(), modes=modes)
+    trial = Trial(testbed=testbed, controllers={name: {} for name in CONTROLLERS})
+    plan = make_plan(wanted, plant_of(trial))
+    for name in CONTROLLERS:
+        _fly(replace(trial, active=name), plan)
+    Friction(ActuatorSettings(), trial.period)  # compiles its kernel
+
+
+def shipped_trial(name: str) -> None:
+    """Plan a shipped trial and fly its first ticks."""
+    trial, _ = read_trial(name, None)
+    _fly(trial, plan_of_trial(trial))
+
+
+def shipped_study(name: str) -> None:
+    """Plan a shipped study and fly its first sample in lanes where it can."""
+    ready = prepare(load_study(study_path(name)))
+    cases = [case_of(ready.study, ready.samples, k) for k in range(len(ready.study.variants))]
+    for _ in Lanes(ready.study, ready.plans).fly(cases):
+        pass
+
+
+def _fly(trial: Trial, plan: Any) -> None:
+    trial = replace(trial, duration=_TICKS * trial.period)
+    bench = Bench(bench_settings(trial))
+    model, x = bench.model, initial_state(trial.testbed)
+    idle = np.zeros(model.efforts)
+    if model.positions == model.coordinates:  # else it is that of a deviation, not of the state
+        model.jacobian(x, idle)
+    model.derivative(x, idle)
+    model.energy(x)
+    controllers = build_controllers(trial, bench, "warm-up")
+    for controller in controllers.values():
+        if plan is not None:
+            controller.adopt(plan)
+    fly(bench, controllers)
+
+
+def _endable() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 
 if __name__ == "__main__":
-    for modes in (1, 3):
-        goal = dict.fromkeys(default_testbed().typical_goal, 0.1)
-        wanted = OptimizedFeedforward(model={"modes": modes}, goal=goal)
-        plan = make_plan(wanted, plant_of(Trial()))
-    trial = Trial(duration=0.1, controllers={name: {} for name in CONTROLLERS})
-    for name in CONTROLLERS:
-        flown = replace(trial, active=name)
-        bench = Bench(bench_settings(flown))
-        bench.model.jacobian(np.zeros(2 * bench.model.coordinates), np.zeros(2))
-        controllers = build_controllers(flown, bench, "warm-up")
-        for controller in controllers.values():
-            controller.adopt(plan)
-        fly(bench, controllers)
-    Friction(ActuatorSettings(), trial.period)  # compiles its kernel
+    _endable()
+    tasks: list[tuple[Callable[[Any], None], Any]] = [
+        *((shipped_study, name) for name in shipped_names()),
+        *((default_bench, modes) for modes in (3, 1)),
+        *((shipped_trial, shipped.name) for shipped in reversed(shipped_trials())),
+    ]
+    processes = min(os.cpu_count() or 1, _MOST)
+    with ProcessPoolExecutor(processes, get_context("spawn"), _endable) as pool:
+        waiting = [pool.submit(*task) for task in tasks]
+        for number, done in enumerate(as_completed(waiting), 1):
+            done.result()
+            if number % 7 == 0:
+                print(f"  {number} of {len(tasks)}", file=sys.stderr)

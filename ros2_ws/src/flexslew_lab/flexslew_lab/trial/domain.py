@@ -77,6 +77,24 @@ def domains_in_use() -> dict[int, str]:
     return dict(sorted(found.items()))
 
 
+def bench_domain() -> tuple[int, bool]:
+    """Return the domain of the bench that is meant, and whether a run says that it is there.
+
+    ROS_DOMAIN_ID decides where it is set; else the only run of this machine does.
+
+    Raises:
+        BadInput: ROS_DOMAIN_ID is not a number of a domain.
+        FlexslewError: several runs are under way.
+    """
+    chosen, found = chosen_domain(), domains_in_use()
+    if chosen is not None:
+        return chosen, chosen in found
+    if len(found) > 1:
+        runs = ", ".join(f"{number} ({what or 'a bench'})" for number, what in found.items())
+        raise FlexslewError(f"several benches run here; set ROS_DOMAIN_ID to one of {runs}")
+    return (next(iter(found)), True) if found else (0, False)
+
+
 def _locked(number: int, what: str) -> int | None:
     """Return the open lock of a domain; None where another run holds it."""
     try:
