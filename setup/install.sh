@@ -119,7 +119,7 @@ build_workspace() {
     --event-handlers console_direct- console_start_end+ --cmake-args "${options[@]}" ||
     fail "the workspace does not build; what the compiler said is in ros2_ws/log/latest_build"
   workspace_environment
-  say "[4/4] machine code of the models, kept for later runs (about two minutes on two processors)"
+  say "[4/4] machine code of the models (one or two minutes)"
   . "$root/setup/environment.sh"
   run "$venv/bin/python" -m flexslew_lab.trial.compile_kernels || fail "the models do not compile"
   rm -f "$root"/ros2_ws/install/flexslew.*

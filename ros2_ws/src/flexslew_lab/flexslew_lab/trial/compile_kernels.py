@@ -3,9 +3,9 @@
 import os
 import signal
 import sys
-from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
 from typing import Any
 
@@ -40,8 +40,10 @@ def default_bench(modes: int) -> None:
     """Fly the default testbed with every controller on an optimised plan."""
     goal = dict.fromkeys(default_testbed().typical_goal, 0.1)
     wanted = OptimizedFeedforward(model={"modes": modes}, goal=goal)
-    testbed = replace(default_testbed(), modes=modes)
-    trial = Trial(testbed=testbed, controllers={name: {} for name in CONTROLLERS})
+    testbed: Any = default_testbed()
+    trial = Trial(
+        testbed=replace(testbed, modes=modes), controllers={name: {} for name in CONTROLLERS}
+    )
     plan = make_plan(wanted, plant_of(trial))
     for name in CONTROLLERS:
         _fly(replace(trial, active=name), plan)
@@ -84,14 +86,14 @@ def _endable() -> None:
 
 if __name__ == "__main__":
     _endable()
-    tasks: list[tuple[Callable[[Any], None], Any]] = [
-        *((shipped_study, name) for name in shipped_names()),
-        *((default_bench, modes) for modes in (3, 1)),
-        *((shipped_trial, shipped.name) for shipped in reversed(shipped_trials())),
+    tasks = [
+        *(partial(shipped_study, name) for name in shipped_names()),
+        *(partial(default_bench, modes) for modes in (3, 1)),
+        *(partial(shipped_trial, trial.name) for trial in reversed(shipped_trials())),
     ]
     processes = min(os.cpu_count() or 1, _MOST)
     with ProcessPoolExecutor(processes, get_context("spawn"), _endable) as pool:
-        waiting = [pool.submit(*task) for task in tasks]
+        waiting = [pool.submit(task) for task in tasks]
         for number, done in enumerate(as_completed(waiting), 1):
             done.result()
             if number % 7 == 0:
