@@ -79,7 +79,8 @@ def test_a_stall_of_the_plant_is_an_event_and_no_fault_of_any_controller(tmp_pat
     wrong = missed(flight)
     blamed = sum(not wrong.isdisjoint(range(tick, tick + NEAR)) for tick in stalled)
     usual = sum(not wrong.isdisjoint(range(tick, tick + NEAR)) for tick in before)
-    assert blamed <= usual + cases // 4  # none at all, if nobody else wants the processors
+    # none at all, if nobody else wants the processors; a plant that blames others, nearly all
+    assert blamed <= usual + cases // 2
     assert not taken_over(flight)
 
 

@@ -95,13 +95,13 @@ def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is
     odd: Callable[..., Preparation],
 ) -> None:
     """One trial kills its process every time (1), one only once (2), one hangs, one raises."""
-    ready = odd([0, 2, 0, 1, 0, 4, 0, 3, 0], limit=15.0)
+    ready = odd([0, 2, 0, 1, 0, 4, 0, 3, 0], limit=8.0)
     found = flown(ready, Pool(ready.job, 1))
     failed = {k: result.reason for k, result in found.items() if result.status != "ok"}
     assert sorted(failed) == [3, 5, 7]
     assert failed[3] == "its process died 2 times (SIGKILL)"
     assert "no controller answered any more" in failed[5]
-    assert failed[7] == "no end after 15 s"
+    assert failed[7] == "no end after 8 s"
 
 
 def test_workers_share_a_short_study_in_chunks_of_whole_lanes() -> None:

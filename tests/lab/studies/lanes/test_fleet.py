@@ -48,7 +48,7 @@ def prepared(study_of: Callable[..., Study]) -> Callable[..., Preparation]:
     """Return a function that gives a study in lanes with another trial."""
 
     def make(vary: dict[str, Any] | None = None, replan: bool = False, **trial: Any) -> Preparation:
-        whole = {"duration": 9.0, "testbed": {"modes": 2, "damping_ratio": 0.01}, "plan": PLAN}
+        whole = {"duration": 9.0, "testbed": {"modes": 3, "damping_ratio": 0.01}, "plan": PLAN}
         keys = {} if vary is None else {"vary": vary}
         return prepare(study_of(flown=whole | trial, lanes=True, replan=replan, **keys))
 
@@ -143,7 +143,7 @@ def test_a_result_does_not_depend_on_its_neighbours(prepared: Callable[..., Prep
 
 @pytest.mark.parametrize("variant", ["complete", "printed"])
 def test_a_step_of_all_lanes_is_that_of_the_model(variant: Any) -> None:
-    testbed = CsaTestbed(modes=2, variant=variant, damping_ratio=0.02)
+    testbed = CsaTestbed(modes=3, variant=variant, damping_ratio=0.02)
     model, kernel = testbed.model(), testbed.lanes()
     rng = np.random.default_rng(2)
     x = 0.3 * rng.standard_normal((2 * model.coordinates, LANES))
@@ -157,7 +157,7 @@ def test_a_step_of_all_lanes_is_that_of_the_model(variant: Any) -> None:
 
 
 def test_all_trials_with_as_many_modes_share_one_compiled_loop() -> None:
-    assert CsaTestbed(modes=2).lanes() is CsaTestbed(modes=2, damping_ratio=0.1).lanes()
+    assert CsaTestbed(modes=3).lanes() is CsaTestbed(modes=3, damping_ratio=0.1).lanes()
 
 
 def test_steps_shrink_with_the_highest_frequency() -> None:
