@@ -20,7 +20,7 @@ from flexslew_plant import topics
 from flexslew_plant.errors import FlexslewError
 
 PATIENCE = 5.0  # for the plant to be found and to answer [wall s]
-_early: dict[tuple[int, str], list[Node]] = {}  # by domain and namespace
+_early: dict[tuple[int, str], tuple[list[Node], float]] = {}  # by domain and namespace
 _AGAIN = 0.25  # until another node tries to be heard, then twice that, and so on [wall s]
 
 
@@ -42,7 +42,8 @@ class Operator:
 
     def __init__(self, domain: int, namespace: str, patience: float) -> None:
         self._domain, self._namespace, self._patience = domain, namespace, patience
-        self.nodes = _early.pop((domain, namespace), [])  # on the graph, all of one name
+        # on the graph, all of one name; and when another one is due if these are not known by then
+        self.nodes, self._due = _early.pop((domain, namespace), ([], 0.0))
         self._who = _user()
 
     def act(self, action: str) -> Told:
@@ -113,8 +114,9 @@ class Operator:
         for the plant's next one, up to 3 s; another newcomer most likely does not.
         """
         clients = [(node, node.create_client(kind, name)) for node in self.nodes]
-        now = monotonic()
-        end, again, wait = now + self._patience, now + _AGAIN * bool(clients), _AGAIN
+        now, wait = monotonic(), _AGAIN
+        end, again = now + self._patience, self._due or now + wait * bool(clients)
+        self._due = 0.0
         while True:
             for node, client in clients:
                 if client.service_is_ready():
@@ -146,7 +148,8 @@ def _newcomer(domain: int, namespace: str) -> Node:
 
 def join_early(domain: int) -> None:
     """Join the graph of a bench without a namespace, for the first connection to it."""
-    _early[domain, ""] = nodes = [_newcomer(domain, "")]
+    nodes = [_newcomer(domain, "")]
+    _early[domain, ""] = nodes, monotonic() + _AGAIN
     atexit.register(_leave, nodes)
 
 
