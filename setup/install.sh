@@ -121,7 +121,7 @@ build_workspace() {
   workspace_environment
   say "[4/4] machine code of the models (one or two minutes)"
   . "$root/setup/environment.sh"
-  run "$venv/bin/python" -m flexslew_lab.trial.compile_kernels || fail "the models do not compile"
+  run "$venv/bin/python" -m flexslew_lab.compile_kernels || fail "the models do not compile"
   rm -f "$root"/ros2_ws/install/flexslew.*
   echo "$root" >"$workspace"
 }

@@ -77,12 +77,12 @@ class Checkout:
     @property
     def steps(self) -> list[str]:
         """The long steps since the last call, in order."""
-        kinds = ("-m venv", "-m pip", "-m colcon", "-m flexslew_lab.trial.compile_kernels")
+        kinds = ("-m venv", "-m pip", "-m colcon", "-m flexslew_lab.compile_kernels")
         calls = self.log.read_text().splitlines()
         return [kind.split()[1] for call in calls for kind in kinds if call.startswith(kind)]
 
 
-ALL = ["venv", "pip", "pip", "colcon", "flexslew_lab.trial.compile_kernels"]
+ALL = ["venv", "pip", "pip", "colcon", "flexslew_lab.compile_kernels"]
 
 
 @pytest.fixture
