@@ -16,6 +16,8 @@ from flexslew_lab.studies.lanes.passengers import Passenger
 from flexslew_lab.studies.lanes.rows import Rows, of_lane
 from flexslew_plant.arrays import Vector
 
+_ENDING = Ending([], [], True)
+
 
 class Counted:
     """The metrics of trials that flew beside each other; all are measured alike.
@@ -43,8 +45,8 @@ class Counted:
         course.ticks = 0, len(time) - 1
         self._efforts.times = course.times = float(time[0]), float(time[-1])
         self._settling.last_time = float(time[-1])
-        measured = (self._tip, self._errors, self._settling, self._efforts)
-        self._all = (*measured, Takeovers(flight), course)
+        self._measured = self._tip, self._errors, self._settling, self._efforts
+        self._alike = columns_of(merged((Takeovers(flight), course), _ENDING))
 
     def metrics(self, w: Vector, k: int) -> dict[str, float | None]:
         """Return the columns of the trial in lane k of the flown array."""
@@ -62,4 +64,4 @@ class Counted:
         efforts.square_sum = of_lane(w, rows.square_sum, m, k)
         efforts.integral = float(efforts.square_sum.sum())
         efforts.saturated = float(w[rows.saturated + k])
-        return columns_of(merged(self._all, Ending([], [], True)))
+        return columns_of(merged(self._measured, _ENDING)) | self._alike
