@@ -504,6 +504,27 @@ def test_the_command_line_operates_the_bench(operator, monkeypatch, capsys):
         rclpy.init()
 
 
+def test_a_command_of_its_own_process_says_everything_and_leaves_its_exit_code(operator):
+    def run(*words):
+        command = [sys.executable, "-m", "flexslew_lab.cli.main", *words]
+        for _ in range(5):  # its patience is less than that of a test
+            done = subprocess.run(
+                command, capture_output=True, text=True, timeout=WAIT, check=False
+            )
+            if not re.search("no bench offers|did not answer", done.stderr):
+                break
+        return done
+
+    listed = run("controllers", "--json")
+    assert listed.returncode == 0
+    assert {c["controller"] for c in json.loads(listed.stdout)["controllers"]} >= {"second"}
+    refused = run("switch", "nobody")
+    assert refused.returncode == 1
+    assert "nobody" in refused.stdout + refused.stderr
+    assert run("switch").returncode == 2  # to whom?
+    assert "Traceback" not in listed.stderr + refused.stderr
+
+
 def asked_by_the_command_line():
     """Return the services that its connection calls, as the graph shows them."""
     with connected(int(os.environ["ROS_DOMAIN_ID"]), patience=WAIT) as bench:
