@@ -5,7 +5,15 @@ import pytest
 
 from flexslew_plant.bench.bench import BenchSettings
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import PerJoint, flat, load_yaml, plain, validated, yaml_text
+from flexslew_plant.settings import (
+    PerJoint,
+    bounded,
+    flat,
+    load_yaml,
+    plain,
+    validated,
+    yaml_text,
+)
 from flexslew_plant.testbeds import TestbedSettings as Bed
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.csa import CsaTestbed
@@ -189,6 +197,8 @@ LAUGHS = "a0: &a0 [1, 1]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" fo
         ("&x [*x]", "or holds itself"),
         ("a: &x {b: [1, *x, *x]}", "or holds itself"),
         ("[" * 33 + "]" * 33, "is nested more than 32 deep"),
+        ("[" * 250_000, "is nested more than 32 deep"),
+        ("- " * 100_000, "is nested more than 32 deep"),
         ("a: &a " + "[" * 20 + "]" * 20 + "\nb: " + "[" * 20 + "*a" + "]" * 20, "than 32 deep"),
         (LAUGHS.replace("a30: ", "b: "), "holds more than 1000000 values"),
     ],
@@ -202,6 +212,13 @@ def test_what_cannot_be_walked_through_is_refused(text: str, words: str) -> None
 def test_aliases_and_nesting_within_the_limits_are_read() -> None:
     assert load_yaml("a: &a [1, 2]\nb: [*a, *a]", "t")["b"] == [[1, 2], [1, 2]]
     assert load_yaml("[" * 32 + "]" * 32, "t")
+
+
+def test_a_plan_or_table_of_more_than_a_million_honest_values_is_no_bomb() -> None:
+    values = [[0.0, 0.0]] * 600_000
+    assert bounded(values, "t", 10_000_000) is values
+    with pytest.raises(BadInput, match="more than 1000000 values"):
+        bounded(values, "t", 1000)
 
 
 @pytest.mark.parametrize(("kind", "drives"), [("csa", 2), ("floating_oscillator", 1)])

@@ -77,7 +77,7 @@ def load_plan(path: Path | str) -> Plan:
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
-        content = bounded(yaml.load(text, Loader=_Loader), str(path))
+        content = bounded(yaml.load(text, Loader=_Loader), str(path), len(text))
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError):

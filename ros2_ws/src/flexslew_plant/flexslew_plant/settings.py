@@ -13,7 +13,8 @@ from flexslew_plant.errors import BadInput
 
 _T = TypeVar("_T")
 _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
-_MOST = 1_000_000  # values in a YAML text
+_MOST = 1_000_000  # values in a YAML text with aliases
+_SHORT = 10_000  # characters that cannot nest too deep for the stack
 DEEPEST = 32  # lists and keys in one another
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -76,7 +77,9 @@ def load_yaml(text: str, source: str) -> Any:
         BadInput: the text is not YAML, or is more than can be used: see `bounded`.
     """
     try:
-        return bounded(yaml.load(text, Loader=_Loader), source)
+        if len(text) > _SHORT:
+            _require_flat(text, source)
+        return bounded(yaml.load(text, Loader=_Loader), source, len(text))
     except yaml.YAMLError as error:
         where = getattr(error, "problem_mark", None)
         line = f" line {where.line + 1}, column {where.column + 1}" if where else ""
@@ -87,13 +90,28 @@ def load_yaml(text: str, source: str) -> Any:
         raise BadInput(f"{source}: is not YAML: {error}") from None
 
 
-def bounded(value: Any, source: str) -> Any:
+def _require_flat(text: str, source: str) -> None:
+    """Refuse deep nesting before the C loader descends into it: it overflows the stack."""
+    depth = 0
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        if depth > DEEPEST:
+            raise BadInput(f"{source}: is nested more than {DEEPEST} deep")
+
+
+def bounded(value: Any, source: str, length: int) -> Any:
     """Return what a YAML text holds, if it can be walked through.
 
     Aliases let a few lines stand for gigabytes, or hold themselves.
 
+    Args:
+        value: that was read.
+        source: the file (or node) to name in an error.
+        length: of the text; without aliases it holds no more values than characters.
+
     Raises:
-        BadInput: it has more than 1,000,000 values written out, or is nested more than 32 deep.
+        BadInput: it has more than 1,000,000 values for its aliases, or is nested more than 32 deep.
     """
     known: dict[int, tuple[float, float]] = {}
 
@@ -111,7 +129,7 @@ def bounded(value: Any, source: str) -> Any:
     size, depth = measure(value)
     if depth > DEEPEST:
         raise BadInput(f"{source}: is nested more than {DEEPEST} deep, or holds itself")
-    if size > _MOST:
+    if size > max(_MOST, length):
         raise BadInput(f"{source}: holds more than {_MOST} values, aliases written out")
     return value
 
