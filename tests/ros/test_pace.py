@@ -15,6 +15,8 @@ from flexslew_lab.log.bag_reader import BagReader
 from .bystander import Sleepers, beside, busy, stall
 from .flight import Flight, slew
 
+pytestmark = pytest.mark.alone
+
 LAWS = ("pd_feedforward", "lqr", "output_feedback", "proportional_integral")
 MORE_LAWS = "".join(f", {law}: {{}}" for law in LAWS[1:])
 RATES = (1.0, 10.0)

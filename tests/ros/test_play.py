@@ -114,6 +114,7 @@ def test_pause_step_seek_and_resume_over_services(flown: Any, tmp_path: Path) ->
     assert seek.ok
     assert seek.message == "next at 3.000 s"
     assert (step.ok, step.tick) == (True, 310)
+    assert resume is not None, playing.log
     assert resume.success
     ticks = BagReader(playing.bag).columns("/truth", {"tick"})["tick"]
     assert ticks.tolist() == list(range(300, 601))

@@ -70,14 +70,19 @@ def _figures_of(name: str, path: Path) -> dict[str, float]:
 def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
-    Without arguments those that need no ROS run side by side, a file at a time, and then those
-    over ROS, whose nodes fill the processors by themselves, one after another.
+    Without arguments two run side by side, a file at a time: first those that need no ROS, then
+    those over ROS, and at last, alone, those that hold a bench against the wall clock.
 
     Example: `./flexslew test tests/plant -k energy`
     """
     if context.args:
         raise typer.Exit(_pytest(*context.args))
-    codes = _pytest("-n", "2", "--dist", "loadfile", "--ignore", "tests/ros"), _pytest("tests/ros")
+    two = ("-n", "2", "--dist", "loadfile")
+    codes = [
+        _pytest(*two, "--ignore", "tests/ros"),
+        _pytest(*two, "tests/ros", "-m", "not alone"),
+        _pytest("tests/ros", "-m", "alone"),
+    ]
     raise typer.Exit(max(codes))
 
 

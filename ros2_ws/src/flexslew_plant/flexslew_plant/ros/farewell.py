@@ -1,7 +1,7 @@
 """The last words of a node: heard by all who listen before it leaves the graph."""
 
 from collections.abc import Callable
-from time import monotonic
+from time import monotonic, sleep
 
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -13,6 +13,7 @@ from flexslew_plant.ros.graph import listeners_of
 # DDS repairs 256 messages of a topic with every heartbeat: 3 s, or 0.02 s by setup/fastdds.xml.
 LAST_WORDS = 60.0
 HURRIED = 5.0  # the same when somebody has interrupted it, or for one that gives no sign of life
+_ANSWERS = 1.0  # for clients, who may still wait for an answer [wall s]
 _SEVERAL = 50  # callbacks between two looks at who has heard what
 
 
@@ -22,7 +23,8 @@ def stay_until_heard(
     """Return as soon as a node was heard, or patience is at an end.
 
     A writer that leaves takes with it what its listeners have not acknowledged, reliable or not. A
-    listener that gives no sign of life is waited for only a few seconds.
+    listener that gives no sign of life is waited for only a few seconds. Nobody tells a node
+    whether an answer of its services was heard: it stays for a moment while clients do.
 
     Args:
         node: that wants to leave.
@@ -32,6 +34,7 @@ def stay_until_heard(
     """
     start, told = monotonic(), False
     unheard, names = list(node.publishers), ""
+    services = [service.srv_name for service in node.services]
     while unheard and (waited := monotonic() - start) < patience:
         unheard[0].wait_for_all_acked(Duration(seconds=0.05))
         unheard = [p for p in unheard if not p.wait_for_all_acked(Duration())]
@@ -48,3 +51,7 @@ def stay_until_heard(
             break  # was alive once and has been silent for long
     if unheard:
         node.get_logger().warning(f"leaves, not all heard: {names}")
+    until = monotonic() + min(_ANSWERS, patience)
+    while monotonic() < until and any(map(node.count_clients, services)):
+        serve()
+        sleep(0.01)
