@@ -95,3 +95,10 @@ def test_every_family_says_what_it_offers() -> None:
     for folder in sorted(folders):
         text = (folder / "__init__.py").read_text(encoding="utf-8")
         assert ast.get_docstring(ast.parse(text)), folder
+
+
+def test_a_node_is_under_150_lines() -> None:
+    nodes = [path for path in FILES if path.name.endswith("_node.py")]
+    assert len(nodes) >= 6
+    for path in nodes:
+        assert len(path.read_text().splitlines()) < 150, path

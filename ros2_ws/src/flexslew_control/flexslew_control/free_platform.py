@@ -16,7 +16,8 @@ from flexslew_control.law import Reference, nominal_state
 from flexslew_control.linear_design import Designed
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds.model import Appendages, Linearisation, Model
+from flexslew_plant.testbeds.linearisation import Linearisation
+from flexslew_plant.testbeds.model import Appendages, Model
 
 _RIGID = 1e-9  # of the largest squared frequency: zero but for rounding
 _SAME = 1e-7  # of it: frequencies of one group

@@ -10,7 +10,8 @@ from scipy.linalg import eig, matrix_balance
 from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds.model import Appendages, Linearisation
+from flexslew_plant.testbeds.linearisation import Linearisation
+from flexslew_plant.testbeds.model import Appendages
 
 _RANK_TOLERANCE = 1e-9  # of the balanced pair
 _RIGID = 1e-6  # of its norm: an eigenvalue below is a rigid motion's, zero

@@ -50,7 +50,9 @@ ROLES: dict[str, Rights] = {
         execute=_PLANS,
         reply=(t.DECIDE_PLAN,),
     ),
-    "recorder": Rights(publish=(t.EVENTS, t.RECORDER_STATUS, t.ALIVE), subscribe=(t.ALIVE,)),
+    "recorder": Rights(
+        publish=(t.EVENTS, t.RECORDER_STATUS, t.RECORDED, t.ALIVE), subscribe=(t.ALIVE,),
+    ),
     "listener": Rights(publish=(), subscribe=_RECORDED),  # hidden, of the recorder
     "operator": Rights(
         publish=(), subscribe=(t.EVENTS, t.BENCH_STATE, t.TRUTH, t.PLAN),
@@ -62,7 +64,7 @@ ROLES: dict[str, Rights] = {
     ),
     "watcher": Rights(  # hidden, of the console
         publish=(), subscribe=(t.TESTBED, t.BENCH_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.PLAN,
-                               t.TRUTH, t.CONTROLLER_STATE),
+                               t.RECORDED, t.TRUTH, t.CONTROLLER_STATE),
     ),
 }  # fmt: skip
 

@@ -26,6 +26,7 @@ TRUTH = "truth"
 CONTROLLER_STATE = "controller_state"
 CONTROLLER_STATUS = "controller_status"
 RECORDER_STATUS = "recorder_status"
+RECORDED = "recorded"
 ALIVE = "alive"
 BENCH_STATE = "bench_state"
 TESTBED = "testbed"
@@ -50,6 +51,7 @@ TOPICS: dict[str, Topic] = {
         Topic(CONTROLLER_STATE, "flexslew_msgs/msg/ControllerState", LOOP_DEPTH),
         Topic(CONTROLLER_STATUS, "flexslew_msgs/msg/ControllerStatus", 1, latched=True),
         Topic(RECORDER_STATUS, "flexslew_msgs/msg/RecorderStatus", 1, latched=True),
+        Topic(RECORDED, "flexslew_msgs/msg/Recorded", 200),
         Topic(ALIVE, "flexslew_msgs/msg/Alive", 20, reliable=False),
         Topic(BENCH_STATE, "flexslew_msgs/msg/BenchState", 1, latched=True),
         Topic(PLAN, "flexslew_msgs/msg/Plan", 1, latched=True),
@@ -67,8 +69,8 @@ TOPICS: dict[str, Topic] = {
     )
 }
 
-# They tell of this moment of the wall clock; what of it changes a run is an event.
-NOT_RECORDED = (ALIVE, BENCH_STATE, RECORDER_STATUS, DIAGNOSTICS)
+# They tell of this moment of the wall clock (what of it changes a run is an event), or say again.
+NOT_RECORDED = (ALIVE, BENCH_STATE, RECORDER_STATUS, RECORDED, DIAGNOSTICS)
 
 START, PAUSE, STEP, RESET = "start", "pause", "step", "reset"
 BRAKE, RELEASE_BRAKE = "brake", "release_brake"

@@ -22,7 +22,7 @@ from flexslew_control.linear_design import (
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import PerJoint, Positive, section
-from flexslew_plant.testbeds.model import Linearisation
+from flexslew_plant.testbeds.linearisation import Linearisation
 
 
 @section

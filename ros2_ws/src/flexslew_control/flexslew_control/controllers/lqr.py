@@ -21,7 +21,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds.model import Linearisation
+from flexslew_plant.testbeds.linearisation import Linearisation
 
 
 @section

@@ -24,7 +24,7 @@ from flexslew_control.linear_design import (
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
-from flexslew_plant.testbeds.model import Linearisation
+from flexslew_plant.testbeds.linearisation import Linearisation
 
 Rows: TypeAlias = tuple[tuple[float, ...], ...]
 

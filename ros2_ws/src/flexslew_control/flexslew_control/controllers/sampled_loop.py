@@ -11,7 +11,8 @@ from flexslew_control.controllers.sliding_surface import SlidingDesign
 from flexslew_control.free_platform import rate_readings
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds.model import Linearisation, Model
+from flexslew_plant.testbeds.linearisation import Linearisation
+from flexslew_plant.testbeds.model import Model
 
 _CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
 _SHORTEST = 1e-3  # of the period: shorter ones are not looked at

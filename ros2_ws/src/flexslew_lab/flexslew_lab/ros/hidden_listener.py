@@ -33,15 +33,24 @@ class HiddenListener:
             start_parameter_services=False,
             enable_rosout=False,
         )
+        self._resolve = node.resolve_topic_name
         self.subscriptions: dict[str, Subscription[Any]] = {}
         for name, topic in heard.items():
-            self.subscriptions[name] = self.node.create_subscription(
-                message_class(topic.type),
-                node.resolve_topic_name(topic.name),
-                _nothing,
-                qos(topic, SEVERAL if topic.latched else 0),
-                raw=True,
-            )
+            self.listen(name, topic)
+
+    def listen(self, name: str, topic: Topic) -> None:
+        """Hear one more topic."""
+        self.subscriptions[name] = self.node.create_subscription(
+            message_class(topic.type),
+            self._resolve(topic.name),
+            _nothing,
+            qos(topic, SEVERAL if topic.latched else 0),
+            raw=True,
+        )
+
+    def ignore(self, name: str) -> None:
+        """Hear a topic no longer."""
+        self.node.destroy_subscription(self.subscriptions.pop(name))
 
     def take(self) -> Iterator[tuple[str, bytes]]:
         """Yield all that waits: the name of the topic, as it was given, and CDR."""

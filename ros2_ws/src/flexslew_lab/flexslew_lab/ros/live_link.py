@@ -1,22 +1,27 @@
 """The way from a page to a bench that runs."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
+import numpy as np
 from flexslew_msgs import action
 from rclpy.node import Node
 
 from flexslew_lab.console.link import Drafted, Iterate, Then, Told
 from flexslew_lab.console.view import BenchView
+from flexslew_lab.log.messages import cdr
 from flexslew_lab.ros.bench_client import BenchClient
 from flexslew_lab.ros.hidden_listener import HiddenListener
+from flexslew_lab.ros.rebroadcast import PASSED_ON
 from flexslew_plant import topics
 from flexslew_plant.topics import TOPICS
 
 _HEARD = (
     topics.TESTBED, topics.BENCH_STATE, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN,
-    topics.TRUTH, topics.CONTROLLER_STATE,
+    topics.RECORDED,
 )  # fmt: skip
+_UNRECORDED = 4.0  # until a bench is heard without its recorder; DDS needs up to 3 [wall s]
 _SILENT = 5.0  # after which the plant is taken for gone; it shows its state twice a second [wall s]
 
 
@@ -35,20 +40,42 @@ class LiveLink:
         self.view, self.folder, self.command = BenchView(), folder, command
         self._client = BenchClient(node)
         self._heard = 0.0  # of the plant, last [wall s]
+        self._recorded = 0.0  # when the recorder passed something on, or could not have [wall s]
         self._listener = HiddenListener(node, {name: TOPICS[name] for name in _HEARD})
+        self._truths = partial(node.count_publishers, node.resolve_topic_name(topics.TRUTH))
 
     def poll(self, now: float) -> None:
         """Take what has come, and deliver answers."""
         lots: dict[str, list[bytes]] = {}
         for name, data in self._listener.take():
-            lots.setdefault(name, []).append(data)
+            if name == topics.RECORDED:
+                topic, messages = _unpacked(data)
+                lots.setdefault(topic, []).extend(messages)
+            else:
+                lots.setdefault(name, []).append(data)
         for name, lot in lots.items():
             self.view.take(name, TOPICS[name].type, lot)
+        if topics.RECORDED in self._listener.subscriptions:
+            self._miss_recorder(now, topics.TRUTH in lots)
         if topics.BENCH_STATE in lots:
             self._heard = now
         elif now - self._heard > _SILENT and self.view.now.state in ("running", "paused"):
             self.view.now = self.view.now._replace(state="silent: no sign of life of the plant")
         self._client.poll(now)
+
+    def _miss_recorder(self, now: float, passed_on: bool) -> None:
+        """Listen to the ticks themselves where no recorder passes them on.
+
+        Where a bag is played there are ticks, and no state of a bench.
+        """
+        state = self.view.now.state
+        ticks = state == "running" or (state == "not found" and self._truths() > 0)
+        if passed_on or not ticks:
+            self._recorded = now
+        elif now - self._recorded > _UNRECORDED:
+            self._listener.ignore(topics.RECORDED)
+            for name in PASSED_ON:
+                self._listener.listen(name, TOPICS[name])
 
     def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
         """Call a service of the bench."""
@@ -73,3 +100,13 @@ class LiveLink:
         """Leave the graph."""
         self._listener.close()
         self._client.close()
+
+
+def _unpacked(data: bytes) -> tuple[str, list[bytes]]:
+    """Return the name of a topic and its messages."""
+    lot = cdr.decode(TOPICS[topics.RECORDED].type, data)
+    ends = np.cumsum(lot.sizes).tolist()
+    whole = lot.data.tobytes()
+    return lot.topic.removeprefix("/"), [
+        whole[start:end] for start, end in zip([0, *ends], ends, strict=False)
+    ]

@@ -12,6 +12,7 @@ from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.log.recording.recording import Recording
 from flexslew_lab.log.recording.recording_order import RecordingOrder, of_namespace
 from flexslew_lab.ros.hidden_listener import HiddenListener
+from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_plant import topics
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.ros.event_log import EventLog
@@ -49,6 +50,7 @@ class Recorder:
         self._recording = Recording(writer, self._failed)
         self._events = EventLog(node)
         self._status = publisher(node, topics.RECORDER_STATUS)
+        self._rebroadcast = Rebroadcast(node)
         self._order = RecordingOrder()
         self._told = self._recording.safe
         self._leave_at: float | None = None  # interrupted: when to leave at the latest [wall s]
@@ -99,11 +101,13 @@ class Recorder:
             self._tell_status()
         self._recording.flush(now)
         self._tell_status()
+        self._rebroadcast.poll(now, last)
 
     def _arrived(self) -> Iterator[tuple[str, bytes]]:
         for topic, data in self._listener.take():
             self._heard = monotonic()
             self._watch.seen = self._watch.seen or topic == "/measurement"
+            self._rebroadcast.hear(topic, data)
             if topic != "/tf" or of_namespace(data, self.node.get_namespace()):
                 yield topic, data
 

@@ -5,59 +5,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import eigvals
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
 from flexslew_plant.testbeds.bound import Bound, bound
 from flexslew_plant.testbeds.kernels import Kernels
-
-
-@dataclass(frozen=True)
-class Linearisation:
-    """M x'' + D x' + K x = B u about a rest, in the deviations of the coordinates (14), (15)."""
-
-    mass: Matrix  # (n, n)
-    damping: Matrix  # (n, n)
-    stiffness: Matrix  # (n, n)
-    input_matrix: Matrix  # (n, joints)
-
-    @property
-    def state_matrix(self) -> Matrix:
-        """A of x' = A x + B u with x = [q, v], shape (2 n, 2 n)."""
-        n = len(self.mass)
-        lower = -np.linalg.solve(self.mass, np.hstack((self.stiffness, self.damping)))
-        return np.vstack((np.hstack((np.zeros((n, n)), np.eye(n))), lower))
-
-    @property
-    def state_input_matrix(self) -> Matrix:
-        """B of x' = A x + B u, shape (2 n, joints)."""
-        return np.vstack(
-            (np.zeros_like(self.input_matrix), np.linalg.solve(self.mass, self.input_matrix))
-        )
-
-    def with_feedback(self, kp: Vector, kd: Vector) -> "Linearisation":
-        """Return the loop closed by collocated PD (12), (13): K and D gain the joint gains."""
-        b = self.input_matrix
-        return Linearisation(
-            self.mass,
-            self.damping + b @ np.diag(kd) @ b.T,
-            self.stiffness + b @ np.diag(kp) @ b.T,
-            b,
-        )
-
-    @property
-    def eigenvalues(self) -> NDArray[np.complex128]:
-        """Poles of x' = A x, shape (2 n,) [1/s]."""
-        return np.asarray(eigvals(self.state_matrix), dtype=np.complex128)
-
-    @property
-    def frequencies(self) -> Vector:
-        """Natural frequencies without the rigid motions, rising [rad/s]."""
-        squares = np.sort(eigvals(self.stiffness, self.mass).real)
-        return np.asarray(np.sqrt(squares[squares > 1e-9 * abs(squares).max()]))
+from flexslew_plant.testbeds.linearisation import Linearisation
 
 
 @dataclass(frozen=True)
@@ -152,11 +106,22 @@ class Model:
         rest[: self.joints] = [positions.get(name, 0.0) for name in self.joint_names]
         return rest
 
+    def _require(self, x: Vector, effort: Vector | None = None) -> None:
+        """Check what machine code reads without looking."""
+        size = self.positions + self.coordinates
+        if x.shape != (size,):
+            names = ", ".join(self.state_names)
+            raise ValueError(f"a state of shape {x.shape} does not fit: ({size},), {names}")
+        if effort is not None and effort.shape != (self.efforts,):
+            words = f"({self.efforts},), one per actuator"
+            raise ValueError(f"efforts of shape {effort.shape} do not fit: {words}")
+
     def input_matrix(self, q: Vector, t: float = 0.0) -> Matrix:
         """Return B(q, t), shape (n, actuators)."""
         if self.kernels.actuation is None:
             return np.eye(self.coordinates, self.efforts)
         x, columns = np.concatenate((q, np.zeros(self.coordinates))), []
+        self._require(x)
         for one in np.eye(self.efforts):
             column = np.zeros(self.coordinates)
             self._bound.actuation(self.packed, t, x, one, column)
@@ -169,6 +134,7 @@ class Model:
         joints, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
         bias = np.empty(n)
         x = np.concatenate((q, v))
+        self._require(x)
         self._bound.terms(self.packed, t, x, joints, coupling, modal, bias)
         return np.block([[joints, coupling], [coupling.T, np.diag(modal)]]), bias
 
@@ -181,13 +147,19 @@ class Model:
         return self._terms(q, v, t)[1]
 
     def derivative(self, x: Vector, effort: Vector, t: float = 0.0) -> Vector:
-        """Return f(t, x, u), shape of x, for the state x = [q, v]."""
+        """Return f(t, x, u), shape of x, for the state x = [q, v].
+
+        Raises:
+            ValueError: x or the effort has another shape; so do all that take them.
+        """
+        self._require(x, effort)
         return self._bound.derivative(self.packed, t, x, effort)
 
     def advance(
         self, x: Vector, effort: Vector, dt: float, steps: int = 1, t: float = 0.0
     ) -> Vector:
         """Return the state dt after t with the effort held (order 8, `steps` equal steps)."""
+        self._require(x, effort)
         after = x.copy()
         self.integrate(self.packed, t, effort, dt, steps, self.before_modes, after)
         return after
@@ -199,6 +171,7 @@ class Model:
 
     def jacobian(self, x: Vector, effort: Vector, t: float = 0.0) -> tuple[Matrix, Matrix]:
         """Return df/dx, shape (2 n, 2 n), and df/du, shape (2 n, actuators), exact."""
+        self._require(x, effort)
         dx, du = np.empty((x.size, x.size)), np.empty((x.size, self.efforts))
         self._bound.jacobian(self.packed, t, x, effort, dx, du)
         return dx, du
@@ -217,8 +190,9 @@ class Model:
         """Return N of q' = N(q) v, shape (positions, n)."""
         columns = []
         for one in np.eye(self.coordinates):
-            rate = np.empty(self.positions)
-            self._bound.position_rates(self.packed, t, np.concatenate((q, one)), rate)
+            x, rate = np.concatenate((q, one)), np.empty(self.positions)
+            self._require(x)
+            self._bound.position_rates(self.packed, t, x, rate)
             columns.append(rate)
         return np.array(columns).T
 
@@ -269,6 +243,7 @@ class Model:
 
     def energy(self, x: Vector, t: float = 0.0) -> float:
         """Return T + U [J], constant without effort, damping and dependence on time."""
+        self._require(x)
         return self._bound.energy(self.packed, t, x)
 
     def kinetic_energy(self, x: Vector, t: float = 0.0) -> float:
@@ -291,6 +266,7 @@ class Model:
         n = self.coordinates
         stiffness, damping = np.empty((n, self.positions)), np.empty((n, n))
         rest, still = np.concatenate((q, np.zeros(n))), np.zeros(n)
+        self._require(rest)
         self._bound.residual_jacobian(self.packed, t, rest, still, stiffness, damping)
         if self.kernels.extra_positions:  # by motions along v
             stiffness = stiffness @ self.position_rates(q, t)

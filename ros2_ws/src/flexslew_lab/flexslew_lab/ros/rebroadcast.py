@@ -1,0 +1,60 @@
+"""What a recorder hears of every tick, passed on many messages at a time."""
+
+from array import array
+
+from flexslew_msgs.msg import Recorded
+from rclpy.node import Node
+
+from flexslew_plant import topics
+from flexslew_plant.ros.offers import publisher
+
+PASSED_ON = (topics.TRUTH, topics.CONTROLLER_STATE)
+_EVERY = 0.04  # between two lots of a topic [wall s]
+_MUCH = 32_000  # that go without waiting for it, so that every lot is one piece for DDS [bytes]
+
+
+class Rebroadcast:
+    """Passes on what is shown rather than acted upon.
+
+    A listener of its own would wake up at every tick, and cost a bench that goes as fast as it
+    can a part of its speed; the recorder has heard it anyway.
+
+    Args:
+        node: the recorder.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._publisher = publisher(node, topics.RECORDED)
+        self._lots: dict[str, list[bytes]] = {f"/{name}": [] for name in PASSED_ON}
+        self._size = 0  # of all lots [bytes]
+        self._wanted = False
+        self._next = 0.0  # [wall s]
+
+    def hear(self, topic: str, data: bytes) -> None:
+        """Take a message."""
+        if self._wanted and topic in self._lots:
+            self._lots[topic].append(data)
+            self._size += len(data)
+            if self._size >= _MUCH:
+                self._send()
+
+    def poll(self, now: float, last: bool = False) -> None:
+        """Send what has waited for long enough, or everything where nothing comes after it."""
+        if now < self._next and not last:
+            return
+        self._next = now + _EVERY
+        self._send()
+        self._wanted = self._publisher.get_subscription_count() > 0
+
+    def _send(self) -> None:
+        self._size = 0
+        for topic, lot in self._lots.items():
+            if lot:
+                self._publisher.publish(
+                    Recorded(
+                        topic=topic,
+                        sizes=array("I", map(len, lot)),
+                        data=array("B", b"".join(lot)),
+                    )
+                )
+                lot.clear()

@@ -1,0 +1,129 @@
+"""What a console knows of the ticks: through the recorder, and without it."""
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from threading import Thread
+from time import monotonic, sleep
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.node import Node
+
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.ros.live_link import LiveLink
+from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.trial.processes import NodeProcess, parameter_file
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.supervisor import Supervisor
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.topics import RECORDED, TRUTH
+
+from .flight import Flight, fork_server, slew
+
+PATIENCE = 60.0  # with a bench on a busy machine [wall s]
+
+
+class Watcher:
+    """Watches a bench until it ends, as a console does.
+
+    Args:
+        domain: of the bench.
+        meet: called once, as soon as ticks were heard.
+    """
+
+    def __init__(self, domain: int, meet: Callable[[], None] = lambda: None) -> None:
+        self.time, self.position = np.zeros(0), np.zeros((0, 0))
+        self.listened: list[str] = []  # in turn
+        self._thread = Thread(target=self._watch, args=(domain, meet))
+        self._thread.start()
+
+    def _watch(self, domain: int, meet: Callable[[], None]) -> None:
+        rclpy.init(domain_id=domain)
+        node = Node("console")
+        link, met = LiveLink(node, "", ""), False
+        end = monotonic() + PATIENCE
+        while monotonic() < end:
+            link.poll(monotonic())
+            track = link.view.truth
+            if len(track.time) > len(self.time):
+                self.time, self.position = track.time.copy(), track.column("position").copy()
+                there = RECORDED if RECORDED in link._listener.subscriptions else TRUTH
+                self.listened += [there] if there not in self.listened else []
+                if not met:
+                    meet()
+                    met = True
+            if met and not node.count_publishers(f"/{TRUTH}"):
+                end = min(end, monotonic() + 1.0)  # for the recorder's last words
+            sleep(0.02)
+        link.close()
+        node.destroy_node()
+        rclpy.shutdown()
+
+    def seen(self) -> tuple[Vector, Matrix]:
+        """Return times and positions, once all is over."""
+        self._thread.join()
+        return self.time, self.position
+
+
+def flown(bag: Path) -> tuple[Vector, Matrix]:
+    columns = BagReader(bag).columns("/truth", {"tick", "position"})
+    return columns["tick"] * 0.01, columns["position"]
+
+
+def assert_flown(seen: tuple[Vector, Matrix], truth: tuple[Vector, Matrix]) -> None:
+    """Check that all that was seen was flown, to the bit."""
+    at = np.searchsorted(truth[0], seen[0] - 0.005)
+    assert np.allclose(seen[0], truth[0][at])
+    assert np.array_equal(seen[1], truth[1][at])
+
+
+@pytest.mark.parametrize("rate", [0.0, 20.0])
+def test_through_the_recorder_no_tick_is_missing(tmp_path: Path, rate: float) -> None:
+    watchers: list[Watcher] = []
+    flight = Flight(
+        slew(duration=60.0, rate=rate), tmp_path / "run", 0,
+        lambda pids, domain: watchers.append(Watcher(domain)),
+    )  # fmt: skip
+    seen = watchers[0].seen()
+    assert watchers[0].listened == [RECORDED]
+    assert np.allclose(np.diff(seen[0]), 0.01)
+    assert seen[0][-1] == pytest.approx(60.0)
+    assert_flown(seen, flown(flight.bag))
+
+
+def test_without_the_recorder_the_ticks_themselves_are_heard(tmp_path: Path) -> None:
+    trial = slew(duration=300.0)
+    watchers: list[Watcher] = []
+
+    def act(pids: dict[str, int], domain: int) -> None:
+        watchers.append(Watcher(domain, lambda: os.kill(pids["recorder"], signal.SIGKILL)))
+
+    flight = Flight(trial, tmp_path / "run", 0, act)
+    seen = watchers[0].seen()
+    assert watchers[0].listened == [RECORDED, TRUTH], flight.log
+    assert seen[0][-1] > seen[0][0] + 50.0
+    run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
+    assert_flown(seen, flown(tmp_path / "alone" / "bag"))
+
+
+def test_a_bag_that_is_played_is_watched_without_a_recorder(tmp_path: Path) -> None:
+    run_trial(slew(duration=60.0), "test", tmp_path / "run", in_process=True, report=False)
+    play: dict[str, Any] = {"bag": str(tmp_path / "run" / "bag"), "rate": 6.0}
+    processes = [NodeProcess("plant", "flexslew_lab", "play", play)]
+    parameters = tmp_path / "parameters.yaml"
+    parameters.write_text(parameter_file(processes))
+    with own_domain() as domain:
+        player = Supervisor(
+            processes, parameters, tmp_path / "nodes.log", domain, lambda tick, last: None,
+            fork_server(),
+        )  # fmt: skip
+        watcher = Watcher(domain)
+        assert player.run().exit_code == 0
+        seen = watcher.seen()
+    assert watcher.listened == [TRUTH]
+    assert len(seen[0]) > 1000
+    assert_flown(seen, flown(tmp_path / "run" / "bag"))
