@@ -33,6 +33,7 @@ from flexslew_lab.trial.domain import own_domain
 from flexslew_plant.topics import TOPICS, TRUTH
 
 SECONDS = float(os.environ.get("FLEXSLEW_BENCH_SECONDS", "60"))  # of each run [wall s]
+SETTLE = 5.0  # before the start, and between it and what is measured [wall s]
 PAIRS = 3  # of fast runs, with and without the page
 TRIAL = """
 name: console_benchmark
@@ -61,13 +62,16 @@ def flown(rate: float, seconds: float, watched: bool) -> dict[str, float]:
                 browser.open(address, 1300, 1000)
                 browser.until("return document.getElementById('bench-state')")
                 browser.run(WATCH)
-            while not _clicked(hands, "Start") or ">running<" not in hands.text:
-                hands.reach()
+            time.sleep(SETTLE)
+            while not _clicked(hands, "Start"):
+                time.sleep(0.05)
+            while ">running<" not in hands.text:
+                time.sleep(0.05)
             hands.socket.close()
             server = _console_of(child.pid)
             if not watched:
                 os.kill(server, signal.SIGINT)  # a dead one would be waited for
-            time.sleep(5.0)
+            time.sleep(SETTLE)
             measured = _measured(browser, server, arrivals, seconds, watched)
         events = BagReader(folder / "run" / "bag").overview.events
     missed = [e for e in events if e.kind == "missed"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexslew_lab.console.desk import Desk
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds import Testbed, initial_state
 from flexslew_plant.testbeds.scene import Scene
 
 _BENT, _OUTLINE = (0, 114, 178), (150, 150, 150)
@@ -34,16 +34,20 @@ class ScenePanel:
         self._testbed: Testbed | None = None
         self._bent: _Drawing | None = None
         self._outline: _Drawing | None = None
+        self._start = np.zeros(0)  # where it stands before the first tick
         self._reach = 10.0  # how far the testbed reaches [m]
         self._shown: tuple[Any, ...] = ()
 
     def refresh(self) -> None:
         """Move what has moved."""
-        testbed, position = self._view.testbed, self._view.position
-        if testbed is None or not position.size:
+        testbed = self._view.testbed
+        if testbed is None:
             return
         if testbed is not self._testbed:
             self._build(testbed)
+        position = self._view.position
+        if not position.size:
+            position = self._start
         state = (position.tobytes(), self._view.time, self._scale.value, self._outline_wanted.value)
         if state == self._shown or self._bent is None or self._outline is None:
             return
@@ -64,6 +68,7 @@ class ScenePanel:
 
     def _build(self, testbed: Testbed) -> None:
         self._testbed = testbed
+        self._start = testbed.model().split(initial_state(testbed))[0]
         scene, still = testbed.scene(), testbed.model().rest({})
         lines = scene.lines(still)
         self._reach = max((float(np.abs(line).max()) for line in lines), default=3.0)
