@@ -22,7 +22,6 @@ from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import declared, new_node, parameters_of
-from flexslew_plant.ros.realtime import RealTime
 
 _LOOK = 0.02  # between two looks at the graph while not ready [wall s]
 
@@ -55,7 +54,6 @@ class ControllerNode:
         subscription(node, topics.TESTBED, self._on_testbed)
         subscription(node, topics.PLAN, self._on_plan)
         self._tuning = Tuning(node, self._host, self._settings.law)
-        self._realtime = RealTime()
 
     def poll(self) -> float:
         """Look at the graph; return the wall seconds until the next look."""
@@ -95,7 +93,6 @@ class ControllerNode:
         self._announcer.announce(always=True)
 
     def _on_measurement(self, data: bytes) -> None:
-        self._realtime.want(True)  # it sleeps while the plant thinks, however fast that goes
         host = self._host
         question, at = measurement_from(data, self._period)
         answer = host.observe(question)
