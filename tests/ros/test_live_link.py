@@ -14,6 +14,7 @@ import rclpy
 from rclpy.node import Node
 
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.ros import live_link
 from flexslew_lab.ros.live_link import LiveLink
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.processes import NodeProcess, parameter_file
@@ -82,7 +83,10 @@ def assert_flown(seen: tuple[Vector, Matrix], truth: tuple[Vector, Matrix]) -> N
 
 
 @pytest.mark.parametrize("rate", [0.0, 20.0])
-def test_through_the_recorder_no_tick_is_missing(tmp_path: Path, rate: float) -> None:
+def test_through_the_recorder_no_tick_is_missing(
+    tmp_path: Path, rate: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_link, "_UNRECORDED", PATIENCE)  # until they have met, busy as they are
     watchers: list[Watcher] = []
     flight = Flight(
         slew(duration=60.0, rate=rate), tmp_path / "run", 0,
@@ -95,12 +99,20 @@ def test_through_the_recorder_no_tick_is_missing(tmp_path: Path, rate: float) ->
     assert_flown(seen, flown(flight.bag))
 
 
-def test_without_the_recorder_the_ticks_themselves_are_heard(tmp_path: Path) -> None:
-    trial = slew(duration=300.0)
+def test_without_the_recorder_the_ticks_themselves_are_heard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trial = slew(duration=200.0)
     watchers: list[Watcher] = []
 
     def act(pids: dict[str, int], domain: int) -> None:
-        watchers.append(Watcher(domain, lambda: os.kill(pids["recorder"], signal.SIGKILL)))
+        watchers.append(Watcher(domain, lambda: end_recorder(pids["recorder"])))
+
+    def end_recorder(pid: int) -> None:
+        monkeypatch.setattr(live_link, "_UNRECORDED", 1.0)
+        os.kill(pid, signal.SIGKILL)
+
+    monkeypatch.setattr(live_link, "_UNRECORDED", PATIENCE)
 
     flight = Flight(trial, tmp_path / "run", 0, act)
     seen = watchers[0].seen()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ class LiveLink:
         self.view, self.folder, self.command = BenchView(), folder, command
         self._client = BenchClient(node)
         self._heard = 0.0  # of the plant, last [wall s]
-        self._recorded = 0.0  # when the recorder passed something on, or could not have [wall s]
+        self._recorded = monotonic()  # when the recorder was heard, or could not be [wall s]
         self._listener = HiddenListener(node, {name: TOPICS[name] for name in _HEARD})
         self._truths = partial(node.count_publishers, node.resolve_topic_name(topics.TRUTH))
 
