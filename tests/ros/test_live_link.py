@@ -45,19 +45,20 @@ class Watcher:
     def _watch(self, domain: int, meet: Callable[[], None]) -> None:
         rclpy.init(domain_id=domain)
         node = Node("console")
-        link, met = LiveLink(node, "", ""), False
+        link, met, there = LiveLink(node, "", ""), False, False
         end = monotonic() + PATIENCE
         while monotonic() < end:
             link.poll(monotonic())
             track = link.view.truth
             if len(track.time) > len(self.time):
                 self.time, self.position = track.time.copy(), track.column("position").copy()
-                there = RECORDED if RECORDED in link._listener.subscriptions else TRUTH
-                self.listened += [there] if there not in self.listened else []
+                to = RECORDED if RECORDED in link._listener.subscriptions else TRUTH
+                self.listened += [to] if to not in self.listened else []
                 if not met:
                     meet()
                     met = True
-            if met and not node.count_publishers(f"/{TRUTH}"):
+            there, before = node.count_publishers(f"/{TRUTH}") > 0, there
+            if before and not there:
                 end = min(end, monotonic() + 1.0)  # for the recorder's last words
             sleep(0.02)
         link.close()
