@@ -1,5 +1,6 @@
 """Gains by perturbation of the Riccati equation, on the planar antenna and on the oscillator."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -90,7 +91,7 @@ def test_an_end_that_is_not_positive_definite_is_refused() -> None:
         require_positive_definite(np.diag([1.0, -0.5]), "end_condition: adiabatic")
     frozen = Frozen(np.eye(1), np.zeros((1, 1)), 100.0 * np.eye(1), np.eye(1), np.zeros(1))
     r = regulator(frozen, np.eye(3), 0.01 * np.eye(1))
-    weaker = r.change(frozen._replace(stiffness=-400.0 * np.eye(1)))
+    weaker = r.change(replace(frozen, stiffness=-400.0 * np.eye(1)))
     with pytest.raises(BadInput, match="end_condition: zero"):
         backward(r, [weaker, weaker], DT)
 
@@ -100,7 +101,7 @@ def test_the_gains_of_an_oscillator_follow_the_exact_ones() -> None:
     r = regulator(frozen, np.eye(3), 0.01 * np.eye(1))
     errors = []
     for swing in (1.0, 0.5):  # of first order: half the change, a quarter of the error
-        other = frozen._replace(stiffness=(100.0 + swing) * np.eye(1))
+        other = replace(frozen, stiffness=(100.0 + swing) * np.eye(1))
         exact = regulator(other, np.eye(3), 0.01 * np.eye(1)).riccati
         errors.append(abs(r.riccati + r.adiabatic(r.change(other)) - exact).max())
     assert errors[1] / errors[0] == pytest.approx(0.25, rel=0.02)

@@ -6,7 +6,7 @@ testbed's section, in which the weights of its laws are given.
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed, believed
 from flexslew_plant.testbeds.contract import Retargeting, UnitSizes, unit_sizes
+from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.model import Model
 
 Indices: TypeAlias = NDArray[np.intp]
@@ -23,28 +24,11 @@ _COUPLED = 1e-9  # of the largest entry of a row: less is no coupling
 _RANK = 1e-9  # of the largest singular value
 
 
-class Frozen(NamedTuple):
-    """The equations at one instant, for k coordinates and m efforts."""
+@dataclass(frozen=True)
+class Frozen(Linearisation):
+    """The equations at one instant, for k coordinates and m efforts; A and B are (2-36), (2-37)."""
 
-    mass: Matrix  # M, (k, k)
-    damping: Matrix  # D, (k, k)
-    stiffness: Matrix  # K, (k, k)
-    input_matrix: Matrix  # B*, (k, m)
     disturbance: Vector  # d, (k,)
-
-    @property
-    def state_matrix(self) -> Matrix:
-        """A of (x, x')' = A (x, x') + B u (2-36), shape (2 k, 2 k)."""
-        k = len(self.mass)
-        lower = -np.linalg.solve(self.mass, np.hstack((self.stiffness, self.damping)))
-        return np.vstack((np.hstack((np.zeros((k, k)), np.eye(k))), lower))
-
-    @property
-    def state_input_matrix(self) -> Matrix:
-        """B of the same (2-37), shape (2 k, m)."""
-        return np.vstack(
-            (np.zeros_like(self.input_matrix), np.linalg.solve(self.mass, self.input_matrix))
-        )
 
 
 @dataclass(frozen=True)

@@ -204,8 +204,11 @@ def changing(number: int) -> Changing:
     if number == 4:
         before = planar_antenna.before()
         middle, after = [planar_antenna.planar(t) for t in times], planar_antenna.planar(TURN)
-        after = after._replace(  # at rest at its end
-            damping=0.0 * after.damping, stiffness=before.stiffness, disturbance=before.disturbance
+        after = replace(  # at rest at its end
+            after,
+            damping=0.0 * after.damping,
+            stiffness=before.stiffness,
+            disturbance=before.disturbance,
         )
     else:
         motion = small_motion(shipped("antenna_3").testbed, TURN)

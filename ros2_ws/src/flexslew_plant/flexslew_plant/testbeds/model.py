@@ -188,10 +188,10 @@ class Model:
 
     def position_rates(self, q: Vector, t: float = 0.0) -> Matrix:
         """Return N of q' = N(q) v, shape (positions, n)."""
-        columns = []
+        x, columns = np.concatenate((q, np.zeros(self.coordinates))), []
+        self._require(x)
         for one in np.eye(self.coordinates):
-            x, rate = np.concatenate((q, one)), np.empty(self.positions)
-            self._require(x)
+            x[self.positions :], rate = one, np.empty(self.positions)
             self._bound.position_rates(self.packed, t, x, rate)
             columns.append(rate)
         return np.array(columns).T
