@@ -27,6 +27,7 @@ class PageClient:
             subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
             max_size=None,
             max_queue=1 if hangs else None,
+            ping_interval=None,
         )
         self._lock = Lock()
         self._elements: dict[str, dict[str, Any]] = {}  # what each shows, by its id

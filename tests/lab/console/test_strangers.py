@@ -82,31 +82,29 @@ def test_what_is_no_message_ends_its_page_and_no_other(capfd: pytest.CaptureFixt
 def test_what_is_written_while_a_remark_is_noted_is_not_lost(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    page = Page(FakeLink(), "127.0.0.1", 0, lambda words: None)
+    link = FakeLink()
+    page = Page(link, "127.0.0.1", 0, lambda words: None)
     page.poll()
     writer = PageClient(page.server.address)
-    [remark] = [
-        e
-        for e in page.server.gui._gui_input_handle_from_uuid.values()
-        if getattr(e, "label", "") == "Remark"
-    ]
-    writer.set(remark._impl.uuid, "first")
-    writer.reach()
     while "Note it" not in [element["label"] for element in writer.inputs.values()]:
         writer.reach()
+    remark, note = writer.named("Remark"), writer.named("Note it")
     tell: Callable[[Any], None] = page.server.gui._websock_interface.queue_message
 
     def slow(message: Any) -> None:  # the field is about to be emptied
         if getattr(message, "updates", None) == {"value": ""}:
-            writer.set(remark._impl.uuid, "second")
+            monkeypatch.undo()
+            writer.set(remark, "second")
+            writer.set(note, True)
             sleep(0.3)
         tell(message)
 
     monkeypatch.setattr(page.server.gui._websock_interface, "queue_message", slow)
-    writer.set(writer.named("Note it"), True)
-    writer.reach()
-    page.poll()
-    sleep(0.6)
-    writer.reach()
-    assert remark.value == "second"
+    writer.set(remark, "first")
+    writer.set(note, True)
+    limit = monotonic() + 10.0
+    while len(link.asked) < 2 and monotonic() < limit:
+        page.poll()
+        sleep(0.01)
+    assert [values["text"] for _, values in link.asked] == ["first", "second"]
     page.close()
