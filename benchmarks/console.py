@@ -39,6 +39,8 @@ TRIAL = """
 name: console_benchmark
 duration: 1.0e6
 controllers: {pd_feedforward: {}}
+schedule:  # it swings, so that the page has something to draw
+  - {at: 0.0, disturbance: {base_yaw: {sine: {amplitude: 100.0, frequency: 0.05}}}}
 """
 # without a loop of its own, which would have the browser draw frames that nobody asked for
 WATCH = """

@@ -43,6 +43,7 @@ class Bystander:
         self._context = rclpy.Context()
         self._context.init(domain_id=domain)
         self._node = rclpy.create_node("bystander", context=self._context)
+        self._clients: dict[str, Any] = {}  # by service
         self._executor = rclpy.executors.SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._node.create_subscription(
@@ -73,7 +74,9 @@ class Bystander:
 
     def ask(self, kind: Any, name: str, **request: Any) -> Any:
         """Return the answer of a service."""
-        client = self._node.create_client(kind, name)
+        if name not in self._clients:
+            self._clients[name] = self._node.create_client(kind, name)
+        client = self._clients[name]
         assert client.wait_for_service(timeout_sec=PATIENCE), name
         future = client.call_async(kind.Request(**request))
         self.until(future.done)

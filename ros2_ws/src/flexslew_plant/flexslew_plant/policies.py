@@ -41,7 +41,7 @@ ROLES: dict[str, Rights] = {
     ),
     "controller": Rights(
         publish=(t.EFFORT_COMMAND, t.CONTROLLER_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.ALIVE),
-        subscribe=(t.MEASUREMENT, t.TESTBED, t.PLAN, t.ALIVE),
+        subscribe=(t.MEASUREMENT, t.TESTBED, t.PLAN, t.BENCH_STATE, t.ALIVE),
         reply=(t.TUNE,),
     ),
     "planner": Rights(

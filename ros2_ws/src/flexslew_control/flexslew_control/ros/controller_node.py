@@ -22,6 +22,7 @@ from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import declared, new_node, parameters_of
+from flexslew_plant.ros.realtime import CONTROLLER, RealTime
 
 _LOOK = 0.02  # between two looks at the graph while not ready [wall s]
 
@@ -53,6 +54,8 @@ class ControllerNode:
         self._watch = PlantWatch(loop, measurement, self._settings.exit_with_plant)
         subscription(node, topics.TESTBED, self._on_testbed)
         subscription(node, topics.PLAN, self._on_plan)
+        subscription(node, topics.BENCH_STATE, self._on_bench_state)
+        self._realtime = RealTime(CONTROLLER)
         self._tuning = Tuning(node, self._host, self._settings.law)
 
     def poll(self) -> float:
@@ -91,6 +94,9 @@ class ControllerNode:
         if refused:
             self._events.tell(self._host.plan_refused(message.hash))
         self._announcer.announce(always=True)
+
+    def _on_bench_state(self, message: msg.BenchState) -> None:
+        self._realtime.want(message.active == self._host.name and message.rate_factor > 0.0)
 
     def _on_measurement(self, data: bytes) -> None:
         host = self._host

@@ -22,7 +22,7 @@ from flexslew_lab.console.panels.tune import TunePanel
 from flexslew_lab.console.server import ConsoleServer
 
 LOOK = 0.025  # between two looks at bench and pages [wall s]
-FRAME = 1 / 15  # between two frames at least [wall s]
+FRAME = 1 / 10  # between two frames at least [wall s]
 SHARE = 0.04  # of a core that the page takes of a bench that goes as fast as it can, about
 _SLOWEST = 1.0  # between two frames then at most [wall s]
 LEFT, RIGHT = 400, 560  # widths [px]

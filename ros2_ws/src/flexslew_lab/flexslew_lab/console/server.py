@@ -11,13 +11,48 @@ from viser import _messages
 
 from flexslew_lab.console.gate import Gate, listening, standing
 
-# a space is the brake, not a click on what has the focus; fields to write in keep it
 SCRIPT = """
+// a space is the brake, not a click on what has the focus; fields to write in keep it
 addEventListener("keydown", event => {
   if (event.code !== "Space" || event.target.closest("input, textarea, select")) return;
   document.activeElement?.blur();
   event.preventDefault();
 }, true);
+
+// viser draws on for a quarter of a second after each change, as often as the screen can, which
+// never ends while the bench moves. Here it draws what has come, and more only while somebody has
+// a hand on the page. It would take that for a slow machine and draw fewer dots.
+let touched = -1e9, drawn = -1e9, news = false, number = 0, timer, asked = new Map();
+const screenFrame = requestAnimationFrame.bind(window);
+function draw(time) {
+  const due = asked;
+  [asked, news, drawn] = [new Map(), false, performance.now()];
+  for (const then of due.values()) try { then(time); } catch (error) { reportError(error); }
+}
+function schedule() {
+  if (!asked.size) return;
+  const now = performance.now();
+  const pause = now - touched < 500 ? 0 : news ? 85 : 250;  // after the last frame [ms]
+  clearTimeout(timer);
+  timer = setTimeout(() => screenFrame(draw), drawn + pause - now);
+}
+window.requestAnimationFrame = then => {
+  asked.set(++number, then);
+  if (asked.size === 1) schedule();
+  return number;
+};
+window.cancelAnimationFrame = which => { asked.delete(which); };
+for (const kind of ["pointerdown", "pointermove", "wheel", "keydown"])
+  addEventListener(kind, () => { touched = performance.now(); schedule(); }, true);
+window.Worker = class extends Worker {
+  constructor(...of) {
+    super(...of);
+    this.addEventListener("message", () => { news = true; schedule(); });
+  }
+};
+const here = new URL(location);
+here.searchParams.set("fixedDpr", devicePixelRatio);
+history.replaceState(null, "", here);
 """
 
 

@@ -25,6 +25,7 @@ from flexslew_plant.ros.plant_parameters import CHANGEABLE, PlantParameters
 from flexslew_plant.ros.plant_report import NOTICE, PlantReport
 from flexslew_plant.ros.plant_services import Services
 from flexslew_plant.ros.plant_settings import PlantSettings
+from flexslew_plant.ros.realtime import PLANT, RealTime
 from flexslew_plant.settings import plain, yaml_text
 
 
@@ -63,6 +64,7 @@ class Plant:
         self._services = Services(self, loop)
         self._diagnostics = Diagnostics(node, self.session)
         self._parameters = PlantParameters(self)
+        self._realtime = RealTime(PLANT)
         settings = yaml_text(plain(self._settings))
         announcement = {"stamp": stamp(0.0), **testbed_fields(bench, settings)}
         self._testbed.publish(message_of(msg.Testbed, announcement))
@@ -73,6 +75,7 @@ class Plant:
         if self._report.one_too_many(now):
             return NOTICE / 4
         wait = self.session.poll(now)
+        self._realtime.want(self.session.pacing.paced)
         self._send()
         self._report.poll(now)
         self._diagnostics.poll(now)

@@ -12,7 +12,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Testbed, initial_state
 from flexslew_plant.testbeds.scene import Scene
 
-_BENT, _OUTLINE = (0, 114, 178), (150, 150, 150)
+_BENT, _OUTLINE, _FLOOR = (0, 114, 178), (150, 150, 150), (225, 225, 225)
 _VIEWS = {"View from above": (0.0, -0.01, 1.0), "View from the side": (0.0, -1.0, 0.05)}
 _FIRST = (0.5, -0.8, 0.5)
 
@@ -27,6 +27,8 @@ class ScenePanel:
     def __init__(self, desk: Desk) -> None:
         gui, self._desk, self._view = desk.gui, desk, desk.view
         desk.scene.set_up_direction("+z")
+        # nothing casts one, yet three maps of them would be drawn for every frame
+        desk.scene.configure_default_lights(cast_shadow=False)
         self._scale = gui.add_slider("Deflection times", 1.0, 50.0, 1.0, 1.0)
         self._outline_wanted = gui.add_checkbox("Reference as an outline", True)
         for name, direction in _VIEWS.items():
@@ -72,13 +74,10 @@ class ScenePanel:
         scene, still = testbed.scene(), testbed.model().rest({})
         lines = scene.lines(still)
         self._reach = max((float(np.abs(line).max()) for line in lines), default=3.0)
-        place, reach = self._desk.scene, self._reach
-        self._bent = _Drawing(place, scene, still, "/bench", _BENT, reach)
-        self._outline = _Drawing(place, scene, still, "/reference", _OUTLINE, reach)
-        place.add_grid(
-            "/floor", 4 * self._reach, 4 * self._reach, cell_size=self._reach / 5,
-            section_size=self._reach,
-        )  # fmt: skip
+        place = self._desk.scene
+        self._bent = _Drawing(place, scene, still, "/bench", _BENT)
+        self._outline = _Drawing(place, scene, still, "/reference", _OUTLINE)
+        _add_lines(place, "/floor", _floor(self._reach), _FLOOR, 1.0)
         camera = self._desk.server.initial_camera
         camera.position = tuple(3.0 * self._reach * np.array(_FIRST))
         camera.look_at = (0.0, 0.0, 0.0)
@@ -97,7 +96,7 @@ class _Drawing:
 
     def __init__(
         self, place: Any, scene: Scene, still: Vector, root: str,
-        color: tuple[int, int, int], reach: float,
+        color: tuple[int, int, int],
     ) -> None:  # fmt: skip
         self._scene, self._shown = scene, True
         self._paths = {scene.frames(still)[0].parent: root}
@@ -108,15 +107,13 @@ class _Drawing:
             self._frames[frame.child] = place.add_frame(path, show_axes=False)
         outline = color == _OUTLINE
         _add_links(place, scene.robot_description, self._paths, outline)
+        width = 1.5 if outline else 3.0
         self._lines = [
-            place.add_line_segments(
-                f"{self._paths[frame]}/line_{k}", _segments(line), color,
-                thickness=reach * (0.004 if outline else 0.008),
-            )
+            _add_lines(place, f"{self._paths[frame]}/line_{k}", _segments(line), color, width)
             for k, (line, frame) in enumerate(
                 zip(scene.lines(still), scene.line_frames, strict=True)
             )
-        ]  # fmt: skip
+        ]
 
     def show(self, q: Vector, t: float) -> None:
         for frame in self._scene.frames_at(q, t):
@@ -129,6 +126,23 @@ class _Drawing:
     def visible(self, wanted: bool) -> None:
         if wanted != self._shown:
             self._root.visible = self._shown = wanted
+
+
+def _add_lines(
+    place: Any, label: str, segments: Any, color: tuple[int, int, int], width: float
+) -> Any:
+    """Add lines of a width in pixels, which cost less to draw than those of a width in metres."""
+    return place.add_line_segments(
+        label, segments, color, thickness=width, thickness_units="screen"
+    )
+
+
+def _floor(reach: float) -> Any:
+    """Return a square grid [m]: viser's own costs time for every dot of the plane."""
+    steps = np.linspace(-2.0 * reach, 2.0 * reach, 9)
+    ends = [[(s, steps[0], 0.0), (s, steps[-1], 0.0)] for s in steps]
+    lines = np.array(ends, np.float32)
+    return np.concatenate((lines, lines[:, :, [1, 0, 2]]))
 
 
 def _segments(line: Matrix) -> Any:
