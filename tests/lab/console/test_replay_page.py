@@ -67,3 +67,27 @@ def test_a_log_is_moved_through_and_its_events_move_the_charts(page: Page, run: 
             browser.picture(Path(os.environ[PICTURE]), whole=False)
         click(browser, "Play")
         browser.until(state, "replaying")
+
+
+def test_the_page_draws_what_has_come_and_more_only_for_a_hand_on_it(page: Page) -> None:
+    state = "return document.getElementById('bench-state')?.innerText.includes(arguments[0])"
+    frames = """
+    const [seconds, moves] = arguments, ask = window.requestAnimationFrame, times = new Set();
+    window.requestAnimationFrame = then => ask(time => { times.add(time); then(time); });
+    const move = () => dispatchEvent(new PointerEvent("pointermove"));
+    const hand = moves ? setInterval(move, 100) : 0;
+    return new Promise(then => setTimeout(() => {
+      window.requestAnimationFrame = ask;
+      clearInterval(hand);
+      then(times.size / seconds);
+    }, 1000 * seconds));
+    """
+    with chromium() as browser:
+        browser.open(page.server.address, 1400, 950)
+        browser.until(state, "paused")
+        click(browser, "Play")  # a slew begins
+        browser.until(state, "replaying")
+        browser.until("return !document.getElementById('bench-state').innerText.includes(' 0.')")
+        drawn = browser.run(frames, 5.0, False)
+        assert 4.0 < drawn <= 20.0
+        assert browser.run(frames, 5.0, True) > 1.5 * drawn
