@@ -155,6 +155,7 @@ def fly(page: Page) -> None:
     page.choose("Rate", "fast")
     page.click("Set the rate")
     page.state("finished")
+    page.state("30.00 s")  # the last ticks come after the word
 
 
 def another_page(page: Page, address: str) -> None:

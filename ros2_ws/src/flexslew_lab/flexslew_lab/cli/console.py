@@ -97,8 +97,8 @@ def _fly(
     words = ["./flexslew", "trial", file or "m1", *(f"--set={one}" for one in sets or ())]
     with own_domain(wanted.name) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        with _page(folder, shlex.join(words), at) as page:
-            with progress(wanted.name) as advance, patient(NODES):
+        with patient(NODES), _page(folder, shlex.join(words), at) as page:
+            with progress(wanted.name) as advance:
                 result = run_trial(
                     wanted, source, folder, progress=advance, say=say, autostart=False
                 )
