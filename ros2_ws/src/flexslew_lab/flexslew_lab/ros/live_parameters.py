@@ -87,8 +87,8 @@ class LiveParameters:
 
             def got(future: Any) -> None:
                 self._told.add(node)
-                for name, value in zip(names, future.result().values, strict=True):
-                    self._keep(f"{node}.{name}", value)
+                pairs = zip(names, future.result().values, strict=True)
+                self._keep({f"{node}.{name}": value for name, value in pairs})
 
             client.get_parameters(names).add_done_callback(got)
 
@@ -96,12 +96,14 @@ class LiveParameters:
 
     def _on_event(self, event: ParameterEvent) -> None:
         if event.node in self._clients:
-            for parameter in (*event.new_parameters, *event.changed_parameters):
-                self._keep(f"{event.node}.{parameter.name}", parameter.value)
+            news = (*event.new_parameters, *event.changed_parameters)
+            self._keep({f"{event.node}.{one.name}": one.value for one in news})
 
-    def _keep(self, name: str, value: Any) -> None:
-        self._values[name] = _plain(parameter_value_to_python(value))
-        self._changed.add(name)
+    def _keep(self, news: dict[str, Any]) -> None:
+        """Take values by name, all at once: server threads see none or all of a node."""
+        found = {name: _plain(parameter_value_to_python(value)) for name, value in news.items()}
+        self._values.update(found)
+        self._changed |= found.keys()
 
     def _set(self, name: str, value: Any, answer: Future[str]) -> None:
         node, _, own = name.partition(".")
@@ -117,7 +119,7 @@ class LiveParameters:
         def done(future: Any) -> None:
             [result] = future.result().results
             if result.successful:
-                self._keep(name, parameter.get_parameter_value())
+                self._keep({name: parameter.get_parameter_value()})
             answer.set_result("" if result.successful else f"{name}: {result.reason}")
 
         self._clients[node].set_parameters([parameter]).add_done_callback(done)
