@@ -16,7 +16,7 @@ class Panel(Protocol):
     """A part of the page."""
 
     def refresh(self) -> None:
-        """Show what is known now; called at most 15 times a second."""
+        """Show what is known now; called at most ten times a second."""
 
 
 class Desk:

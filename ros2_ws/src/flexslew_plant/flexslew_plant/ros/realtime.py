@@ -26,6 +26,6 @@ class RealTime:
             return
         self._wanted = wanted
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if wanted else os.SCHED_OTHER
-        with suppress(OSError):  # not allowed
-            for thread in os.listdir("/proc/self/task"):
+        for thread in os.listdir("/proc/self/task"):
+            with suppress(OSError):  # not allowed, or it has just ended
                 os.sched_setscheduler(int(thread), policy, os.sched_param(self._priority * wanted))
