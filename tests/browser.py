@@ -16,6 +16,11 @@ import pytest
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FOUND = "document.evaluate(arguments[0], document, null, 9, null).singleNodeValue"
+_STILL = f"""
+  const place = JSON.stringify({FOUND}?.getBoundingClientRect());
+  if (place !== look.place) [look.place, look.since] = [place, performance.now()];
+  return place !== undefined && performance.now() - look.since > 150
+"""
 MISSING = "needs Chromium and chromedriver: apt-get install chromium chromium-driver"
 
 
@@ -52,7 +57,8 @@ class Browser:
         )
 
     def click(self, path: str) -> None:
-        """Click the element that an XPath finds, where a person would have to hit it."""
+        """Click the element that an XPath finds, once it is still, where a person would hit it."""
+        self.until(_STILL, path)
         self._act(path, "click", {})
 
     def write(self, path: str, text: str) -> None:

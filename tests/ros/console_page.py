@@ -7,15 +7,14 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from time import sleep
 
 from tests.browser import Browser
 
 _STATE = "return (document.getElementById('bench-state')?.innerText || '').includes(arguments[0])"
 
-# between two fields or buttons [wall s]: of what changes within 50 ms, viser's page sends the last
-# alone, which no person is quick enough to see
-_HAND = 0.1
+# between two fields or buttons, by the clock of the page: of what changes within 50 ms, viser's
+# page sends the last alone, which no person is quick enough to see
+_HAND = "return new Promise(then => setTimeout(() => then(true), 100))"
 
 
 class Page:
@@ -26,14 +25,14 @@ class Page:
 
     def click(self, name: str) -> None:
         self.browser.click(f"//button[normalize-space()='{name}']")
-        sleep(_HAND)
+        self.browser.run(_HAND)
 
     def tab(self, name: str) -> None:
         self.browser.click(f"//*[@role='tab' and normalize-space()='{name}']")
 
     def write(self, label: str, text: str) -> None:
         self.browser.write(f"{_field(label)}//*[self::input or self::textarea]", text)
-        sleep(_HAND)
+        self.browser.run(_HAND)
 
     def choose(self, label: str, option: str) -> None:
         self.browser.click(f"{_field(label)}//input")
@@ -43,7 +42,7 @@ class Page:
         )
         wanted = f"@role='option' and normalize-space()='{option}'"
         self.browser.click(f"//*[@id='{place}']//*[{wanted}]")
-        sleep(_HAND)
+        self.browser.run(_HAND)
 
     def state(self, words: str) -> None:
         """Wait until the state of the bench says this."""

@@ -41,6 +41,7 @@ class PlanPanel:
             desk.click(button, partial(self._decide, word))
         self._reply = Reply(desk)
         self._progress = gui.add_html("")
+        self._course = gui.add_folder("Planned course", visible=False)  # below what is clicked
         self._iterations: list[str] = []
         self._curve: Any = None
         self._draft: Any = None  # that waits for a decision
@@ -144,6 +145,7 @@ class PlanPanel:
         if self._curve is not None:
             self._curve.remove()
             self._curve = None
+        self._course.visible = plan is not None
         if plan is None:
             return
         joints = len(plan.joint_names)
@@ -155,7 +157,7 @@ class PlanPanel:
         for k, name in enumerate(plan.joint_names):
             color = COLORS[k % len(COLORS)]
             series.append(uplot.Series(label=f"planned {name}", stroke=color, width=1.5))
-        with self._place:
+        with self._course:
             self._curve = self._desk.gui.add_uplot(
                 data, tuple(series), height=160,
                 title=f"{kind}: {plan.method}, from {plan.start:g} s on",
