@@ -15,7 +15,7 @@ export COLCON_PYTHON_EXECUTABLE=$flexslew_root/.venv/bin/python
 export PATH=$flexslew_root/.venv/bin:$PATH
 if [ -e "$flexslew_root/ros2_ws/install/environment.sh" ]; then . "$flexslew_root/ros2_ws/install/environment.sh"; fi
 unset PYTHONDONTWRITEBYTECODE # a node starts in half the time where Python keeps what it compiled
-# one thread, as every node has: a design by larger matrices has other bits on other numbers of cores
+# one thread, as every node has: else the last bits of a large design depend on the number of cores
 export OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1} OMP_NUM_THREADS=${OMP_NUM_THREADS:-1}
 # Numba looks at a kernel's own file only; a kernel that inlines another one must follow it, too
 export NUMBA_CACHE_DIR=$(grep -lrE "@(compiled|called|inlined|overload|vectorised)|from numba" --include='*.py' \

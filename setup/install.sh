@@ -74,7 +74,7 @@ python_packages() {
     touch "$venv/COLCON_IGNORE" "$packages.begun"
   fi
   say "[2/4] Python packages into .venv ($count distributions, about $size)"
-  # what was cut off while it was unpacked has no list of its files yet
+  # a package cut off while it was unpacked has no list of its files
   for unpacked in "$venv"/lib/python3*/site-packages/*.dist-info; do
     [ ! -d "$unpacked" ] || [ -e "$unpacked/RECORD" ] || rm -rf "$unpacked"
   done

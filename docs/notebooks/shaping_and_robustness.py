@@ -6,7 +6,7 @@
 # %% [markdown]
 # # Shaping and robustness
 #
-# Three planners fly one manoeuvre on beams that are stiffer or softer than the plan believes.
+# Three planners fly one manoeuvre on beams that are stiffer or softer than the plan assumes.
 
 # %%
 import numpy as np

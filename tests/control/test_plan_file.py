@@ -58,7 +58,7 @@ def set_first(content: Any) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (set_first, "does not have its hash"),
+        (set_first, "does not fit its content"),
         (lambda c: c.pop("effort"), "missing effort"),
         (lambda c: c.pop("hash"), "missing hash"),
         (lambda c: c.update(flexslew_plan=99), "99 is not allowed"),

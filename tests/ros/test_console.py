@@ -115,7 +115,7 @@ def plan(page: Page) -> None:
     page.write("start", "0.5")
     page.write("duration", "5.0")
     page.click("Plan")
-    page.says("start: 0.5 is over")
+    page.says("start: 0.5 is past")
     page.write("start", "20.0")
     for decision, answer in (
         ("Refuse the draft", "reference_only from 20 s on is dropped"),

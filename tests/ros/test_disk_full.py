@@ -102,7 +102,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(small_disk: Any, tmp_pat
     assert wrong(small_disk) == {
         "end of the file": "cut at byte "
         f"{len(written['bag_0.mcap'])}: the file ends between two records",
-        "end of the run": "the recorder did not say it",
+        "end of the run": "not written by the recorder",
     }
     metrics = metrics_of(small_disk)
     assert not metrics["log_complete"]

@@ -188,7 +188,7 @@ def test_a_draft_is_followed_by_nobody_until_it_is_adopted(operator):
     assert decide("adopt") == (False, "there is no draft to decide on; make one with draft_plan")
     first, second = draft(7000.0), draft(8000.0)
     assert decide("fly")[1] == "action: 'fly' is not allowed: adopt, refuse"
-    assert decide(f"adopt {first.hash}")[1].startswith(f"the draft is {second.hash[:12]} by now")
+    assert decide(f"adopt {first.hash}")[1].startswith(f"the draft is {second.hash[:12]} now")
     assert decide(f"refuse {second.hash}")[0]
     assert not decide("adopt")[0]
     third = draft(9000.0)
@@ -412,7 +412,7 @@ def test_a_late_recorder_that_is_interrupted_says_how_many_ticks_are_missing(ope
     assert re.fullmatch(rf"{first} ticks missing: epoch \d begins at tick {first}", start)
     end = wrong["end of the ticks"]
     earlier = r"\d+ ticks missing: epoch \d was flown to tick \d+.*; "
-    assert re.fullmatch(rf"{earlier}the plant's last words.* flown on from tick {last}", end)
+    assert re.fullmatch(rf"{earlier}the plant's final event.* run on from tick {last}", end)
 
 
 def test_diagnostics_say_how_the_bench_fares(operator):
@@ -445,7 +445,7 @@ def test_a_second_plant_leaves_with_words_and_a_second_controller_steps_back(ope
         os.set_blocking(rival.stderr.fileno(), False)
         told = bytearray()
         operator.until(
-            lambda: b"this one steps back" in (told.extend(rival.stderr.read() or b"") or told)
+            lambda: b"this one is silent" in (told.extend(rival.stderr.read() or b"") or told)
         )
         reply = operator.call(srv.ListControllers, "list_controllers")
         assert [c.controller for c in reply.controllers] == ["pd_feedforward", "second"]
@@ -459,18 +459,18 @@ def test_a_dead_controller_is_not_ready_and_no_switch_to_it_is_taken(operator):
         return operator.call(srv.ListControllers, "list_controllers").controllers
 
     operator.until(lambda: [c.ready for c in listed()] == [True, True])
-    assert operator.call(srv.SetRate, "set_rate", rate_factor=2.0).ok  # as fast as it goes it waits
+    assert operator.call(srv.SetRate, "set_rate", rate_factor=2.0).ok  # unpaced it waits
     operator.call(Trigger, "start")
     before = len(operator.events)
     operator.children[0].kill()
 
     def silent():
         told = [json.loads(e.data) for e in operator.events[before:] if e.kind == "not_ready"]
-        return {"controller": "second", "reason": "it gives no sign of life"} in told
+        return {"controller": "second", "reason": "it sends no heartbeat"} in told
 
     operator.until(silent)
     reply = operator.call(srv.SwitchController, "switch_controller", controller="second")
-    assert reply.message == "second is not ready: it gives no sign of life"
+    assert reply.message == "second is not ready: it sends no heartbeat"
     assert (reply.ok, reply.active) == (False, "pd_feedforward")
 
 

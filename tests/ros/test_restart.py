@@ -88,7 +88,7 @@ def test_controllers_stand_before_the_testbed_of_a_plant_that_came_back(bench: B
     bench.until(lambda: bench.statuses["lqr"].last_tick > 200)
     bench.end("plant", signal.SIGKILL)
     before = len(bench.log("plant"))
-    assert "asks for a QoS that is not offered: bystander on /measurement" in bench.log("plant")
+    assert "incompatible QoS requested: bystander on /measurement" in bench.log("plant")
 
     one = {"bench.testbed.kind": "floating_oscillator", "bench.max_missed": "1000"}
     bench.start("plant", PLANT, rate_factor="5.0", **{"bench.active": "lqr", **one})

@@ -72,7 +72,7 @@ def test_every_switch_is_answered_with_who_is_in_charge(tmp_path: Path) -> None:
     assert flight.outcome.exit_code == 130
     words = {
         "same": ("already in charge", "pd_feedforward"),
-        "late": ("is not flown any more", "pd_feedforward"),
+        "late": ("is too late", "pd_feedforward"),
         "stranger": ("unknown controller nobody", "pd_feedforward"),
         "mute": ("output_feedback never answered; lqr is in charge", "lqr"),
         "strict": ("its effort would step by", ""),

@@ -216,7 +216,7 @@ def test_one_that_needs_a_plan_is_not_ready_and_silent_without() -> None:
         ({"start": 0.2}, "starts at 0.2 s, the bench is at 0.30 s"),
         ({"start": 0.3}, "starts at 0.3 s"),
         ({"joint_names": ("hub_pitch", "base_yaw")}, "the plan moves"),
-        ({"period": 0.02}, "ticks of 0.02 s"),
+        ({"period": 0.02}, "the period of the plan is 0.02 s"),
     ],
 )
 def test_a_plan_that_does_not_fit_is_refused_with_the_reason(changes: Any, words: str) -> None:

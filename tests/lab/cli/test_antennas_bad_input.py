@@ -112,7 +112,7 @@ def test_efforts_that_do_the_same_leave_a_motion_that_cannot_be_balanced(
     told = refused(name, {**TWINS, **keys})
     assert "B* has rank" in told or "one effort for each motion" in told
     if "B* has rank" in told:
-        assert "twin and y do the same; the motion of" in told
+        assert "twin and y are dependent; the motion of" in told
         assert "cannot be balanced" in told
 
 

@@ -82,7 +82,7 @@ def test_recover_makes_a_cut_bag_whole(call: Any, flown: Any, tmp_path: Path) ->
     assert "messages kept" in json.loads(out)["statement"]
     code, _, err = call("resim", tmp_path / "mended")
     assert code == 1
-    assert "only a part: compared were ticks 0 to " in err
+    assert "partial: ticks 0 to " in err
     assert "the log does not hold the end of the run" in err
     assert call("resim", tmp_path / "mended", "--partial")[0] == 0
 

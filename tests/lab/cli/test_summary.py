@@ -17,7 +17,7 @@ def test_the_headline_says_what_feedforward_is_worth() -> None:
     assert headline(with_it, without) == f"{words}, without feedforward 4.97 m"
     assert headline(with_it, {}) == words
     cut = {"residual_tip_deflection": None, "peak_tip_deflection": 5.3}
-    assert headline(cut, {}) == "tip deflection up to 5.3 m; the run ends before its manoeuvre"
+    assert headline(cut, {}) == "tip deflection up to 5.3 m; the manoeuvre was not completed"
 
 
 def test_every_number_has_its_own_unit_and_row(bag: Any) -> None:

@@ -283,7 +283,7 @@ def test_links_in_a_bag_steer_no_write_to_another_place(
         ("switch_requested", '{"controller": 1}', "controller: 1 is not allowed"),
         ("anything", "[" * 100_000, "is not JSON"),
         ("anything", '{"a": 1e999}', "inf is not a number"),
-        ("anything", "7", "is a int, wanted is an object"),
+        ("anything", "7", "is a int, not an object"),
     ],
 )
 def test_a_wrong_event_is_named_with_its_kind_key_and_value(

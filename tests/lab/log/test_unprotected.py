@@ -52,7 +52,7 @@ def test_chunks_and_data_without_a_checksum_are_named_and_the_metrics_warn(file:
     assert "the data section has no checksum" in found
     warnings = metrics_of(file)["warnings"]
     assert len(warnings) == 2
-    assert all(words.startswith("a changed number is not found: ") for words in warnings)
+    assert all(words.startswith("changes go undetected: ") for words in warnings)
 
 
 def test_chunks_without_one_are_protected_by_that_of_the_data_section(file: Path) -> None:

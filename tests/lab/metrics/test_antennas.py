@@ -12,7 +12,7 @@ from flexslew_lab.metrics.platform_error import PlatformError
 from flexslew_lab.metrics.vibration import Vibration
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.retarget import with_wishes
+from flexslew_plant.bench.retarget import with_requests
 from flexslew_plant.testbeds import Testbed
 
 END = Ending([], [], True)
@@ -62,7 +62,7 @@ def test_a_platform_that_is_tilted_makes_its_antennas_miss_by_as_much(tilt: floa
 
 def test_a_line_of_sight_counts_when_a_turn_has_ended_and_until_the_next_begins() -> None:
     testbed = craft()
-    again = with_wishes(testbed, [("{appendage: membrane, to: 0.1, duration: 1.0}", 4.0)])
+    again = with_requests(testbed, [("{appendage: membrane, to: 0.1, duration: 1.0}", 4.0)])
     q = still(testbed)
     for (begin, end), wanted in {(0.0, 2.9): 0.0, (3.0, 3.9): 0.4, (5.1, 6.0): 0.4}.items():
         tilted = q.copy()

@@ -29,7 +29,7 @@ from flexslew_lab.metrics import Key
 class Travel:
     """How far the first joint travels in all."""
 
-    KEYS = {"travel": Key("rad or m", False, "way of the first joint, there and back")}
+    KEYS = {"travel": Key("rad or m", False, "total distance travelled by the first joint")}
 
     def __init__(self, flight):
         self.way, self.last = 0.0, None

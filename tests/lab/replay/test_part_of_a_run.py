@@ -47,15 +47,15 @@ def test_a_cut_log_says_up_to_which_tick_and_of_how_many(bag: Any, tmp_path: Pat
     reader = BagReader(cut)
     assert reader.overview.cut is not None
     at = reader.overview.cut.offset
-    expected = f"compared were ticks 0 to {last} of 200: the log is cut at byte {at}"
+    expected = f"ticks 0 to {last} of 200 compared: the log is cut at byte {at}"
     assert missing(cut) == expected
 
 
 @pytest.mark.parametrize(
     ("kept", "words"),
     [
-        (lambda tick: not 50 <= tick < 60, "0 to 200 of 200: 10 ticks in between are missing"),
-        (lambda tick: tick < 100, "0 to 99 of 200: the log does not hold the end of the run"),
+        (lambda tick: not 50 <= tick < 60, "200 of 200 compared: 10 ticks in between are missing"),
+        (lambda tick: tick < 100, "99 of 200 compared: the log does not hold the end of the run"),
     ],
     ids=["gap", "end"],
 )
@@ -65,4 +65,4 @@ def test_a_log_that_lacks_ticks_says_so(bag: Any, tmp_path: Path, kept: Any, wor
         for topic, kind, stamp, _, data in reader.messages():
             if kept(stamp // 10_000_000) or topic in ("/testbed", "/plan", "/controller_status"):
                 writer.write(topic, kind, data, stamp)
-    assert f"compared were ticks {words}" in resim(tmp_path / "bag").missing
+    assert f"ticks 0 to {words}" in resim(tmp_path / "bag").missing

@@ -265,7 +265,7 @@ def test_an_own_clock_leaves_the_recorded_one_out(bag: Any) -> None:
         ({"remap": ("truth",)}, "not of the form old:=new"),
         ({"remap": ("/nowhere:=/x",)}, "no topic /nowhere"),
         ({"remap": ("/truth:=/plan",)}, "/plan is a flexslew_msgs/msg/Plan, /truth"),
-        ({"start": 6.0}, "behind the end"),
+        ({"start": 6.0}, "after the end"),
     ],
 )
 def test_wrong_wishes_are_told(bag: Any, wrong: Any, words: str) -> None:

@@ -199,7 +199,7 @@ def test_a_plan_that_is_not_the_one_that_was_flown_is_refused(tmp_path: Path) ->
         plan.position = np.array(plan.position) * 1.1
 
     bag = altered(record(tmp_path / "a"), tmp_path / "b", "/plan", 0, change)
-    with pytest.raises(BadInput, match="does not have its hash"):
+    with pytest.raises(BadInput, match="does not fit its content"):
         resim(bag)
 
 

@@ -33,7 +33,7 @@ def test_restored_signs_give_the_jacobian_of_kane_s_equations(t: float) -> None:
     np.testing.assert_allclose(ours.damping, damping, atol=2e-6)
     np.testing.assert_allclose(ours.disturbance, d, atol=2e-6)
     np.testing.assert_allclose(ours.stiffness[:, 3], stiffness[:, 3], atol=2e-6 * 50.0)
-    # R is counted along body axes there and in inertia space here: the loads turn with theta
+    # R is counted along body axes there and in inertial space here: the loads turn with theta
     turned = np.array([d[1], -d[0]])
     np.testing.assert_allclose(ours.stiffness[:2, 2] - stiffness[:2, 2], turned, atol=2e-6)
 

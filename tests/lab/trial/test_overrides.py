@@ -62,7 +62,7 @@ def test_what_stands_twice_is_changed_in_one_place() -> None:
     [
         ("", "is no path"),
         ("testbed..modes", "is no path"),
-        ("seed.more", "seed is the single value 1"),
+        ("seed.more", "seed is the scalar 1"),
         ("controllers.pd.kp.2", "entries 0 to 1, not 2"),
         ("controllers.pd.kp.first", "entries 0 to 1, not first"),
     ],

@@ -53,7 +53,7 @@ def test_values_are_changed_by_their_path_and_read_as_yaml() -> None:
         ("testbed.modes", "--set: testbed.modes: give key.path=value"),
         ("=5", "--set: =5: give key.path=value"),
         ("testbed.modes=[", r"--set: testbed\.modes: line \d+, column \d+ is not YAML"),
-        ("seed.low=1", "--set: seed.low: seed is the single value"),
+        ("seed.low=1", "--set: seed.low: seed is the scalar"),
         ("plan.model.modes=0", "modes: 0"),
     ],
 )
@@ -80,7 +80,7 @@ def test_a_saved_plan_for_another_bench_is_refused(tmp_path: Path) -> None:
     save_plan(plan_of_trial(trial), tmp_path / "my.plan")
     plan = f"plan={json.dumps({'file': str(tmp_path / 'my.plan')})}"
     for change, words in (
-        ("period=0.02", "ticks of"),
+        ("period=0.02", "the period of the plan is"),
         ("testbed={kind: hub_with_appendages}", "moves"),
     ):
         other = read_trial("m1", [plan, change, "controllers={pd_feedforward: {}}"])[0]

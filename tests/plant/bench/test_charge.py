@@ -88,11 +88,11 @@ def test_mute_fallbacks_do_not_take_turns_for_ever() -> None:
 def test_a_switch_is_checked_when_it_is_due() -> None:
     bed = bench()
     assert bed.request_switch(SwitchRequest("b", 3)) is None
-    bed.note_readiness("b", "it gives no sign of life")
+    bed.note_readiness("b", "it sends no heartbeat")
     assert asked(bed, 5) == ["a"] * 5
     (result,) = bed.switch_results
     assert (result.ok, result.tick) == (False, 3)
-    assert result.message == "switch to b dropped: b is not ready: it gives no sign of life"
+    assert result.message == "switch to b dropped: b is not ready: it sends no heartbeat"
     (event,) = [e for e in bed.events if e.kind == "switch_dropped"]
     assert event.tick == 3
     bed.note_readiness("b", "")

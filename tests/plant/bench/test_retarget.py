@@ -29,7 +29,7 @@ def antenna(**changes: Any) -> Trial:
     return shipped("antenna_4", {**SHORT, **changes})
 
 
-class Tape(Observer):
+class TruthLog(Observer):
     """The states, and a wish in flight."""
 
     def __init__(self, bench: Bench, wish: str = "") -> None:
@@ -45,9 +45,9 @@ class Tape(Observer):
 
 def flown(trial: Trial, wish: str = "") -> list[tuple[float, ...]]:
     bench = Bench(bench_settings(trial))
-    tape = Tape(bench, wish)
-    fly(bench, build_controllers(trial, bench, "trial"), tape)
-    return tape.states
+    truth_log = TruthLog(bench, wish)
+    fly(bench, build_controllers(trial, bench, "trial"), truth_log)
+    return truth_log.states
 
 
 def test_a_wish_in_flight_is_the_same_flight_as_one_in_the_schedule() -> None:

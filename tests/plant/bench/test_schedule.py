@@ -26,7 +26,7 @@ def test_entries_are_read_in_their_order() -> None:
     [
         ({"at": 1.0}, "exactly one of"),
         ({"at": 1.0, "switch": "a", "disturbance": {"base_yaw": 1.0}}, "exactly one of"),
-        ({"at": 1.0, "until": 2.0, "switch": "a"}, "until goes with"),
+        ({"at": 1.0, "until": 2.0, "switch": "a"}, "until is only for"),
         ({"at": 2.0, "until": 2.0, "disturbance": {"base_yaw": 1.0}}, "until must be later"),
         ({"at": -1.0, "switch": "a"}, "0.at: -1.0 is not allowed"),
         ({"switch": "a"}, "at"),

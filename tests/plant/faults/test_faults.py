@@ -358,7 +358,7 @@ def test_what_acts_can_be_ended_by_its_number_and_ends_with_the_next_tick() -> N
         )  # fmt: skip
     refused = bench.end_fault(1)
     assert (refused.ok, refused.message) == (
-        False, "nothing with number 1 acts or will; numbers: 0",
+        False, "no fault or disturbance 1; active or due: 0",
     )  # fmt: skip
     bench.advance()
     assert bench.truth().disturbance.tolist() == [4.0, 0.0]

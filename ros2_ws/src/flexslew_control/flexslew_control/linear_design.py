@@ -1,4 +1,4 @@
-"""What a linear design asks of a model about a rest, refused in words where it does not hold."""
+"""What a linear design requires of a model; an error says what does not hold."""
 
 from collections.abc import Mapping
 from typing import Annotated, Protocol

@@ -70,7 +70,7 @@ def plan_of(message: Any, source: str) -> Plan:
         source: topic or log to name in an error.
 
     Raises:
-        BadInput: its arrays do not fit together, or its content does not have its hash.
+        BadInput: its arrays do not fit together, or its hash does not fit its content.
     """
 
     def rows(name: str, count: int) -> Matrix:
@@ -107,5 +107,5 @@ def plan_of(message: Any, source: str) -> Plan:
     except (ValueError, TypeError) as error:
         raise BadInput(f"{source}: the plan is damaged: {error}") from None
     if found != message.hash:
-        raise BadInput(f"{source}: the plan is damaged: its content does not have its hash")
+        raise BadInput(f"{source}: the plan is damaged: its hash does not fit its content")
     return plan

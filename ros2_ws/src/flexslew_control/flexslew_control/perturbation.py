@@ -111,7 +111,7 @@ class Regulator:
         return half + half.T
 
     def adiabatic(self, change: Change) -> Matrix:
-        """Return P1 of a change that stands still: P1 A_0c + A_0c^T P1 + Gamma = 0 (3-56)."""
+        """Return P1 of a constant change: P1 A_0c + A_0c^T P1 + Gamma = 0 (3-56)."""
         p = solve_continuous_lyapunov(self.closed_loop.T, -self.forcing(change))
         return np.asarray(0.5 * (p + p.T))
 
@@ -138,7 +138,7 @@ def regulator(before: Frozen, state_weight: Matrix, effort_weight: Matrix) -> Re
     """Return the problem of zero order, in the modes of the plant before the manoeuvre (2-60).
 
     Args:
-        before: the manoeuvre.
+        before: equations before it.
         state_weight: Q on (eta, eta', p), shape (3 n, 3 n).
         effort_weight: R on p', shape (n, n).
     """
@@ -151,7 +151,7 @@ def regulator(before: Frozen, state_weight: Matrix, effort_weight: Matrix) -> Re
 def backward(
     r: Regulator, changes: Sequence[Change], dt: float, end: EndCondition = "adiabatic"
 ) -> list[Matrix]:
-    """Return P1 at the edges of steps over which the plant changes no more than `changes` say.
+    """Return P1 at the edges of steps over each of which the plant's change is constant.
 
     -dP1/dt = P1 A_0c + A_0c^T P1 + Gamma from the end: over one step
     P1(k) = E^T P1(k + 1) E + integral of exp(A_0c^T s) Gamma_k exp(A_0c s) (3-43) with

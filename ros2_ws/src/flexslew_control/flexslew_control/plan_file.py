@@ -16,7 +16,7 @@ from flexslew_plant.settings import bounded
 
 VERSION = 1  # of the layout of the file
 _ARRAYS = ("position", "velocity", "effort", "state")
-_GAINS = "gains"  # an array that most plans do not have, in their files and hashes neither
+_GAINS = "gains"  # an array that most plans, their files and their hashes lack
 _Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -98,7 +98,7 @@ def load_plan(path: Path | str) -> Plan:
     except (TypeError, ValueError):
         raise BadInput(f"{path}: is damaged: wrong kinds of values; plan again") from None
     if found != content["hash"]:
-        raise BadInput(f"{path}: is damaged: its content does not have its hash; plan again")
+        raise BadInput(f"{path}: is damaged: its hash does not fit its content; plan again")
     return plan
 
 

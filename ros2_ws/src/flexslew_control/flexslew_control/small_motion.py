@@ -40,7 +40,7 @@ class SmallMotion:
         rest: q at rest, shape (positions,).
         kept: which coordinates the efforts reach, shape (k,).
         units: of its section.
-        readings: C of y = C x for the joints beside the efforts, SI, shape (m, n).
+        readings: C of y = C x for the collocated joints, SI, shape (m, n).
     """
 
     model: Model
@@ -139,8 +139,8 @@ def require_balancing(frozen: Frozen, motion: SmallMotion) -> None:
     lost = left[:, rank:]
     free = motion.names[int(np.argmax((lost**2).sum(axis=1)))] if lost.size else "none"
     raise BadInput(
-        f"B* has rank {rank} for {frozen.input_matrix.shape[1]} efforts: {alike} do the same; the "
-        f"motion of {free} cannot be balanced; remove one of them or move it"
+        f"B* has rank {rank} for {frozen.input_matrix.shape[1]} efforts: {alike} are dependent; "
+        f"the motion of {free} cannot be balanced; remove one of them or move it"
     )
 
 

@@ -1,4 +1,4 @@
-"""Names by which the cache of machine code knows functions again in other processes.
+"""Names by which the machine-code cache finds functions again in other processes.
 
 The cache of a function with a closure goes by what it closes over. For that, Numba gives each of
 its functions a name, drawn at random in each process: a function that closes over another one would

@@ -1,4 +1,4 @@
-"""What can go wrong by the user's hand: each message is one line with culprit and remedy."""
+"""Errors for the user: each message is one line with cause and remedy."""
 
 
 class FlexslewError(Exception):

@@ -153,7 +153,7 @@ def module_at(path: Path) -> ModuleType:
     """Return the module of a file, under a name that hides no other; loaded once per content.
 
     Raises:
-        ImportError: it is no Python file.
+        ImportError: not a Python file.
     """
     stem = f"flexslew_user_{path.stem}"
     loaded = sys.modules.get(stem)

@@ -84,9 +84,9 @@ def load_yaml(text: str, source: str) -> Any:
         where = getattr(error, "problem_mark", None)
         line = f" line {where.line + 1}, column {where.column + 1}" if where else ""
         problem = str(getattr(error, "problem", None) or error)
-        words = problem if isinstance(error, _TwiceError) else f"is not YAML: {problem}"
+        words = problem if isinstance(error, _DuplicateKeyError) else f"is not YAML: {problem}"
         raise BadInput(f"{source}:{line} {' '.join(words.split())}") from None
-    except (ValueError, OverflowError, RecursionError) as error:  # a date that is none, 9**9**9 [
+    except (ValueError, OverflowError, RecursionError) as error:  # no such date, 9**9**9, [[[
         raise BadInput(f"{source}: is not YAML: {error}") from None
 
 
@@ -128,13 +128,13 @@ def bounded(value: Any, source: str, length: int) -> Any:
 
     size, depth = measure(value)
     if depth > DEEPEST:
-        raise BadInput(f"{source}: is nested more than {DEEPEST} deep, or holds itself")
+        raise BadInput(f"{source}: is nested more than {DEEPEST} deep, or is recursive")
     if size > max(_MOST, length):
         raise BadInput(f"{source}: holds more than {_MOST} values, aliases written out")
     return value
 
 
-class _TwiceError(yaml.MarkedYAMLError):
+class _DuplicateKeyError(yaml.MarkedYAMLError):
     """A key stands twice in one mapping."""
 
 
@@ -145,7 +145,7 @@ class _Loader(yaml.CSafeLoader):
         """Return the mapping of a node.
 
         Raises:
-            _TwiceError: a key stands twice.
+            _DuplicateKeyError: a key stands twice.
         """
         lines: dict[Hashable, int] = {}
         for key_node, _ in node.value if isinstance(node, yaml.MappingNode) else ():
@@ -153,8 +153,8 @@ class _Loader(yaml.CSafeLoader):
             if not isinstance(key, str) or key == "<<":
                 continue
             if key in lines:
-                words = f"the key {key} stands twice, first in line {lines[key]}; remove one"
-                raise _TwiceError(problem=words, problem_mark=key_node.start_mark)
+                words = f"duplicate key {key}, first in line {lines[key]}; remove one"
+                raise _DuplicateKeyError(problem=words, problem_mark=key_node.start_mark)
             lines[key] = key_node.start_mark.line + 1
         return super().construct_mapping(node, deep)
 

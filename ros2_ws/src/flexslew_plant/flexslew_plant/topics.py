@@ -69,7 +69,7 @@ TOPICS: dict[str, Topic] = {
     )
 }
 
-# They tell of this moment of the wall clock (what of it changes a run is an event), or say again.
+# Wall-clock status (what affects a run is an event, too), or copies of other topics.
 NOT_RECORDED = (ALIVE, BENCH_STATE, RECORDER_STATUS, RECORDED, DIAGNOSTICS)
 
 START, PAUSE, STEP, RESET = "start", "pause", "step", "reset"

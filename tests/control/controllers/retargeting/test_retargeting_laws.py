@@ -108,7 +108,9 @@ def test_a_continuous_regulator_that_a_tick_makes_unstable_is_refused() -> None:
 def test_efforts_that_do_the_same_are_refused_by_name() -> None:
     twin = {"kind": "force", "direction": [0.0, 1.0, 0.0], "appendage": None, "mode": None}
     testbed = shipped("antenna_4", {"testbed": {"actuators": {"beam_mode": twin}}}).testbed
-    with pytest.raises(BadInput, match=r"beam_mode and y do the same; the motion of mode 1 cannot"):
+    with pytest.raises(
+        BadInput, match=r"beam_mode and y are dependent; the motion of mode 1 cannot"
+    ):
         build_controller(
             "a", "disturbance_accommodating", {}, plant(0.01, [4e3] * 4, testbed), "trial"
         )

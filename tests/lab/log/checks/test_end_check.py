@@ -38,5 +38,5 @@ def test_ticks_after_the_recorder_left_are_counted_where_the_plant_tells_them() 
 
 def test_a_log_without_the_plant_s_last_word_says_so() -> None:
     assert wrong({0: 0}, {0: 460}, event("started", 0)) == [
-        "the plant's last words are missing: it may have flown on from tick 460"
+        "the plant's final event is missing: it may have run on from tick 460"
     ]

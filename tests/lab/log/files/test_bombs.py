@@ -91,9 +91,9 @@ def event(kind: str = "missed", data: str = "{}") -> bytes:
 HUGE_FRAME = struct.pack("<IBQ", 0xFD2FB528, 0xE0, 8 << 30) + b"\x01\x00\x00"
 LONG = event("other", f'{{"a": [{"[]," * 80_000}0]}}')
 BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
-    "claims": (lambda: chunk_of(b"x", 3 << 30), "a chunk of 3072.0 MiB, allowed are 64"),
+    "claims": (lambda: chunk_of(b"x", 3 << 30), "a chunk of 3072.0 MiB, the limit is 64"),
     "frame": (lambda: chunk_of(b"x", frame=HUGE_FRAME), "it claims 1 bytes and 8589934592"),
-    "honest": (lambda: chunk_of(bytes(256 * MIB)), "a chunk of 256.0 MiB, allowed are 64"),
+    "honest": (lambda: chunk_of(bytes(256 * MIB)), "a chunk of 256.0 MiB, the limit is 64"),
     "many_empty": (lambda: chunk_of(many("/events", b"", 400_000)), "0 bytes are not a"),
     "many_truths": (
         lambda: chunk_of(many("/truth", encode(TOPICS["/truth"].type, {}), 100_000)),
@@ -107,7 +107,7 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "many_events": (
         lambda: b"".join(chunk_of(many("/events", event(), 50_000, 50_000 * n)) for n in range(6)),
-        "events, plans and statuses of 64.0 MiB, allowed are 64",
+        "events, plans and statuses of 64.0 MiB, the limit is 64",
     ),
     "long_events": (
         lambda: b"".join(chunk_of(many("/events", LONG, 20, 20 * n)) for n in range(3)),
@@ -123,7 +123,7 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
         lambda: record_bytes(
             Schema(id=1, name="x/msg/X", encoding="ros2msg", data=b"int8 a\n" * MIB)
         ),
-        "a message definition of 7.0 MiB, allowed are 1",
+        "a message definition of 7.0 MiB, the limit is 1",
     ),
     "topics": (
         lambda: b"".join(
@@ -155,7 +155,7 @@ def test_no_file_takes_much_memory_and_each_is_refused_in_one_line(tmp_path: Any
 
 def test_the_limit_is_an_option() -> None:
     raw = chunk_of(bytes(80 * MIB))[9:]
-    with pytest.raises(BadInput, match=r"a chunk of 80\.0 MiB, allowed are 64; .*--largest-chunk"):
+    with pytest.raises(BadInput, match=r"a chunk of 80\.0 MiB, the limit is 64; .*--largest-chunk"):
         chunk_content(raw, "test")
 
     def read() -> int:

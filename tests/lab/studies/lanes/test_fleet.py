@@ -9,7 +9,7 @@ import pytest
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.flight import flown
 from flexslew_lab.studies.lanes.fleet import Lanes
-from flexslew_lab.studies.lanes.passengers import Boarding
+from flexslew_lab.studies.lanes.lane_trial import LaneIntake
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
 from flexslew_plant.testbeds.csa import CsaTestbed
@@ -128,8 +128,8 @@ def test_a_step_to_the_goal_is_one_plan_for_all_benches(
     ready = prepared(vary=stiffness, plan=step)
     assert len(ready.plans.made) == 1
     require_equal(ready, [0, 1, 2])
-    boarding = Boarding(ready.study)
-    trials = [boarding.passenger(case_of(ready.study, ready.samples, k)) for k in range(3)]
+    intake = LaneIntake(ready.study)
+    trials = [intake.lane_trial(case_of(ready.study, ready.samples, k)) for k in range(3)]
     assert len({trial.alike for trial in trials if trial}) == 1
 
 

@@ -106,7 +106,7 @@ def test_a_dead_controller_is_not_ready_within_a_second_and_a_switch_to_it_is_re
     assert event.data["controller"] == "b"
     assert lab.now - died < 1.1
     assert lab.it.switch(SwitchRequest("b", lab.it.bench.tick + 5), lab.now) == (
-        "b is not ready: it gives no sign of life"
+        "b is not ready: it sends no heartbeat"
     )
     lab.dead.clear()
     lab.until(170)
@@ -230,7 +230,7 @@ def test_as_fast_as_it_goes_a_starved_recorder_is_waited_for_and_not_for_ever() 
 def test_as_fast_as_it_goes_one_that_has_just_fallen_silent_may_be_switched_in() -> None:
     lab = Lab().until(10)
     lab.die("b")
-    assert lab.it.reason("b", lab.now) == "it gives no sign of life"
+    assert lab.it.reason("b", lab.now) == "it sends no heartbeat"
     assert lab.it.switch(SwitchRequest("b", lab.it.bench.tick + 5), lab.now) is None
     lab.dead.clear()
     lab.until(100)
@@ -240,7 +240,7 @@ def test_as_fast_as_it_goes_one_that_has_just_fallen_silent_may_be_switched_in()
     while lab.now < end:
         lab.poll()
     wish = SwitchRequest("a", lab.it.bench.tick + 5)
-    assert lab.it.switch(wish, lab.now) == "a is not ready: it gives no sign of life"
+    assert lab.it.switch(wish, lab.now) == "a is not ready: it sends no heartbeat"
 
 
 def test_what_an_operator_does_is_an_event_with_its_tick_and_who_asked() -> None:

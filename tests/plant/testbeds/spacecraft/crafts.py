@@ -170,7 +170,7 @@ def fly(p: Vector, t: float, x: Vector, effort: Vector, nv: int, dt: float, step
 
 
 def attitude(quaternion: Vector) -> Matrix:
-    """Return A, body to inertia space."""
+    """Return A, body to inertial space."""
     a, b, c, d = quaternion
     return np.array(
         [
@@ -182,7 +182,7 @@ def attitude(quaternion: Vector) -> Matrix:
 
 
 def momenta(craft: Spacecraft, p: Vector, t: float, x: Vector) -> tuple[Vector, Vector]:
-    """Return linear and angular momentum about the origin of inertia space, for fixed hinges
+    """Return linear and angular momentum about the origin of inertial space, for fixed hinges
     or driven ones."""
     nq, nv = craft.sizes
     mass, _ = mass_and_bias(p, t, x, nv)

@@ -68,7 +68,7 @@ def moving(model: Any, seed: int = 3) -> Any:
 
 
 def place_of(model: Any, testbed: Any, x: Any, name: str, t: float) -> Any:
-    """Return where a sensor is in inertia space, and its axes there."""
+    """Return where a sensor is in inertial space, and its axes there."""
     body, own = testbed.craft, model.positions - model.modes
     place, turned = np.zeros(3), np.eye(3)
     if body.motion == layout.FREE:

@@ -33,7 +33,7 @@ DERIVED = ("computed", LAW_HASH)  # keys of a settings_text that are no settings
 
 
 @section
-class Around:
+class CommonSettings:
     """What may stand beside the settings of any law."""
 
     handover_time: NonNegative = 1.0  # over which a predecessor's effort is blended out [s]
@@ -140,13 +140,15 @@ def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> s
 
 def law_values(values: dict[str, Any]) -> dict[str, Any]:
     """Return the settings of the law itself."""
-    return {key: value for key, value in values.items() if key not in Around.__annotations__}
+    return {
+        key: value for key, value in values.items() if key not in CommonSettings.__annotations__
+    }
 
 
-def _around(values: dict[str, Any], source: str) -> Around:
+def _around(values: dict[str, Any], source: str) -> CommonSettings:
     """Return the settings of a controller that are not those of its law."""
-    own = {key: value for key, value in values.items() if key in Around.__annotations__}
-    return cast(Around, validated(Around, own, source))
+    own = {key: value for key, value in values.items() if key in CommonSettings.__annotations__}
+    return cast(CommonSettings, validated(CommonSettings, own, source))
 
 
 def _arrays(design: Any) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Output feedback control of one appendage, the platform held beside it (Sung and Joo, sec. 4)."""
+"""Output feedback control of one appendage, apart from the platform's (Sung and Joo, sec. 4)."""
 
 from typing import Annotated
 
@@ -12,7 +12,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds import believed
-from flexslew_plant.testbeds.spacecraft.clamped import Carrying, Clamped
+from flexslew_plant.testbeds.spacecraft.clamped import Clamped, HasClampedAppendages
 
 
 @section
@@ -88,7 +88,7 @@ def appendage_model(
         BadInput: no such appendage, none of its torques, or no stable design.
     """
     testbed = believed(plant.testbed, model, "model")
-    if not isinstance(testbed, Carrying):
+    if not isinstance(testbed, HasClampedAppendages):
         raise BadInput(f"appendage: {testbed.kind} has no appendages that can be taken alone")
     c = testbed.clamped(settings.name)
     if not c.joints:

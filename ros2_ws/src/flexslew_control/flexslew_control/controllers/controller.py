@@ -109,7 +109,7 @@ class Controller:
         if plan.joint_names != self.joint_names:
             return f"the plan moves {plan.joint_names}, the bench has {self.joint_names}"
         if abs(plan.period - self.period) > 1e-9 * self.period:
-            return f"the plan is made for ticks of {plan.period} s, the bench ticks {self.period} s"
+            return f"the period of the plan is {plan.period} s, that of the bench {self.period} s"
         if self.last_tick > 0 and round(plan.start / self.period) <= self.last_tick:
             return (
                 f"the plan starts at {plan.start} s, the bench is at "
@@ -174,7 +174,7 @@ class Controller:
         if measurement.controller != self.name or self.reason:
             return None
         if self._answer is None:
-            self._answer = self._think(measurement, self._estimate)
+            self._answer = self._compute_answer(measurement, self._estimate)
             self._answered = tick
         return self._answer
 
@@ -197,7 +197,7 @@ class Controller:
             )
         )  # fmt: skip
 
-    def _think(self, measurement: Measurement, estimate: Estimate) -> Answer:
+    def _compute_answer(self, measurement: Measurement, estimate: Estimate) -> Answer:
         reference = self.reference(measurement.tick)
         takes_over = self._answered != measurement.tick - 1
         if takes_over:

@@ -18,7 +18,7 @@ Build = Callable[[dict[str, Any]], Controller]  # from the settings of the law
 
 
 class Tuned(NamedTuple):
-    """What became of a wish to change settings."""
+    """What became of a request to change settings."""
 
     ok: bool
     message: str
@@ -68,14 +68,14 @@ class ControllerHost:
         return max(self.controller.last_tick, 0) if self.controller else 0
 
     def announce(self, build: Build, appendages: int = 0) -> None:
-        """Stand before a testbed; another one than before replaces it.
+        """Build the controller for a testbed, in place of any before.
 
         Args:
             build: makes a controller for this testbed.
             appendages: how many it has.
 
         Raises:
-            BadInput: the settings fit no testbed that was ever seen, the first one.
+            BadInput: the settings do not fit the first testbed announced.
         """
         first, self._build = self._build is None, build
         self._tunings, self._appendages = [], appendages

@@ -101,7 +101,7 @@ def regulator(a: Matrix, b: Matrix, q: Matrix, r: Matrix) -> tuple[Matrix, Matri
 
 
 def disturbance_gain(input_matrix: Matrix) -> Matrix:
-    """Return (B*)^+ = (B*^T B*)^-1 B*^T (3-5); f = -(B*)^+ d leaves the least of d.
+    """Return (B*)^+ = (B*^T B*)^-1 B*^T (3-5); f = -(B*)^+ d minimises |d + B* f|.
 
     Args:
         input_matrix: B*, from efforts to generalised forces, shape (n, m).

@@ -1,4 +1,7 @@
-"""Stability margins of the PD loop and the gains that make them largest (Figures 3 and 4)."""
+"""Stability margins of the PD loop and the gains that make them largest.
+
+Gorinevsky and Vukovich (1998), Figures 3 and 4.
+"""
 
 from typing import NamedTuple
 

@@ -38,7 +38,7 @@ class Carried(NamedTuple):
 
 @dataclass
 class OneAppendage:
-    """z = (q, q') of one appendage relative to the platform (41), the platform held beside it.
+    """z = (q, q') of one appendage relative to the platform (41), apart from the platform's.
 
     q'' + C q' + K q = Psi^T u - D(t): the known disturbance D (tangential and centrifugal forces)
     is that of the reference's motion.

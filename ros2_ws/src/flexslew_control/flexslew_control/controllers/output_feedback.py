@@ -62,7 +62,7 @@ class OutputFeedback:
     tip_sigma: Positive | None = None  # of the tip sensor [m]; null: it is not used
     observer: Literal["kalman", "steady"] = "kalman"  # of joints and modes; an appendage's: steady
     initial_deflection: NonNegative = 0.01  # sigma of each mode at a reset [m], [m/s]; kalman
-    # of a spacecraft: the appendage alone, the platform held beside it; null: joints and modes
+    # of a spacecraft: the appendage alone, apart from the platform's; null: joints and modes
     appendage: AppendageFeedback | None = None
 
 
@@ -274,7 +274,7 @@ def _of_appendage(
         plant.period,
         f"output_feedback of {chosen.name}",
         f"; weight_exponents {list(chosen.weight_exponents)} weigh the fast modes most: the "
-        "printed 6.6 of (52) is unusable, take [0, -2]"
+        "the printed 6.6 (Sung and Joo, (52)) is unusable, take [0, -2]"
         if printed
         else "",
     )

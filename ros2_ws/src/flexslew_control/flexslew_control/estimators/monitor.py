@@ -3,7 +3,7 @@
 While the model, its noises and the sensors are right, e_i^2 / S_ii of each channel is chi-square
 with one degree of freedom, and the sum over a window of W ticks is chi-square with W (the squared
 innovations are white). Each tick and each window of each channel is tested against a limit that a
-right filter passes over so rarely that all tests together give the stated number of false alarms:
+consistent filter exceeds so rarely that all tests together give the stated number of false alarms:
 half of them to single ticks, which find what is grossly wrong at once, half to windows.
 """
 
@@ -23,7 +23,7 @@ _HOUR = 3600.0  # [s]
 class MonitorSettings:
     """The `monitor` section of a law whose estimator has innovations."""
 
-    false_alarms: Positive = 0.01  # of a right filter, expected per simulated hour, all channels
+    false_alarms: Positive = 0.01  # of a consistent filter, per simulated hour, all channels
     window: Annotated[int, Field(ge=1)] = 20  # ticks of the slower test
 
 

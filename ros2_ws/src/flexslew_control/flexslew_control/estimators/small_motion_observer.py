@@ -1,4 +1,4 @@
-"""The small motions of a platform and its appendages, from the readings beside the efforts."""
+"""The small motions of a platform and its appendages, from the collocated readings."""
 
 from dataclasses import dataclass, field
 

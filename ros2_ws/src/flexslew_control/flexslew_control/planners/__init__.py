@@ -135,7 +135,7 @@ def make_plan(
 ) -> Plan:
     """Return the plan that a `plan` section asks for.
 
-    Its summary says under `believes` what the planner believes differently from the bench, and
+    Its summary says under `believes` what the planner assumes, unlike the bench, and
     under `predicted_residual_...` what the plan leaves on the model that it believes in.
 
     Args:

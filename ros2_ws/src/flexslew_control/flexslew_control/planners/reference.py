@@ -16,7 +16,7 @@ from flexslew_plant.settings import NonNegative, Positive, section
 
 @section
 class NoPlan:
-    """The `plan` section for method none: a step of the reference to the goal (Figure 5)."""
+    """The `plan` section for method none: a step to the goal (Gorinevsky and Vukovich, Fig. 5)."""
 
     method: Literal["none"] = "none"
     goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]

@@ -77,7 +77,7 @@ def plan_retargeting(settings: Retargeting, plant: PlantDescription) -> Plan:
         plant: what stands on the bench, its turns included.
 
     Raises:
-        BadInput: nothing says how long it takes, two efforts do the same, or the gains have no
+        BadInput: nothing says how long it takes, two efforts are dependent, or the gains have no
             solution.
         PlanFailed: it needs more effort than the drives have.
     """

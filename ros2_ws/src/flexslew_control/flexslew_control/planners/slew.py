@@ -111,7 +111,7 @@ def _checked(given: dict[str, float] | None, names: tuple[str, ...], key: str) -
 
 
 def _beliefs(slew: Slew, plant: PlantDescription, feedback: Feedback | None) -> str:
-    """Return in one line what the planner believes differently from the bench."""
+    """Return in one line what the planner assumes, unlike the bench."""
     here, there = flat(plain(slew.testbed)), flat(plain(plant.testbed))
     here = {key: value for key, value in here.items() if not key.startswith("initial")}
     pairs = [(key, here[key], there.get(key)) for key in here if here[key] != there.get(key)]

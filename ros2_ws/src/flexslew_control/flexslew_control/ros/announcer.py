@@ -46,7 +46,7 @@ class Announcer:
         self._said, self._heard, self._listeners = said, heard, listeners
         self._status = publisher(node, topics.CONTROLLER_STATUS)
         self.plan_hash = ""  # of the newest plan
-        self.elder = ""  # why this one steps back for another one of its name
+        self.elder = ""  # why this one is silent for another one of its name
         self.reason: str | None = None  # as announced; None: nothing yet
         self._is_heard = False
         self._settings = ""
@@ -60,7 +60,7 @@ class Announcer:
         """
         elder, self.elder = self.elder, self._alive.elder
         if self.elder and not elder:
-            self._node.get_logger().error(f"{self.elder}; this one steps back")
+            self._node.get_logger().error(f"{self.elder}; this one is silent")
         self.announce()
 
     def describe(self, another_bench: bool = False) -> None:

@@ -76,7 +76,7 @@ class PlanRelease:
             return "there is no draft to decide on; make one with draft_plan"
         plan, message = self._draft
         if digest not in ("", message.hash):
-            return f"the draft is {message.hash[:12]} by now, not {digest[:12]}"
+            return f"the draft is {message.hash[:12]} now, not {digest[:12]}"
         now = self._clock.now()
         if word == ADOPT and plan.start <= now and now > 0.0:
             return (

@@ -17,7 +17,7 @@ from flexslew_plant.settings_fields import meanings
 
 
 class Tuning:
-    """Passes wishes on to the host, and keeps the parameters true.
+    """Passes requests on to the host, and keeps the parameters true.
 
     Args:
         node: that offers the service.

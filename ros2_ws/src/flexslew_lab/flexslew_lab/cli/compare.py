@@ -29,7 +29,7 @@ def compare(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Fly one manoeuvre with every planner, or every law, also on testbeds that are not as said.
+    """Fly one manoeuvre with every planner, or every law, also on testbeds with model errors.
 
     Example: `./flexslew compare antenna_2 --laws --out laws.html`
     """

@@ -35,7 +35,7 @@ def console(
     ] = None,
     port: Annotated[int, typer.Option(help="Of the page; 0: any free one.")] = 8080,
     host: Annotated[
-        str, typer.Option(help="Address to listen on; others than this machine can come then.")
+        str, typer.Option(help="Listening address; not loopback: other machines can connect.")
     ] = "127.0.0.1",
     sets: Annotated[
         list[str] | None,

@@ -1,6 +1,6 @@
-"""Who operates a bench joins its graph while the command line is still being read.
+"""A bench command joins the graph while the command line is still being read.
 
-To be discovered takes about as long as to import what reads the command line.
+Discovery takes about as long as importing what parses the command line.
 """
 
 from contextlib import suppress

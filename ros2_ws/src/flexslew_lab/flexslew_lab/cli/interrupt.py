@@ -24,7 +24,7 @@ def while_importing() -> None:
 
 @contextmanager
 def while_running() -> Iterator[None]:
-    """Raise KeyboardInterrupt when interrupted, and end by force if that is not heard in time.
+    """Raise KeyboardInterrupt when interrupted, and end by force if it is not handled in time.
 
     Code below a callback of compiled code may swallow it. Who handled the signal before the block
     does so after it: a program that calls the command line keeps its own way of ending.

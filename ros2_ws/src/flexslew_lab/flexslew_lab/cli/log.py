@@ -115,7 +115,7 @@ def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
 
 def reading_limits(
     largest_chunk: Annotated[
-        int, typer.Option(min=1, help="Of the logs that are read [MiB]; memory grows with it.")
+        int, typer.Option(min=1, help="Largest chunk to read [MiB]; memory grows with it.")
     ] = 64,
 ) -> None:
     """Take the options that stand before a subcommand."""

@@ -195,7 +195,7 @@ def report(
 
 @app.command()
 def reproduce(
-    name: Annotated[str, typer.Argument(help="csa, ofc, pi or time-optimal.")],
+    name: Annotated[str, typer.Argument(help="csa, ofc, pi, time-optimal, scole or antennas.")],
     figures: Annotated[
         Path | None, typer.Option(help="Draw the figures of the paper as HTML.")
     ] = None,

@@ -23,7 +23,7 @@ At = Annotated[float, typer.Option(help="Simulated time [s]; 0: the next tick.")
 
 
 def start(namespace: Namespace = "") -> None:
-    """Start a bench that waits, or let a paused one go on.
+    """Start a waiting bench, or resume a paused one.
 
     Example: `./flexslew start`
     """

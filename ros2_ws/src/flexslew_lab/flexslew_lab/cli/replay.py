@@ -16,7 +16,7 @@ from flexslew_plant.errors import BadInput
 
 Trust = Annotated[
     list[str] | None,
-    typer.Option(help="Run this class that the log names: file.py:Class; again and again; all."),
+    typer.Option(help="Allow this class that the log names: file.py:Class, or all; repeatable."),
 ]
 Partial = Annotated[
     bool, typer.Option("--partial", help="The log holds a part of the run: accept that part.")
@@ -228,7 +228,7 @@ def _tell(missing: str, changed: dict[str, tuple[str, str]]) -> None:
             f"{name} is another file: SHA-256 {there[:16]} in the log, {here[:16]} here"
         )
     if missing:
-        say(missing, head="only a part: ")
+        say(missing, head="partial: ")
 
 
 def _settings(pairs: list[str]) -> dict[str, Any]:

@@ -42,7 +42,7 @@ def run(
 ) -> None:
     """Fly what is missing of a study, from its start or from where it was interrupted.
 
-    Exit code 1 if a criterion is not shown.
+    Exit code 1 if a criterion is not demonstrated.
 
     Example: `./flexslew study run csa_robustness --workers 2`
     """
@@ -107,7 +107,7 @@ def report(
     out: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Sum up a study again, or put two side by side. Exit code 1 if a criterion is not shown.
+    """Summarise a study again, or compare two. Exit code 1 if a criterion is not demonstrated.
 
     Example: `./flexslew study report runs/study-before runs/study-after`
     """

@@ -108,9 +108,9 @@ def _criterion(row: dict[str, Any]) -> None:
         low = "no bound" if row["lower_bound"] is None else f"at least {row['lower_bound']:.5f}"
         words += (
             f", {low} at {100 * row['confidence']:g} %, asked {row['probability']:g}; "
-            f"so many failures need {row['needed']} trials"
+            f"this many failures need {row['needed']} trials"
         )
-    for_people.print(f"[{'green]passed' if row['passed'] else 'red]not shown'}[/] {words}")
+    for_people.print(f"[{'green]passed' if row['passed'] else 'red]not demonstrated'}[/] {words}")
 
 
 def _bounded(bounds: list[float | None]) -> str:

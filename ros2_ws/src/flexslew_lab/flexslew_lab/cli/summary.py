@@ -30,7 +30,7 @@ def headline(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:
     left = metrics.get("residual_tip_deflection")
     if left is None:
         peak = short(metrics.get("peak_tip_deflection"))
-        return f"tip deflection up to {peak} m; the run ends before its manoeuvre"
+        return f"tip deflection up to {peak} m; the manoeuvre was not completed"
     words = f"tip deflection after the manoeuvre: {left:.3g} m"
     without = bare.get("residual_tip_deflection")
     if without is not None:

@@ -69,7 +69,7 @@ class Desk:
             try:
                 act(f"{self._user}, page {page}" if page is not None else self._user)
             except (LookupError, TypeError, ValueError) as error:  # others go on working
-                self._say(f"a page sent what cannot be used: {error!r:.200}")
+                self._say(f"a page sent invalid data: {error!r:.200}")
 
     def _handler(self, act: Act) -> Callable[[Any], Any]:
         async def handle(event: Any) -> None:  # async: runs in the order of the clicks

@@ -1,4 +1,4 @@
-"""Who may come in: one port, the page's own origin, a token; and nothing leaves the machine.
+"""Access control: one port, the page's own origin, a token; and nothing leaves the machine.
 
 viser serves its page and its WebSocket to anybody on every interface. Both pass through the gate
 here, which stands between its HTTP server and its handlers.
@@ -122,7 +122,7 @@ class Gate:
         return _answer(http.HTTPStatus.OK, f"{kind}; charset=utf-8", body)
 
 
-_WORDS = "this page opens with the address that the console printed, which holds a token"
+_WORDS = "open this page by the address that the console printed: it contains a token"
 
 
 @contextmanager

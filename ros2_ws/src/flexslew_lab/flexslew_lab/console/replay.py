@@ -17,7 +17,7 @@ _SHOWN = (
     topics.CONTROLLER_STATE,
 )  # fmt: skip
 _BEFORE = 300.0  # shown before the time that is gone to [s]
-_WORDS = "this is a log; nothing can be asked of it"
+_WORDS = "this is a log; it takes no commands"
 
 
 class Replay:

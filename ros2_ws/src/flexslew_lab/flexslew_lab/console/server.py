@@ -80,7 +80,7 @@ class ConsoleServer:
             inside.unregister_handler(kind)  # it would open a tunnel to another machine
 
         def unreadable(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-            say(f"a page sent what cannot be used: {context.get('exception') or 'nothing'!r:.200}")
+            say(f"a page sent invalid data: {context.get('exception') or 'nothing'!r:.200}")
 
         loop = self.viser._event_loop
         loop.call_soon_threadsafe(loop.set_exception_handler, unreadable)

@@ -25,7 +25,7 @@ _THOUGHT = ("reference_position", "reference_velocity", "estimate_position", "in
 
 
 class Now(NamedTuple):
-    """How the bench stands."""
+    """State of the bench."""
 
     state: str = "not found"  # or waiting, running, paused, finished; replaying
     waiting_for: tuple[str, ...] = ()

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_lab.log.files.mcap_scan import RawMessage
-from flexslew_lab.log.files.read_limits import demand_room
+from flexslew_lab.log.files.read_limits import check_size
 from flexslew_lab.log.messages.cdr_layout import Layout, gather, layout
 
 
@@ -32,7 +32,7 @@ def blocks_of(
     start = 0
     while start < len(messages):
         size = len(messages[start].data)
-        demand_room("a message of every tick", size, topic)
+        check_size("a message of every tick", size, topic)
         stop = next(
             (i for i in range(start, len(messages)) if len(messages[i].data) != size),
             len(messages),

@@ -23,12 +23,12 @@ from flexslew_lab.log.files.mcap_scan import (
     chunk_records,
 )
 from flexslew_lab.log.files.mcap_summary import Summary, find_summary, summary_records
-from flexslew_lab.log.files.read_limits import CHANNELS, demand_room, most_chunks
+from flexslew_lab.log.files.read_limits import CHANNELS, check_size, most_chunks
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
 
-# A controller says so more often than that as long as it is on the graph
+# Every controller on the graph repeats its status more often than this
 STATUS_EVERY = 20_000_000_000  # simulated [ns]
 SETS = 1024  # groups of topics that chunks hold; a bag of the bench has a dozen
 _LATEST = (1 << 63) - 1
@@ -91,7 +91,7 @@ class BagIndex:
                     yield message
 
     def held(self, topic: str, before: int) -> list[BagMessage]:
-        """Return what a listener that comes at a log time [ns] is told of a latched topic.
+        """Return the latched messages that a listener joining at a log time [ns] receives.
 
         These are the last messages before it, as many as the topic's publisher keeps; of
         /controller_status, which every controller publishes, the last one of each.
@@ -178,5 +178,5 @@ def _record(file: BinaryIO, at: int, path: Path) -> Record:
     file.seek(at)
     head = file.read(_HEAD.size)
     opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
-    demand_room("a record", length, f"{path}: byte {at}")
+    check_size("a record", length, f"{path}: byte {at}")
     return Record(opcode, file.read(min(length, path.stat().st_size)), at)

@@ -32,7 +32,7 @@ from flexslew_lab.log.files.mcap_scan import (
     read_header,
     read_metadata,
 )
-from flexslew_lab.log.files.read_limits import demand_room
+from flexslew_lab.log.files.read_limits import check_size
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.record_schema import (
@@ -198,7 +198,7 @@ class BagReader:
                 check_record(topic, message, str(self.path))
             if topic == "/plan" and message.hash not in plans:
                 rare += len(data)
-            demand_room("events, plans and statuses", rare, str(self.path))
+            check_size("events, plans and statuses", rare, str(self.path))
             if topic == "/plan":
                 plans.pop(message.hash, None)
                 plans[message.hash] = message

@@ -9,7 +9,7 @@ from flexslew_lab.metrics.metric import Block, Ending, Flight, Key
 
 
 class Course:
-    """Fulfils Metric."""
+    """Implements Metric."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "manoeuvre_start": Key("s", False, "start of the last plan; 0 without a plan"),

@@ -9,7 +9,7 @@ from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, by_joint
 
 
 class Efforts:
-    """Fulfils Metric."""
+    """Implements Metric."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "peak_effort": Key("N m or N", True, "largest |applied effort|"),

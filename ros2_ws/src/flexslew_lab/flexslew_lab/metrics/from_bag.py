@@ -14,7 +14,7 @@ from flexslew_lab.metrics.epoch import Epoch
 from flexslew_lab.metrics.metric import Ending, Flight, Manoeuvre, Metric
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_plant.arrays import Matrix
-from flexslew_plant.bench.retarget import with_wishes
+from flexslew_plant.bench.retarget import with_requests
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed
 
@@ -63,7 +63,7 @@ def _measured(bag: BagReader) -> dict[str, Any]:
     if epoch is None:
         raise BadInput(f"{bag.path}: holds no truth, so there is nothing to measure")
     wall = overview.metadata.get(RUN_RECORD, {}).get("wall_time")
-    unprotected = (f"a changed number is not found: {part}" for part in overview.unprotected)
+    unprotected = (f"changes go undetected: {part}" for part in overview.unprotected)
     ending = Ending(
         overview.events,
         [float(wall)] if wall else [],
@@ -94,14 +94,14 @@ def flown_testbed(overview: Overview, epoch: int) -> Testbed | None:
     """
     if overview.testbed is None:
         return None
-    wishes = [
+    requests = [
         e.data for e in overview.events
         if e.kind == "retargeted" and e.epoch == epoch and isinstance(e.data, dict)
     ]  # fmt: skip
     try:
         plant = described(overview.testbed.settings, "the log")
-        turns = [(str(w["text"]), float(w["start"]) * plant.period) for w in wishes]
-        return with_wishes(plant.testbed, turns)
+        turns = [(str(w["text"]), float(w["start"]) * plant.period) for w in requests]
+        return with_requests(plant.testbed, turns)
     except (BadInput, KeyError, TypeError, ValueError):
         return None
 

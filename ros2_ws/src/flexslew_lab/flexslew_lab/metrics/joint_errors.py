@@ -10,7 +10,7 @@ from flexslew_plant.arrays import Vector
 
 
 class JointErrors:
-    """Fulfils Metric; None where there is no goal, or where the log ends too early."""
+    """Implements Metric; None where there is no goal, or where the log ends too early."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "residual_attitude_error": Key(

@@ -6,11 +6,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, goal_by_joint
-from flexslew_plant.testbeds.spacecraft.sights import Sighting
+from flexslew_plant.testbeds.spacecraft.sights import HasLinesOfSight
 
 
 class LineOfSight:
-    """Fulfils Metric; says nothing of a testbed on which no antenna turns.
+    """Implements Metric; says nothing of a testbed on which no antenna turns.
 
     Only the times count at which an antenna has turned to a target and has not begun to turn to
     the next one.
@@ -20,20 +20,20 @@ class LineOfSight:
         "line_of_sight_error": Key(
             "rad",
             False,
-            "by antenna: largest angle in inertia space between where it looks and its target, "
-            "after its manoeuvre; null: it has not ended one",
+            "by antenna: largest angle in inertial space between line of sight and target, "
+            "after its manoeuvre; null: none has ended",
         ),
         "line_of_sight_settled_at": Key(
             "s",
             False,
-            "by antenna: from when on that angle, after its manoeuvre, is within the pointing "
+            "by antenna: when that angle, after its manoeuvre, settles within the pointing "
             "tolerance; null: never",
         ),
     }
 
     def __init__(self, flight: Flight) -> None:
         testbed = flight.testbed
-        self._testbed = testbed if isinstance(testbed, Sighting) else None
+        self._testbed = testbed if isinstance(testbed, HasLinesOfSight) else None
         self._goal = goal_by_joint(flight)
         self._error: dict[str, float | None] = {}
         self._good_from: dict[str, float | None] = {}

@@ -20,7 +20,7 @@ _BLOCK = 1024  # ticks that are measured at once
 
 
 class MetricsObserver(Observer):
-    """Fulfils in_process.Observer; result() gives the content of metrics.json.
+    """Implements in_process.Observer; result() gives the content of metrics.json.
 
     Args:
         bench: at tick 0.

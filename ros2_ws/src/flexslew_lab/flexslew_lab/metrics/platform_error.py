@@ -11,20 +11,22 @@ from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestb
 
 
 class PlatformError:
-    """Fulfils Metric; says nothing of a testbed without a platform that points."""
+    """Implements Metric; says nothing of a testbed without a platform that points."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "residual_platform_position": Key(
-            "m", False, "x y z: largest |place - goal| of the body origin after the manoeuvre's end"
+            "m",
+            False,
+            "x y z: largest |position - goal| of the body origin after the manoeuvre's end",
         ),
         "residual_platform_attitude": Key(
-            "rad", False, "x y z: largest |turn from the goal's attitude| after the manoeuvre's end"
+            "rad", False, "x y z: largest |attitude error| after the manoeuvre's end"
         ),
         "rms_platform_position": Key(
             "m", False, "root mean square of the body origin's distance from its goal over the run"
         ),
         "rms_platform_attitude": Key(
-            "rad", False, "root mean square of the turn from the goal's attitude over the run"
+            "rad", False, "root mean square of the attitude error over the run"
         ),
     }
 

@@ -12,28 +12,29 @@ from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestb
 
 
 class Pointing:
-    """Fulfils Metric; says nothing of a testbed that points nowhere."""
+    """Implements Metric; says nothing of a testbed that points nowhere."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "pointing_error": Key(
             "rad",
             False,
-            "by appendage, x y z: largest |attitude error + its tip's turn| after the "
+            "by appendage, x y z: largest |attitude error + tip rotation| after the "
             "manoeuvre's end",
         ),
         "residual_tip_rotation": Key(
-            "rad", False, "by appendage, x y z: largest |turn of its tip| after the manoeuvre's end"
+            "rad", False, "by appendage, x y z: largest |tip rotation| after the manoeuvre's end"
         ),
         "pointing_settled_at": Key(
             "s",
             False,
-            "by appendage: last time with any component above the pointing tolerance; null: never",
+            "by appendage: last time with any component above the pointing tolerance; "
+            "null: not settled",
         ),
         "control_effort_by_actuator": Key(
             "(N m)^2 s or N^2 s", False, "by actuator: integral of its squared effort"
         ),
-        "peak_platform_attitude": Key("rad", False, "x y z: largest |turn| from inertial axes"),
-        "peak_platform_position": Key("m", False, "x y z: largest |place| of the body origin"),
+        "peak_platform_attitude": Key("rad", False, "x y z: largest |rotation| from inertial axes"),
+        "peak_platform_position": Key("m", False, "x y z: largest |position| of the body origin"),
         "peak_tip_deflection": TipDeflection.KEYS["peak_tip_deflection"],
         "peak_wheel_momentum": Key(
             "N m s", False, "by wheel: largest momentum of its spin relative to the platform"

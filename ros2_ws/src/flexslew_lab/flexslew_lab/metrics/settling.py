@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, by_joint
 from flexslew_plant.arrays import Vector
 
-BAND = 0.02  # settling band, of the way that the joint has to go [-]
+BAND = 0.02  # settling band, of the joint's commanded move [-]
 
 
 def settling_band(way: Vector) -> Vector:
@@ -17,7 +17,7 @@ def settling_band(way: Vector) -> Vector:
 
 
 class Settling:
-    """Fulfils Metric."""
+    """Implements Metric."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "settling_time": Key(

@@ -9,7 +9,7 @@ from flexslew_lab.metrics.metric import Block, Ending, Flight, Key
 
 
 class Takeovers:
-    """Fulfils Metric; all of it is in the events."""
+    """Implements Metric; all of it is in the events."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "missed_ticks": Key("-", False, "ticks without a valid answer in time"),

@@ -7,7 +7,7 @@ from flexslew_lab.metrics.metric import Block, Ending, Flight, Key
 
 
 class TipDeflection:
-    """Fulfils Metric; the residual is None where the log ends before the manoeuvre."""
+    """Implements Metric; the residual is None if the log lacks the manoeuvre's end."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "residual_tip_deflection": Key(
@@ -18,7 +18,7 @@ class TipDeflection:
         "peak_tip_deflection": Key(
             "m",
             False,
-            "largest |tip deflection| of any appendage; where they point: by appendage, the "
+            "largest |tip deflection| of any appendage; platforms that point: by appendage, "
             "largest distance of its tip",
         ),
     }

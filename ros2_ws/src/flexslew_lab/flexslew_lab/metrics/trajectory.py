@@ -34,7 +34,7 @@ class TrajectoryHash:
 
 
 class Trajectory:
-    """Fulfils Metric."""
+    """Implements Metric."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "trajectory_hash": Key(

@@ -1,4 +1,4 @@
-"""Recorded measurements into a controller: is every number that it says the recorded one?"""
+"""Recorded measurements fed to a controller: is every number in its answers as recorded?"""
 
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
@@ -26,7 +26,7 @@ class Check(NamedTuple):
 
     controller: str
     law: str
-    ok: bool  # no number is another one, no recorded answer is missing
+    ok: bool  # every number is equal, no recorded answer is missing
     ticks: int  # compared
     only_recorded: int  # ticks that only the log answers
     only_ours: int  # ticks that only the controller here answers: the other one was not heard

@@ -32,4 +32,4 @@ def missing_part(bag: BagReader, trial: Trial, first: int, last: int, gaps: int)
     if not why:
         return ""
     ticks = round(trial.duration / trial.period)
-    return f"compared were ticks {first} to {last} of {ticks}: {', '.join(why)}"
+    return f"ticks {first} to {last} of {ticks} compared: {', '.join(why)}"

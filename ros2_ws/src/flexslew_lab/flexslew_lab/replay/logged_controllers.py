@@ -69,7 +69,7 @@ class LoggedControllers:
         overview = bag.overview
         testbed = overview.testbed
         if testbed is None:
-            raise BadInput(f"{bag.path}: does not say what stood on the bench (no /testbed)")
+            raise BadInput(f"{bag.path}: does not name its testbed (no /testbed)")
         laws = logged_laws(bag) | dict(replaced or {})
         self._source = str(bag.path)
         self._plant = plant_of(trial or trial_of(bag))

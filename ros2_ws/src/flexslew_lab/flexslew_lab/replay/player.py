@@ -23,7 +23,7 @@ class PlaySettings:
     """How a bag is played."""
 
     bag: str = ""  # its folder or file
-    rate: NonNegative = 1.0  # simulated seconds per wall second; 0: as fast as it goes
+    rate: NonNegative = 1.0  # simulated seconds per wall second; 0: as fast as possible
     start: NonNegative = 0.0  # simulated time to begin at [s]
     duration: Positive | None = None  # simulated [s]; null: to the end
     loop: bool = False  # begin again at the end
@@ -54,7 +54,7 @@ class Player:
         settings: how to play.
 
     Raises:
-        BadInput: no such bag, an unknown topic, a remapping that is none, a start behind the end.
+        BadInput: no such bag, an unknown topic, an invalid remapping, a start after the end.
     """
 
     def __init__(self, settings: PlaySettings) -> None:
@@ -67,7 +67,7 @@ class Player:
         start = round(settings.start * 1e9)
         if start > self.last:
             end = self.last * 1e-9
-            raise BadInput(f"--start: {settings.start} s is behind the end of the bag, {end:g} s")
+            raise BadInput(f"--start: {settings.start} s is after the end of the bag, {end:g} s")
         self._start = start
         self._end = start + settings.duration * 1e9 if settings.duration else inf
         self._types = bag.types
@@ -81,7 +81,7 @@ class Player:
             if new in self._chosen - {*self._names} and kind != self._types[topic]:
                 raise BadInput(f"--remap: {new} is a {kind}, {topic} a {self._types[topic]}")
         self.paused = settings.paused
-        self.rounds = 0  # how often the end was met
+        self.rounds = 0  # times the end was reached
         self._anchor: tuple[float, float] | None = None  # wall time and simulated time [s, ns]
         self._held: list[Outgoing] = []  # latched, due at once
         self._next: BagMessage | None = None
@@ -141,7 +141,7 @@ class Player:
 
         Args:
             now: wall clock [s].
-            most: keeps listeners from drowning.
+            most: so that listeners keep up.
         """
         if self.paused:
             return self._take_held()

@@ -1,4 +1,4 @@
-"""The run again from nothing but its log: trial, logged plan, operator's wishes, missed ticks."""
+"""The run again from nothing but its log: trial, logged plan, operator's requests, missed ticks."""
 
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
@@ -11,9 +11,9 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.logged_text import logged_json
 from flexslew_lab.metrics.trajectory import TrajectoryHash
 from flexslew_lab.replay.coverage import missing_part
-from flexslew_lab.replay.flight_again import FlightAgain
 from flexslew_lab.replay.logged_code import changed_code, reading
 from flexslew_lab.replay.logged_controllers import trial_of
+from flexslew_lab.replay.resimulator import Resimulator
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 
@@ -23,7 +23,7 @@ FIELDS = ("applied_effort", "disturbance", "position", "velocity")  # cause befo
 
 
 class Difference(NamedTuple):
-    """Where the run took another way than the log says."""
+    """Where the resimulation departs from the log."""
 
     epoch: int
     tick: int
@@ -41,7 +41,7 @@ class Resimulation(NamedTuple):
     ticks: int  # compared, all epochs
     first_difference: Difference | None
     largest: dict[str, float]  # |difference| by field, of the field's largest magnitude [-]
-    replayed: dict[str, int]  # how many wishes and missed ticks were taken from the log
+    replayed: dict[str, int]  # how many requests and missed ticks were taken from the log
     other_versions: dict[str, tuple[str, str]]  # software: version of the log, version here
     missing: str  # which part of the run was compared, and why not all of it; empty: all of it
     changed_code: dict[str, tuple[str, str]]  # class: SHA-256 of its file there, here
@@ -71,7 +71,7 @@ def resim(
     Raises:
         Untrusted: the log names code that is not trusted.
         BadInput: the log does not hold what determines the run.
-        RunFault: the run again leaves the finite numbers.
+        RunFault: the state becomes non-finite.
     """
     reader = BagReader(bag)
     with reading(reader, trusted):
@@ -82,7 +82,7 @@ def _flown_again(
     reader: BagReader, progress: Callable[[int, int], None], changes: Mapping[str, Any]
 ) -> Resimulation:
     trial = trial_of(reader, changes)
-    again = FlightAgain(reader, trial)
+    again = Resimulator(reader, trial)
     same = _Comparison()
     recorded, ours, epoch = TrajectoryHash(), TrajectoryHash(), 0
     for block in reader.blocks(["/truth"]):

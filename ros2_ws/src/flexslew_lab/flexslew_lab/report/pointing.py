@@ -6,7 +6,7 @@ from flexslew_lab.report.figures import marks
 from flexslew_lab.report.panels import Entry, Group, Panel, legend, style
 from flexslew_lab.report.run_data import RunData
 from flexslew_plant.testbeds.spacecraft.motions import Pointing
-from flexslew_plant.testbeds.spacecraft.sights import Sight, Sighting
+from flexslew_plant.testbeds.spacecraft.sights import HasLinesOfSight, LineOfSight
 
 _AXES = ("x", "y", "z")
 _LEAST = 1e-9  # that a logarithmic scale shows [rad]
@@ -24,15 +24,15 @@ def platform(run: RunData) -> Group | None:
     m = testbed.motions(position, rates, run.goal)
     panels = []
     for title, unit, error in (
-        ("platform, place minus goal", "m", m.away),
-        ("platform, turn from its goal", "rad", m.attitude),
+        ("platform position error", "m", m.away),
+        ("platform attitude error", "rad", m.attitude),
     ):
         panel = Panel(title, unit, x_title="time [s]")
         for k, axis in enumerate(_AXES):
             panel.line(time, error[:, k], axis, style(k))
         panels.append(panel)
-    found: dict[str, Sight] = {}
-    if isinstance(testbed, Sighting):
+    found: dict[str, LineOfSight] = {}
+    if isinstance(testbed, HasLinesOfSight):
         found = testbed.sights(time, position, run.goal)
     panels += _antennas(run, found)
     names = tuple(Entry(entry.name, entry.colour, entry.dash) for entry in legend([*_AXES, *found]))
@@ -49,7 +49,7 @@ def platform(run: RunData) -> Group | None:
     )
 
 
-def _antennas(run: RunData, found: dict[str, Sight]) -> list[Panel]:
+def _antennas(run: RunData, found: dict[str, LineOfSight]) -> list[Panel]:
     """Return hinge angles and line-of-sight errors, one curve per antenna."""
     if not found:
         return []

@@ -230,12 +230,12 @@ def _subtitle(run: RunData) -> str:
 
 
 def _beliefs(run: RunData) -> list[str]:
-    """Return what the last plan believes differently from the bench, if it says so."""
+    """Return what the last plan assumes, unlike the bench, if it says so."""
     if not run.overview.plans:
         return []
     summary = yaml.safe_load(run.overview.plans[-1].summary) or {}
     words = summary.get("believes", "") if isinstance(summary, dict) else ""
-    return [f"the plan believes: {words}"] if words else []
+    return [f"the plan assumes: {words}"] if words else []
 
 
 def _provenance(run: RunData) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from flexslew_plant.testbeds.scene import Frame, Scene
 
 _BEND = 3  # how much a bend that can be seen anyway is exaggerated
 _SEEN = 0.02  # of the drawn size: a bend below cannot be seen
-_SHOWN = 0.1  # of the drawn size: as large is a smaller bend made
+_SHOWN = 0.1  # of the drawn size: a smaller bend is scaled to it
 
 
 def scene_of(run: RunData) -> dict[str, Any] | None:
@@ -62,7 +62,7 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
 
 
 def _aims(scene: Scene, names: list[str], time: Vector) -> list[dict[str, Any]]:
-    """Return where each antenna looks in its frame, and where it shall in the world, by time."""
+    """Return where each antenna looks in its frame, and its target in the world, by time."""
     if scene.aims is None:
         return []
     each = zip(*(scene.aims(t) for t in time.tolist()), strict=True)

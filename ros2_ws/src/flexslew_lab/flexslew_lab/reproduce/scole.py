@@ -55,7 +55,7 @@ _COLUMNS = (
 )
 # Undamped, the eight-mode plant is unstable under this sampled law: the two modes that the
 # controller lacks ring up (a fourth-order method of integration damps the fastest one and hides
-# it). The row is flown with the controller's six modes, without what the others cost the tip.
+# it). The row is flown with the controller's six modes, without the others' tip effort.
 _SIX_MODES = {"no damping (a)": 0.11, "no damping (b)": 0.02}
 
 
@@ -80,7 +80,7 @@ def numbers(flight: Flight) -> tuple[Any, ...]:
     error = np.degrees(flight.attitude[:, 0]) + turn
     after, late = t >= flight.end - 1e-9, t >= flight.end + 2.0 - 1e-9
     settled = flight.metrics["pointing_settled_at"]["mast"]
-    # a last excursion in the run's last swing is none that has ended
+    # an excursion in the run's last swing may not be over yet
     never = settled is None or settled > t[-1] - 0.5
     return (
         float(np.degrees(abs(flight.roll[:, 1]).max())),

@@ -33,7 +33,7 @@ class LiveParameters:
         self._told: set[str] = set()  # nodes that have told theirs
         self._values: dict[str, Any] = {}
         self._changed: set[str] = set()
-        self._wishes: deque[tuple[str, Any, Future[str]]] = deque()
+        self._requests: deque[tuple[str, Any, Future[str]]] = deque()
         self._next_look = 0.0
         node.create_subscription(
             ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events
@@ -41,8 +41,8 @@ class LiveParameters:
 
     def poll(self, now: float) -> dict[str, Any]:
         """Look for nodes and set what was wished for; return what has changed since the last."""
-        while self._wishes:
-            self._set(*self._wishes.popleft())
+        while self._requests:
+            self._set(*self._requests.popleft())
         if now >= self._next_look:
             self._next_look = now + _LOOK
             self._look(now)
@@ -57,7 +57,7 @@ class LiveParameters:
     def set(self, name: str, value: Any) -> str:
         """Set a parameter; return why not, or an empty text. Not for the node's own thread."""
         answer: Future[str] = Future()
-        self._wishes.append((name, value, answer))
+        self._requests.append((name, value, answer))
         try:
             return answer.result(PATIENCE)
         except TimeoutError:
@@ -137,7 +137,7 @@ def _plain(value: Any) -> Any:
 
 
 def _typed(value: Any, now: Any) -> Any:
-    """Return a value of the type that the parameter has: JSON tells 2 from 2.0 nowhere."""
+    """Return a value of the type that the parameter has: JSON cannot tell 2 from 2.0."""
     if isinstance(value, list) and isinstance(now, list):
         return [_typed(one, now[0] if now else one) for one in value]
     number = isinstance(value, int) and not isinstance(value, bool)

@@ -42,7 +42,7 @@ class Operator:
 
     def __init__(self, domain: int, namespace: str, patience: float) -> None:
         self._domain, self._namespace, self._patience = domain, namespace, patience
-        # on the graph, all of one name; and when another one is due if these are not known by then
+        # nodes on the graph, all with one name; and when to add another if none is known
         self.nodes, self._due = _early.pop((domain, namespace), ([], 0.0))
         self._who = _user()
 

@@ -1,1 +1,1 @@
-"""Studies: one trial flown thousands of times with other numbers, and what that shows."""
+"""Studies: one trial flown thousands of times with varied values, and what that shows."""

@@ -84,7 +84,7 @@ def plan_key(trial: Trial) -> str:
     """Return what a trial's plan depends on, as text: less where its beliefs are written out."""
     plan = plain(trial.plan) or {}
     asked = [plan, trial.period, list(trial.testbed.effort_limit)]
-    if asks_the_testbed(plan, trial.testbed):
+    if uses_testbed(plan, trial.testbed):
         asked.append(plain(trial.testbed))
     elif "model" not in plan:
         asked.append(initial_positions(trial.testbed))
@@ -93,16 +93,16 @@ def plan_key(trial: Trial) -> str:
     return json.dumps(asked, sort_keys=True)
 
 
-def asks_the_testbed(plan: Mapping[str, Any], testbed: Testbed) -> bool:
+def uses_testbed(plan: Mapping[str, Any], testbed: Testbed) -> bool:
     """Return whether a `plan` section takes more from the testbed than its limits and its start."""
     if "model" not in plan:  # method none, or a plan from its file
         return False
     initial = plan.get("initial") or {}
     rests = all(name in initial for name in testbed.model().joint_names)
-    return not (rests and leaves_nothing(plan["model"], testbed))
+    return not (rests and sets_every_key(plan["model"], testbed))
 
 
-def leaves_nothing(belief: Any, testbed: Any) -> bool:
+def sets_every_key(belief: Any, testbed: Any) -> bool:
     """Return whether a `model` section says every key of a testbed."""
     if not isinstance(belief, dict):
         return False
@@ -110,7 +110,7 @@ def leaves_nothing(belief: Any, testbed: Any) -> bool:
         value = getattr(testbed, field_.name)
         if field_.name not in belief:
             return False
-        if is_dataclass(value) and not leaves_nothing(belief[field_.name], value):
+        if is_dataclass(value) and not sets_every_key(belief[field_.name], value):
             return False
     return True
 

@@ -66,7 +66,7 @@ def require_same(there: dict[str, Any], here: dict[str, Any], place: Path) -> No
     if differences:
         more = f" (and {len(differences) - 1} more)" if len(differences) > 1 else ""
         raise BadInput(
-            f"{place}: holds another study, {differences[0]}{more}; go on with what it was, or "
+            f"{place}: holds another study, {differences[0]}{more}; restore its settings, or "
             "choose another folder with --out"
         )
 

@@ -267,7 +267,7 @@ def _told(place: Path) -> Iterator[None]:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             raise BadInput(f"{place}: cannot be written: {error}") from None
         raise RunFault(
-            f"{place.parent}: no space left on the disk; everything flown until the last part "
+            f"{place.parent}: no space left on the disk; all results up to the last part "
             "is there; make room and run the study again"
         ) from None
 

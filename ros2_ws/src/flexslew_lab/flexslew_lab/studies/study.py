@@ -28,7 +28,7 @@ Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
 @section
 class Criterion:
-    """What one metric has to keep to; without a probability in every trial."""
+    """What a metric must satisfy; without a probability, in every trial."""
 
     below: float | None = None  # in the metric's unit
     above: float | None = None
@@ -58,7 +58,7 @@ class StudySettings:
     """The keys of a study file; docs/studies.md documents them one by one."""
 
     study: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")]
-    trial: str  # a shipped name or a file, seen from the study file
+    trial: str  # a shipped name, or a file relative to this file
     seed: Annotated[int, Field(ge=0)] = 1
     sampling: Sampling = Sampling()
     vary: dict[str, dict[str, Any]] = Field(default_factory=dict)

@@ -78,7 +78,7 @@ def domains_in_use() -> dict[int, str]:
 
 
 def bench_domain() -> tuple[int, bool]:
-    """Return the domain of the bench that is meant, and whether a run says that it is there.
+    """Return the domain of the bench to talk to, and whether a run has claimed it.
 
     ROS_DOMAIN_ID decides where it is set; else the only run of this machine does.
 

@@ -14,7 +14,7 @@ ARGUMENTS: dict[str, tuple[str, str]] = {  # default and description
     "rate": ("", "instead of the trial's rate_factor; 0 fast, 1 real time"),
     "namespace": ("", "of all nodes; empty: none"),
     "record": ("true", "with the recorder: true or false"),
-    "controllers": ("", "names with commas, instead of the trial's; a law is its own name"),
+    "controllers": ("", "comma-separated, instead of the trial's; a law's name works too"),
     "report": ("true", "write metrics.json and report.html after the run: true or false"),
 }
 _OF_LAUNCH = ("ros_", "global_", "launch_", "log_", "params")  # set by launch itself
@@ -66,7 +66,7 @@ def _rate(text: str) -> float | None:
     except ValueError:
         rate = math.nan
     if not 0.0 <= rate < math.inf:
-        raise BadInput(f"launch: rate: {text} is not allowed: 0 is as fast as it goes, 1 real time")
+        raise BadInput(f"launch: rate: {text} is not allowed: 0: as fast as possible, 1: real time")
     return rate
 
 

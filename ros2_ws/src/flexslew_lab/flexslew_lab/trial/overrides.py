@@ -86,7 +86,7 @@ def _next_key(place: Any, rest: list[str], path: str, walked: str) -> tuple[Any,
         if rest[0].isdigit() and int(rest[0]) < len(place):
             return int(rest[0]), rest[1:]
         raise BadInput(f"{path}: {walked} has the entries 0 to {len(place) - 1}, not {rest[0]}")
-    raise BadInput(f"{path}: {walked} is the single value {place!r}; nothing stands below it")
+    raise BadInput(f"{path}: {walked} is the scalar {place!r}; it has no keys")
 
 
 def _holds(place: Any, key: Any) -> bool:

@@ -12,7 +12,7 @@ _ALLOWED = 0.1  # of the promise [-]
 _NOTHING = 1e-5  # residual that counts as none [m]
 
 
-def broken_promise(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> str:
+def prediction_gap(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> str:
     """Return in one line that a flight left more than its plan predicts, or an empty text.
 
     Only where the bench is what the planner believes in and nothing disturbs it: elsewhere the
@@ -37,5 +37,5 @@ def broken_promise(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> 
         return ""
     return (
         f"warning: the flight left {left:.3g} m at the tip, the plan predicts {promised:.3g} m on "
-        "the same model: is the controller in charge the one whose gains the plan counts with?"
+        "the same model: is the controller in charge the one whose gains the plan assumes?"
     )

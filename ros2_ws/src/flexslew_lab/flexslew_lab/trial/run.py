@@ -25,7 +25,7 @@ from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.outputs import WITHOUT, new_folder
 from flexslew_lab.trial.own_code import HASHES, own_code_of
 from flexslew_lab.trial.processes import node_processes, parameter_file
-from flexslew_lab.trial.promise import broken_promise
+from flexslew_lab.trial.promise import prediction_gap
 from flexslew_lab.trial.shared_memory import require_shared_memory
 from flexslew_lab.trial.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import (
@@ -92,12 +92,12 @@ def run_trial(
     if flight.plan is not None and flight.plan.end > trial.duration:
         say(
             f"warning: the plan ends at {flight.plan.end:g} s, the run at {trial.duration:g} s: "
-            "nothing can be said about what is left after the manoeuvre"
+            "the residual after the manoeuvre cannot be measured"
         )
     if flight.plan is not None and "warning" in flight.plan.summary:
         say(f"warning: plan: {flight.plan.summary['warning']}")
     if flight.plan is not None and flight.plan.summary.get("believes"):
-        say(f"the plan believes differently from the bench: {flight.plan.summary['believes']}")
+        say(f"the plan assumes, unlike the bench: {flight.plan.summary['believes']}")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
     metadata = {
@@ -111,7 +111,7 @@ def run_trial(
     else:
         outcome = _over_ros(trial, flight.plan, folder, metadata, progress, say, autostart)
     result, reader = _finished(folder, bag, outcome)
-    words = broken_promise(trial, flight.plan, result.metrics)
+    words = prediction_gap(trial, flight.plan, result.metrics)
     if words:
         say(words)
     if report and reader is not None and result.metrics and outcome.exit_code != 130:

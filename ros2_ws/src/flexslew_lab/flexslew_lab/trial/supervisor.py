@@ -20,7 +20,7 @@ _ROOM = 1 << 20  # what a node may say while nobody reads it; Linux gives 64 KiB
 _GRACE = 10.0  # from one signal to the next stronger one [wall s]
 _LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.LAST_WORDS
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
-# how a process ends that nobody has asked to
+# signals that end a crashed process
 _CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL)
 
 

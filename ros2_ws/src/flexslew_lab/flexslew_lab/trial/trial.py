@@ -63,7 +63,7 @@ class Trial:
     seed: Annotated[int, Field(ge=0)] = 1  # of everything random
     duration: Positive = 100.0  # [s] simulated
     period: Positive = 0.01  # [s] one tick
-    rate_factor: NonNegative = 0.0  # 0: as fast as it goes, 1: real time
+    rate_factor: NonNegative = 0.0  # 0: as fast as possible, 1: real time
     testbed: TestbedSettings = Field(default_factory=default_testbed)
     actuator: ActuatorSettings = ActuatorSettings()
     sensors: SensorSettings = SensorSettings()

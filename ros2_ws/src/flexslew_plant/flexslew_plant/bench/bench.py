@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.breakings import Breakings, breaking_of
 from flexslew_plant.bench.charge import Charge
 from flexslew_plant.bench.divergence import diagnosis, is_lost
 from flexslew_plant.bench.events import Event, Level
@@ -19,6 +18,7 @@ from flexslew_plant.bench.hardware.drive import Drive
 from flexslew_plant.bench.hardware.friction import Friction, friction_of
 from flexslew_plant.bench.hardware.plausibility import Plausibility
 from flexslew_plant.bench.hardware.sensors import Readings, Sensors
+from flexslew_plant.bench.injections import Injections, injection_of
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.records import BenchSettings as BenchSettings
@@ -26,7 +26,7 @@ from flexslew_plant.bench.records import InjectResult as InjectResult
 from flexslew_plant.bench.records import SwitchRequest as SwitchRequest
 from flexslew_plant.bench.records import SwitchResult as SwitchResult
 from flexslew_plant.bench.records import Truth as Truth
-from flexslew_plant.bench.retarget import retargeted, wanted_turn, with_schedule
+from flexslew_plant.bench.retarget import requested_turn, retargeted, with_schedule
 from flexslew_plant.bench.schedule import injected_entry, require_allowed
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import Names
@@ -75,7 +75,7 @@ class Bench:
         require_allowed(settings.schedule, settings.faults_enabled)
         self._names = Names(self.model.joint_names, self.appendages.names)
         self._known = [
-            breaking_of(entry, self._names, settings.period, f"schedule.{i}")
+            injection_of(entry, self._names, settings.period, f"schedule.{i}")
             for i, entry in enumerate(settings.schedule)
             if entry.switch is None and entry.retarget is None
         ]
@@ -110,8 +110,8 @@ class Bench:
         self._answer: Vector | None = None
         self._lost = False  # the answer of this tick was given, and did not arrive
         seed, period = self.settings.seed, self.settings.period
-        self._breakings = Breakings(self._names, period, seed, self.epoch, self._known, self.say)
-        self._faults = self._breakings.faults
+        self._injections = Injections(self._names, period, seed, self.epoch, self._known, self.say)
+        self._faults = self._injections.faults
         self._ask()
 
     @property
@@ -193,7 +193,7 @@ class Bench:
             self.charge.missed()
         demand = self._faults.demand(self.drive.effort(self._velocity))
         applied = self._faults.effort(self.actuator.apply(demand))
-        extra = self._breakings.disturbance(self.tick)
+        extra = self._injections.disturbance(self.tick)
         if self._friction is None:
             x, period = self._x, self.settings.period
             after = self.model.advance(x, applied + extra, period, 1, self.tick * period)
@@ -251,12 +251,12 @@ class Bench:
         try:
             entry = injected_entry(text, start * self.settings.period)
             period = self.settings.period
-            breaking = breaking_of(entry, self._names, period, "fault")
+            injection = injection_of(entry, self._names, period, "fault")
         except BadInput as error:
             return InjectResult(False, str(error), self.tick)
-        word, number = self._breakings.add(breaking)
+        word, number = self._injections.add(injection)
         data = {"text": text, "start": start, "number": number, "who": who}
-        self.say(Level.INFO, "injected", f"{word} wanted at tick {start}", data)
+        self.say(Level.INFO, "injected", f"{word} requested at tick {start}", data)
         return InjectResult(True, f"{word} {number} at tick {start}", start, number)
 
     def retarget(self, text: str, tick: int = 0, who: str = "") -> InjectResult:
@@ -272,7 +272,7 @@ class Bench:
             return InjectResult(False, self._over(tick), self.tick)
         try:
             at = start * self.settings.period
-            turned = retargeted(self._turned, wanted_turn(text), at, "target")
+            turned = retargeted(self._turned, requested_turn(text), at, "target")
         except BadInput as error:
             return InjectResult(False, str(error), self.tick)
         self._turned, self.model = turned, turned.model()
@@ -290,20 +290,20 @@ class Bench:
         here = {fault.number for fault in self.active_faults()}
         if number not in here:
             known = ", ".join(map(str, sorted(here))) or "none"
-            words = f"nothing with number {number} acts or will; numbers: {known}"
+            words = f"no fault or disturbance {number}; active or due: {known}"
             return InjectResult(False, words, self.tick)
         end = self.tick + 1
-        self._breakings.end(number, end)
+        self._injections.end(number, end)
         words = f"fault or disturbance {number} ends at tick {end}"
         self.say(Level.INFO, "fault_ended", words, {"number": number, "who": who})
         return InjectResult(True, words, end, number)
 
     def active_faults(self) -> list[ActiveFault]:
         """Return what disturbs or breaks now, or will."""
-        return self._breakings.active(self.tick)
+        return self._injections.active(self.tick)
 
     def _over(self, tick: int) -> str:
-        return f"{tick * self.settings.period:g} s is over: the bench is at {self.time:g} s"
+        return f"{tick * self.settings.period:g} s is past: the bench is at {self.time:g} s"
 
     def _fail(self, after: Vector, disturbance: Vector) -> None:
         """End the run at this tick: the state a tick later is not finite."""
@@ -327,7 +327,7 @@ class Bench:
         return round(time / self.settings.period)
 
     def _ask(self) -> None:
-        self._breakings.begin(self.tick)
+        self._injections.begin(self.tick)
         self.charge.begin(self.tick)
         self._answer, self._lost = None, False
         position, velocity = self.model.joint_state(self._x)

@@ -74,7 +74,7 @@ class Charge:
         if self.latched:
             return LATCHED
         if last_tick is not None and request.tick >= last_tick:
-            return f"tick {request.tick} is not flown any more: the run ends at tick {last_tick}"
+            return f"tick {request.tick} is too late: the run ends at tick {last_tick}"
         if any(other.tick == request.tick for other in self._queue):
             return f"another switch is already due at tick {request.tick}"
         earlier = any(other.tick < request.tick for other in self._queue)
@@ -83,7 +83,7 @@ class Charge:
         self._queue.append(request)
         data = request._asdict()
         data["max_effort_step"] = min(request.max_effort_step, _LARGEST)  # JSON has no infinity
-        words = f"{request.controller} wanted from tick {request.tick} on"
+        words = f"{request.controller} requested from tick {request.tick} on"
         self._say(Level.INFO, "switch_requested", words, data)
         return None
 
@@ -93,7 +93,7 @@ class Charge:
         if wanted == on:
             return "the brake is latched already" if on else "the brake is not latched"
         self._brake_wanted.append((tick, on))
-        words = f"{'brake' if on else 'release of the brake'} wanted from tick {tick} on"
+        words = f"{'brake' if on else 'release of the brake'} requested from tick {tick} on"
         self._say(Level.INFO, "brake_requested", words, {"on": on, "tick": tick, "who": who})
         return None
 
@@ -180,7 +180,7 @@ class Charge:
         misled = self._drive.active
         self._misled.add(misled)
         self._say(Level.FAULT, "implausible", words, {"controller": misled, **data})
-        self._replace(misled, "flies on them")
+        self._replace(misled, "uses implausible sensors")
 
     def _replace(self, controller: str, why: str) -> None:
         """Let the next one take over: the predecessor of a newcomer, a fallback, or the brake."""

@@ -54,6 +54,6 @@ def diagnosis(
         joint = int(np.argmax(beyond))
         return where, (
             f"a disturbance of {disturbance[joint]:.3g} on {model.joint_names[joint]}, "
-            f"whose drive gives {limit[joint]:.3g}"
+            f"whose limit is {limit[joint]:.3g}"
         )
-    return where, f"{active or 'the brake'} does not hold it, the motion grows without bound"
+    return where, f"{active or 'the brake'} does not stabilise it"

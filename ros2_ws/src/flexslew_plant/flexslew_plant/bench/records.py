@@ -1,4 +1,4 @@
-"""What goes into the bench and what comes out: settings, the truth, wishes and their results."""
+"""What goes into the bench and what comes out: settings, the truth, requests and their results."""
 
 from math import inf
 from typing import Annotated, NamedTuple
@@ -68,7 +68,7 @@ class SwitchResult(NamedTuple):
 
 
 class InjectResult(NamedTuple):
-    """What became of a wish to break something."""
+    """What became of a request to break something."""
 
     ok: bool
     message: str

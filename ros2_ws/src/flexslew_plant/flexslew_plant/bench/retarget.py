@@ -17,7 +17,7 @@ def retargeted(testbed: Testbed, wanted: Any, at: float, place: str) -> Testbed:
         testbed: that stands on the bench.
         wanted: `appendage`, and the keys of a motion but for `at`.
         at: when it begins [s].
-        place: where the wish stands, for an error.
+        place: where the request stands, for an error.
 
     Raises:
         BadInput: no such appendage, a target outside of the hinge's range, or a turn before the
@@ -48,21 +48,21 @@ def with_schedule(testbed: Testbed, schedule: Schedule) -> Testbed:
     return testbed
 
 
-def with_wishes(testbed: Testbed, wishes: Iterable[tuple[str, float]]) -> Testbed:
+def with_requests(testbed: Testbed, requests: Iterable[tuple[str, float]]) -> Testbed:
     """Return a testbed with the turns that operators have asked for in flight.
 
     Args:
         testbed: with the turns of its schedule.
-        wishes: what they said, YAML, and when it begins [s], in the order in which they asked.
+        requests: what they said, YAML, and when it begins [s], in the order in which they asked.
 
     Raises:
         BadInput: see retargeted.
     """
-    for text, at in wishes:
-        testbed = retargeted(testbed, wanted_turn(text), at, "target")
+    for text, at in requests:
+        testbed = retargeted(testbed, requested_turn(text), at, "target")
     return testbed
 
 
-def wanted_turn(text: str) -> Any:
-    """Return the wish of an operator; BadInput if it is no YAML."""
+def requested_turn(text: str) -> Any:
+    """Return the request of an operator; BadInput if not YAML."""
     return load_yaml(text, "target")

@@ -29,7 +29,7 @@ class ScheduleEntry:
         if len(given) != 1:
             raise ValueError("give exactly one of switch, disturbance, fault, retarget")
         if self.until is not None and (self.switch is not None or self.retarget is not None):
-            raise ValueError("until goes with a disturbance or a fault alone")
+            raise ValueError("until is only for a disturbance or a fault")
         if self.until is not None and self.until <= self.at:
             raise ValueError("until must be later than at")
         return self
@@ -71,5 +71,5 @@ def injected_entry(text: str, at: float) -> ScheduleEntry:
         values = {"fault": {k: v for k, v in values.items() if k != "until"}, **until}
     entry: ScheduleEntry = validated(ScheduleEntry, {**values, "at": at}, "fault")
     if entry.switch is not None or entry.retarget is not None:
-        raise BadInput("fault: neither switch nor retarget is a fault; ask switch_controller")
+        raise BadInput("fault: for switch or retarget use switch_controller or retarget")
     return entry

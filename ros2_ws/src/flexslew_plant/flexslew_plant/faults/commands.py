@@ -64,7 +64,7 @@ class CommandDuplicated(OnAnyTestbed):
 
 @section
 class CommandReordered(OnAnyTestbed):
-    """Answers are overtaken by their successor: a missed tick, then a stale answer behind it."""
+    """Answers are overtaken by their successor: a missed tick, then a stale answer after it."""
 
     kind: Literal["command_reordered"] = "command_reordered"
     probability: Probability = 1.0

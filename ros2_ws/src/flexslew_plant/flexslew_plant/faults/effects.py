@@ -56,7 +56,7 @@ class Situation:
 
     Args:
         names: joints and appendages of the testbed.
-        happens: draws whether chance strikes at this tick, for a probability.
+        happens: draws whether an event of this probability occurs now.
         deliver_later: hands an answer to the drive some ticks later, before or behind that tick's
             own answer.
         demand, effort: what was last asked of the motors, and what they last gave, (joints,).

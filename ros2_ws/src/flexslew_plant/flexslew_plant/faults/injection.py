@@ -91,7 +91,7 @@ class Faults:
         """Return the old answers that reach the drive at this tick.
 
         Args:
-            first: those before the tick's own answer, else those behind it.
+            first: those before the tick's own answer, else those after it.
         """
         if not self._late:
             return []

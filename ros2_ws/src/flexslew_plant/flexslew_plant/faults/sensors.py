@@ -70,7 +70,7 @@ class SensorDropout:
 
 @section
 class SensorBias:
-    """Sensors read too much by a constant."""
+    """Sensor readings have a constant bias."""
 
     kind: Literal["sensor_bias"] = "sensor_bias"
     channel: ChannelName
@@ -112,7 +112,7 @@ class SensorFreeze:
 
 @section
 class SensorNan:
-    """Sensors read no number."""
+    """Sensors read NaN."""
 
     kind: Literal["sensor_nan"] = "sensor_nan"
     channel: ChannelName

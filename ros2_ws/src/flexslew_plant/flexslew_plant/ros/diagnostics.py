@@ -57,7 +57,7 @@ class Diagnostics:
         for name in session.presence.of_role("recorder"):
             silent = session.presence.silent(name, now)
             level = DiagnosticStatus.ERROR if silent else DiagnosticStatus.OK
-            words = "it gives no sign of life" if silent else "recording"
+            words = "it sends no heartbeat" if silent else "recording"
             statuses.append(self._status(name, level, words, self._lag(name)))
         message = DiagnosticArray(status=statuses)
         message.header.stamp = stamp(bench.time)

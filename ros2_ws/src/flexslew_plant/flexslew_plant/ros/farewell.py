@@ -12,18 +12,18 @@ from flexslew_plant.ros.graph import listeners_of
 # How long a node stays at most until all have heard it [wall s]. For a listener that was held up,
 # DDS repairs 256 messages of a topic with every heartbeat: 3 s, or 0.02 s by setup/fastdds.xml.
 LAST_WORDS = 60.0
-HURRIED = 5.0  # the same when somebody has interrupted it, or for one that gives no sign of life
+HURRIED = 5.0  # the same when somebody has interrupted it, or for one that sends no heartbeat
 _ANSWERS = 1.0  # for clients, who may still wait for an answer [wall s]
 _SEVERAL = 50  # callbacks between two looks at who has heard what
 
 
-def stay_until_heard(
+def wait_until_acknowledged(
     node: Node, alive: Alive | None, serve: Callable[[], None], patience: float
 ) -> None:
     """Return as soon as a node was heard, or patience is at an end.
 
     A writer that leaves takes with it what its listeners have not acknowledged, reliable or not. A
-    listener that gives no sign of life is waited for only a few seconds. Nobody tells a node
+    listener that sends no heartbeat is waited for only a few seconds. Nobody tells a node
     whether an answer of its services was heard: it stays for a moment while clients do.
 
     Args:
@@ -44,13 +44,13 @@ def stay_until_heard(
         if not unheard or waited <= 1.0:
             continue
         if not told:
-            node.get_logger().warning(f"stays until all is heard: {names}")
+            node.get_logger().warning(f"awaiting acknowledgement: {names}")
             told = True
         listeners = {name for p in unheard for name in listeners_of(node, p)}
         if alive is not None and alive.presence.lost(listeners, HURRIED, monotonic()):
             break  # was alive once and has been silent for long
     if unheard:
-        node.get_logger().warning(f"leaves, not all heard: {names}")
+        node.get_logger().warning(f"exiting, unacknowledged: {names}")
     until = monotonic() + min(_ANSWERS, patience)
     while monotonic() < until and any(map(node.count_clients, services)):
         serve()

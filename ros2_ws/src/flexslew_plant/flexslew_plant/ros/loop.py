@@ -18,7 +18,7 @@ from rclpy.task import Future
 
 from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.ros.alive import Alive
-from flexslew_plant.ros.farewell import HURRIED, LAST_WORDS, stay_until_heard
+from flexslew_plant.ros.farewell import HURRIED, LAST_WORDS, wait_until_acknowledged
 from flexslew_plant.ros.interrupts import Interrupts
 from flexslew_plant.unbroken import unbroken
 
@@ -79,7 +79,7 @@ class Loop:
         """Let go of the nodes as soon as they were heard, or patience is at an end [wall s]."""
         for node in self._executor.get_nodes():
             alive = self._alive.get(node)
-            stay_until_heard(node, alive, lambda: self._serve(0.0), patience)
+            wait_until_acknowledged(node, alive, lambda: self._serve(0.0), patience)
         self._executor.shutdown()
 
     def leave(self, code: int) -> None:

@@ -1,4 +1,4 @@
-"""The parameters of a node as one settings section: described, checked, some changed in flight."""
+"""The parameters of a node as one settings section: described, checked, some set at run time."""
 
 from array import array
 from collections.abc import Callable, Iterable
@@ -69,7 +69,7 @@ def declared(node: Node, kind: Any, given: dict[str, Any], changeable: Iterable[
         node: whose parameters they are.
         kind: the section.
         given: by the user.
-        changeable: names that may change in flight; the others are read-only.
+        changeable: names that may change at run time; the others are read-only.
 
     Raises:
         BadInput: an unknown parameter or a value that is not allowed.

@@ -72,7 +72,7 @@ class Plant:
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
         now = monotonic()
-        if self._report.one_too_many(now):
+        if self._report.is_duplicate(now):
             return NOTICE / 4
         wait = self.session.poll(now)
         self._realtime.want(self.session.pacing.paced)

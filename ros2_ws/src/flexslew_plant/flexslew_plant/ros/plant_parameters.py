@@ -1,4 +1,4 @@
-"""The parameters of the plant that may change in flight."""
+"""The parameters of the plant that may change at run time."""
 
 from time import monotonic
 from typing import TYPE_CHECKING, Any

@@ -41,7 +41,7 @@ class PlantReport:
         self._rivals: set[str] = set()  # younger plants
         self._met = 0.0  # an older plant [wall s]
 
-    def one_too_many(self, now: float) -> bool:
+    def is_duplicate(self, now: float) -> bool:
         """Return whether another plant was here before; leave as soon as it must have noticed.
 
         Raises:
@@ -61,7 +61,7 @@ class PlantReport:
             self._next = now + 0.5
         rivals = {beat.node for beat in self._alive.presence.younger(self._alive.beat, now)}
         for name in sorted(rivals - self._rivals):
-            words = f"another plant has come to this bench and must leave: {name}"
+            words = f"a second plant has joined this bench and must exit: {name}"
             session.bench.say(Level.WARNING, "rival", words, {"node": name})
         self._rivals = rivals
         if session.waiting_for != self._told:
@@ -69,4 +69,4 @@ class PlantReport:
             if self._told:
                 self._node.get_logger().info(f"waiting for {', '.join(self._told)}")
                 for who in incompatible(self._node, self._heard):
-                    self._node.get_logger().warning(f"asks for a QoS that is not offered: {who}")
+                    self._node.get_logger().warning(f"incompatible QoS requested: {who}")

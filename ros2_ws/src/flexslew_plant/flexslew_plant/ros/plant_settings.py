@@ -9,7 +9,7 @@ class PlantSettings:
     """What the node is given at its start."""
 
     bench: BenchSettings = BenchSettings()
-    rate_factor: NonNegative = 0.0  # 0: as fast as it goes, 1: real time
+    rate_factor: NonNegative = 0.0  # 0: as fast as possible, 1: real time
     answer_timeout: Positive = 2.0  # silence that counts as missed ticks, not paced [wall s]
     controllers: tuple[str, ...] = ()  # must be ready before tick 0, besides the one in charge
     wait_for: tuple[str, ...] = ()  # recorders: nodes that must hear everything from tick 0 on

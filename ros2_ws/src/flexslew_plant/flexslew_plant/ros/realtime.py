@@ -7,7 +7,7 @@ PLANT, CONTROLLER = 2, 1  # priorities: a law that computes too long does not ho
 
 
 class RealTime:
-    """Lets this process go before all that is not real-time, where its user may ask for that.
+    """Gives this process real-time priority where its user is allowed to.
 
     Root may, and who has an `rtprio` limit (limits.conf(5)); for others nothing changes. Without
     it a page that is drawn, or a compiler, holds up a tick now and then where processors are few.

@@ -58,13 +58,13 @@ class SwitchService:
         wanted = round(seconds_of(request.at) / bench.settings.period)
         tick = reply.tick = wanted if 0 < wanted < bench.tick else max(wanted, bench.tick + 1)
         limit = request.max_effort_step if request.strict else inf
-        wish = SwitchRequest(request.controller, tick, request.strict, limit, request.who)
-        reply.message = self._session.switch(wish, monotonic()) or ""
+        asked = SwitchRequest(request.controller, tick, request.strict, limit, request.who)
+        reply.message = self._session.switch(asked, monotonic()) or ""
         self._loop.hurry()
         if not reply.message:
             future = self._loop.future()
             deadline = monotonic() + (request.timeout if request.timeout > 0.0 else inf)
-            self._pending.append(_Pending(wish, deadline, future))
+            self._pending.append(_Pending(asked, deadline, future))
             result = await future
             if result is None:
                 reply.scheduled = True

@@ -132,7 +132,7 @@ class Retargeting(Protocol):
 
 
 @runtime_checkable
-class Inertial(Protocol):
+class ScalableInertia(Protocol):
     """A testbed whose carrier, on which its appendages hang, can be heavier than it says."""
 
     def heavier(self, factor: float) -> "Testbed":

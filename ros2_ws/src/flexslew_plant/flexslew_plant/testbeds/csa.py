@@ -75,7 +75,7 @@ class CsaTestbed:
         return _model(self)
 
     def lanes(self) -> LaneKernel:
-        """Return how many of it fly at once; see lanes.Laned."""
+        """Return the kernel of many in lanes; see lanes.Laned."""
         from flexslew_plant.testbeds import csa_lanes
 
         return csa_lanes.lane_kernel(self.modes)

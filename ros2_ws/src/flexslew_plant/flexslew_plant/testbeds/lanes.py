@@ -14,7 +14,7 @@ LANES = 64  # trials side by side: states and slopes just fit into the first cac
 _LINE = 8  # numbers in a line of the cache
 
 # (t, dt, steps, w): replaces the states by those dt after t [s] with the efforts held, in so many
-# equal steps. w is flat, rows of LANES: states [q, v], efforts, and what `place` puts behind them
+# equal steps. w is flat, rows of LANES: states [q, v], efforts, and what `place` puts after them
 Advance: TypeAlias = Callable[[float, float, int, Vector], None]
 
 

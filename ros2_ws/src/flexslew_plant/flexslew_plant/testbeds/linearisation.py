@@ -11,7 +11,7 @@ from flexslew_plant.arrays import Matrix, Vector
 
 @dataclass(frozen=True)
 class Linearisation:
-    """M x'' + D x' + K x = B u about a rest, in the deviations of the coordinates (14), (15)."""
+    """M x'' + D x' + K x = B u about a rest (Gorinevsky and Vukovich 1998, (14), (15))."""
 
     mass: Matrix  # (n, n)
     damping: Matrix  # (n, n)
@@ -33,7 +33,7 @@ class Linearisation:
         )
 
     def with_feedback(self, kp: Vector, kd: Vector) -> "Linearisation":
-        """Return the loop closed by collocated PD (12), (13): K and D gain the joint gains."""
+        """Return the loop closed by collocated PD (12), (13): Kp added to K, Kd to D."""
         b = self.input_matrix
         return Linearisation(
             self.mass,

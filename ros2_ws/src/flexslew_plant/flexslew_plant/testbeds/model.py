@@ -88,7 +88,7 @@ class Model:
         return (*q, *modes, *(f"{name} rate" for name in (*v, *modes)))
 
     def rest(self, positions: Mapping[str, float]) -> Vector:
-        """Return q at rest with the joints named at these positions, all else zero, shape (n,).
+        """Return q at rest, named joints at these positions, others zero, shape (positions,).
 
         Args:
             positions: joint name to position [rad or m].
@@ -224,7 +224,7 @@ class Model:
         return slice(first, self.positions), slice(self.positions + self.before_modes, None)
 
     def mobility(self, x: Vector, effort: Vector, t: float = 0.0) -> Matrix:
-        """Return how each effort accelerates each joint, shape (joints, actuators)."""
+        """Return d(joint acceleration)/d(effort), (joints, actuators) [1/(kg m^2) or 1/kg]."""
         if self.leading is None:
             n = self.coordinates
             return self.jacobian(x, effort, t)[1][n : n + self.joints]
@@ -252,7 +252,7 @@ class Model:
         return float(0.5 * v @ self.mass_matrix(q, t) @ v)
 
     def momentum(self, x: Vector, t: float = 0.0) -> Vector:
-        """Return dT/dv = M(q) v, shape (n,); its first entry is conserved without yaw torque."""
+        """Return dT/dv = M(q) v, shape (n,); on csa its first is kept without yaw torque."""
         q, v = self.split(x)
         return self.mass_matrix(q, t) @ v
 
@@ -260,7 +260,7 @@ class Model:
         """Return the small motions about the rest at q (14), (15).
 
         Args:
-            q: set point with straight beams, shape (n,).
+            q: at rest, beams straight, shape (positions,).
             t: time at which the model is frozen [s].
         """
         n = self.coordinates

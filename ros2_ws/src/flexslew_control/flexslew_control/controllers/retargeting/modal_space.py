@@ -47,7 +47,7 @@ def space_gains(before: Frozen, weight: float, rate_gain: float) -> Matrix:
     What the modes' efforts do to the platform is not balanced: every motion is on its own.
 
     Args:
-        before: the manoeuvre.
+        before: equations before it.
         weight: R.
         rate_gain: of what has no stiffness, times its inertia [1/s].
     """
@@ -68,7 +68,7 @@ def build(settings: ModalSpace, plant: PlantDescription) -> tuple[Estimator, Sta
     """Return the estimator of small motions and the law.
 
     Raises:
-        BadInput: two efforts do the same, or a motion does not show in the readings.
+        BadInput: two efforts are dependent, or a motion does not show in the readings.
     """
     motion = moving(plant, settings.model)
     before = motion.before()

@@ -41,7 +41,7 @@ class StateFeedback:
 class IntegralFeedback:
     """u = u_ff - Kp x - Kd x' - Ki z, z' = x + Ki^+ (u - sat(u)) / T_t (3-23), (3-52).
 
-    The gains stand outside of the integral, as Kwak's (1989) changing ones do.
+    The gains multiply the integral from outside, as in Kwak (1989).
 
     Args:
         gains: [Kp, Kd, Ki] on all coordinates, SI, shape (m, 3 n).

@@ -20,7 +20,7 @@ class Member:
         stiffness_error: of its EI [-].
         payload_error: of its hub's inertias [-].
         manoeuvre: the slew under the feedback.
-        lever: as how many metres of the tip a radian counts [m/rad].
+        lever: tip deflection that one radian is worth [m/rad].
     """
 
     stiffness_error: float

@@ -8,11 +8,11 @@ is the terminal error (20) of Gorinevsky and Vukovich 1998 on member i. W_i is t
 more duration of tip^2 + (lever angle errors)^2 that Y_i leads to in the closed loop, linearised at
 the goal: an error counts by the vibration that it leaves, not by its unit.
 
-M1 in 25 s, largest residual with EI off by up to 20 %: 0.18 m with 143 N m, on one mode and on
-three. The plan that is exact for one model leaves 0.64 m with 78 N m. The hub's pitch swings to
-1.03 rad on its way to 0.5; kept below 0.8 the residual is 0.22 m, below 0.52 it is 0.28. Time does
-the same as torque. What it costs besides is 0.06 m of nominal residual. More functions than the
-paper's nine gain little and wake the modes that the planner does not know.
+Trial m1 in 25 s, largest residual with EI off by up to 20 %: 0.18 m with 143 N m, on one mode and
+on three. The plan that is exact for one model leaves 0.64 m with 78 N m. The hub's pitch swings to
+1.03 rad on its way to 0.5; kept below 0.8 the residual is 0.22 m, below 0.52 it is 0.28. More
+time helps like torque. What it costs besides is 0.06 m of nominal residual. More functions than the
+paper's nine gain little and excite modes that its model lacks.
 """
 
 from dataclasses import replace
@@ -57,7 +57,7 @@ class RobustFeedforward:
     payload_errors: _Errors = (0.0,)  # of hub_inertia_1 and _2; every pair is a member [-]
     basis: BasisName = "hat"
     functions: Annotated[int, Field(ge=1, le=200)] = 9  # n_u, per joint
-    lever: NonNegative = 5.0  # as how many metres of the tip a radian counts [m/rad]
+    lever: NonNegative = 5.0  # tip deflection that one radian is worth [m/rad]
     rho: Positive = 1.0e-8  # what torque costs [1/(N m)^2]
     joint_range: dict[str, tuple[float, float]] | None = (
         None  # lowest, highest, by joint; null: free

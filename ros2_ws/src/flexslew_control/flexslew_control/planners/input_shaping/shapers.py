@@ -83,7 +83,8 @@ def make_shaper(
     """Return the shaper of one mode.
 
     With K = exp(-zeta pi / sqrt(1 - zeta^2)) (Sung and Joo, eq. 50) at multiples of half the damped
-    period: ZV is (1, K) / (1 + K), ZVD and ZVDD are ZV convolved with itself once and twice.
+    period: ZV is (1, K) / (1 + K), ZVD and ZVDD are ZV convolved with itself once and twice
+    (Singer and Seering 1990).
     EI has one or two humps of height `tolerance` in its sensitivity curve.
 
     Args:

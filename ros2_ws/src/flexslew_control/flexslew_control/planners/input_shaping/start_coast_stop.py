@@ -1,4 +1,4 @@
-"""Start-coast-stop with sin^2 torques, two-impulse shaping and the elastic tracking model (43)."""
+"""Start-coast-stop: sin^2 torques, two-impulse shaping, elastic tracking (Sung and Joo, (43))."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -247,7 +247,7 @@ def _ringing(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict
         why = "only the first mode is shaped, with the damping of shaper_damping"
     return {
         "tip_left_swinging": left,
-        "warning": f"the tip swings on by {left:.3g} m after the end: {why}",
+        "warning": f"the tip vibrates by {left:.3g} m after the end: {why}",
     }
 
 

@@ -134,7 +134,7 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
     """Return the time-optimal slew of the model linearised at the start.
 
     Raises:
-        PlanFailed: it takes too long, or starts with the effort against the way.
+        PlanFailed: it takes too long, or starts away from the goal.
     """
     a, b, conditions = extended(slew)
     goal = abs(slew.distance) / slew.amplitude
@@ -168,7 +168,7 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
             if abs(ahead) < tolerance * duration:
                 break
     if grid.at(np.array([duration]))[0] @ mu < 0.0:
-        raise PlanFailed("the fastest slew of the linear model starts against the way")
+        raise PlanFailed("the fastest slew of the linear model starts backwards")
     found = [_arcs(grid, mu, duration, touching) for touching in (0.0, *_TOUCHING)]
     return LinearOptimum(duration, [arcs for arcs in found if arcs is not None])
 

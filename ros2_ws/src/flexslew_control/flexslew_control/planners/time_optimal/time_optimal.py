@@ -231,7 +231,7 @@ def statement(
     if isinstance(slew, AllDrives) and slew.transcribed:
         return (
             f"the optimum of a transcription on {switches + 1} intervals; its arcs do not settle, "
-            "for some effort hardly matters"
+            "as some effort hardly matters"
         )
     said = (
         f"best of the {switches}-switch family, not time-optimal: the switching function has the "
@@ -243,7 +243,7 @@ def statement(
         return f"{said}; structure: optimal looks for more switches"
     less = duration - faster.duration
     if faster.switches is None:
-        return f"{said}; no slew takes more than {less:.3g} s less"
+        return f"{said}; no slew is more than {less:.3g} s faster"
     return f"{said}; structure: optimal takes {less:.3g} s less with {faster.switches} switches"
 
 

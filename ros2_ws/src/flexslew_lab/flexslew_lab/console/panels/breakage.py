@@ -54,7 +54,7 @@ class _Injection:
         try:
             at = moment("from", given.pop("from", 0.0))
             if 0.0 < at <= self._view.time:
-                raise BadInput(f"from: {at:g} is over: the bench is at {self._view.time:.2f} s")
+                raise BadInput(f"from: {at:g} is past: the bench is at {self._view.time:.2f} s")
             until = {"until": given.pop("until")} if "until" in given else {}
             text = yaml_text({**made(given), **until}, flow=True)
             injected_entry(text, at)
@@ -148,7 +148,7 @@ class ActivePanel:
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
         self._view = desk.view
-        self._which = gui.add_dropdown("Under way", (_NOTHING,))
+        self._which = gui.add_dropdown("Active", (_NOTHING,))
         desk.click(gui.add_button("End it"), self._end)
         self._reply = Reply(desk)
 
@@ -160,6 +160,6 @@ class ActivePanel:
     def _end(self, who: str) -> None:
         number, sign, _ = str(self._which.value).partition(":")
         if not sign or not number.isdigit() or int(number) >= 2**32:
-            self._reply.tell(Told(False, "Under way: there is nothing to end"))
+            self._reply.tell(Told(False, "Active: there is nothing to end"))
             return
         self._reply.ask(topics.END_FAULT, {"number": int(number), "who": who})

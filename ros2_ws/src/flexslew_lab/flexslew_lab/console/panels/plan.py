@@ -125,7 +125,7 @@ class PlanPanel:
             raise BadInput(f"start: is missing; the bench is at {self._view.time:.2f} s")
         start = moment("start", given["start"])
         if start <= self._view.time:
-            raise BadInput(f"start: {start:g} is over: the bench is at {self._view.time:.2f} s")
+            raise BadInput(f"start: {start:g} is past: the bench is at {self._view.time:.2f} s")
         values = {"method": self._method.value, "goal": goal, "start": start, **more}
         if "duration" in given:
             values["duration"] = given["duration"]

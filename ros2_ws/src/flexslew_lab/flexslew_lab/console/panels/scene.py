@@ -29,7 +29,7 @@ class ScenePanel:
         desk.scene.set_up_direction("+z")
         # nothing casts one, yet three maps of them would be drawn for every frame
         desk.scene.configure_default_lights(cast_shadow=False)
-        self._scale = gui.add_slider("Deflection times", 1.0, 50.0, 1.0, 1.0)
+        self._scale = gui.add_slider("Deflection scale", 1.0, 50.0, 1.0, 1.0)
         self._outline_wanted = gui.add_checkbox("Reference as an outline", True)
         for name, direction in _VIEWS.items():
             desk.click(gui.add_button(name), partial(self._look, direction))

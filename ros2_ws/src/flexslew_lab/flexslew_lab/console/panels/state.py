@@ -26,7 +26,7 @@ class StatePanel:
 
 def _table(view: BenchView) -> str:
     now = view.now
-    rate = f"{now.rate_factor:g} times real time" if now.rate_factor else "as fast as it goes"
+    rate = f"{now.rate_factor:g} times real time" if now.rate_factor else "as fast as possible"
     end = f" of {now.last_tick}" if now.last_tick else ""
     brake = "LATCHED until released" if now.brake_latched else "not latched"
     if not now.active and not now.brake_latched and now.state != "not found":

@@ -6,7 +6,7 @@ from flexslew_lab.console.link import Told
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 
-NOBODY = "(nobody there)"
+NOBODY = "(none found)"
 
 
 class SwapPanel:

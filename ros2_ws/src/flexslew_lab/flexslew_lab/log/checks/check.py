@@ -35,7 +35,7 @@ def check_log(path: Path) -> list[Finding]:
     words = f"{sum(overview.counts.values())} messages on {len(overview.counts)} topics"
     findings.append(Finding(True, "checksums, schemas and sequence", words))
     bare = overview.unprotected
-    words = f"a changed number there is not found: {'; '.join(bare)}" if bare else "all of it"
+    words = f"changes there go undetected: {'; '.join(bare)}" if bare else "all of it"
     findings.append(Finding(not bare, "protected by checksums", words))
     whole = overview.cut is None
     detail = (
@@ -52,7 +52,7 @@ def check_log(path: Path) -> list[Finding]:
         Finding(
             bool(ended) and "recovered" not in ended,
             "end of the run",
-            ended.get("recovered", "") or ("recorded" if ended else "the recorder did not say it"),
+            ended.get("recovered", "") or ("recorded" if ended else "not written by the recorder"),
         )
     )
     try:

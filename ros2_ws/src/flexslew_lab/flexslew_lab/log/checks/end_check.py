@@ -33,7 +33,7 @@ def check_ends(
         wrong.append(f"{missing} ticks missing: {where}")
     if newest not in ends:
         wrong.append(
-            f"the plant's last words are missing: it may have flown on from tick {last[newest]}"
+            f"the plant's final event is missing: it may have run on from tick {last[newest]}"
         )
     yield Finding(not wrong, "end of the ticks", "; ".join(wrong) or "as the plant says")
 

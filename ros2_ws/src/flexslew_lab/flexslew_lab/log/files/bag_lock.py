@@ -20,7 +20,7 @@ def lock_folder(folder: Path) -> int:
         handle = lock_file(folder / LOCK_FILE)
     except OSError as error:
         if error.errno in (errno.ELOOP, errno.EISDIR):
-            raise BadInput(f"{folder / LOCK_FILE}: is no file of ours; remove it") from None
+            raise BadInput(f"{folder / LOCK_FILE}: is not a lock file; remove it") from None
         raise
     if handle is None:
         raise BadInput(

@@ -9,7 +9,7 @@ from typing import BinaryIO, NamedTuple
 import zstandard
 
 from flexslew_lab.log.bag_layout import MAGIC
-from flexslew_lab.log.files.read_limits import demand_room
+from flexslew_lab.log.files.read_limits import check_size
 from flexslew_plant.errors import BadInput
 
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
@@ -85,7 +85,7 @@ class RecordStream:
                     self._stop(at, finished, self._why(head, opcode, length, room))
                     return
                 what = "a metadata record" if opcode == METADATA else "a record"
-                demand_room(what, length, f"{self.path}: byte {at}")
+                check_size(what, length, f"{self.path}: byte {at}")
                 body = file.read(length)
                 if opcode == DATA_END:
                     self._check_end(at, body, crc)
@@ -143,7 +143,7 @@ def chunk_content(body: bytes, where: str) -> bytes:
         packed = memoryview(body)[40 + n :]
         if len(packed) != length or end < start:
             raise ValueError("its lengths contradict each other")
-        demand_room("a chunk", size, where)
+        check_size("a chunk", size, where)
         if compression == "zstd":
             data = _unpacked(packed, size)
         elif compression:

@@ -8,7 +8,7 @@ from typing import BinaryIO, NamedTuple
 
 from flexslew_lab.log.bag_layout import MAGIC
 from flexslew_lab.log.files.mcap_scan import FOOTER, Record
-from flexslew_lab.log.files.read_limits import demand_room
+from flexslew_lab.log.files.read_limits import check_size
 from flexslew_plant.errors import BadInput
 
 STATISTICS = 0x0B
@@ -63,7 +63,7 @@ def summary_records(summary: Summary) -> Iterator[Record]:
             opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, summary.end)
             if at + _HEAD.size + length > summary.end:
                 raise BadInput(f"{summary.path}: damaged at byte {at}: a record is cut")
-            demand_room("a record", length, f"{summary.path}: byte {at}")
+            check_size("a record", length, f"{summary.path}: byte {at}")
             yield Record(opcode, file.read(length), at)
             at += _HEAD.size + length
 

@@ -25,7 +25,7 @@ def read_at_most(largest: int) -> None:
     _largest.set(largest)
 
 
-def demand_room(what: str, size: int, source: str) -> None:
+def check_size(what: str, size: int, source: str) -> None:
     """Check that something of a log is not too large to be read.
 
     Args:
@@ -39,7 +39,7 @@ def demand_room(what: str, size: int, source: str) -> None:
     allowed = _largest.get() // _PARTS[what]
     if size > allowed:
         raise BadInput(
-            f"{source}: {what} of {size / MIB:.1f} MiB, allowed are {allowed / MIB:.3g}; "
+            f"{source}: {what} of {size / MIB:.1f} MiB, the limit is {allowed / MIB:.3g}; "
             "if you trust this log, raise the limit with --largest-chunk"
         )
 

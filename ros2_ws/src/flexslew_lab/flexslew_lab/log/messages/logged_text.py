@@ -30,7 +30,7 @@ def logged_yaml(text: str, source: str) -> dict[str, Any]:
     if found is None:
         return {}
     if not isinstance(found, dict):
-        raise BadInput(f"{source}: is a {type(found).__name__}, wanted are keys")
+        raise BadInput(f"{source}: is a {type(found).__name__}, not a mapping")
     return {str(key): value for key, value in found.items()}
 
 
@@ -46,14 +46,14 @@ def logged_json(text: str, source: str) -> dict[str, Any]:
     except ValueError as error:
         raise BadInput(f"{source}: is not JSON: {error}") from None
     if not isinstance(found, dict):
-        raise BadInput(f"{source}: is a {type(found).__name__}, wanted is an object")
+        raise BadInput(f"{source}: is a {type(found).__name__}, not an object")
     _demand_finite(found, source)
     return found
 
 
 def _demand_length(text: str, source: str) -> None:
     if len(text) > LONGEST:
-        raise BadInput(f"{source}: has {len(text)} characters, allowed are {LONGEST}")
+        raise BadInput(f"{source}: has {len(text)} characters, at most {LONGEST}")
 
 
 def _demand_finite(value: Any, source: str, depth: int = 0) -> None:

@@ -14,7 +14,7 @@ from flexslew_lab.log.files.mcap_scan import (
     read_channel,
     read_schema,
 )
-from flexslew_lab.log.files.read_limits import CHANNELS, demand_room
+from flexslew_lab.log.files.read_limits import CHANNELS, check_size
 from flexslew_lab.log.messages.older import upgrade
 from flexslew_lab.log.messages.schemas import MESSAGES, hash_of_schema, type_hash
 from flexslew_plant.errors import BadInput
@@ -34,7 +34,7 @@ class Lookup:
 
     def take(self, record: Record) -> None:
         """Take a schema or a channel."""
-        demand_room("a message definition", len(record.body), str(self.path))
+        check_size("a message definition", len(record.body), str(self.path))
         if max(len(self.schemas), len(self.channels)) > CHANNELS:
             raise BadInput(f"{self.path}: more than {CHANNELS} topics; no bag has so many")
         try:

@@ -25,7 +25,7 @@ from flexslew_plant.settings import plain, yaml_text
 
 
 class BagObserver:
-    """Topics of a run, written tick by tick. Fulfils in_process.Observer.
+    """Topics of a run, written tick by tick. Implements in_process.Observer.
 
     Args:
         writer: of the bag.

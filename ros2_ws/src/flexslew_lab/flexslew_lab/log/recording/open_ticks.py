@@ -26,7 +26,7 @@ class _Question:
 class OpenTicks:
     """Follows questions, answers and missed ticks.
 
-    A log that ends at any moment then holds no question without its answer but the last ones. A
+    So a log cut at any moment lacks answers to its last questions only. A
     controller that never says its state is not waited for after the first time.
     """
 

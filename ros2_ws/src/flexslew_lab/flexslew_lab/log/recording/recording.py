@@ -6,7 +6,7 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.log.recording.recording_order import Ordered, tick_and_epoch
 
-# A kill costs what the system does not have: at most this, and what is on the way to us.
+# A kill loses what the OS does not have: at most this, plus messages in transit.
 _FLUSH_AFTER, _FLUSH_TICKS = 0.5, 25  # [wall s], ticks
 
 
@@ -21,7 +21,7 @@ class Recording:
     def __init__(self, writer: BagWriter, failed: Callable[[str], None]) -> None:
         self._writer, self._failed = writer, failed
         self.stopped = False  # the disk takes no more
-        self.safe = self._written = 0, -1  # epoch and tick of what the system, the chunk has
+        self.safe = self._written = 0, -1  # (epoch, tick) flushed to the OS; put in a chunk
         self._offset = 0, 0  # epoch that is written, and when it began in log time [ns]
         self._next_flush = 0.0  # [wall s]
 

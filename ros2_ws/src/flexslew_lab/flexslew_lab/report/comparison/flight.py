@@ -33,7 +33,7 @@ class Flight:
     applied: Matrix  # (samples, joints) [N m or N]
 
 
-class Tape(Observer):
+class TruthLog(Observer):
     """Keeps the truth."""
 
     def __init__(self) -> None:
@@ -56,11 +56,11 @@ def flown(
         refused = controller.adopt(plan)
         if refused:
             return refused, None
-    tape = Tape()
-    fly(bench, controllers, tape)
+    truth_log = TruthLog()
+    fly(bench, controllers, truth_log)
     # a step has no end of its own
     end = plan.end if plan.duration > 0.0 else longest
-    return "", _measured(tape.truths, plan, (error, payload), end)
+    return "", _measured(truth_log.truths, plan, (error, payload), end)
 
 
 def _measured(truths: list[Truth], plan: Plan, errors: tuple[float, float], end: float) -> Flight:

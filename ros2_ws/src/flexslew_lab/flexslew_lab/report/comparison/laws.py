@@ -11,7 +11,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.retargeting import Retargeting
 from flexslew_lab.metrics.observer import MetricsObserver
-from flexslew_lab.report.comparison.flight import SHOWN, Tape
+from flexslew_lab.report.comparison.flight import SHOWN, TruthLog
 from flexslew_lab.report.comparison.quantities import Quantity, quantities
 from flexslew_lab.trial.in_process import Observer, fly
 from flexslew_lab.trial.trial import (
@@ -29,7 +29,7 @@ from flexslew_plant.bench.events import Event
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.contract import Inertial
+from flexslew_plant.testbeds.contract import ScalableInertia
 from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
 ERRORS = (-0.2, -0.1, 0.1, 0.2)  # of stiffness and inertia, relative [-]
@@ -76,7 +76,7 @@ class LawEntry:
 
     @property
     def nominal(self) -> LawFlight:
-        """The flight on the bench as it is said to be."""
+        """The flight on the nominal bench."""
         return next(flight for flight in self.flights if flight.nominal)
 
 
@@ -185,14 +185,14 @@ def _benches(trial: Trial, errors: Sequence[float]) -> list[_OtherBench]:
     stiffer = [_OtherBench(e, 0.0, trial.testbed.scaled(stiffness=1.0 + e)) for e in errors]
     try:
         heavier = [_OtherBench(0.0, e, _heavier(trial.testbed, 1.0 + e)) for e in errors]
-    except BadInput:  # it cannot be loaded otherwise
+    except BadInput:  # its payload is fixed
         heavier = []
     return [_OtherBench(0.0, 0.0, trial.testbed), *stiffer, *heavier]
 
 
 def _heavier(testbed: Testbed, factor: float) -> Testbed:
     """Return a testbed with another mass and inertia of what carries the appendages."""
-    if isinstance(testbed, Inertial):
+    if isinstance(testbed, ScalableInertia):
         return testbed.heavier(factor)
     return testbed.scaled(payload=factor)
 
@@ -242,23 +242,23 @@ def _flight(
         raise BadInput(refused or controller.reason)
     goes = plan is not None and not np.allclose(plan.position, bench.question.joint_position)
     if goes and not getattr(controller.law, "follows_reference", True):
-        raise BadInput("it holds the rest, and this plan goes somewhere")
-    observer = _Measured(MetricsObserver(bench, plan), Tape())
+        raise BadInput("it only regulates at rest; this plan moves")
+    observer = _Measured(MetricsObserver(bench, plan), TruthLog())
     fly(bench, controllers, observer)
     metrics = observer.metrics.result()
-    return _shown(bench, metrics, observer.tape.truths, plan, other)
+    return _shown(bench, metrics, observer.truth_log.truths, plan, other)
 
 
 class _Measured(Observer):
     """Measures and keeps the truth."""
 
-    def __init__(self, metrics: MetricsObserver, tape: Tape) -> None:
-        self.metrics, self.tape = metrics, tape
+    def __init__(self, metrics: MetricsObserver, truth_log: TruthLog) -> None:
+        self.metrics, self.truth_log = metrics, truth_log
 
     def truth(self, truth: Truth) -> None:
         """Take the state at a tick."""
         self.metrics.truth(truth)
-        self.tape.truth(truth)
+        self.truth_log.truth(truth)
 
     def event(self, event: Event) -> None:
         """Take an event."""
@@ -304,7 +304,7 @@ def _error_names(trial: Trial) -> tuple[tuple[str, str], ...]:
         axes = ("x", "y", "z")
         return (
             *((f"platform, {axis}", "m") for axis in axes),
-            *((f"platform, turn about {axis}", "rad") for axis in axes),
+            *((f"platform, attitude about {axis}", "rad") for axis in axes),
         )
     model = trial.testbed.model()
     return tuple(zip(model.joint_names, model.joint_units, strict=True))

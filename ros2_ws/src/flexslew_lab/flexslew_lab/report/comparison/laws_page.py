@@ -73,7 +73,7 @@ def motion(comparison: LawComparison) -> Group:
     for panel, column in zip(panels, range(len(panels)), strict=True):
         _cut(panel, [_column(entry.nominal, column) for entry in comparison.flown])
     names = legend([entry.name for entry in comparison.flown])
-    return Group("The flights", "On the bench as it is said to be.", panels, names)
+    return Group("The flights", "On the nominal bench.", panels, names)
 
 
 def short_table(comparison: LawComparison) -> tuple[list[str], list[list[Any]]]:

@@ -177,7 +177,7 @@ def compared(
 
 
 def _carries_payload(trial: Trial) -> bool:
-    """Return whether the testbed can be loaded otherwise."""
+    """Return whether the testbed's payload can change."""
     try:
         trial.testbed.scaled(payload=1.0 + PAYLOADS[0])
     except BadInput:

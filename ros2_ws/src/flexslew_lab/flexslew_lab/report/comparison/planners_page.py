@@ -48,7 +48,7 @@ def robustness(comparison: Comparison) -> Group:
         panels.append(panel)
     return Group(
         "Robustness",
-        "What is left on the tip when the bench is not what the planner believes.",
+        "Residual tip deflection when the bench differs from the planner's model.",
         [panel for panel in panels if panel.traces],
         legend([entry.name for entry in comparison.flown]),
     )
@@ -68,7 +68,7 @@ def cost(comparison: Comparison) -> Group:
         _widen(panel, y)
         longest = max(longest, entry.plan.duration)
     panel.x_range = (0.0, 1.06 * longest)
-    bound = Mark("no rigid body is faster", comparison.lower_bound, comparison.lower_bound, "#000")
+    bound = Mark("rigid-body lower bound", comparison.lower_bound, comparison.lower_bound, "#000")
     return Group(
         "Cost in time",
         "The worst residual over all errors of the stiffness against the duration.",
@@ -92,7 +92,7 @@ def motion(comparison: Comparison) -> Group:
             panel.x_title = "time [s]"
             panel.x_range = (float(flight.time[0]), float(flight.time[-1]))
     names = legend([entry.name for entry in comparison.flown])
-    return Group("The flights", "On the bench as it is said to be.", panels, names)
+    return Group("The flights", "On the nominal bench.", panels, names)
 
 
 def columns(comparison: Comparison) -> list[str]:

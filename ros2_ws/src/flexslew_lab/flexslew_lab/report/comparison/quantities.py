@@ -48,12 +48,13 @@ def _numbers(value: Any) -> list[float | None]:
 
 # of a platform that points and its antennas
 _PLATFORM = (
-    Quantity("platform_place", "platform, place, rms", "m", _largest("rms_platform_position")),
+    Quantity("platform_place", "platform position, rms", "m", _largest("rms_platform_position")),
     Quantity(
-        "platform_turn", "platform, turn, rms", "rad", _largest("rms_platform_attitude"), drawn=True
+        "platform_turn", "platform attitude, rms", "rad", _largest("rms_platform_attitude"),
+        drawn=True,
     ),
-    Quantity("peak_place", "platform, place, peak", "m", _norm("peak_platform_position")),
-    Quantity("peak_turn", "platform, turn, peak", "rad", _norm("peak_platform_attitude")),
+    Quantity("peak_place", "platform position, peak", "m", _norm("peak_platform_position")),
+    Quantity("peak_turn", "platform attitude, peak", "rad", _norm("peak_platform_attitude")),
     Quantity(
         "line_of_sight", "line of sight after its turn", "rad", _largest("line_of_sight_error"),
         drawn=True,

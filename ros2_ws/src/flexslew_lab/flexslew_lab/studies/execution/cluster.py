@@ -19,7 +19,7 @@ _CONNECT = 30.0  # patience with the scheduler [wall s]
 
 
 class Cluster:
-    """Fulfils Executor with the workers of a cluster, one chunk for each of their threads.
+    """Implements Executor with the workers of a cluster, one chunk for each of their threads.
 
     A worker that dies loses its chunk; Dask gives it to another one. A chunk whose workers die
     again and again, or that takes longer than all its trials may, is flown one by one; a trial
@@ -139,8 +139,7 @@ class Cluster:
 
     def _gone(self, why: str) -> RunFault:
         return RunFault(
-            f"{self._address}: the cluster is gone: {why}; what was flown is there; "
-            "run the study again"
+            f"{self._address}: the cluster is gone: {why}; results are kept; run the study again"
         )
 
 

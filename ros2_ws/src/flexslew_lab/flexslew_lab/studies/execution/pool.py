@@ -45,7 +45,7 @@ class Executor(Protocol):
 
 
 class Here:
-    """Fulfils Executor in this process, one trial after the other."""
+    """Implements Executor in this process, one trial after the other."""
 
     def __init__(self, job: Job) -> None:
         self._flyer = Flyer(job)
@@ -118,7 +118,7 @@ class _Worker:
 
 
 class Pool:
-    """Fulfils Executor with processes.
+    """Implements Executor with processes.
 
     Args:
         job: what they fly.
@@ -189,7 +189,7 @@ class Pool:
         try:
             message = worker.pipe.recv()
         except (EOFError, OSError):
-            return self._bury(worker)
+            return self._replace(worker)
         worker.heard, worker.patience = monotonic(), self._limit
         if isinstance(message, int):
             worker.now = message if message != _READY else None
@@ -203,7 +203,7 @@ class Pool:
             self._pace.took(worker.size, worker.heard - worker.started)
         return list(message)
 
-    def _bury(self, worker: _Worker) -> list[Flown]:
+    def _replace(self, worker: _Worker) -> list[Flown]:
         """Put what a dead process was at back into the queue; give up a trial that kills twice."""
         self._end(worker)
         self._workers.remove(worker)

@@ -62,7 +62,7 @@ def curves(each: dict[str, Vector], name: str, unit: str) -> go.Figure:
             )
         )
     figure.update_xaxes(title_text=f"{name} [{unit}]")
-    figure.update_yaxes(title_text="share of trials not above", range=[0.0, 1.02])
+    figure.update_yaxes(title_text="share of trials up to x", range=[0.0, 1.02])
     return _finished(figure, max(380, 20 * len(each)))
 
 

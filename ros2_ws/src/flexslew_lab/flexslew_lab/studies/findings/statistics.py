@@ -76,7 +76,7 @@ def success_bound(successes: int, n: int, confidence: float) -> float:
 
 
 def trials_needed(probability: float, confidence: float, failures: int = 0) -> int:
-    """Return how many trials with so many failures show a success probability.
+    """Return how many trials with this many failures show a success probability.
 
     The smallest n with P(at most `failures` of n fail) <= 1 - confidence at that probability.
     852 for 99.73 % at 90 % without a failure.

@@ -37,7 +37,7 @@ def looks(study: Study, samples: pa.Table) -> list[int]:
 def settled(study: Study, store: Store, samples: pa.Table, look: int) -> dict[str, Any] | None:
     """Return what is known if the first `look` samples are enough, else None.
 
-    Every look could be the one that is wrong: each has an equal part of the error allowed.
+    Bonferroni: each look at each variant has an equal share of the error allowed.
     """
     stop = study.settings.stop
     if stop is None:

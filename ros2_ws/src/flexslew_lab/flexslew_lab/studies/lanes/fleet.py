@@ -10,11 +10,11 @@ from flexslew_control.linear_form import LinearForm, linear_form
 from flexslew_lab.metrics.metric import Manoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
-from flexslew_lab.studies.lanes.counted import Counted
 from flexslew_lab.studies.lanes.inputs import aim_of, errors_of, gains_of, schedule_of
+from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
+from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of
 from flexslew_lab.studies.lanes.loop import Matrices, Schedule, lane_loop
 from flexslew_lab.studies.lanes.observers import beginning
-from flexslew_lab.studies.lanes.passengers import Boarding, Passenger, controller_of
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
 from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Vector
@@ -47,35 +47,35 @@ class Lanes:
     study: Study
     plans: Plans
     _prepared: dict[Hashable, _Prepared] = field(init=False, default_factory=dict)
-    _boarding: Boarding = field(init=False)
+    _intake: LaneIntake = field(init=False)
 
     def __post_init__(self) -> None:
         """Prepare to take cases."""
-        self._boarding = Boarding(self.study)
+        self._intake = LaneIntake(self.study)
 
     def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[Flown], list[Case]]]:
         """Yield results, and cases that have to be flown one by one."""
-        groups: dict[Hashable, list[Passenger]] = {}
+        groups: dict[Hashable, list[LaneTrial]] = {}
         others = []
         for case in cases:
-            passenger = self._boarding.passenger(case)
-            if passenger is None:
+            lane = self._intake.lane_trial(case)
+            if lane is None:
                 others.append(case)
                 continue
-            group = groups.setdefault(passenger.alike, [])
-            group.append(passenger)
+            group = groups.setdefault(lane.alike, [])
+            group.append(lane)
             if len(group) == LANES:
-                yield self._flown(groups.pop(passenger.alike))
+                yield self._flown(groups.pop(lane.alike))
         for group in groups.values():
             yield self._flown(group)
         if others:
             yield [], others
 
-    def _flown(self, group: list[Passenger]) -> tuple[list[Flown], list[Case]]:
+    def _flown(self, group: list[LaneTrial]) -> tuple[list[Flown], list[Case]]:
         first = group[0]
         prepared = self._prepare(first)
         if prepared is None:
-            return [], [passenger.case for passenger in group]
+            return [], [lane.case for lane in group]
         form, schedule = prepared.form.law, prepared.schedule
         model, m = first.model, first.model.joints
         states, outputs = form.from_state.shape[1], form.from_output.shape[1]
@@ -107,22 +107,22 @@ class Lanes:
         )
         results, lost = [], []
         far = np.abs(w[: at_rest.size].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
-        counted = Counted(first, rows, schedule, prepared.goal)
-        for k, passenger in enumerate(group):
+        found = LaneMetrics(first, rows, schedule, prepared.goal)
+        for k, lane in enumerate(group):
             if far[k] < _FAR:
-                metrics = counted.metrics(w, k)
-                results.append(Flown(passenger.case.number, metrics, None, "ok", "", "lanes"))
+                metrics = found.metrics(w, k)
+                results.append(Flown(lane.case.number, metrics, None, "ok", "", "lanes"))
             else:
-                lost.append(passenger.case)
+                lost.append(lane.case)
         return results, lost
 
-    def _prepare(self, passenger: Passenger) -> _Prepared | None:
+    def _prepare(self, lane: LaneTrial) -> _Prepared | None:
         """Return what is common to all like this one; None if its law is not linear."""
-        if passenger.alike in self._prepared:
-            return self._prepared[passenger.alike]
-        trial = passenger.trial
+        if lane.alike in self._prepared:
+            return self._prepared[lane.alike]
+        trial = lane.trial
         try:
-            plan = self.plans.of(trial, passenger.asked)
+            plan = self.plans.of(trial, lane.asked)
         except FlexslewError:
             return None  # the bench says why
         controller = controller_of(trial)
@@ -134,7 +134,7 @@ class Lanes:
             return None
         while len(self._prepared) >= _KEPT:
             self._prepared.pop(next(iter(self._prepared)))
-        schedule = schedule_of(passenger, plan, form.law, ticks)
-        made = _Prepared(form, schedule, *aim_of(passenger, plan, form.law))
-        self._prepared[passenger.alike] = made
+        schedule = schedule_of(lane, plan, form.law, ticks)
+        made = _Prepared(form, schedule, *aim_of(lane, plan, form.law))
+        self._prepared[lane.alike] = made
         return made

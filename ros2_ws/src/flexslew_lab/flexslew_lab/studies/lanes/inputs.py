@@ -9,13 +9,13 @@ from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import Manoeuvre
 from flexslew_lab.metrics.settling import settling_band
-from flexslew_lab.studies.lanes.loop import Schedule
-from flexslew_lab.studies.lanes.passengers import (
+from flexslew_lab.studies.lanes.lane_trial import (
     COLLOCATED,
     PER_LANE,
-    Passenger,
+    LaneTrial,
     controller_of,
 )
+from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.trial.trial import Trial, law_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.hardware.disturbances import TimedDisturbance, disturbance_effort
@@ -24,9 +24,9 @@ from flexslew_plant.testbeds.lanes import LANES
 from flexslew_plant.testbeds.model import Model
 
 
-def schedule_of(passenger: Passenger, plan: Plan, form: LawForm, ticks: int) -> Schedule:
+def schedule_of(lane: LaneTrial, plan: Plan, form: LawForm, ticks: int) -> Schedule:
     """Return what is the same in every lane, tick by tick."""
-    trial = passenger.trial
+    trial = lane.trial
     stamps = (stamp_of(k * trial.period) for k in range(ticks + 1))
     time = np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps])
     return Schedule(
@@ -36,7 +36,7 @@ def schedule_of(passenger: Passenger, plan: Plan, form: LawForm, ticks: int) -> 
         *_joint_references(plan, ticks),
         np.ascontiguousarray(form.demand),
         np.ascontiguousarray(form.integrand),
-        _disturbances(trial, passenger.model, ticks),
+        _disturbances(trial, lane.model, ticks),
     )
 
 
@@ -58,22 +58,22 @@ def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
     return total
 
 
-def aim_of(passenger: Passenger, plan: Plan, form: LawForm) -> tuple[Vector, Manoeuvre]:
+def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, Manoeuvre]:
     """Return what the metrics of a group are measured against: from `tip` on, and as a record."""
     goal = manoeuvre_of(plan.position, plan.start, plan.duration)
     assert goal.goal is not None
     rows = (
-        passenger.model.appendages.tip.ravel(),
+        lane.model.appendages.tip.ravel(),
         goal.goal,
         np.sign(goal.way),
         settling_band(goal.way),
-        np.array(passenger.trial.testbed.effort_limit),
+        np.array(lane.trial.testbed.effort_limit),
         np.minimum(form.limit, np.finfo(float).max),
     )
     return np.concatenate(rows), goal
 
 
-def gains_of(lanes: list[Passenger], form: LawForm) -> Vector:
+def gains_of(lanes: list[LaneTrial], form: LawForm) -> Vector:
     """Return kp, ki and kd of every lane, flat."""
     law, _ = law_of(lanes[0].trial.active, lanes[0].trial.controllers[lanes[0].trial.active] or {})
     if law not in COLLOCATED:
@@ -92,7 +92,7 @@ def gains_of(lanes: list[Passenger], form: LawForm) -> Vector:
     return np.ascontiguousarray(np.array(columns).T).ravel()
 
 
-def errors_of(lanes: list[Passenger], outputs: int, readings: int) -> Matrix:
+def errors_of(lanes: list[LaneTrial], outputs: int, readings: int) -> Matrix:
     """Return bias and noise of what the law reads, (readings or 1, outputs LANES)."""
     m, tips = lanes[0].model.joints, len(lanes[0].model.appendages.names)
     widths = (m, m, tips, tips)

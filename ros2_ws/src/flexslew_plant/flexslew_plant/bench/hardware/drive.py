@@ -46,12 +46,12 @@ class Drive:
         kind, words = "", ""
         if command.controller != question.controller:
             asked = question.controller or "nobody, the brake is on"
-            kind, words = "sender", f"{command.controller} answered, asked was {asked}"
+            kind, words = "sender", f"{command.controller} answered, expected {asked}"
         elif command.epoch != question.epoch or command.tick != question.tick:
             kind = "stale"
             words = (
                 f"answer to tick {command.tick} of epoch {command.epoch}, "
-                f"asked was tick {question.tick} of epoch {question.epoch}"
+                f"expected tick {question.tick} of epoch {question.epoch}"
             )
         elif command.effort.shape != self._brake.shape:
             kind = "size"

@@ -1,4 +1,4 @@
-"""Friction in the joints, integrated with the dynamics: stable at any period, and it holds.
+"""Friction in the joints, integrated with the dynamics: stable at any period, also at rest.
 
 Each joint slides under f(v) = c v + F tanh(v / v_c), which is stiff near rest. Over a tick the rest
 of the dynamics accelerates a joint by its mean g, so that v' = g - a f(v) with a its mobility, the
@@ -27,7 +27,7 @@ def slid(v: float, g: float, viscous: float, coulomb: float, speed: float, dt: f
 
     Args:
         v: [rad/s or m/s].
-        g: acceleration without friction.
+        g: acceleration without friction [rad/s^2 or m/s^2].
         viscous: c a [1/s].
         coulomb: F a [rad/s^2 or m/s^2].
         speed: v_c [rad/s or m/s].

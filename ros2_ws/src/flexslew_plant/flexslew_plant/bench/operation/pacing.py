@@ -1,4 +1,4 @@
-"""When the next tick is due: as fast as it goes, or paced by the wall clock."""
+"""When the next tick is due: as fast as possible, or paced by the wall clock."""
 
 from math import inf
 
@@ -18,7 +18,7 @@ class Pacing:
 
     Args:
         period: one tick [simulated s].
-        rate_factor: simulated seconds per wall second; 0: as fast as it goes.
+        rate_factor: simulated seconds per wall second; 0: as fast as possible.
         answer_timeout: silence that counts as missed ticks when not paced [wall s].
     """
 

@@ -18,7 +18,7 @@ from flexslew_plant.bench.operation.run_state import PAUSED, WAITING, Reply, Run
 
 Outgoing: TypeAlias = Measurement | Truth | Event
 
-SILENT = "it gives no sign of life"
+SILENT = "it sends no heartbeat"
 _LOOK = 0.02  # between two looks at who is missing [wall s]
 
 
@@ -28,7 +28,7 @@ class Session:
     Args:
         bench: that is run.
         controllers: that must be ready before tick 0, besides the one in charge.
-        rate_factor: simulated seconds per wall second; 0: as fast as it goes.
+        rate_factor: simulated seconds per wall second; 0: as fast as possible.
         answer_timeout: silence that counts as missed ticks when not paced [wall s].
         autostart: start as soon as all are there.
         missing: returns who must still come before a tick can pass, beyond readiness.
@@ -159,7 +159,7 @@ class Session:
             return Reply(False, f"rate_factor: {rate_factor} is not allowed: 0 (fast) or more")
         self.pacing.set_rate(rate_factor, now)
         self.backlog.paced = self.pacing.paced
-        words = f"rate {rate_factor:g}" if rate_factor else "as fast as it goes"
+        words = f"rate {rate_factor:g}" if rate_factor else "as fast as possible"
         return self._said(Reply(True, words), "rate", words, who, rate_factor=rate_factor)
 
     def note(self, text: str, who: str = "") -> Reply:
@@ -258,7 +258,7 @@ class Session:
         """Return whether another question must wait for somebody who is behind or held up.
 
         Paced it never does. Else a busy machine must not decide whether a switch happens: who is
-        due to take over and gives no sign of life is waited for. So is a recorder: one that is
+        due to take over and sends no heartbeat is waited for. So is a recorder: one that is
         starved of processor time gives none either, and what it does not have is lost if it dies.
         """
         if self.pacing.paced:
@@ -293,7 +293,7 @@ class Session:
             silent = self.presence.silent(name, now)
             if silent and name not in self._gone:
                 self._gone.add(name)
-                words = f"the recorder {name} gives no sign of life; what follows may be lost"
+                words = f"the recorder {name} sends no heartbeat; later data may be lost"
                 self.bench.say(Level.FAULT, "recorder_lost", words, {"recorder": name})
             elif not silent and name in self._gone:
                 self._gone.discard(name)

@@ -154,7 +154,7 @@ def _row(craft: Spacecraft, sensor: SensorPlace, units: Units, key: str) -> Vect
         shown: Vector = _of_all(craft, k, along[None] @ spot.displacement)[0]
         return shown
     if a.shape is None or a.shape.along is None:
-        raise BadInput(f"{key}.appendage: {a.name} is no beam, so its strain is not known")
+        raise BadInput(f"{key}.appendage: {a.name} is not a beam: its strain is unknown")
     at_root = 0.0 if sensor.at is None else sensor.at * units.length
     bent = a.shape.along.spot(at_root).curvature
     fibre = np.array(sensor.fibre) * units.length

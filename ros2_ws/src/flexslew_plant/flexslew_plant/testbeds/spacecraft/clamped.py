@@ -49,7 +49,7 @@ class Clamped(NamedTuple):
 
 
 @runtime_checkable
-class Carrying(Protocol):
+class HasClampedAppendages(Protocol):
     """A testbed whose appendages a law may take one by one."""
 
     def clamped(self, name: str) -> Clamped:
@@ -75,7 +75,7 @@ def platform_inputs(craft: Spacecraft) -> tuple[Matrix, Matrix]:
 
 
 def clamped(craft: Spacecraft, name: str, tips: tuple[str, ...]) -> Clamped:
-    """Return an appendage clamped to the platform; see Carrying.
+    """Return an appendage clamped to the platform; see HasClampedAppendages.
 
     Args:
         craft: the spacecraft.

@@ -15,7 +15,7 @@ class Motions(NamedTuple):
     Args:
         attitude: turn from the goal's attitude, shape (k, 3) [rad].
         turned: turn from the inertial attitude, shape (k, 3) [rad].
-        place: of the body origin in inertia space, shape (k, 3) [m].
+        place: of the body origin in inertial space, shape (k, 3) [m].
         away: the same from where it is at the goal, shape (k, 3) [m].
         tips: elastic displacement of each tip, by appendage, shape (k, 3) [m].
         turns: elastic turn of each tip, by appendage, shape (k, 3) [rad].

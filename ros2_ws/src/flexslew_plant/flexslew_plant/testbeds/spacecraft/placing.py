@@ -11,7 +11,7 @@ from flexslew_plant.testbeds.spacecraft.equations import layout as at
 
 
 def position_unit(drive: Drive) -> str:
-    """Return the unit of the position beside an effort."""
+    """Return the unit of the collocated position."""
     return "m" if drive.unit == "N" else "rad"
 
 

@@ -15,7 +15,7 @@ IDENTITY: Rows = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 @section
 class Inertia:
-    """Entries of an inertia matrix; xy is the entry itself, minus the product of inertia."""
+    """Entries of an inertia matrix: xy is -(product of inertia), the matrix entry."""
 
     xx: float = 0.0
     yy: float = 0.0
@@ -59,7 +59,7 @@ class Motion:
     """A prescribed turn of a hinge, from where the one before has ended."""
 
     to: float | None = None  # angle from the hinge's rest [rad]
-    # instead: where its z shall point, in inertia space with the platform at rest
+    # instead: where its z shall point, in inertial space with the platform at rest
     line_of_sight: Triple | None = None
     duration: Positive  # [s]
     at: NonNegative = 0.0  # when it begins [s]

@@ -16,23 +16,25 @@ _share = unwrap(share)  # plain Python: a few calls are not worth a compilation
 _STILL = np.array([0.0, 0.0, 0.0, 1.0])
 
 
-class Sight(NamedTuple):
+class LineOfSight(NamedTuple):
     """The line of sight of an antenna, its z with its tip's turn, at k times."""
 
     hinge: Vector  # angle from the hinge's rest, (k,) [rad]
-    error: Vector  # between the line of sight and its target in inertia space, (k,) [rad]
+    error: Vector  # between the line of sight and its target in inertial space, (k,) [rad]
     rests: NDArray[np.bool_]  # a turn has ended, and no other one has begun, (k,)
 
 
 @runtime_checkable
-class Sighting(Protocol):
+class HasLinesOfSight(Protocol):
     """A testbed with antennas that turn to targets."""
 
     @property
     def pointing_tolerance(self) -> float:
         """Error of a line of sight that is good enough [rad]."""
 
-    def sights(self, time: Vector, position: Matrix, goal: dict[str, float]) -> dict[str, Sight]:
+    def sights(
+        self, time: Vector, position: Matrix, goal: dict[str, float]
+    ) -> dict[str, LineOfSight]:
         """Return the lines of sight of all antennas that turn, by name.
 
         Args:
@@ -66,8 +68,10 @@ def hinge_turned(a: Appendage, time: Vector) -> tuple[NDArray[np.float64], Vecto
     return axes, angle
 
 
-def sights(craft: Spacecraft, time: Vector, position: Matrix, goal: Vector) -> dict[str, Sight]:
-    """Return the lines of sight of all antennas that turn; see Sighting.
+def sights(
+    craft: Spacecraft, time: Vector, position: Matrix, goal: Vector
+) -> dict[str, LineOfSight]:
+    """Return the lines of sight of all antennas that turn; see HasLinesOfSight.
 
     Args:
         craft: the spacecraft.
@@ -93,7 +97,7 @@ def sights(craft: Spacecraft, time: Vector, position: Matrix, goal: Vector) -> d
         rests = np.zeros(len(time), dtype=bool)
         for m in a.manoeuvres:
             rests = np.where(time >= m.begin, time >= m.begin + m.duration - 1e-9, rests)
-        found[a.name] = Sight(angle, error, rests)
+        found[a.name] = LineOfSight(angle, error, rests)
     return found
 
 

@@ -43,7 +43,7 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     SensorPlace,
     WheelSettings,
 )
-from flexslew_plant.testbeds.spacecraft.sights import Sight, sights
+from flexslew_plant.testbeds.spacecraft.sights import LineOfSight, sights
 from flexslew_plant.testbeds.spacecraft.turning import driven_most, rigid_turn, turning_point
 from flexslew_plant.testbeds.spacecraft.units import UNITS, UnitSystem
 
@@ -133,13 +133,13 @@ class SpacecraftTestbed:
         return replace(self, appendages=changed)
 
     def heavier(self, factor: float) -> "SpacecraftTestbed":
-        """Return it with the platform's mass and inertia times a factor; see contract.Inertial."""
+        """Return it with the platform's mass and inertia times a factor (ScalableInertia)."""
         p = self.platform
         inertia = Inertia(**{key: factor * value for key, value in vars(p.inertia).items()})
         return replace(self, platform=replace(p, mass=factor * p.mass, inertia=inertia))
 
     def turning(self, joint: str, modes: int | None = None) -> "SpacecraftTestbed":
-        """Return the platform turning about a joint's axis, which is its only one.
+        """Return the testbed with this joint alone, pivoting about its axis.
 
         The pivot is the body origin where forces can hold it there, else the centre of mass.
         """
@@ -200,12 +200,14 @@ class SpacecraftTestbed:
         """Return what platform and tips do; see motions.Pointing."""
         return motions(self.craft, position, velocity, self.model().rest(goal))
 
-    def sights(self, time: Vector, position: Matrix, goal: dict[str, float]) -> dict[str, Sight]:
-        """Return where antennas look; see sights.Sighting."""
+    def sights(
+        self, time: Vector, position: Matrix, goal: dict[str, float]
+    ) -> dict[str, LineOfSight]:
+        """Return where antennas look; see sights.HasLinesOfSight."""
         return sights(self.craft, time, position, self.model().rest(goal))
 
     def clamped(self, name: str) -> Clamped:
-        """Return an appendage clamped to the platform; see clamped.Carrying."""
+        """Return an appendage clamped to the platform; see clamped.HasClampedAppendages."""
         return clamped(self.craft, name, self.model().appendages.names)
 
     def unit_sizes(self) -> UnitSizes:

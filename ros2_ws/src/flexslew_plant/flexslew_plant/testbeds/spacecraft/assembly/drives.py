@@ -87,5 +87,5 @@ def spot_on(a: Appendage, d: ActuatorPlace | SensorPlace, units: Units, key: str
     if d.at is None:
         return a.shape.tip
     if a.shape.along is None:
-        raise BadInput(f"{key}.at: {a.name} is no beam; leave it out for the tip")
+        raise BadInput(f"{key}.at: {a.name} is not a beam; leave it out for the tip")
     return a.shape.along.spot(d.at * units.length)

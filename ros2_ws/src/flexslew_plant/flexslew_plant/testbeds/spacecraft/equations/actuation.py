@@ -36,7 +36,7 @@ def _platform_force(
         p, t, x: packed spacecraft, time, state.
         d: where the actuator's block lies.
         u: its effort.
-        own_q, own_v, nq: see kernels.offsets.
+        own_q, own_v, nq: see frames.offsets.
     """
     direction, place = scaled(u, triple(p, d + at.DIRECTION)), triple(p, d + at.AT)
     what, b = p[d + at.WHAT], int(p[d + at.WHOSE])

@@ -3,7 +3,7 @@
 State x = [q, v]:
     q = (R (3), quaternion x y z w (4), driven hinges, wheels, modes),
     v = (V (3), w (3), rates of driven hinges, of wheels, of modes).
-R and the attitude are in inertia space, V and w along body axes. A held platform has none of
+R and the attitude are in inertial space, V and w along body axes. A held platform has none of
 them; a pivoted one has its angle and rate instead.
 """
 

@@ -1,4 +1,4 @@
-"""Equations of motion of a platform with flexible appendages, Kane's form (Sung and Joo, 004).
+"""Equations of motion of a platform with flexible appendages, Kane's form (Sung and Joo).
 
 M(q, t) nu' + h(q, nu, t) = B u. Every appendage is worked in its own axes: with the velocity V_e
 and rate w_e of its frame, s = sum m x, J the inertia and C = sum m x~ Phi at the deflected shape,

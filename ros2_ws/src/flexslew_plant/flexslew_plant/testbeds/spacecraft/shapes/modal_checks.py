@@ -1,4 +1,4 @@
-"""What modal data must fulfil: masses that are, modes that are orthogonal, sums that agree."""
+"""Checks of modal data: positive masses, orthogonal modes, sums that agree."""
 
 from pathlib import Path
 from typing import Any

@@ -11,10 +11,10 @@ from flexslew_plant.bench.bench import Bench, SwitchRequest
 from flexslew_plant.errors import BadInput, RunFault
 
 _LATEST = 1 << 40  # tick of a run without an end
-WISHES = ("switch_requested", "injected", "fault_ended", "brake_requested", "retargeted")
+REQUESTS = ("switch_requested", "injected", "fault_ended", "brake_requested", "retargeted")
 
 
-class FlightAgain:
+class Resimulator:
     """The bench and its controllers, steered by what the events of the log say.
 
     Args:
@@ -31,20 +31,20 @@ class FlightAgain:
             if values != recorded.controllers.get(name)
         }
         self._controllers = LoggedControllers(bag, replaced=other, trial=trial)
-        self._wishes: dict[Key, list[LoggedEvent]] = defaultdict(list)
+        self._requests: dict[Key, list[LoggedEvent]] = defaultdict(list)
         self._afterwards: dict[Key, list[LoggedEvent]] = defaultdict(list)  # a step was refused
         self._missed: set[Key] = set()
         self._refused: set[Key] = set()
         self._asked: Key | None = None  # the newest question of the log that is out
         self._dropped: dict[Key, set[str]] = defaultdict(set)  # not ready when they were due
         self._successors: dict[Key, str] = {}  # who took over from one that was silent
-        self.replayed = dict.fromkeys((*WISHES, "tuned", "missed"), 0)
+        self.replayed = dict.fromkeys((*REQUESTS, "tuned", "missed"), 0)
         self._epochs = len(bag.overview.events)  # each reset is one of them
         for event in bag.overview.events:
             key = event.epoch, event.tick
-            if event.kind in WISHES:
-                wishes = self._afterwards if key in self._refused else self._wishes
-                wishes[key].append(event)
+            if event.kind in REQUESTS:
+                requests = self._afterwards if key in self._refused else self._requests
+                requests[key].append(event)
             elif event.kind == "missed":
                 self._missed.add(key)
             elif event.kind == "switch_refused":
@@ -86,8 +86,8 @@ class FlightAgain:
     def _begin(self, key: Key) -> None:
         """Let happen what was wanted of the controllers and of the bench at this tick."""
         self.replayed["tuned"] += self._controllers.until(key)
-        for wish in self._wishes.pop(key, ()):
-            self._grant(wish)
+        for request in self._requests.pop(key, ()):
+            self._grant(request)
 
     def _fly_tick(self) -> None:
         bench, question = self.bench, self.bench.question
@@ -104,8 +104,8 @@ class FlightAgain:
             answer = predecessor.observe(bench.question) if predecessor else None
             if answer is not None:
                 bench.offer(answer.command)
-        for wish in self._afterwards.pop(key, ()):
-            self._grant(wish)
+        for request in self._afterwards.pop(key, ()):
+            self._grant(request)
         unready = self._unready(key)
         for name in unready:
             bench.note_readiness(name, "the log says so")
@@ -124,16 +124,16 @@ class FlightAgain:
             unready |= possible - ready
         return unready
 
-    def _grant(self, wish: LoggedEvent) -> None:
-        self.replayed[wish.kind] += 1
-        data = wish.data
-        if wish.kind == "injected":
+    def _grant(self, request: LoggedEvent) -> None:
+        self.replayed[request.kind] += 1
+        data = request.data
+        if request.kind == "injected":
             self.bench.inject(data["text"], data["start"])
-        elif wish.kind == "retargeted":
+        elif request.kind == "retargeted":
             self.bench.retarget(data["text"], data["start"])
-        elif wish.kind == "fault_ended":
+        elif request.kind == "fault_ended":
             self.bench.end_fault(data["number"])
-        elif wish.kind == "brake_requested":
+        elif request.kind == "brake_requested":
             self.bench.brake(data["on"])
         else:
             step = data["max_effort_step"]

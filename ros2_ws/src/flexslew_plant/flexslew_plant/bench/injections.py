@@ -19,15 +19,15 @@ from flexslew_plant.faults import Names, Timed, check_fault
 from flexslew_plant.faults.injection import Faults
 from flexslew_plant.settings import plain, yaml_text
 
-Breaking: TypeAlias = TimedDisturbance | Timed
+Injection: TypeAlias = TimedDisturbance | Timed
 Say: TypeAlias = Callable[[Level, str, str, dict[str, Any]], None]
 
 
-def breaking_of(entry: ScheduleEntry, names: Names, period: float, place: str) -> Breaking:
+def injection_of(entry: ScheduleEntry, names: Names, period: float, place: str) -> Injection:
     """Return the disturbance or the fault of an entry, with its ticks.
 
     Args:
-        entry: that is no switch.
+        entry: not a switch.
         names: of the testbed.
         period: of a tick [s].
         place: where it stands, for errors.
@@ -45,7 +45,7 @@ def breaking_of(entry: ScheduleEntry, names: Names, period: float, place: str) -
     return TimedDisturbance(shapes, start, end)
 
 
-class Breakings:
+class Injections:
     """The disturbances and faults of one epoch.
 
     Args:
@@ -63,7 +63,7 @@ class Breakings:
         period: float,
         seed: int,
         epoch: int,
-        known: Sequence[Breaking],
+        known: Sequence[Injection],
         say: Say,
     ) -> None:
         self._names, self._period, self._say = names, period, say
@@ -75,24 +75,24 @@ class Breakings:
             names, seed, epoch, tuple(one for one in known if isinstance(one, Timed))
         )
 
-    def add(self, breaking: Breaking) -> tuple[str, int]:
+    def add(self, injection: Injection) -> tuple[str, int]:
         """Take one more; return what it is in a word, and its number."""
-        self._all.append(breaking)
+        self._all.append(injection)
         number = len(self._all) - 1
-        if isinstance(breaking, Timed):
-            self.faults.add(breaking)
-            return breaking.fault.kind, number
-        self._disturbances.append(breaking)
+        if isinstance(injection, Timed):
+            self.faults.add(injection)
+            return injection.fault.kind, number
+        self._disturbances.append(injection)
         return "disturbance", number
 
     def end(self, number: int, tick: int) -> None:
         """Let one of the active ones end at this tick, or never begin."""
-        breaking = self._all[number]
-        if isinstance(breaking, Timed):
-            self.faults.end(breaking, tick)
+        injection = self._all[number]
+        if isinstance(injection, Timed):
+            self.faults.end(injection, tick)
         else:
-            k = next(k for k, d in enumerate(self._disturbances) if d is breaking)
-            self._disturbances[k] = self._all[number] = breaking._replace(end=tick)
+            k = next(k for k, d in enumerate(self._disturbances) if d is injection)
+            self._disturbances[k] = self._all[number] = injection._replace(end=tick)
         self._ended.add(number)
 
     def active(self, tick: int) -> list[ActiveFault]:
@@ -132,8 +132,8 @@ def _plain_shapes(timed: TimedDisturbance) -> dict[str, Any]:
     }
 
 
-def _words(breaking: Breaking) -> str:
+def _words(injection: Injection) -> str:
     """Return a fault or a disturbance as one line of YAML."""
-    if isinstance(breaking, Timed):
-        return yaml_text(plain(breaking.fault), flow=True).strip()
-    return yaml_text({"disturbance": _plain_shapes(breaking)}, flow=True).strip()
+    if isinstance(injection, Timed):
+        return yaml_text(plain(injection.fault), flow=True).strip()
+    return yaml_text({"disturbance": _plain_shapes(injection)}, flow=True).strip()

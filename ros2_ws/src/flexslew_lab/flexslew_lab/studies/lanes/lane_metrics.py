@@ -11,33 +11,31 @@ from flexslew_lab.metrics.settling import Settling
 from flexslew_lab.metrics.takeovers import Takeovers
 from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_lab.studies.flight import columns_of
+from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule
-from flexslew_lab.studies.lanes.passengers import Passenger
 from flexslew_lab.studies.lanes.rows import Rows, of_lane
 from flexslew_plant.arrays import Vector
 
 _ENDING = Ending([], [], True)
 
 
-class Counted:
+class LaneMetrics:
     """The metrics of trials that flew beside each other; all are measured alike.
 
     Args:
-        passenger: one of them.
+        lane: one of them.
         rows: of the array.
         schedule: that all followed.
         aim: of the manoeuvre.
     """
 
-    def __init__(
-        self, passenger: Passenger, rows: Rows, schedule: Schedule, aim: Manoeuvre
-    ) -> None:
+    def __init__(self, lane: LaneTrial, rows: Rows, schedule: Schedule, aim: Manoeuvre) -> None:
         assert aim.goal is not None
         self._rows, self._goal = rows, aim.goal
         self._ended = bool(schedule.over.any())
-        testbed, time = passenger.trial.testbed, schedule.time
+        testbed, time = lane.trial.testbed, schedule.time
         limit = np.array(testbed.effort_limit)
-        flight = Flight(passenger.model.joint_names, aim, limit, testbed)
+        flight = Flight(lane.model.joint_names, aim, limit, testbed)
         self._tip, self._errors = TipDeflection(flight), JointErrors(flight)
         self._settling, self._efforts = Settling(flight), Efforts(flight)
         self._joints = limit.size

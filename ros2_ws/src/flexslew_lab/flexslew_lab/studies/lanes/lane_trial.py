@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_lab.studies.cases import Case, case_trial
-from flexslew_lab.studies.flight import asks_the_testbed, leaves_nothing, plan_key
+from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.bench.hardware.actuator import ActuatorSettings
@@ -21,7 +21,7 @@ _EXACT = ActuatorSettings()
 COLLOCATED = ("pd_feedforward", "collocated_pid")  # the laws whose gains may
 
 
-class Passenger(NamedTuple):
+class LaneTrial(NamedTuple):
     """A trial that may fly in a lane."""
 
     case: Case
@@ -41,14 +41,14 @@ class _Common(NamedTuple):
     law: str
 
 
-class Boarding:
-    """Turns cases of a study into passengers; keeps what many have in common."""
+class LaneIntake:
+    """Turns cases of a study into lane trials; keeps what many have in common."""
 
     def __init__(self, study: Study) -> None:
         self._study = study
         self._common: dict[int, _Common] = {}  # newest by variant
 
-    def passenger(self, case: Case) -> Passenger | None:
+    def lane_trial(self, case: Case) -> LaneTrial | None:
         """Return a case ready for a lane; None where only the bench can fly it."""
         try:
             trial = case_trial(self._study, case)
@@ -64,7 +64,7 @@ class Boarding:
         steps = kernel.steps(model.packed, trial.period)
         noisy = tuple(bool(channel.noise or channel.bias) for channel in _read_channels(trial))
         alike = (common.law, model.modes, steps, noisy, model.appendages.tip.tobytes())
-        return Passenger(case, trial, common.asked, model, kernel, steps, alike)
+        return LaneTrial(case, trial, common.asked, model, kernel, steps, alike)
 
     def _said(self, variant: int, trial: Trial) -> _Common:
         testbed = trial.testbed
@@ -79,11 +79,11 @@ class Boarding:
             own = {key: value for key, value in own.items() if key not in PER_LANE}
         asked = plan_key(trial)
         shared = [law, own, asked, trial.duration, plain(trial.schedule), testbed.kind]
-        believes = law not in COLLOCATED and not leaves_nothing(own.get("model"), testbed)
+        believes = law not in COLLOCATED and not sets_every_key(own.get("model"), testbed)
         if believes:
             shared.append(plain(testbed))
         common = _Common(source, asked, json.dumps(shared, sort_keys=True))
-        if not (believes or asks_the_testbed(plain(trial.plan), testbed)):
+        if not (believes or uses_testbed(plain(trial.plan), testbed)):
             self._common[variant] = common
         return common
 
