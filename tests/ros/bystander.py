@@ -42,11 +42,11 @@ class Bystander:
         self.tick = -1  # of the newest
         self._context = rclpy.Context()
         self._context.init(domain_id=domain)
-        self._node = rclpy.create_node("bystander", context=self._context)
+        self.node = rclpy.create_node("bystander", context=self._context)
         self._clients: dict[str, Any] = {}  # by service
         self._executor = rclpy.executors.SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._node.create_subscription(
+        self._executor.add_node(self.node)
+        self.node.create_subscription(
             Measurement, MEASUREMENT, self._hear, qos(TOPICS[MEASUREMENT]), raw=True
         )
 
@@ -75,7 +75,7 @@ class Bystander:
     def ask(self, kind: Any, name: str, **request: Any) -> Any:
         """Return the answer of a service."""
         if name not in self._clients:
-            self._clients[name] = self._node.create_client(kind, name)
+            self._clients[name] = self.node.create_client(kind, name)
         client = self._clients[name]
         assert client.wait_for_service(timeout_sec=PATIENCE), name
         future = client.call_async(kind.Request(**request))
@@ -92,7 +92,7 @@ class Bystander:
         self.until(swapped)
 
     def close(self) -> None:
-        self._node.destroy_node()
+        self.node.destroy_node()
         self._context.try_shutdown()
 
 

@@ -59,7 +59,7 @@ ROLES: dict[str, Rights] = {
         request=(*_OPERATE, t.DECIDE_PLAN), call=_PLANS,
     ),
     "console": Rights(
-        publish=(), subscribe=(), call=_PLANS,
+        publish=(t.ALIVE,), subscribe=(t.ALIVE,), call=_PLANS,
         request=(*_OPERATE, t.DECIDE_PLAN, *(t.TUNE.replace("~", law) for law in _LAWS)),
     ),
     "watcher": Rights(  # hidden, of the console

@@ -43,7 +43,7 @@ class ConsoleNode:
     ) -> None:
         os.nice(_NICE)
         self.node = node = new_node("console")
-        loop.add(node)
+        loop.live(node, "console")
         chosen: ConsoleSettings = settings or settings_of(node, ConsoleSettings)
         self._link = LiveLink(node, chosen.folder, chosen.command)
         self._page = Page(self._link, chosen.host, chosen.port, say)

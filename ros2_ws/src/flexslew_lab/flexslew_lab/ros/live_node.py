@@ -79,7 +79,7 @@ class LiveNode:
         except ImportError:
             raise BadInput("live: needs the package foxglove-sdk; pip install it") from None
         self.node = node = new_node("live")
-        loop.add(node)
+        loop.live(node, "live")
         chosen: LiveSettings = settings or settings_of(node, LiveSettings)
         self._websocket = foxglove.websocket
         self._context = context = foxglove.Context()  # its channels close with it

@@ -8,6 +8,7 @@ from rclpy.node import Node
 
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat, Presence
+from flexslew_plant.ros.dead_nodes import process
 from flexslew_plant.ros.offers import publisher, subscription
 
 
@@ -16,12 +17,12 @@ class Alive:
 
     Args:
         node: whose life it is.
-        role: plant, controller, recorder or planner.
+        role: plant, controller, recorder, planner, console or live.
     """
 
     def __init__(self, node: Node, role: str) -> None:
         self.presence = Presence()
-        self.beat = Beat(node.get_name(), role, random.getrandbits(63), time_ns())
+        self.beat = Beat(node.get_name(), role, random.getrandbits(63), time_ns(), process())
         self._message = msg.Alive(**self.beat._asdict())
         self._publisher = publisher(node, topics.ALIVE)
         subscription(node, topics.ALIVE, self._hear)
@@ -42,5 +43,6 @@ class Alive:
 
     def _hear(self, message: msg.Alive) -> None:
         if message.instance != self.beat.instance:
-            beat = Beat(message.node, message.role, message.instance, message.since)
+            m = message
+            beat = Beat(m.node, m.role, m.instance, m.since, m.process)
             self.presence.hear(beat, monotonic())

@@ -10,6 +10,7 @@ from flexslew_plant.bench.events import Level
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.alive import Alive
+from flexslew_plant.ros.dead_nodes import DeadNodes
 from flexslew_plant.ros.graph import incompatible
 
 NOTICE = 1.0  # for an older plant to hear of a newer one [wall s]
@@ -36,6 +37,7 @@ class PlantReport:
     ) -> None:
         self._node, self._session, self._alive = node, session, alive
         self._progress, self._heard = progress, heard
+        self._dead = DeadNodes(node, alive.presence)
         self._next = 0.0  # when to print again [wall s]
         self._told: list[str] = []  # whom it waits for, as logged
         self._rivals: set[str] = set()  # younger plants
@@ -54,8 +56,9 @@ class PlantReport:
         return bool(elder)
 
     def poll(self, now: float) -> None:
-        """Print the progress, and log who is missing and who is one too many."""
+        """Print the progress, log who is missing or one too many; let go of the dead."""
         session = self._session
+        self._dead.poll(now)
         if self._progress and session.run.running and now >= self._next:
             print(f"tick {session.bench.tick} of {session.bench.last_tick}", flush=True)
             self._next = now + 0.5

@@ -11,9 +11,10 @@ class Beat(NamedTuple):
     """One sign of life; see flexslew_msgs/Alive."""
 
     node: str
-    role: str  # plant, controller, recorder or planner
+    role: str  # plant, controller, recorder, planner, console or live
     instance: int  # drawn by the process at its start
     since: int  # when it started [ns of the wall clock]
+    process: str = ""  # PID namespace/id; empty: not known
 
     @property
     def age(self) -> tuple[int, int]:
@@ -50,6 +51,10 @@ class Presence:
     def silent(self, name: str, now: float) -> bool:
         """Return whether a node that gave signs of life gives none any more."""
         return name in self._known and name not in self.alive(now)
+
+    def fallen_silent(self, now: float) -> list[Beat]:
+        """Return the last beats of all that are silent now."""
+        return [beat for beat, at in self._heard.values() if now - at > SILENT_AFTER]
 
     def lost(self, names: Iterable[str], patience: float, now: float) -> set[str]:
         """Return those of these names that were heard once, and not for `patience` [wall s]."""

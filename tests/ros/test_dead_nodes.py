@@ -1,0 +1,106 @@
+"""Nodes that are killed: all others let go of them at once, and nobody is held up by them."""
+
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+from pathlib import Path
+from time import monotonic
+
+import pytest
+
+from flexslew_plant.ros.dead_nodes import died, dispose, process
+
+from .bystander import Bystander, beside
+from .flight import Flight, slew
+from .test_pace import undisturbed
+
+LEASE = 20.0  # until DDS itself lets go of one that is silent [wall s]
+VICTIMS = ("lqr", "planner", "recorder")
+NAMESPACE = process().split("/")[0]
+
+
+def nodes(bench: Bystander) -> set[str]:
+    return set(bench.node.get_node_names())
+
+
+def test_the_killed_leave_the_graph_at_once_and_the_stopped_stay(tmp_path: Path) -> None:
+    passed: list[float] = []  # until all have let go [wall s]
+    stayed: list[bool] = []
+
+    def act(pids: dict[str, int], domain: int) -> None:
+        with beside(domain) as bench:
+            bench.until(lambda: {*VICTIMS, "stopped", "pd_feedforward"} <= nodes(bench))
+            os.kill(pids["stopped"], signal.SIGSTOP)
+            start = monotonic()
+            for victim in VICTIMS:
+                os.kill(pids[victim], signal.SIGKILL)
+            bench.until(lambda: not nodes(bench) & set(VICTIMS))
+            passed.append(monotonic() - start)
+            stayed.append({"plant", "stopped", "pd_feedforward"} <= nodes(bench))
+            os.kill(pids["stopped"], signal.SIGCONT)
+            bench.pass_by(100)
+        raise KeyboardInterrupt
+
+    more = ", lqr: {}, stopped: {law: lqr}"
+    flight = Flight(slew(10_000.0, 1.0, more), tmp_path, 1, act)
+    assert flight.outcome.exit_code == 130
+    assert stayed == [True]
+    assert passed[0] < LEASE / 2, flight.log
+
+
+@pytest.mark.alone
+def test_nobody_is_held_up_by_the_killed(tmp_path: Path) -> None:
+    killed: list[int] = []  # tick
+
+    def act(pids: dict[str, int], domain: int) -> None:
+        killed.clear()
+        with beside(domain) as bench:
+            bench.pass_by(200)
+            for victim in VICTIMS:
+                killed.append(bench.tick)
+                os.kill(pids[victim], signal.SIGKILL)
+                bench.pass_by(4000)
+        raise KeyboardInterrupt
+
+    flight = undisturbed(tmp_path, lambda at: Flight(slew(1e4, 10.0, ", lqr: {}"), at, 1, act))
+    assert flight.outcome.exit_code == 130
+    late = re.findall(r"t = ([\d.]+) s: [\d.]+ s behind the schedule", flight.log)
+    assert all(float(time) < killed[0] * 0.01 for time in late), flight.log
+
+
+def test_only_a_process_of_this_namespace_that_has_ended_is_dead() -> None:
+    child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    name = f"{NAMESPACE}/{child.pid}"
+    try:
+        assert not died(process())
+        assert not died(name)
+        os.kill(child.pid, signal.SIGSTOP)
+        assert not died(name)
+    finally:
+        child.kill()
+    os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)
+    assert died(name)  # nobody has asked how it ended
+    child.communicate()
+    assert died(name)
+    for unknown in ("", "/", f"{NAMESPACE}/", f"{NAMESPACE}/me", f"1/{child.pid}", str(child.pid)):
+        assert not died(unknown), unknown
+
+
+def test_the_message_of_a_leave_is_read_back_as_rtps_has_it() -> None:
+    prefix = bytes(range(12))
+    message = dispose(prefix)
+    assert message[:8] == b"RTPS\x02\x03\x01\x0f"
+    assert message[8:20] == prefix
+    kind, flags, length = struct.unpack_from("<BBH", message, 20)
+    assert (kind, flags, length) == (0x15, 0b11, len(message) - 24)
+    to_qos, reader, writer = struct.unpack_from("<2xH4s4s", message, 24)
+    assert (reader, writer) == (b"\x00\x01\x00\xc7", b"\x00\x01\x00\xc2")
+    at, qos = 28 + to_qos, {}
+    while (parameter := struct.unpack_from("<HH", message, at))[0] != 1:
+        qos[parameter[0]] = message[at + 4 : at + 4 + parameter[1]]
+        at += 4 + parameter[1]
+    assert at + 4 == len(message)
+    assert qos == {0x70: prefix + b"\x00\x00\x01\xc1", 0x71: b"\x00\x00\x00\x03"}
