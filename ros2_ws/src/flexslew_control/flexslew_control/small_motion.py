@@ -127,7 +127,7 @@ def require_balancing(frozen: Frozen, motion: SmallMotion) -> None:
     """Check that B* has full column rank, so that B*^T B* can be inverted (3-5).
 
     Raises:
-        BadInput: it has not; names the efforts that do the same, and the motion that they leave
+        BadInput: it has not; names the dependent efforts, and the motion that they leave
             without a balance.
     """
     left, singular, right = np.linalg.svd(frozen.input_matrix)

@@ -81,7 +81,16 @@ class DesignModel(Protocol):
 
 
 def held_step(system: LinearSystem, gain: Matrix, period: float) -> Matrix:
-    """Return S of z+ = S (z, u, y), exact for z' = (A - K_f C) z + B u + K_f y over a tick."""
+    """Return S of z+ = S (z, u, y), exact for z' = (A - K_f C) z + B u + K_f y over a tick.
+
+    Args:
+        system: A (k, k), B (k, m) and C (p, k).
+        gain: K_f, shape (k, p).
+        period: [s].
+
+    Returns:
+        of shape (k, k + m + p).
+    """
     k, held = len(system.a), np.hstack((system.b, gain))
     both = np.zeros((k + held.shape[1], k + held.shape[1]))
     both[:k, :k], both[:k, k:] = system.a - gain @ system.c, held

@@ -89,6 +89,12 @@ def regulator(a: Matrix, b: Matrix, q: Matrix, r: Matrix) -> tuple[Matrix, Matri
 
     0 = P A + A^T P + Q - P B R^-1 B^T P.
 
+    Args:
+        a: state matrix, shape (k, k).
+        b: input matrix, shape (k, m).
+        q: weights of the states, shape (k, k).
+        r: weights of the efforts, shape (m, m).
+
     Raises:
         BadInput: there is no stabilising solution.
     """

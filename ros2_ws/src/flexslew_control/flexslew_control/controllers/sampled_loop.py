@@ -59,6 +59,16 @@ def collocated_loop(
     """Return the map of one tick under u = s - kp position - kd velocity.
 
     s+ = s - period ki position, for the joints with an integral.
+
+    Args:
+        plant: 2 n states.
+        kp: one gain per joint, shape (joints,).
+        kd: of the same shape.
+        period: [s].
+        ki: of the same shape; none: no integral.
+
+    Returns:
+        of shape (2 n + integrals, 2 n + integrals).
     """
     f, g = plant.step(period)
     closed: Matrix = f - g @ (kp[:, None] * plant.position + kd[:, None] * plant.velocity)
@@ -80,6 +90,9 @@ def integrating_loop(
         kd: of the same shape.
         ki: of the same shape; none: no integral.
         period: [s].
+
+    Returns:
+        of shape (2 n + efforts, 2 n + efforts); without ki (2 n, 2 n).
     """
     f, g = _held(linear.state_matrix, linear.state_input_matrix, period)
     closed: Matrix = f - g @ np.hstack((kp, kd))
@@ -113,7 +126,17 @@ def require_sampled_pd(
 def appendage_loop(
     plant: LinearPlant, observed: OneAppendage, found: SlidingDesign, period: float
 ) -> Matrix:
-    """Return the map of one tick of plant and observer under output feedback control."""
+    """Return the map of one tick of plant and observer under output feedback control.
+
+    Args:
+        plant: 2 n states.
+        observed: the appendage, k states.
+        found: its surface and observer.
+        period: [s].
+
+    Returns:
+        of shape (2 n + k, 2 n + k).
+    """
     f, g = plant.step(period)
     surface, gain, system = found.surface, found.observer_gain, observed.system
     inverse = np.linalg.inv(surface @ system.b)

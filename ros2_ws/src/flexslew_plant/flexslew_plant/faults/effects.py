@@ -57,7 +57,7 @@ class Situation:
     Args:
         names: joints and appendages of the testbed.
         happens: draws whether an event of this probability occurs now.
-        deliver_later: hands an answer to the drive some ticks later, before or behind that tick's
+        deliver_later: hands an answer to the drive some ticks later, before or after that tick's
             own answer.
         demand, effort: what was last asked of the motors, and what they last gave, (joints,).
     """

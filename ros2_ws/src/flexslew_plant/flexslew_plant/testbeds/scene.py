@@ -45,7 +45,7 @@ class Joint(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """Where an antenna looks, and where it shall: unit vectors from the origin of its frame."""
+    """Where an antenna points, and where it should: unit vectors from the origin of its frame."""
 
     frame: str
     look: tuple[float, float, float]  # in the frame

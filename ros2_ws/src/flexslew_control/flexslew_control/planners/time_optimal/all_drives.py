@@ -85,7 +85,7 @@ class AllDrives:
         return self.signs * self.amplitude
 
     def linearised(self, durations: Vector) -> tuple[Vector, Matrix]:
-        """Return what misses the goal and its derivatives by the durations."""
+        """Return what misses the goal (2 n,) and its derivatives by the durations (2 n, arcs)."""
         efforts = self.efforts(durations.size)
         x, slopes = final_sensitivity(*self.ensemble, self.start, efforts, durations, self.step)
         return x - self.goal, slopes

@@ -160,13 +160,13 @@ class BangBang:
         )
 
     def residual(self, durations: Vector, scale: float = 1.0) -> Vector:
-        """Return what misses the end conditions, divided by scale."""
+        """Return what misses the end conditions, divided by scale, shape (rows,)."""
         efforts = self.efforts(durations.size, scale)
         z = final_states(*self.ensemble, self.start, efforts, durations, self.step)
         return self._missed(z.ravel(), scale)
 
     def linearised(self, durations: Vector, scale: float = 1.0) -> tuple[Vector, Matrix]:
-        """Return the residual and its derivatives by the durations, dr/dd."""
+        """Return the residual (rows,) and its derivatives by the durations (rows, arcs)."""
         efforts = self.efforts(durations.size, scale)
         z, slopes = final_sensitivity(*self.ensemble, self.start, efforts, durations, self.step)
         return self._missed(z, scale), np.asarray(self.conditions @ slopes / scale)

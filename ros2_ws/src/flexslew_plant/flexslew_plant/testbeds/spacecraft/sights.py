@@ -102,7 +102,7 @@ def sights(
 
 
 def target_directions(a: Appendage, time: Vector) -> Matrix:
-    """Return where an antenna shall look, with the platform at its goal, shape (k, 3).
+    """Return where an antenna should point, with the platform at its goal, shape (k, 3).
 
     Before its first turn that is where it looks at rest; from the begin of a turn on, its target.
     """
