@@ -19,7 +19,7 @@ from .test_pace import undisturbed
 
 LEASE = 20.0  # until DDS itself lets go of one that is silent [wall s]
 VICTIMS = ("lqr", "planner", "recorder")
-NAMESPACE = process().split("/")[0]
+HERE = process().split("/")[0]
 
 
 def nodes(bench: Bystander) -> set[str]:
@@ -71,9 +71,9 @@ def test_nobody_is_held_up_by_the_killed(tmp_path: Path) -> None:
     assert all(float(time) < killed[0] * 0.01 for time in late), flight.log
 
 
-def test_only_a_process_of_this_namespace_that_has_ended_is_dead() -> None:
+def test_only_a_process_of_this_machine_and_namespace_that_has_ended_is_dead() -> None:
     child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
-    name = f"{NAMESPACE}/{child.pid}"
+    name = f"{HERE}/{child.pid}"
     try:
         assert not died(process())
         assert not died(name)
@@ -85,7 +85,9 @@ def test_only_a_process_of_this_namespace_that_has_ended_is_dead() -> None:
     assert died(name)  # nobody has asked how it ended
     child.communicate()
     assert died(name)
-    for unknown in ("", "/", f"{NAMESPACE}/", f"{NAMESPACE}/me", f"1/{child.pid}", str(child.pid)):
+    boot, _, namespace = HERE.partition(":")
+    elsewhere = (f"{boot}:pid:[1]/{child.pid}", f"1-2:{namespace}/{child.pid}")
+    for unknown in ("", "/", f"{HERE}/", f"{HERE}/me", f"/{child.pid}", str(child.pid), *elsewhere):
         assert not died(unknown), unknown
 
 

@@ -7,6 +7,7 @@ so at the same moment hold each other up for 2 s (SharedMemGlobal::open_port_int
 
 import os
 import struct
+from functools import cache
 from pathlib import Path
 from socket import AF_INET, SOCK_DGRAM, socket
 
@@ -49,25 +50,31 @@ class DeadNodes:
                 self._gone.add(beat.instance)
 
     def _prefixes(self, beat: Beat) -> set[bytes]:
-        """Return the GUID prefixes of a process that are still on the graph; see GuidUtils."""
+        """Return the GUID prefixes that a dead node still has on the graph.
+
+        Fast DDS writes the last 16 bits of the process id into them (GuidUtils), which tells the
+        dead one from another of its name.
+        """
         topic = self._node.resolve_topic_name(topics.ALIVE)
-        start = _FAST_DDS, (int(beat.process.split("/")[1]) & 0xFFFF).to_bytes(2, "little")
-        found = (bytes(i.endpoint_gid) for i in self._node.get_publishers_info_by_topic(topic))
-        return {gid[:12] for gid in found if (gid[:2], gid[4:6]) == start}
+        low = (int(beat.process.split("/")[1]) & 0xFFFF).to_bytes(2, "little")
+        wanted = beat.node, self._node.get_namespace(), _FAST_DDS, low
+        found = set()
+        for info in self._node.get_publishers_info_by_topic(topic):
+            gid = bytes(info.endpoint_gid)
+            if (info.node_name, info.node_namespace, gid[:2], gid[4:6]) == wanted:
+                found.add(gid[:12])
+        return found
 
 
 def process() -> str:
-    """Return what this process is known by on this machine: PID namespace/id; empty: by nothing."""
-    try:
-        return f"{_namespace()}/{os.getpid()}"
-    except OSError:
-        return ""
+    """Return what this process is known by: boot and PID namespace/id; empty: by nothing."""
+    return f"{_where()}/{os.getpid()}" if _where() else ""
 
 
 def died(process: str) -> bool:
-    """Return whether a process of this PID namespace has certainly ended."""
-    namespace, _, number = process.partition("/")
-    if not number.isdecimal() or namespace != _namespace():
+    """Return whether a process of this machine and PID namespace has certainly ended."""
+    where, _, number = process.partition("/")
+    if not number.isdecimal() or not where or where != _where():
         return False
     try:
         state = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0]
@@ -104,5 +111,11 @@ def _tell_all(message: bytes, domain: int) -> None:
                 sender.sendto(message, ("127.0.0.1", port))
 
 
-def _namespace() -> str:
-    return os.readlink("/proc/self/ns/pid").strip("pid:[]")
+@cache
+def _where() -> str:
+    """Return this boot of this machine, and the PID namespace; empty where /proc does not say."""
+    try:  # the first namespace has the same number on every machine
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+        return f"{boot}:{os.readlink('/proc/self/ns/pid')}"
+    except OSError:
+        return ""

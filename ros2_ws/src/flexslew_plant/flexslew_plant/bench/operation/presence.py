@@ -14,7 +14,7 @@ class Beat(NamedTuple):
     role: str  # plant, controller, recorder, planner, console or live
     instance: int  # drawn by the process at its start
     since: int  # when it started [ns of the wall clock]
-    process: str = ""  # PID namespace/id; empty: not known
+    process: str = ""  # machine and PID namespace/id; empty: not known
 
     @property
     def age(self) -> tuple[int, int]:
