@@ -67,8 +67,11 @@ def test_nobody_is_held_up_by_the_killed(tmp_path: Path) -> None:
 
     flight = undisturbed(tmp_path, lambda at: Flight(slew(1e4, 10.0, ", lqr: {}"), at, 1, act))
     assert flight.outcome.exit_code == 130
-    late = re.findall(r"t = ([\d.]+) s: [\d.]+ s behind the schedule", flight.log)
-    assert all(float(time) < killed[0] * 0.01 for time in late), flight.log
+    told = re.findall(r"t = ([\d.]+) s: .* is shifted; ([\d.]+) s in all", flight.log)
+    before = [float(total) for time, total in told if float(time) < killed[0] * 0.01]
+    late = float(told[-1][1]) if told else 0.0
+    # a machine's own hitches are short; one wait for a port that two senders make is 2 s
+    assert late - max(before, default=0.0) < 0.5, flight.log
 
 
 def test_only_a_process_of_this_machine_and_namespace_that_has_ended_is_dead() -> None:

@@ -1,4 +1,4 @@
-from flexslew_plant.bench.operation.presence import SILENT_AFTER, Beat, Presence
+from flexslew_plant.bench.operation.presence import BEAT_EVERY, SILENT_AFTER, Beat, Presence
 
 OLD, YOUNG = Beat("a", "controller", 5, 100), Beat("a", "controller", 4, 200)
 
@@ -44,3 +44,12 @@ def test_who_is_silent_for_long_is_lost_and_a_stranger_is_not() -> None:
     presence.hear(OLD, 0.0)
     assert presence.lost(["a", "stranger"], 5.0, 4.0) == set()
     assert presence.lost(["a", "stranger"], 5.0, 6.0) == {"a"}
+
+
+def test_who_misses_a_beat_is_overdue_long_before_it_is_silent() -> None:
+    presence = Presence()
+    presence.hear(OLD, 10.0)
+    assert presence.overdue(10.0 + BEAT_EVERY) == []
+    assert presence.overdue(10.0 + 0.5 * SILENT_AFTER) == [OLD]
+    presence.hear(OLD, 11.0)
+    assert presence.overdue(11.1) == []

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.presence import Beat, Presence
 
-_EVERY = 0.25  # between two looks [wall s]
+_EVERY = 0.1  # between two looks [wall s]; Fast DDS gives up a port after 1 s
 _FAST_DDS = b"\x01\x0f"  # its number as a vendor of RTPS; a GUID begins with it
 _PARTICIPANTS = 120  # that one machine may have per domain
 _LAST_NUMBER = 2**31  # greater than that of any announcement of the dead
@@ -40,7 +40,7 @@ class DeadNodes:
         if now < self._next:
             return
         self._next = now + _EVERY
-        for beat in self._presence.fallen_silent(now):
+        for beat in self._presence.overdue(now):
             if beat.instance in self._gone or not died(beat.process):
                 continue
             prefixes = self._prefixes(beat)

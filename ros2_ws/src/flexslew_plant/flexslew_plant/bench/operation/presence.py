@@ -52,9 +52,9 @@ class Presence:
         """Return whether a node that gave signs of life gives none any more."""
         return name in self._known and name not in self.alive(now)
 
-    def fallen_silent(self, now: float) -> list[Beat]:
-        """Return the last beats of all that are silent now."""
-        return [beat for beat, at in self._heard.values() if now - at > SILENT_AFTER]
+    def overdue(self, now: float) -> list[Beat]:
+        """Return the last beats of all whose next one has not come in time."""
+        return [beat for beat, at in self._heard.values() if now - at > 1.2 * BEAT_EVERY]
 
     def lost(self, names: Iterable[str], patience: float, now: float) -> set[str]:
         """Return those of these names that were heard once, and not for `patience` [wall s]."""
