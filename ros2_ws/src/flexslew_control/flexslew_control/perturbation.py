@@ -138,7 +138,7 @@ def regulator(before: Frozen, state_weight: Matrix, effort_weight: Matrix) -> Re
     """Return the problem of zero order, in the modes of the plant before the manoeuvre (2-60).
 
     Args:
-        before: equations before it.
+        before: the equations before the manoeuvre.
         state_weight: Q on (eta, eta', p), shape (3 n, 3 n).
         effort_weight: R on p', shape (n, n).
     """

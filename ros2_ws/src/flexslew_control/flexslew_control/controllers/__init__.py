@@ -86,7 +86,7 @@ def build_controller(
     Raises:
         BadInput: unknown law, wrong settings, or a design that does not exist.
     """
-    around, own = _around(values, source), law_values(values)
+    common, own = _common_settings(values, source), law_values(values)
     estimator: Estimator
     built: Law
     if law in CONTROLLERS:
@@ -100,20 +100,20 @@ def build_controller(
         found = find_law(law, source, tuple(CONTROLLERS))
         estimator, built = build_user_law(found, law, own, plant, source)
     monitor = None
-    if around.monitor is not None:
+    if common.monitor is not None:
         if not isinstance(estimator, Monitored):
             raise BadInput(
                 f"{source}: monitor: {law} has no innovations to look at; the drive can compare "
                 "its sensors: set plausibility"
             )
-        monitor = Monitor(around.monitor, plant.period)
+        monitor = Monitor(common.monitor, plant.period)
     return Controller(
         name,
         estimator,
         built,
         plant.joint_names,
         plant.period,
-        around.handover_time,
+        common.handover_time,
         requires_plan,
         monitor,
     )
@@ -127,15 +127,15 @@ def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> s
         law: what it runs.
         values: its section of a trial file; defaults are filled in where they are known.
     """
-    around, own = _around(values, law), law_values(values)
+    common, own = _common_settings(values, law), law_values(values)
     known = law in CONTROLLERS
     settings = plain(validated(CONTROLLERS[law].settings, own, law)) if known else own
     derived: dict[str, Any] = {"computed": _arrays(controller.law)}
     if not known:
         derived[LAW_HASH] = code_hash(law)
-    if around.monitor is not None:
-        settings["monitor"] = plain(around.monitor)
-    return yaml_text({**settings, "handover_time": around.handover_time, **derived})
+    if common.monitor is not None:
+        settings["monitor"] = plain(common.monitor)
+    return yaml_text({**settings, "handover_time": common.handover_time, **derived})
 
 
 def law_values(values: dict[str, Any]) -> dict[str, Any]:
@@ -145,7 +145,7 @@ def law_values(values: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _around(values: dict[str, Any], source: str) -> CommonSettings:
+def _common_settings(values: dict[str, Any], source: str) -> CommonSettings:
     """Return the settings of a controller that are not those of its law."""
     own = {key: value for key, value in values.items() if key in CommonSettings.__annotations__}
     return cast(CommonSettings, validated(CommonSettings, own, source))

@@ -273,7 +273,7 @@ def _of_appendage(
         lambda period: appendage_loop(linear, one, found, period),
         plant.period,
         f"output_feedback of {chosen.name}",
-        f"; weight_exponents {list(chosen.weight_exponents)} weigh the fast modes most: the "
+        f"; weight_exponents {list(chosen.weight_exponents)} weigh the fast modes most: "
         "the printed 6.6 (Sung and Joo, (52)) is unusable, take [0, -2]"
         if printed
         else "",

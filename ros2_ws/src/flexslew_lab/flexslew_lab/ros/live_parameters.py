@@ -40,7 +40,7 @@ class LiveParameters:
         )
 
     def poll(self, now: float) -> dict[str, Any]:
-        """Look for nodes and set what was wished for; return what has changed since the last."""
+        """Look for nodes and set what was requested; return what has changed since the last."""
         while self._requests:
             self._set(*self._requests.popleft())
         if now >= self._next_look:

@@ -66,7 +66,7 @@ def _rate(text: str) -> float | None:
     except ValueError:
         rate = math.nan
     if not 0.0 <= rate < math.inf:
-        raise BadInput(f"launch: rate: {text} is not allowed: 0: as fast as possible, 1: real time")
+        raise BadInput(f"launch: rate: {text} is not allowed; 0: as fast as possible, 1: real time")
     return rate
 
 

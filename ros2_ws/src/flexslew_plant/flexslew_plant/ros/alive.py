@@ -43,6 +43,5 @@ class Alive:
 
     def _hear(self, message: msg.Alive) -> None:
         if message.instance != self.beat.instance:
-            m = message
-            beat = Beat(m.node, m.role, m.instance, m.since, m.process)
+            beat = Beat(*(getattr(message, name) for name in Beat._fields))
             self.presence.hear(beat, monotonic())

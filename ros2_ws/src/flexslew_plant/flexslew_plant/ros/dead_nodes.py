@@ -71,9 +71,9 @@ def process() -> str:
     return f"{_where()}/{os.getpid()}" if _where() else ""
 
 
-def died(process: str) -> bool:
+def died(identity: str) -> bool:
     """Return whether a process of this machine and PID namespace has certainly ended."""
-    where, _, number = process.partition("/")
+    where, _, number = identity.partition("/")
     if not number.isdecimal() or not where or where != _where():
         return False
     try:

@@ -252,7 +252,7 @@ class Model:
         return float(0.5 * v @ self.mass_matrix(q, t) @ v)
 
     def momentum(self, x: Vector, t: float = 0.0) -> Vector:
-        """Return dT/dv = M(q) v, shape (n,); on csa its first is kept without yaw torque."""
+        """Return dT/dv = M(q) v, shape (n,); csa conserves the first without yaw torque."""
         q, v = self.split(x)
         return self.mass_matrix(q, t) @ v
 

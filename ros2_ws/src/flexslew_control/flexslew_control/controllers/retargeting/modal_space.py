@@ -47,7 +47,7 @@ def space_gains(before: Frozen, weight: float, rate_gain: float) -> Matrix:
     What the modes' efforts do to the platform is not balanced: every motion is on its own.
 
     Args:
-        before: equations before it.
+        before: the equations before the manoeuvre.
         weight: R.
         rate_gain: of what has no stiffness, times its inertia [1/s].
     """

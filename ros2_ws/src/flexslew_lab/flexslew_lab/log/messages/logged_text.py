@@ -53,7 +53,7 @@ def logged_json(text: str, source: str) -> dict[str, Any]:
 
 def _demand_length(text: str, source: str) -> None:
     if len(text) > LONGEST:
-        raise BadInput(f"{source}: has {len(text)} characters, at most {LONGEST}")
+        raise BadInput(f"{source}: has {len(text)} characters, at most {LONGEST} are allowed")
 
 
 def _demand_finite(value: Any, source: str, depth: int = 0) -> None:
