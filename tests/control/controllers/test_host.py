@@ -6,6 +6,7 @@ import pytest
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.host import Build, ControllerHost, merged
 from flexslew_control.law import PlantDescription
+from flexslew_control.planners import ReferenceOnly, make_plan
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
@@ -120,6 +121,21 @@ def test_a_reset_forgets_what_was_to_be_tuned() -> None:
     for tick in range(20):
         host.observe(question(tick, epoch=1))
     assert not host.events
+
+
+def test_a_plan_is_taken_from_the_next_question_on() -> None:
+    plan = make_plan(ReferenceOnly(start=6.0), CSA)
+    host = ControllerHost("mine", {})
+    assert (host.plans_taken, host.plan_from) == (0, (0, 0))
+    host.adopt(plan)  # kept for the testbed to come
+    host.announce(builder("pd_feedforward", CSA), 2)
+    assert (host.plans_taken, host.plan_from) == (2, (0, 0))
+    for epoch, tick in ((0, 0), (0, 41), (1, 3)):
+        host.observe(question(tick, epoch))
+        assert host.adopt(plan) == ""
+        assert host.plan_from == (epoch, tick + 1)
+    host.announce(builder("pd_feedforward", CSA), 2)  # another plant, in its first epoch
+    assert (host.plans_taken, host.plan_from) == (6, (0, 0))
 
 
 def test_nested_settings_are_merged() -> None:

@@ -16,6 +16,7 @@ from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_of
+from flexslew_lab.replay.logged_controllers import adoptions
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.run import run_trial
@@ -74,14 +75,22 @@ class Operated(Bench):
         return command.tick not in self.unheard and super().offer(command)
 
 
-def record(folder: Path, wishes: Any = (), unheard: Any = ()) -> Path:
-    trial = parse_trial(TRIAL, "test")
+def record(
+    folder: Path, wishes: Any = (), unheard: Any = (), text: str = TRIAL, taken: int = 0
+) -> Path:
+    """Fly with an operator; the controllers take the plan before the question `taken`."""
+    trial = parse_trial(text, "test")
     bench = Operated(bench_settings(trial))
-    bench.wishes, bench.unheard, bench.again = wishes, unheard, False
+    bench.unheard, bench.again = unheard, False
     bench.controllers = controllers = build_controllers(trial, bench, "test")
     plan = plan_of_trial(trial)
-    for controller in controllers.values():
-        controller.adopt(plan)
+    bench.wishes = [*wishes, (taken - 1, lambda _: adopt())]
+
+    def adopt() -> None:
+        assert {controller.adopt(plan) for controller in controllers.values()} == {""}
+
+    if taken == 0:
+        adopt()
     with BagWriter(folder, {"trial": trial_text(trial)}) as writer:
         bench.observer = observer = BagObserver(writer)
         observer.announce(trial, bench, plan, controllers)
@@ -163,6 +172,48 @@ def test_any_session_flies_again_with_the_same_bits(tmp_path: Path, seed: int) -
 def test_nothing_is_planned_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bag = record(tmp_path / "bag")
     monkeypatch.setattr("flexslew_lab.trial.trial.make_plan", None)
+    assert resim(bag).identical
+
+
+PLANNED_LATER = TRIAL.replace("duration: 5.0", "duration: 5.0\n  start: 6.0")
+
+
+def told_later(bag: Path, folder: Path, tick: int, **status: int) -> Path:
+    """Return a log whose recorder first heard of the controllers at a tick."""
+    reader = BagReader(bag)
+    topic = "/controller_status"
+    statuses = [m for m in reader.messages() if m.topic == topic]
+    with BagWriter(folder, {"trial": reader.trial_text}) as writer:
+        for name, kind, stamp, _, data in reader.messages():
+            if name == "/measurement" and decode(kind, data).tick == tick:
+                for late in statuses:
+                    message = decode(late.type, late.data)
+                    for field, value in {"last_tick": tick, **status}.items():
+                        setattr(message, field, value)
+                    writer.write(topic, late.type, encode(late.type, message), stamp)
+            if name != topic:
+                writer.write(name, kind, data, stamp)
+    return folder
+
+
+@pytest.mark.parametrize("heard", [0, 1, 100, 599, 1000])
+@pytest.mark.parametrize("taken", [0, 1, 2, 100, 599])
+def test_a_plan_counts_from_the_question_at_which_it_was_taken_whenever_that_was_heard(
+    tmp_path: Path, taken: int, heard: int
+) -> None:
+    flown = record(tmp_path / "flown", text=PLANNED_LATER, taken=taken)
+    bag = told_later(flown, tmp_path / "bag", max(taken, heard), plan_number=1, plan_tick=taken)
+    assert {a.first for a in adoptions(BagReader(bag))} == {(0, taken)}
+    assert resim(bag).identical
+
+
+@pytest.mark.parametrize("taken", [0, 2, 100, 599])  # it does not tell 1 from 0
+def test_an_older_log_has_the_plan_from_the_tick_after_the_status(
+    tmp_path: Path, taken: int
+) -> None:
+    flown = record(tmp_path / "flown", text=PLANNED_LATER, taken=taken)
+    bag = told_later(flown, tmp_path / "bag", taken, plan_number=0, last_tick=max(taken - 1, 0))
+    assert {a.first for a in adoptions(BagReader(bag))} == {(0, taken)}
     assert resim(bag).identical
 
 

@@ -46,6 +46,8 @@ class ControllerHost:
         self.controller: Controller | None = None
         self.plan: Plan | None = None
         self.epoch = 0  # of the last question
+        self.plans_taken = 0
+        self.plan_from = 0, 0  # epoch and tick of the first question answered with the plan
         self.events: deque[Event] = deque()
         self._build: Build | None = None
         self._unfit = "no testbed announced yet"
@@ -78,7 +80,7 @@ class ControllerHost:
             BadInput: the settings do not fit the first testbed announced.
         """
         first, self._build = self._build is None, build
-        self._tunings, self._appendages = [], appendages
+        self._tunings, self._appendages, self.epoch = [], appendages, 0
         try:
             self.controller = build(self.values)
         except BadInput as error:
@@ -92,6 +94,8 @@ class ControllerHost:
 
     def adopt(self, plan: Plan) -> str:
         """Follow a plan as soon as there is a testbed; return why not, or an empty text."""
+        seen = self.controller.last_tick if self.controller else -1
+        self.plans_taken, self.plan_from = self.plans_taken + 1, (self.epoch, seen + 1)
         self.plan, self._plan_refused = plan, ""
         if self.controller is not None:
             self._plan_refused = self.controller.adopt(plan)

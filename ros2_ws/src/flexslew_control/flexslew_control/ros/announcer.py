@@ -95,6 +95,9 @@ class Announcer:
                 epoch=host.epoch,
                 plan_hash=self.plan_hash,
                 settings=self._settings,
+                plan_number=host.plans_taken,
+                plan_epoch=host.plan_from[0],
+                plan_tick=host.plan_from[1],
             )
         )
 

@@ -23,7 +23,7 @@ class Adoption(NamedTuple):
     """A controller took a plan."""
 
     controller: str
-    seen: Key  # the last tick that it had seen by then; (0, -1): none
+    first: Key  # question that it answered with it
     plan: Plan
 
 
@@ -91,7 +91,7 @@ class LoggedControllers:
         Returns:
             how many were tuned since the call before.
         """
-        while self._due and self._due[0].seen < key:
+        while self._due and self._due[0].first <= key:
             adoption = self._due.pop(0)
             self.by_name[adoption.controller].adopt(adoption.plan)
         tuned = 0
@@ -143,26 +143,30 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
 
 
 def adoptions(bag: BagReader) -> list[Adoption]:
-    """Return who took which plan after which tick, in that order.
+    """Return who took which plan from which question on, in that order.
+
+    A recorder may hear a controller late, so every status says when its plan was taken.
 
     Raises:
         BadInput: a controller says that it follows a plan that is not in the log.
     """
     plans = {p.hash: plan_of(p, str(bag.path)) for p in bag.overview.plans}
-    following: dict[str, str] = {}
+    following: dict[str, tuple[str, int]] = {}
     found = []
     for _, kind, _, _, data in bag.messages(("/controller_status",)):
         status = decode(kind, data)
         name, wanted = status.controller, status.plan_hash
-        if not wanted or following.get(name) == wanted:
+        if not wanted or following.get(name) == (wanted, status.plan_number):
             continue
         if wanted not in plans:
             raise BadInput(
                 f"{bag.path}: {name} follows plan {wanted[:12]}, which is not in the log"
             )
-        following[name] = wanted
-        seen = int(status.epoch), int(status.last_tick)
-        if seen == (0, 0):  # also what a controller says before its first measurement
-            seen = 0, -1
-        found.append(Adoption(name, seen, plans[wanted]))
-    return sorted(found, key=lambda adoption: adoption.seen)
+        following[name] = wanted, status.plan_number
+        first = int(status.plan_epoch), int(status.plan_tick)
+        if not status.plan_number:  # of an older log: what it had seen when it said so
+            first = int(status.epoch), int(status.last_tick) + 1
+            if first == (0, 1):  # also what a controller said before its first measurement
+                first = 0, 0
+        found.append(Adoption(name, first, plans[wanted]))
+    return sorted(found, key=lambda adoption: adoption.first)

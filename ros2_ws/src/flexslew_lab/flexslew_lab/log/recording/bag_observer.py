@@ -63,6 +63,7 @@ class BagObserver:
                 epoch=bench.epoch,
                 plan_hash=digest,
                 settings=settings_text(controller, law, own),
+                plan_number=int(plan is not None),
             )
 
     def question(self, question: Measurement) -> None:
