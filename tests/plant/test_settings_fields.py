@@ -1,6 +1,6 @@
 import math
 
-from flexslew_plant.ros.plant_settings import PlantSettings
+from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.settings_fields import meanings
 
 

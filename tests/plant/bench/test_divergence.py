@@ -11,8 +11,8 @@ from flexslew_plant.bench.divergence import FARTHEST, STABLE_TURN, is_lost
 from flexslew_plant.bench.events import Level
 from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.testbeds.compiled.dynamics import STAGE_WEIGHTS, STEP_WEIGHTS
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.dynamics import STAGE_WEIGHTS, STEP_WEIGHTS
 
 
 def flown(bed: Any, gain: float = 0.0, most: int = 2000) -> None:

@@ -14,7 +14,7 @@ from flexslew_lab.studies.execution.pool import Executor, Here, Pace, Pool
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
-from flexslew_plant.testbeds.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import LANES
 
 LAW = '''
 import os, signal

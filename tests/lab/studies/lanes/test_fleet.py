@@ -12,9 +12,9 @@ from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
+from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.csa_lanes import needed_steps, sine_cosine
-from flexslew_plant.testbeds.lanes import LANES
 
 TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 LAWS: dict[str, dict[str, Any]] = {

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexslew_control.estimators.kalman import corrected, predicted_covariance
 from flexslew_plant.arrays import Matrix, Vector, inlined
-from flexslew_plant.testbeds.bound import bound
+from flexslew_plant.testbeds.compiled.bound import bound
 from flexslew_plant.testbeds.kernels import Kernels
 
 # (belief, t, dt, effort, y, x, P, e): replaces state, covariance and innovation of t [s] by those

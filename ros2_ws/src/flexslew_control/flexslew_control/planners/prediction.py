@@ -10,7 +10,7 @@ from numba import types
 from flexslew_control.plan import Plan
 from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds.bound import ADVANCE
+from flexslew_plant.testbeds.compiled.bound import ADVANCE
 
 WATCHED = 40.0  # after the end of the plan [s]
 

@@ -16,8 +16,8 @@ from flexslew_control.planners.feedforward.shooting import roll_out
 from flexslew_control.planners.progress import Update
 from flexslew_control.planners.trajectories import rest_to_rest
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.compiled.dynamics import STAGES
 from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed
-from flexslew_plant.testbeds.dynamics import STAGES
 from flexslew_plant.testbeds.model import Model
 
 KP, KD = 460.0, 920.0  # the gains (17) [N m/rad, N m s/rad]

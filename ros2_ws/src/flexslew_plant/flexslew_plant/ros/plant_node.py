@@ -13,18 +13,18 @@ from flexslew_plant.bench.operation.backlog import RECORDED_WITHIN
 from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import command_from, measurement_bytes, truth_bytes
-from flexslew_plant.ros.diagnostics import Diagnostics
-from flexslew_plant.ros.display import Display
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop, run_node
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import new_node, settings_of
-from flexslew_plant.ros.plant_parameters import CHANGEABLE, PlantParameters
-from flexslew_plant.ros.plant_report import NOTICE, PlantReport
-from flexslew_plant.ros.plant_services import Services
-from flexslew_plant.ros.plant_settings import PlantSettings
+from flexslew_plant.ros.plant.diagnostics import Diagnostics
+from flexslew_plant.ros.plant.display import Display
+from flexslew_plant.ros.plant.parameters import CHANGEABLE, PlantParameters
+from flexslew_plant.ros.plant.report import NOTICE, PlantReport
+from flexslew_plant.ros.plant.services import Services
+from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.ros.realtime import PLANT, RealTime
 from flexslew_plant.settings import plain, yaml_text
 

@@ -20,9 +20,9 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.beam import ClampedFreeBeam
+from flexslew_plant.testbeds.compiled.lanes import LaneKernel
 from flexslew_plant.testbeds.contract import ShapedMotion
 from flexslew_plant.testbeds.kernels import Kernels
-from flexslew_plant.testbeds.lanes import LaneKernel
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import POINTS, Scene, turntable
 

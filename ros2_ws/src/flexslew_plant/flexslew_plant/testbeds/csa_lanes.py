@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, vectorised
-from flexslew_plant.testbeds.lane_steps import STAGES, OnRows, order_five
-from flexslew_plant.testbeds.lanes import LANES, Advance, LaneKernel
+from flexslew_plant.testbeds.compiled.lane_steps import STAGES, OnRows, order_five
+from flexslew_plant.testbeds.compiled.lanes import LANES, Advance, LaneKernel
 
 # pi / 2 in three parts, the first two short, so that multiples of them are exact (Cody and Waite)
 _P1, _P2, _P3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21

@@ -9,7 +9,7 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
-from flexslew_plant.testbeds.bound import Bound, bound
+from flexslew_plant.testbeds.compiled.bound import Bound, bound
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.linearisation import Linearisation
 

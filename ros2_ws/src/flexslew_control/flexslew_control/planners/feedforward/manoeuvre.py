@@ -10,7 +10,7 @@ from flexslew_control.planners.feedforward.shooting import final_sensitivity, ro
 from flexslew_control.planners.slew import Slew
 from flexslew_control.planners.trajectories import Profile, rest_to_rest
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.dynamics import STAGE_TIMES, STAGES
+from flexslew_plant.testbeds.compiled.dynamics import STAGE_TIMES, STAGES
 from flexslew_plant.testbeds.model import Model
 
 _STEP_ANGLE = 0.95  # largest step times fastest closed-loop rate [-]: error in Y below 1e-8

@@ -9,8 +9,13 @@ So the kernels know neither the reference nor the basis of the feedforward.
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds import dynamics, interface, mass
-from flexslew_plant.testbeds.dynamics import STAGE_TIMES, STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
+from flexslew_plant.testbeds.compiled import dynamics, interface, mass
+from flexslew_plant.testbeds.compiled.dynamics import (
+    STAGE_TIMES,
+    STAGE_WEIGHTS,
+    STAGES,
+    STEP_WEIGHTS,
+)
 from flexslew_plant.testbeds.kernels import Kernels
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds import interface
+from flexslew_plant.testbeds.compiled import interface
 from flexslew_plant.testbeds.contract import shaped_motion
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds import dynamics
-from flexslew_plant.testbeds.dynamics import STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
+from flexslew_plant.testbeds.compiled import dynamics
+from flexslew_plant.testbeds.compiled.dynamics import STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
 from flexslew_plant.testbeds.kernels import Kernels
 
 Tensor: TypeAlias = NDArray[np.float64]  # three indices

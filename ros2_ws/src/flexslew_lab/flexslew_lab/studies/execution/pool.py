@@ -20,7 +20,7 @@ from typing import Protocol
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.execution.worker import Flyer, Job
 from flexslew_lab.studies.flight import Flown, failed
-from flexslew_plant.testbeds.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import LANES
 
 CHUNK_TIME = 3.0  # of a chunk, aimed at [wall s]
 _LEAST_TIME = 0.05  # of a chunk, where there are enough trials for all [wall s]

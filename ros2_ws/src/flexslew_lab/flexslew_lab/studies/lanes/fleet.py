@@ -20,7 +20,7 @@ from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.testbeds import initial_state
-from flexslew_plant.testbeds.lanes import LANES, flat_zeros
+from flexslew_plant.testbeds.compiled.lanes import LANES, flat_zeros
 
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _KEPT = 32  # laws on a plan that are kept

@@ -20,7 +20,7 @@ from flexslew_lab.trial.trial import Trial, law_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.hardware.disturbances import TimedDisturbance, disturbance_effort
 from flexslew_plant.bench.wire import stamp_of
-from flexslew_plant.testbeds.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
 
 

@@ -13,7 +13,7 @@ from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.bench.hardware.actuator import ActuatorSettings
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.settings import plain
-from flexslew_plant.testbeds.lanes import LaneKernel, lane_kernel
+from flexslew_plant.testbeds.compiled.lanes import LaneKernel, lane_kernel
 from flexslew_plant.testbeds.model import Model
 
 PER_LANE = ("kp", "ki", "kd")  # gains that each lane may have for itself

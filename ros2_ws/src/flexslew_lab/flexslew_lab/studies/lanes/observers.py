@@ -12,8 +12,8 @@ import numpy as np
 from flexslew_control.estimators.kalman_tick import Belief, kalman_tick
 from flexslew_control.linear_form import LinearForm, Observer
 from flexslew_plant.arrays import Vector, compiled, vectorised
+from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.kernels import Kernels
-from flexslew_plant.testbeds.lanes import LANES
 
 # (k, t, dt, constants, Signals, z, memory, filled): takes z to tick k at t [s], at least in the
 # first `filled` lanes

@@ -7,7 +7,7 @@ overlap, and loops over lanes become vector instructions without a look.
 from typing import NamedTuple
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.testbeds.lanes import LANES
+from flexslew_plant.testbeds.compiled.lanes import LANES
 
 
 class Sizes(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from flexslew_plant.arrays import Matrix, Vector, called, compiled, inlined
-from flexslew_plant.testbeds import interface, mass
+from flexslew_plant.testbeds.compiled import interface, mass
 from flexslew_plant.testbeds.kernels import Kernels
 
 # Dormand and Prince's method of order 8, without its error estimate: 12 stages

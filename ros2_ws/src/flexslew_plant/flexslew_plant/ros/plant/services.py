@@ -13,7 +13,7 @@ from flexslew_plant.bench.operation.run_state import Reply
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.ros.switch_service import SwitchService
+from flexslew_plant.ros.plant.switch_service import SwitchService
 
 if TYPE_CHECKING:
     from flexslew_plant.ros.plant_node import Plant

@@ -8,7 +8,7 @@ import numpy as np
 from numba import types
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
-from flexslew_plant.testbeds import dynamics, interface
+from flexslew_plant.testbeds.compiled import dynamics, interface
 from flexslew_plant.testbeds.kernels import Kernels
 
 _VECTOR = types.Array(types.float64, 1, "C")

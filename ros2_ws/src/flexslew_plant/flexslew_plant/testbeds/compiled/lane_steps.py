@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from flexslew_plant.arrays import Vector, vectorised
-from flexslew_plant.testbeds.lanes import Advance
+from flexslew_plant.testbeds.compiled.lanes import Advance
 
 STAGES = 6
 # a_ij of Dormand and Prince (1980), the last row the solution's

@@ -1,0 +1,1 @@
+"""The parts of the plant node: settings, parameters, services, report, display and diagnostics."""
