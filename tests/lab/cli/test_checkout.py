@@ -1,7 +1,9 @@
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+import typer
 
 from flexslew_lab.cli import checkout
 
@@ -17,6 +19,59 @@ def figures():
     with get_context("forkserver").Pool(1) as pool:
         return {"half": pool.apply_async(half, (3.0,)).get(60.0)}
 """
+
+
+FLAKY = """
+from pathlib import Path
+
+
+def test_second_time():
+    seen = Path(__file__).with_suffix(".seen")
+    second = seen.exists()
+    seen.touch()
+    assert second
+"""
+PASSES, FAILS = "def test_passes(): pass", "def test_fails(): assert False"
+
+
+@pytest.mark.parametrize(
+    ("plain", "over_ros", "code", "runs"),
+    [
+        (PASSES, PASSES, 0, 3),
+        (PASSES, FLAKY, 0, 4),
+        (PASSES, FAILS, 1, 4),
+        (FLAKY, PASSES, 1, 3),  # nothing but the code decides there
+        (FLAKY, FLAKY, 1, 4),
+        (PASSES, "import nowhere", 2, 3),
+    ],
+)
+def test_what_fails_over_ros_runs_once_more(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    plain: str,
+    over_ros: str,
+    code: int,
+    runs: int,
+) -> None:
+    (tmp_path / "tests" / "ros").mkdir(parents=True)
+    (tmp_path / "tests" / "test_plain.py").write_text(plain)
+    (tmp_path / "tests" / "ros" / "test_over_ros.py").write_text(over_ros)
+    alone = "import pytest\n\n@pytest.mark.alone\ndef test_alone(): pass"
+    (tmp_path / "tests" / "ros" / "test_alone.py").write_text(alone)
+    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = alone: none beside it\n")
+    calls = []
+
+    def counted(*arguments: str) -> int:
+        calls.append(arguments)
+        return real(*arguments)
+
+    real = checkout._pytest
+    monkeypatch.setattr(checkout, "_root", lambda: tmp_path)
+    monkeypatch.setattr(checkout, "_pytest", counted)
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    with pytest.raises(typer.Exit) as ended:
+        checkout.test(SimpleNamespace(args=[]))
+    assert (ended.value.exit_code, len(calls)) == (code, runs)
 
 
 def test_a_benchmark_may_start_processes(

@@ -13,6 +13,7 @@ from flexslew_lab.cli.terminal import for_people, print_table, say
 from flexslew_plant.errors import BadInput
 
 LONG = ("console", "day", "study_bad_days")  # benchmarks that take long, or much of the machine
+_FAILED = 1  # exit code of pytest: tests ran, and some failed
 
 
 def bench(
@@ -71,19 +72,22 @@ def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
     Without arguments two run side by side, a file at a time: first those that need no ROS, then
-    those over ROS, and at last, alone, those that hold a bench against the wall clock.
+    those over ROS, and at last, alone, those that hold a bench against the wall clock. What has
+    failed over ROS is shown and runs once more, alone: there the machine decides, too.
 
     Example: `./flexslew test tests/plant -k energy`
     """
     if context.args:
         raise typer.Exit(_pytest(*context.args))
     two = ("-n", "2", "--dist", "loadfile")
-    codes = [
-        _pytest(*two, "--ignore", "tests/ros"),
-        _pytest(*two, "tests/ros", "-m", "not alone"),
-        _pytest("tests/ros", "-m", "alone"),
-    ]
-    raise typer.Exit(max(codes))
+    code = _pytest(*two, "--ignore", "tests/ros")
+    over_ros = max(
+        _pytest(*two, "tests/ros", "-m", "not alone"), _pytest("tests/ros", "-m", "alone")
+    )
+    if over_ros == _FAILED:
+        typer.echo("what has failed over ROS, once more:")
+        over_ros = _pytest("tests/ros", "--last-failed", "--last-failed-no-failures", "none")
+    raise typer.Exit(max(code, over_ros))
 
 
 def _pytest(*arguments: str) -> int:
