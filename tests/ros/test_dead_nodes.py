@@ -3,15 +3,10 @@
 import os
 import re
 import signal
-import struct
-import subprocess
-import sys
 from pathlib import Path
 from time import monotonic
 
 import pytest
-
-from flexslew_plant.ros.dead_nodes import died, dispose, process
 
 from .bystander import Bystander, beside
 from .flight import Flight, slew
@@ -19,7 +14,6 @@ from .test_pace import undisturbed
 
 LEASE = 20.0  # until DDS itself lets go of one that is silent [wall s]
 VICTIMS = ("lqr", "planner", "recorder")
-HERE = process().split("/")[0]
 
 
 def nodes(bench: Bystander) -> set[str]:
@@ -72,40 +66,3 @@ def test_nobody_is_held_up_by_the_killed(tmp_path: Path) -> None:
     late = float(told[-1][1]) if told else 0.0
     # a machine's own hitches are short; one wait for a port that two senders make is 2 s
     assert late - max(before, default=0.0) < 0.5, flight.log
-
-
-def test_only_a_process_of_this_machine_and_namespace_that_has_ended_is_dead() -> None:
-    child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
-    name = f"{HERE}/{child.pid}"
-    try:
-        assert not died(process())
-        assert not died(name)
-        os.kill(child.pid, signal.SIGSTOP)
-        assert not died(name)
-    finally:
-        child.kill()
-    os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)
-    assert died(name)  # nobody has asked how it ended
-    child.communicate()
-    assert died(name)
-    boot, _, namespace = HERE.partition(":")
-    elsewhere = (f"{boot}:pid:[1]/{child.pid}", f"1-2:{namespace}/{child.pid}")
-    for unknown in ("", "/", f"{HERE}/", f"{HERE}/me", f"/{child.pid}", str(child.pid), *elsewhere):
-        assert not died(unknown), unknown
-
-
-def test_the_message_of_a_leave_is_read_back_as_rtps_has_it() -> None:
-    prefix = bytes(range(12))
-    message = dispose(prefix)
-    assert message[:8] == b"RTPS\x02\x03\x01\x0f"
-    assert message[8:20] == prefix
-    kind, flags, length = struct.unpack_from("<BBH", message, 20)
-    assert (kind, flags, length) == (0x15, 0b11, len(message) - 24)
-    to_qos, reader, writer = struct.unpack_from("<2xH4s4s", message, 24)
-    assert (reader, writer) == (b"\x00\x01\x00\xc7", b"\x00\x01\x00\xc2")
-    at, qos = 28 + to_qos, {}
-    while (parameter := struct.unpack_from("<HH", message, at))[0] != 1:
-        qos[parameter[0]] = message[at + 4 : at + 4 + parameter[1]]
-        at += 4 + parameter[1]
-    assert at + 4 == len(message)
-    assert qos == {0x70: prefix + b"\x00\x00\x01\xc1", 0x71: b"\x00\x00\x00\x03"}

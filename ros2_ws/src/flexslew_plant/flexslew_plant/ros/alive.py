@@ -8,7 +8,7 @@ from rclpy.node import Node
 
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat, Presence
-from flexslew_plant.ros.dead_nodes import process
+from flexslew_plant.process_identity import own_identity
 from flexslew_plant.ros.offers import publisher, subscription
 
 
@@ -22,7 +22,7 @@ class Alive:
 
     def __init__(self, node: Node, role: str) -> None:
         self.presence = Presence()
-        self.beat = Beat(node.get_name(), role, random.getrandbits(63), time_ns(), process())
+        self.beat = Beat(node.get_name(), role, random.getrandbits(63), time_ns(), own_identity())
         self._message = msg.Alive(**self.beat._asdict())
         self._publisher = publisher(node, topics.ALIVE)
         subscription(node, topics.ALIVE, self._hear)
