@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 from typing import Any
 
-from flexslew_lab.console.link import Drafted, Iterate, Then, Told
+from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
 from flexslew_lab.console.view import BenchView, Controller, Joints
 
 JOINTS = Joints("two", ("a", "b"), ("rad", "m"), ("tip",), (150.0, 20.0), 0.01)
@@ -31,12 +31,12 @@ class FakeLink:
 
     def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
         self.asked.append((service, dict(values)))
-        then(Told(True, "done"))
+        then(RequestResult(True, "done"))
 
     def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
         self.asked.append(("draft_plan", {"request": request, "who": who}))
         told(Iterate(1, 0.5, 1e-3, 2.0))
-        then(Told(True, "drafted"), DRAFT)
+        then(RequestResult(True, "drafted"), DRAFT)
 
     def cancel(self) -> None:
         self.asked.append(("cancel", {}))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexslew_lab.metrics.line_of_sight import LineOfSight
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Manoeuvre
+from flexslew_lab.metrics.metric import Block, Ending, Manoeuvre, RunSetup
 from flexslew_lab.metrics.platform_error import PlatformError
 from flexslew_lab.metrics.vibration import Vibration
 from flexslew_lab.reproduce.scole_flights import shipped
@@ -32,7 +32,7 @@ def measured(kind: Any, testbed: Testbed, q: Matrix, goal: Vector | None = None)
     model = testbed.model()
     names, joints = tuple(model.joint_names), model.joints
     aim = Manoeuvre(0.0, 3.0, np.zeros(joints) if goal is None else goal, np.zeros(joints))
-    metric = kind(Flight(names, aim, np.ones(joints), testbed))
+    metric = kind(RunSetup(names, aim, np.ones(joints), testbed))
     metric.add(
         Block(
             np.arange(len(TIME)), TIME, np.diff(TIME, prepend=0.0), q,

@@ -12,7 +12,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.metrics import KEYS, METRICS, Metric
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Manoeuvre
+from flexslew_lab.metrics.metric import Block, Ending, Manoeuvre, RunSetup
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.metrics.rows import flat
 from flexslew_lab.reproduce.scole_flights import shipped
@@ -31,7 +31,7 @@ class Travel:
 
     KEYS = {"travel": Key("rad or m", False, "total distance travelled by the first joint")}
 
-    def __init__(self, flight):
+    def __init__(self, setup):
         self.way, self.last = 0.0, None
 
     def add(self, block):
@@ -55,7 +55,7 @@ TURNING = shipped(
 ).testbed
 
 
-def flown(name: str, ticks: int, rng: np.random.Generator) -> tuple[Flight, Block]:
+def flown(name: str, ticks: int, rng: np.random.Generator) -> tuple[RunSetup, Block]:
     """Return a run of a shipped trial's testbed under random efforts, its manoeuvre half-way."""
     craft = TURNING if name == "antenna" else load_trial(trial_path(name)).testbed
     model, x = craft.model(), initial_state(craft)
@@ -76,7 +76,7 @@ def flown(name: str, ticks: int, rng: np.random.Generator) -> tuple[Flight, Bloc
         rng.normal(0.0, 0.1, (ticks, len(model.appendages.names))), np.array(joints) - goal,
         time >= manoeuvre.start, time >= manoeuvre.end,
     )  # fmt: skip
-    return Flight(tuple(model.joint_names), manoeuvre, limit, craft), block
+    return RunSetup(tuple(model.joint_names), manoeuvre, limit, craft), block
 
 
 def cut(block: Block, where: list[int]) -> list[Block]:
@@ -99,14 +99,14 @@ def events() -> list[LoggedEvent]:
 @pytest.mark.parametrize("name", METRICS)
 def test_a_metric_does_not_depend_on_how_the_run_is_cut(name: str, kind: str) -> None:
     rng = np.random.default_rng(5)
-    flight, block = flown(kind, 60, rng)
+    setup, block = flown(kind, 60, rng)
     ending = Ending(events(), [], True, ("said",))
-    whole = METRICS[name](flight)
+    whole = METRICS[name](setup)
     whole.add(block)
     expected = flat(whole.result(ending))
     for _ in range(5):
         where = [0, *sorted(rng.choice(np.arange(1, 60), 4, replace=False).tolist()), 60]
-        pieces = METRICS[name](flight)
+        pieces = METRICS[name](setup)
         for piece in cut(block, where):
             pieces.add(piece)
         found = flat(pieces.result(ending))
@@ -119,9 +119,9 @@ def test_a_metric_does_not_depend_on_how_the_run_is_cut(name: str, kind: str) ->
 @pytest.mark.parametrize("kind", ["m1", "time_optimal_oscillator", "scole_s_open", "antenna"])
 @pytest.mark.parametrize("name", METRICS)
 def test_a_metric_says_what_it_promises_in_json(name: str, kind: str) -> None:
-    flight, block = flown(kind, 30, np.random.default_rng(6))
+    setup, block = flown(kind, 30, np.random.default_rng(6))
     for blocks in ([block], []):
-        metric = METRICS[name](flight)
+        metric = METRICS[name](setup)
         for each in blocks:
             metric.add(each)
         found = metric.result(Ending(events(), [2.0], False))
@@ -129,7 +129,7 @@ def test_a_metric_says_what_it_promises_in_json(name: str, kind: str) -> None:
         json.dumps(found, allow_nan=False)
         for key, value in found.items():
             if METRICS[name].KEYS[key].per_joint:
-                assert list(value) == list(flight.joint_names)
+                assert list(value) == list(setup.joint_names)
 
 
 def test_the_page_on_metrics_lists_every_key_with_its_unit_and_meaning() -> None:

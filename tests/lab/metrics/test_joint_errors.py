@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexslew_lab.metrics.joint_errors import JointErrors
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Manoeuvre
+from flexslew_lab.metrics.metric import Block, Ending, Manoeuvre, RunSetup
 from flexslew_lab.reproduce.scole_flights import shipped
 
 
@@ -16,10 +16,10 @@ def test_a_wheel_that_spins_on_is_no_error_at_the_end() -> None:
     v[0, -1] = 0.5  # a mode
     none = np.zeros((1, joints))
     yes = np.ones(1, dtype=bool)
-    flight = Flight(
+    setup = RunSetup(
         tuple(model.joint_names), Manoeuvre(0.0, 1.0, none[0], none[0]), none[0], testbed
     )
-    metric = JointErrors(flight)
+    metric = JointErrors(setup)
     tip = np.zeros((1, len(model.appendages.names)))
     metric.add(Block(np.array([9]), np.array([1.0]), np.ones(1), q, v, none, tip, none, yes, yes))
     assert metric.result(Ending([], [], True))["terminal_error_norm"] == 0.5

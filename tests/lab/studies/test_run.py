@@ -12,7 +12,7 @@ import pytest
 
 from flexslew_lab.studies import store as store_module
 from flexslew_lab.studies.cases import Case, case_of
-from flexslew_lab.studies.execution.pool import Here
+from flexslew_lab.studies.execution.pool import InThisProcess
 from flexslew_lab.studies.findings.summary import passed
 from flexslew_lab.studies.finish import finished, fly_again
 from flexslew_lab.studies.flight import Flown
@@ -22,7 +22,7 @@ from flexslew_lab.studies.study import Study
 from flexslew_plant.errors import BadInput
 
 
-class OneByOne(Here):
+class OneByOne(InThisProcess):
     """Gives every result alone, so that there are many moments to be killed at."""
 
     def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
@@ -57,7 +57,7 @@ def killed_at(moment: int, work: Callable[[], object]) -> None:
 def test_a_study_killed_at_five_moments_ends_with_the_same_table(
     ready: Preparation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = run_study(ready, tmp_path / "whole", Here(ready.job))
+    whole = run_study(ready, tmp_path / "whole", InThisProcess(ready.job))
     monkeypatch.setattr("flexslew_lab.studies.run._PART_TIME", 0.0)
     folder = tmp_path / "killed"
     # three moments for each file: samples, identity and three more come before the first part
@@ -81,19 +81,19 @@ def test_ctrl_c_keeps_what_was_flown(ready: Preparation, tmp_path: Path) -> None
         run_study(ready, tmp_path / "s", Impatient(ready.job))
     seen: list[int] = []
     store = run_study(
-        ready, tmp_path / "s", Here(ready.job), progress=lambda done, _: seen.append(done)
+        ready, tmp_path / "s", InThisProcess(ready.job), progress=lambda done, _: seen.append(done)
     )
     assert seen[0] == 3
     assert (store.statuses(ready.trials) == 1).all()
 
 
 def test_a_finished_study_flies_nothing_again(ready: Preparation, tmp_path: Path) -> None:
-    class Nobody(Here):
+    class Nobody(InThisProcess):
         def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
             assert next(cases, None) is None
             return iter(())
 
-    run_study(ready, tmp_path / "s", Here(ready.job))
+    run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     run_study(ready, tmp_path / "s", Nobody(ready.job))
 
 
@@ -113,38 +113,38 @@ def test_another_study_is_not_resumed_and_the_difference_is_named(
     keys: dict[str, Any],
     words: str,
 ) -> None:
-    store = run_study(ready, tmp_path / "s", Here(ready.job))
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     before = {path: path.read_bytes() for path in store.folder.rglob("*") if path.is_file()}
     other = prepare(study_of(**keys))
     with pytest.raises(BadInput, match=words):
-        run_study(other, tmp_path / "s", Here(other.job))
+        run_study(other, tmp_path / "s", InThisProcess(other.job))
     assert before == {p: p.read_bytes() for p in store.folder.rglob("*") if p.is_file()}
 
 
 def test_other_criteria_are_no_other_study(
     ready: Preparation, study_of: Callable[..., Study], tmp_path: Path
 ) -> None:
-    run_study(ready, tmp_path / "s", Here(ready.job))
+    run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     again = prepare(study_of(criteria={"peak_tip_deflection": {"below": 1.0}}))
-    store = run_study(again, tmp_path / "s", Here(again.job))
+    store = run_study(again, tmp_path / "s", InThisProcess(again.job))
     assert passed(finished(again.study, store))
     harder = prepare(study_of(criteria={"peak_tip_deflection": {"below": 1e-6}}))
-    store = run_study(harder, tmp_path / "s", Here(harder.job))
+    store = run_study(harder, tmp_path / "s", InThisProcess(harder.job))
     assert not passed(finished(harder.study, store))
 
 
 def test_versions_and_law_files_are_part_of_a_study(ready: Preparation, tmp_path: Path) -> None:
-    run_study(ready, tmp_path / "s", Here(ready.job))
+    run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     older = replace(ready)
     older.identity = older.identity | {"versions": older.identity["versions"] | {"numba": "0.1"}}
     with pytest.raises(BadInput, match=r"versions.numba: '.*' there, '0.1' here"):
-        run_study(older, tmp_path / "s", Here(ready.job))
+        run_study(older, tmp_path / "s", InThisProcess(ready.job))
 
 
 def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) -> None:
-    whole = run_study(ready, tmp_path / "whole", Here(ready.job))
+    whole = run_study(ready, tmp_path / "whole", InThisProcess(ready.job))
     for k in (1, 2, 3):
-        run_study(ready, tmp_path / f"shard-{k}", Here(ready.job), Shard(k, 3))
+        run_study(ready, tmp_path / f"shard-{k}", InThisProcess(ready.job), Shard(k, 3))
     _, joined = merged([tmp_path / f"shard-{k}" for k in (3, 1, 2)], tmp_path / "joined")
     assert joined.table_path.read_bytes() == whole.table_path.read_bytes()
     with pytest.raises(BadInput, match="is one of the shards"):
@@ -154,7 +154,7 @@ def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) 
 def test_failed_trials_are_results_and_are_flown_again_on_demand(
     ready: Preparation, tmp_path: Path
 ) -> None:
-    class Clumsy(Here):
+    class Clumsy(InThisProcess):
         def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
             for results in super().fly(cases):
                 yield [
@@ -170,9 +170,9 @@ def test_failed_trials_are_results_and_are_flown_again_on_demand(
     assert metric["failed"] == 3
     assert metric["mean"] is None  # of numbers of which some are unbounded
     assert [w["value"] for w in metric["worst"][:3]] == [None] * 3
-    run_study(ready, tmp_path / "s", Here(ready.job))
+    run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     assert finished(ready.study, store)["failed"] == 3
-    run_study(ready, tmp_path / "s", Here(ready.job), retry_failed=True)
+    run_study(ready, tmp_path / "s", InThisProcess(ready.job), retry_failed=True)
     assert finished(ready.study, store)["failed"] == 0
 
 
@@ -185,7 +185,7 @@ def test_any_trial_flies_again_with_the_same_hash(
             sampling={"method": "sobol", "n": 16},
         )
     )
-    store = run_study(ready, tmp_path / "s", Here(ready.job))
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     hashes = store.table(["trajectory_hash"])["trajectory_hash"].to_pylist()
     assert len(set(hashes)) == 32
     for number in np.random.default_rng(5).choice(32, size=6, replace=False).tolist():
@@ -199,7 +199,7 @@ def test_a_study_stops_when_a_quantile_is_known(
 ) -> None:
     stop = {"metric": "peak_tip_deflection", "quantile": 0.5, "half_width": 0.01}
     ready = prepare(study_of(sampling={"method": "random", "n": 400}, stop=stop))
-    store = run_study(ready, tmp_path / "s", Here(ready.job))
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
     found = finished(ready.study, store)
     assert found["stopped"]["samples"] == found["trials"] == 64
     assert found["stopped"]["half_width"] <= 0.01

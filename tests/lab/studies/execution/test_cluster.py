@@ -5,7 +5,7 @@ import pytest
 
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.execution.cluster import Cluster
-from flexslew_lab.studies.execution.pool import Here
+from flexslew_lab.studies.execution.pool import InThisProcess
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation
 from flexslew_plant.errors import BadInput, RunFault
@@ -15,7 +15,7 @@ distributed = pytest.importorskip("distributed")
 
 def test_a_cluster_that_loses_its_workers_flies_the_same(ready: Preparation) -> None:
     cases = [case_of(ready.study, ready.samples, k) for k in range(ready.trials)]
-    alone = {r.number: r for results in Here(ready.job).fly(iter(cases)) for r in results}
+    alone = {r.number: r for results in InThisProcess(ready.job).fly(iter(cases)) for r in results}
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
     ) as local:

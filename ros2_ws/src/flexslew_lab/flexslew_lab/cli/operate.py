@@ -14,7 +14,7 @@ from flexslew_lab.trial.domain import bench_domain
 from flexslew_plant.errors import BadInput, FlexslewError
 
 if TYPE_CHECKING:
-    from flexslew_lab.ros.operator import Operator, Told
+    from flexslew_lab.ros.operator import Operator, Reply
 
 _BY_HAND = 1.5  # patience where no run has left its domain [wall s]
 
@@ -142,7 +142,7 @@ def _bench(namespace: str) -> Iterator["Operator"]:
             raise FlexslewError(f"{error}{hint}") from None
 
 
-def _done(namespace: str, ask: Callable[["Operator"], "Told"]) -> None:
+def _done(namespace: str, ask: Callable[["Operator"], "Reply"]) -> None:
     """Print what the bench answers; leave with exit code 1 if it refuses."""
     with _bench(namespace) as bench:
         told = ask(bench)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, Protocol
 
-from flexslew_lab.console.link import Link, Told
+from flexslew_lab.console.link import Link, RequestResult
 
 Act = Callable[[str], None]  # takes who asks
 
@@ -93,18 +93,18 @@ class Reply:
         self,
         service: str,
         values: Mapping[str, Any],
-        then: Callable[[Told], None] = lambda told: None,
+        then: Callable[[RequestResult], None] = lambda told: None,
     ) -> None:
         """Ask the bench, and show its answer."""
 
-        def answer(told: Told) -> None:
+        def answer(told: RequestResult) -> None:
             self.tell(told)
             then(told)
 
-        self.tell(Told(True, "asked ..."))
+        self.tell(RequestResult(True, "asked ..."))
         self._link.ask(service, values, answer)
 
-    def tell(self, told: Told) -> None:
+    def tell(self, told: RequestResult) -> None:
         """Show an answer, a refusal as such in words."""
         words = told.message if told.ok else f"refused: {told.message}"
         role, color = ("status", "inherit") if told.ok else ("alert", "#b00020")

@@ -126,7 +126,7 @@ _WORDS = "open this page by the address that the console printed: it contains a 
 
 
 @contextmanager
-def standing(gate: Gate, sock: socket.socket) -> Iterator[None]:
+def guarded_by(gate: Gate, sock: socket.socket) -> Iterator[None]:
     """Let the server that is started meanwhile listen on this socket, behind the gate.
 
     viser offers no way to give it a socket or a check of its own: it is handed both where it asks

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Protocol
 from flexslew_lab.console.view import BenchView
 
 
-class Told(NamedTuple):
+class RequestResult(NamedTuple):
     """What became of a request."""
 
     ok: bool
@@ -23,8 +23,8 @@ class Iterate(NamedTuple):
     norm_input: float  # NaN where the method has none
 
 
-Then = Callable[[Told], None]
-Drafted = Callable[[Told, Any], None]  # takes a flexslew_msgs/Plan, or None without one
+Then = Callable[[RequestResult], None]
+Drafted = Callable[[RequestResult, Any], None]  # takes a flexslew_msgs/Plan, or None without one
 
 
 class Link(Protocol):

@@ -28,28 +28,28 @@ def _named(prefix: str, joints: Joints, units: tuple[str, ...]) -> tuple[str, ..
 
 def _shared(view: BenchView, field: str, truth: str) -> tuple[Vector, Matrix, Matrix]:
     """Return the times of both topics, and their rows there."""
-    ours, theirs = view.thought.time, view.truth.time
+    ours, theirs = view.controller_state.time, view.truth.time
     time, a, b = np.intersect1d(ours, theirs, assume_unique=True, return_indices=True)
-    return time, view.thought.column(field)[a], view.truth.column(truth)[b]
+    return time, view.controller_state.column(field)[a], view.truth.column(truth)[b]
 
 
 def _position(view: BenchView, joints: Joints) -> list[Curve]:
     names = _named("", joints, joints.units)
     wanted = _named("reference ", joints, joints.units)
-    truth, thought = view.truth, view.thought
+    truth, state = view.truth, view.controller_state
     return [
         *_columns(names, truth.time, truth.column("position")),
-        *_columns(wanted, thought.time, thought.column("reference_position"), True),
+        *_columns(wanted, state.time, state.column("reference_position"), True),
     ]
 
 
 def _velocity(view: BenchView, joints: Joints) -> list[Curve]:
     rates = tuple(f"{unit}/s" for unit in joints.units)
-    truth, thought = view.truth, view.thought
+    truth, state = view.truth, view.controller_state
     names, wanted = _named("", joints, rates), _named("reference ", joints, rates)
     return [
         *_columns(names, truth.time, truth.column("velocity")),
-        *_columns(wanted, thought.time, thought.column("reference_velocity"), True),
+        *_columns(wanted, state.time, state.column("reference_velocity"), True),
     ]
 
 
@@ -76,9 +76,9 @@ def _tips(view: BenchView, joints: Joints) -> list[Curve]:
 
 
 def _innovation(view: BenchView, joints: Joints) -> list[Curve]:
-    rows = view.thought.column("innovation")
+    rows = view.controller_state.column("innovation")
     names = tuple(f"output {k + 1}" for k in range(rows.shape[1]))
-    return _columns(names, view.thought.time, rows)
+    return _columns(names, view.controller_state.time, rows)
 
 
 def _estimate(view: BenchView, joints: Joints) -> list[Curve]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flexslew_lab.console.link import Drafted, Iterate, Then, Told
+from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
 from flexslew_lab.console.view import BenchView, Now
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.replay.player import Outgoing, Player, PlaySettings
@@ -69,30 +69,30 @@ class Replay:
             self._player.settings = replace(self._player.settings, rate=rate)
             self._player.resume()
 
-    def seek(self, time: float) -> Told:
+    def seek(self, time: float) -> RequestResult:
         """Go to a simulated time [s]; what came before it is read, too."""
         try:
             self._player.seek(min(max(time - _BEFORE, self.first), self.last))
         except BadInput as error:
-            return Told(False, str(error))
+            return RequestResult(False, str(error))
         self.view.forget()
         self._take(self._player.step(time + 1e-6))
-        return Told(True, f"at {self.view.time:.2f} s")
+        return RequestResult(True, f"at {self.view.time:.2f} s")
 
     def ask(self, service: str, values: Mapping[str, Any], then: Then) -> None:
         """Refuse."""
-        then(Told(False, _WORDS))
+        then(RequestResult(False, _WORDS))
 
     def draft(self, request: str, who: str, told: Callable[[Iterate], None], then: Drafted) -> None:
         """Refuse."""
-        then(Told(False, _WORDS), None)
+        then(RequestResult(False, _WORDS), None)
 
     def cancel(self) -> None:
         """Nothing is being made."""
 
     def _take(self, messages: Iterable[Outgoing]) -> None:
-        lots: dict[str, list[bytes]] = {}
+        batches: dict[str, list[bytes]] = {}
         for message in messages:
-            lots.setdefault(message.topic, []).append(message.data)
-        for topic, data in lots.items():
+            batches.setdefault(message.topic, []).append(message.data)
+        for topic, data in batches.items():
             self.view.take(topic.lstrip("/"), TOPICS[topic].type, data)

@@ -9,7 +9,7 @@ from typing import Any
 import viser
 from viser import _messages
 
-from flexslew_lab.console.gate import Gate, listening, standing
+from flexslew_lab.console.gate import Gate, guarded_by, listening
 
 SCRIPT = """
 // a space is the brake, not a click on what has the focus; fields to write in keep it
@@ -72,7 +72,7 @@ class ConsoleServer:
         sock = listening(host, port)
         self.host, self.port = host, int(sock.getsockname()[1])
         self.gate = Gate(self.port, SCRIPT)
-        with standing(self.gate, sock), redirect_stdout(StringIO()):  # it prints a banner
+        with guarded_by(self.gate, sock), redirect_stdout(StringIO()):  # it prints a banner
             self.viser = viser.ViserServer(host, self.port, verbose=False)
         self.gui, self.scene = self.viser.gui, self.viser.scene
         inside = self.viser._websock_server

@@ -77,7 +77,7 @@ class BenchView:
         self.events: deque[LoggedEvent] = deque(maxlen=EVENTS)
         self.heard = 0  # events so far
         self.plan: Any = None  # the last flexslew_msgs/Plan
-        self.truth, self.thought = Track(), Track()
+        self.truth, self.controller_state = Track(), Track()
         self.position: Vector = np.zeros(0)  # of joints and modes now
         self.time = 0.0  # simulated [s]
         self.answering = ""  # who gave the last answer
@@ -112,7 +112,7 @@ class BenchView:
     def forget(self) -> None:
         """Begin anew, as after a jump in a log."""
         self.truth.clear()
-        self.thought.clear()
+        self.controller_state.clear()
         self.events.clear()
         self.plan = None
 
@@ -122,11 +122,11 @@ class BenchView:
             columns = block.columns
             time = columns["header.stamp.sec"] + columns["header.stamp.nanosec"] * 1e-9
             rises = np.concatenate(([True], np.diff(time) > 0.0))
-            if not rises.all():  # a reset within the lot: only what came after it
+            if not rises.all():  # a reset within the batch: only what came after it
                 first = int(np.flatnonzero(~rises)[-1])
                 time, columns = time[first:], {k: v[first:] for k, v in columns.items()}
             fields = _TRUTH if name == topics.TRUTH else _THOUGHT
-            track = self.truth if name == topics.TRUTH else self.thought
+            track = self.truth if name == topics.TRUTH else self.controller_state
             track.add(time, {field: columns[field] for field in fields})
             if name == topics.TRUTH:
                 self.time, self.position = float(time[-1]), columns["position"][-1]

@@ -128,8 +128,8 @@ class BagReader:
         """
         layouts: dict[tuple[str, int], list[Layout]] = {}
         for data, lookup in self._chunks():
-            for lot in self._lots(data, lookup):
-                for channel, messages in lot.items():
+            for batch in self._batches(data, lookup):
+                for channel, messages in batch.items():
                     topic, kind = lookup.topic(channel)
                     first, last = messages[0].sequence, messages[-1].sequence
                     lookup.follow(channel, first, last, len(messages))
@@ -142,7 +142,7 @@ class BagReader:
                             check_truth(block.columns, str(self.path))
                         yield block
 
-    def _lots(self, data: bytes, lookup: Lookup) -> Iterator[dict[int, list[RawMessage]]]:
+    def _batches(self, data: bytes, lookup: Lookup) -> Iterator[dict[int, list[RawMessage]]]:
         """Yield the messages of a chunk by channel; a crafted one may hold millions."""
         found: dict[int, list[RawMessage]] = {}
         count = 0

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key
+from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup
 
 
 class Course:
@@ -32,8 +32,8 @@ class Course:
         ),
     }
 
-    def __init__(self, flight: Flight) -> None:
-        self._manoeuvre = flight.manoeuvre
+    def __init__(self, setup: RunSetup) -> None:
+        self._manoeuvre = setup.manoeuvre
         self.ticks: tuple[int, int] | None = None  # first and last
         self.times = 0.0, 0.0  # first and last [s]
         self._missing = 0

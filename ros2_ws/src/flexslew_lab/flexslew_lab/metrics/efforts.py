@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, by_joint
+from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, by_joint
 
 
 class Efforts:
@@ -22,9 +22,9 @@ class Efforts:
         "saturated_time": Key("s", False, "time with at least one drive at its limit"),
     }
 
-    def __init__(self, flight: Flight) -> None:
-        self._flight = flight
-        joints = len(flight.joint_names)
+    def __init__(self, setup: RunSetup) -> None:
+        self._setup = setup
+        joints = len(setup.joint_names)
         self.peak, self.square_sum = np.zeros(joints), np.zeros(joints)
         self.integral, self.saturated = 0.0, 0.0
         self.times: tuple[float, float] | None = None  # first and last [s]
@@ -37,7 +37,7 @@ class Efforts:
         self.integral += float(square.sum(axis=1) @ block.held)
         first = float(block.time[0]) if self.times is None else self.times[0]
         self.times = first, float(block.time[-1])
-        limit = self._flight.limit
+        limit = self._setup.limit
         if limit.size == block.effort.shape[1]:
             full = (np.abs(block.effort) >= limit * (1.0 - 1e-12)).any(axis=1)
             self.saturated += float(block.held[full].sum())
@@ -47,8 +47,8 @@ class Efforts:
         first, last = self.times or (0.0, 0.0)
         mean = self.square_sum / (last - first) if last > first else self.square_sum
         return {
-            "peak_effort": by_joint(self._flight, self.peak),
-            "rms_effort": by_joint(self._flight, np.sqrt(mean)),
+            "peak_effort": by_joint(self._setup, self.peak),
+            "rms_effort": by_joint(self._setup, np.sqrt(mean)),
             "control_effort": self.integral,
             "saturated_time": self.saturated,
         }

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_lab.metrics import METRICS
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Metric
+from flexslew_lab.metrics.metric import Block, Ending, Metric, RunSetup
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 
@@ -17,14 +17,14 @@ class Epoch:
 
     Args:
         number: of the epoch; its events count.
-        flight: what is known before the first tick.
+        setup: what is known before the first tick.
         own: metrics of the trial's own, besides METRICS.
     """
 
-    def __init__(self, number: int, flight: Flight, own: Sequence[type[Metric]] = ()) -> None:
-        self.number, self._flight = number, flight
-        self._metrics: list[Metric] = [kind(flight) for kind in (*METRICS.values(), *own)]
-        reading = flight.testbed.model().reading if flight.testbed is not None else None
+    def __init__(self, number: int, setup: RunSetup, own: Sequence[type[Metric]] = ()) -> None:
+        self.number, self._setup = number, setup
+        self._metrics: list[Metric] = [kind(setup) for kind in (*METRICS.values(), *own)]
+        reading = setup.testbed.model().reading if setup.testbed is not None else None
         self._reading = reading  # joint position and rate of a state
         self._last_time: float | None = None
 
@@ -34,14 +34,14 @@ class Epoch:
         Raises:
             BadInput: they are of another testbed.
         """
-        joints = len(self._flight.joint_names)
+        joints = len(self._setup.joint_names)
         q, v = columns["position"], columns["velocity"]
         if columns["applied_effort"].shape[1] != joints or q.shape[1] < joints:
             raise BadInput("the truth changes its number of joints in the course of the run")
         time = columns["header.stamp.sec"] + columns["header.stamp.nanosec"] * 1e-9
         before = float(time[0]) if self._last_time is None else self._last_time
         self._last_time = float(time[-1])
-        m = self._flight.manoeuvre
+        m = self._setup.manoeuvre
         block = Block(
             columns["tick"],
             time,
@@ -69,7 +69,7 @@ class Epoch:
 
     def _joints(self, q: Matrix, v: Matrix) -> Matrix:
         if self._reading is None:
-            return q[:, : len(self._flight.joint_names)]
+            return q[:, : len(self._setup.joint_names)]
         return np.array([self._reading(x)[0] for x in np.hstack((q, v))])
 
 

@@ -11,7 +11,7 @@ from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.metrics.epoch import Epoch
-from flexslew_lab.metrics.metric import Ending, Flight, Manoeuvre, Metric
+from flexslew_lab.metrics.metric import Ending, Manoeuvre, Metric, RunSetup
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.retarget import with_requests
@@ -58,7 +58,7 @@ def _measured(bag: BagReader) -> dict[str, Any]:
             columns = {k: c[part] for k, c in block.columns.items()}
             if epoch is None or number > epoch.number:
                 joints = columns["applied_effort"].shape[1]
-                epoch = Epoch(int(number), _flight(overview, joints, int(number)), own)
+                epoch = Epoch(int(number), _setup(overview, joints, int(number)), own)
             epoch.add(columns)
     if epoch is None:
         raise BadInput(f"{bag.path}: holds no truth, so there is nothing to measure")
@@ -106,10 +106,10 @@ def flown_testbed(overview: Overview, epoch: int) -> Testbed | None:
         return None
 
 
-def _flight(overview: Overview, joints: int, epoch: int) -> Flight:
+def _setup(overview: Overview, joints: int, epoch: int) -> RunSetup:
     limit = np.zeros(0) if overview.testbed is None else overview.testbed.effort_limit
     testbed = flown_testbed(overview, epoch)
-    return Flight(joint_names_of(overview, joints), _manoeuvre(overview, joints), limit, testbed)
+    return RunSetup(joint_names_of(overview, joints), _manoeuvre(overview, joints), limit, testbed)
 
 
 def _manoeuvre(overview: Overview, joints: int) -> Manoeuvre:

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, by_joint
+from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, by_joint
 from flexslew_plant.arrays import Vector
 
 
@@ -24,9 +24,9 @@ class JointErrors:
         ),
     }
 
-    def __init__(self, flight: Flight) -> None:
-        self._flight = flight
-        self.residual = np.full(len(flight.joint_names), np.nan)
+    def __init__(self, setup: RunSetup) -> None:
+        self._setup = setup
+        self.residual = np.full(len(setup.joint_names), np.nan)
         self.final = self.residual.copy()
         self.terminal: float | None = None
 
@@ -45,9 +45,9 @@ class JointErrors:
 
     def _modes_and_rates(self, q: Vector, v: Vector) -> Vector:
         """Return modal positions, joint rates and modal rates; a wheel may go on spinning."""
-        if self._flight.testbed is None:
+        if self._setup.testbed is None:
             return np.concatenate((q[len(self.residual) :], v))
-        model = self._flight.testbed.model()
+        model = self._setup.testbed.model()
         x = np.concatenate((q, v))
         modes, modal_rates = model.modal_state(x)
         return np.concatenate((modes, model.joint_state(x)[1], modal_rates))
@@ -55,7 +55,7 @@ class JointErrors:
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the three values."""
         return {
-            "residual_attitude_error": by_joint(self._flight, self.residual),
-            "final_error": by_joint(self._flight, self.final),
+            "residual_attitude_error": by_joint(self._setup, self.residual),
+            "final_error": by_joint(self._setup, self.final),
             "terminal_error_norm": self.terminal,
         }

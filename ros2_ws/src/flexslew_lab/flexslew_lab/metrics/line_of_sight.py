@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, goal_by_joint
+from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, goal_by_joint
 from flexslew_plant.testbeds.spacecraft.sights import HasLinesOfSight
 
 
@@ -31,10 +31,10 @@ class LineOfSight:
         ),
     }
 
-    def __init__(self, flight: Flight) -> None:
-        testbed = flight.testbed
+    def __init__(self, setup: RunSetup) -> None:
+        testbed = setup.testbed
         self._testbed = testbed if isinstance(testbed, HasLinesOfSight) else None
-        self._goal = goal_by_joint(flight)
+        self._goal = goal_by_joint(setup)
         self._error: dict[str, float | None] = {}
         self._good_from: dict[str, float | None] = {}
 

@@ -24,10 +24,10 @@ class Manoeuvre(NamedTuple):
     start: float  # [s]
     end: float  # [s]
     goal: Vector | None  # (joints,)
-    way: Vector  # goal - position at the start of the plan, (joints,)
+    displacement: Vector  # goal - position at the start of the plan, (joints,)
 
 
-class Flight(NamedTuple):
+class RunSetup(NamedTuple):
     """What is known of a run before its first tick."""
 
     joint_names: tuple[str, ...]
@@ -61,14 +61,14 @@ class Ending(NamedTuple):
 
 
 class Metric(Protocol):
-    """One or more keys of metrics.json that are measured together; made with the Flight.
+    """One or more keys of metrics.json that are measured together; made with the RunSetup.
 
     A streaming measure: its memory does not grow with the run.
     """
 
     KEYS: ClassVar[Mapping[str, Key]]
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, setup: RunSetup) -> None:
         """Begin before the first tick."""
 
     def add(self, block: Block) -> None:
@@ -78,10 +78,10 @@ class Metric(Protocol):
         """Return the values by key, ready for JSON; a key that does not apply may be left out."""
 
 
-def goal_by_joint(flight: Flight) -> dict[str, float]:
+def goal_by_joint(setup: RunSetup) -> dict[str, float]:
     """Return where the manoeuvre ends, by joint; empty without a plan."""
-    goal = flight.manoeuvre.goal
-    return {} if goal is None else dict(zip(flight.joint_names, goal.tolist(), strict=True))
+    goal = setup.manoeuvre.goal
+    return {} if goal is None else dict(zip(setup.joint_names, goal.tolist(), strict=True))
 
 
 def larger(before: Vector | None, values: Matrix) -> Vector:
@@ -95,7 +95,7 @@ def plain(values: Mapping[str, Vector]) -> dict[str, list[float]]:
     return {name: value.tolist() for name, value in values.items()}
 
 
-def by_joint(flight: Flight, values: Vector) -> dict[str, float | None]:
+def by_joint(setup: RunSetup, values: Vector) -> dict[str, float | None]:
     """Return one value per joint by its name; None where it is not finite."""
     finite = (float(x) if abs(x) < float("inf") else None for x in values.tolist())
-    return dict(zip(flight.joint_names, finite, strict=True))
+    return dict(zip(setup.joint_names, finite, strict=True))

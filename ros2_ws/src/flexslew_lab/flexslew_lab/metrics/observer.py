@@ -10,7 +10,7 @@ from flexslew_control.plan import Plan
 from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.metrics.epoch import Epoch
 from flexslew_lab.metrics.from_bag import manoeuvre_of
-from flexslew_lab.metrics.metric import Ending, Flight, Manoeuvre, Metric
+from flexslew_lab.metrics.metric import Ending, Manoeuvre, Metric, RunSetup
 from flexslew_lab.trial.in_process import Observer
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.events import Event
@@ -35,8 +35,8 @@ class MetricsObserver(Observer):
         else:
             aim = manoeuvre_of(plan.position, plan.start, plan.duration)
         names = tuple(bench.model.joint_names)
-        flight = Flight(names, aim, bench.limit, bench.testbed)
-        self._epoch = Epoch(bench.epoch, flight, own)
+        setup = RunSetup(names, aim, bench.limit, bench.testbed)
+        self._epoch = Epoch(bench.epoch, setup, own)
         rates = bench.truth().velocity.size
         self._rows = 0
         self._columns: dict[str, NDArray[Any]] = {

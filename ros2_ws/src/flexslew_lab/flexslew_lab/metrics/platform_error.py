@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, goal_by_joint, larger, plain
+from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, goal_by_joint, larger, plain
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
 
@@ -30,10 +30,10 @@ class PlatformError:
         ),
     }
 
-    def __init__(self, flight: Flight) -> None:
-        testbed = flight.testbed
+    def __init__(self, setup: RunSetup) -> None:
+        testbed = setup.testbed
         self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
-        self._goal = goal_by_joint(flight)
+        self._goal = goal_by_joint(setup)
         self._left: dict[str, Vector] = {}  # after the end, by kind
         self._squares, self._time = np.zeros(2), 0.0  # integrals over the run
 

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, goal_by_joint, larger, plain
+from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, goal_by_joint, larger, plain
 from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
@@ -41,10 +41,10 @@ class Pointing:
         ),
     }
 
-    def __init__(self, flight: Flight) -> None:
-        testbed = flight.testbed
+    def __init__(self, setup: RunSetup) -> None:
+        testbed = setup.testbed
         self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
-        self._names, self._goal = flight.joint_names, goal_by_joint(flight)
+        self._names, self._goal = setup.joint_names, goal_by_joint(setup)
         self._error: dict[str, Vector] = {}
         self._turn: dict[str, Vector] = {}
         self._tip: dict[str, float] = {}

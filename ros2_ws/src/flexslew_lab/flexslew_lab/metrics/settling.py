@@ -5,15 +5,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, by_joint
+from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, by_joint
 from flexslew_plant.arrays import Vector
 
 BAND = 0.02  # settling band, of the joint's commanded move [-]
 
 
-def settling_band(way: Vector) -> Vector:
-    """Return the band around the goal, (joints,); a joint with no way to go has the largest."""
-    return BAND * np.where(way == 0.0, np.abs(way).max(initial=0.0), np.abs(way))
+def settling_band(displacement: Vector) -> Vector:
+    """Return the band around the goal, (joints,); a joint with nowhere to go has the largest."""
+    return BAND * np.where(
+        displacement == 0.0, np.abs(displacement).max(initial=0.0), np.abs(displacement)
+    )
 
 
 class Settling:
@@ -33,10 +35,10 @@ class Settling:
         ),
     }
 
-    def __init__(self, flight: Flight) -> None:
-        self._flight = flight
-        self._band = settling_band(flight.manoeuvre.way)
-        joints = len(flight.joint_names)
+    def __init__(self, setup: RunSetup) -> None:
+        self._setup = setup
+        self._band = settling_band(setup.manoeuvre.displacement)
+        joints = len(setup.joint_names)
         self.outside = np.full(joints, -np.inf)  # last time outside of the band [s]
         self.beyond = np.zeros(joints)  # the goal
         self.last_time = 0.0  # [s]
@@ -47,8 +49,8 @@ class Settling:
         if block.error is None:
             return
         if block.started.any():
-            way = np.sign(self._flight.manoeuvre.way)
-            beyond = (block.error[block.started] * way).max(axis=0)
+            direction = np.sign(self._setup.manoeuvre.displacement)
+            beyond = (block.error[block.started] * direction).max(axis=0)
             self.beyond = np.maximum(self.beyond, beyond)
         for joint, band in enumerate(self._band):
             outside = np.flatnonzero(np.abs(block.error[:, joint]) > band)
@@ -57,14 +59,14 @@ class Settling:
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return both values."""
-        m = self._flight.manoeuvre
+        m = self._setup.manoeuvre
         if m.goal is None:
-            nowhere = by_joint(self._flight, np.full_like(self.outside, np.nan))
+            nowhere = by_joint(self._setup, np.full_like(self.outside, np.nan))
             return {"settling_time": nowhere, "overshoot": nowhere}
         stays = self.outside < self.last_time
         settled = np.where(stays, np.maximum(self.outside - m.start, 0.0), np.nan)
-        way = np.where(m.way == 0.0, np.nan, np.abs(m.way))
+        distance = np.where(m.displacement == 0.0, np.nan, np.abs(m.displacement))
         return {
-            "settling_time": by_joint(self._flight, settled),
-            "overshoot": by_joint(self._flight, self.beyond / way),
+            "settling_time": by_joint(self._setup, settled),
+            "overshoot": by_joint(self._setup, self.beyond / distance),
         }

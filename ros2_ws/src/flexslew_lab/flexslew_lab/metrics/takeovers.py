@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key
+from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup
 
 
 class Takeovers:
@@ -26,7 +26,7 @@ class Takeovers:
         "fallbacks": Key("-", False, "times that a fallback or the brake took over"),
     }
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, setup: RunSetup) -> None:
         pass
 
     def add(self, block: Block) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key
+from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup
 
 
 class TipDeflection:
@@ -23,7 +23,7 @@ class TipDeflection:
         ),
     }
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, setup: RunSetup) -> None:
         self.residual: float | None = None  # [m]
         self.peak = 0.0  # [m]
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key
+from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup
 from flexslew_plant.arrays import Matrix, Vector
 
 
@@ -44,7 +44,7 @@ class Trajectory:
         ),
     }
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, setup: RunSetup) -> None:
         self._hash = TrajectoryHash()
 
     def add(self, block: Block) -> None:

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Flight, Key, goal_by_joint
+from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, goal_by_joint
 from flexslew_plant.testbeds.contract import Retargeting
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
 
@@ -24,16 +24,16 @@ class Vibration:
         ),
     }
 
-    def __init__(self, flight: Flight) -> None:
-        known: Any = flight.testbed
+    def __init__(self, setup: RunSetup) -> None:
+        known: Any = setup.testbed
         self._testbed: PointingTestbed | None = (
             known if isinstance(known, PointingTestbed) else None
         )
-        self._goal = goal_by_joint(flight)
+        self._goal = goal_by_joint(setup)
         self._end: dict[str, float] = {}  # of the last turn [s]
         if isinstance(known, Retargeting):
             self._end = {turn.appendage: turn.end for turn in known.hinge_turns()}
-        self._without = flight.manoeuvre.end  # of an appendage that does not turn [s]
+        self._without = setup.manoeuvre.end  # of an appendage that does not turn [s]
         self._peak: dict[str, float] = {}  # until then [m]
         self._outside: dict[str, float] = {}  # last time outside of the band [s]
         self._last_time = 0.0

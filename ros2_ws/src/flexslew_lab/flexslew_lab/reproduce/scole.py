@@ -14,7 +14,7 @@ from flexslew_lab.reproduce.scole_flights import (
     PLATFORM,
     TIP,
     UNIT,
-    Flight,
+    ScoleFlight,
     flown,
     shipped,
 )
@@ -74,7 +74,7 @@ def _row(item: str, paper: Any, reference: Any, ours: Any, tolerance: float) -> 
     }
 
 
-def numbers(flight: Flight) -> tuple[Any, ...]:
+def numbers(flight: ScoleFlight) -> tuple[Any, ...]:
     """Return the columns of the table."""
     t, turn = flight.time, np.degrees(flight.turn[:, 0])
     error = np.degrees(flight.attitude[:, 0]) + turn
@@ -222,7 +222,7 @@ def _lines(curves: dict[str, tuple[Vector, Vector]], title: str) -> go.Figure:
     return figure
 
 
-def _strategy(flight: Flight) -> go.Figure:
+def _strategy(flight: ScoleFlight) -> go.Figure:
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True)
     for row, (column, name) in enumerate(((0, "roll [deg]"), (1, "roll rate [deg/s]")), start=1):
         y = np.degrees(flight.roll[::3, column])

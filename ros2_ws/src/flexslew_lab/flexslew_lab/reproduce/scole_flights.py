@@ -30,7 +30,7 @@ TIP = ("mast_tip_x", "mast_tip_y", "mast_tip_z")
 FORCES = ("x", "y", "z")
 
 
-class Flight(NamedTuple):
+class ScoleFlight(NamedTuple):
     """What a run shows, at every tick."""
 
     time: Vector  # (k,) [s]
@@ -117,13 +117,13 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 @lru_cache
-def flown(case: str) -> Flight:
+def flown(case: str) -> ScoleFlight:
     """Return one of CASES, flown in process."""
     name, changes = CASES[case]
     return fly_trial(shipped(name, changes))
 
 
-def fly_trial(trial: Trial) -> Flight:
+def fly_trial(trial: Trial) -> ScoleFlight:
     """Return the flight of a spacecraft's trial with a plan."""
     assert trial.plan is not None
     assert not isinstance(trial.plan, SavedPlan)
@@ -142,7 +142,7 @@ def fly_trial(trial: Trial) -> Flight:
     names = bench.model.joint_names
     goal = dict(zip(names, plan.position[-1].tolist(), strict=True))
     motions = trial.testbed.motions(position, velocity, goal)
-    return Flight(
+    return ScoleFlight(
         time,
         effort,
         plan.effort,

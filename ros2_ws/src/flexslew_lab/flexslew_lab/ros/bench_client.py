@@ -8,7 +8,7 @@ from flexslew_msgs import action, srv
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
-from flexslew_lab.console.link import Drafted, Iterate, Then, Told
+from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
 from flexslew_lab.ros.service_request import request_of
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
@@ -61,14 +61,14 @@ class BenchClient:
         if kind is None and service.endswith(TUNE):
             kind = srv.Tune
         if kind is None:
-            then(Told(False, f"the bench has no service {service}"))
+            then(RequestResult(False, f"the bench has no service {service}"))
             return
         if service not in self._clients:
             self._clients[service] = self._node.create_client(kind, service)
         try:
             request = request_of(kind.Request, values)
         except BadInput as error:
-            then(Told(False, str(error)))
+            then(RequestResult(False, str(error)))
             return
         self._asked.append(_Asked(service, request, monotonic() + PATIENCE, then))
         self._send()
@@ -81,14 +81,14 @@ class BenchClient:
                 self._asked.remove(asked)
                 reply = asked.future.result()
                 ok = bool(reply.ok or getattr(reply, "scheduled", False))
-                asked.then(Told(ok, str(reply.message), int(getattr(reply, "tick", 0))))
+                asked.then(RequestResult(ok, str(reply.message), int(getattr(reply, "tick", 0))))
             elif now > asked.deadline:
                 self._asked.remove(asked)
                 if asked.future is not None:
                     self._clients[asked.service].remove_pending_request(asked.future)
                 did = "offer" if asked.future is None else "answer"
                 words = f"the bench did not {did} {asked.service} within {PATIENCE:g} s"
-                asked.then(Told(False, words))
+                asked.then(RequestResult(False, words))
 
     def _send(self) -> None:
         """Call whom the graph knows by now: a request to anybody else would be lost."""
@@ -106,7 +106,10 @@ class BenchClient:
     ) -> None:
         """Ask the planner for one plan by the name of its action."""
         if not self._planners[name].server_is_ready():
-            then(Told(False, "no planner is on the graph; the trial has no plan section"), None)
+            then(
+                RequestResult(False, "no planner is on the graph; the trial has no plan section"),
+                None,
+            )
             return
 
         def iterate(message: Any) -> None:
@@ -116,7 +119,7 @@ class BenchClient:
         def accepted(future: Any) -> None:
             self._goal = future.result()
             if not self._goal.accepted:
-                then(Told(False, "the planner does not take the request"), None)
+                then(RequestResult(False, "the planner does not take the request"), None)
                 return
             self._goal.get_result_async().add_done_callback(finished)
 
@@ -127,7 +130,7 @@ class BenchClient:
             plan = result.plan
             did = "published" if name == topics.PLAN_SLEW else "drafted: adopt or refuse it"
             words = f"{plan.method}: {plan.duration:g} s from {plan.start:g} s on is {did}"
-            then(Told(ok, words if ok else result.message), plan if ok else None)
+            then(RequestResult(ok, words if ok else result.message), plan if ok else None)
 
         sent = self._planners[name].send_goal_async(goal, feedback_callback=iterate)
         sent.add_done_callback(accepted)

@@ -9,7 +9,7 @@ import numpy as np
 from flexslew_msgs import action
 from rclpy.node import Node
 
-from flexslew_lab.console.link import Drafted, Iterate, Then, Told
+from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
 from flexslew_lab.console.view import BenchView
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.ros.bench_client import BenchClient
@@ -47,18 +47,18 @@ class LiveLink:
 
     def poll(self, now: float) -> None:
         """Take what has come, and deliver answers."""
-        lots: dict[str, list[bytes]] = {}
+        batches: dict[str, list[bytes]] = {}
         for name, data in self._listener.take():
             if name == topics.RECORDED:
                 topic, messages = _unpacked(data)
-                lots.setdefault(topic, []).extend(messages)
+                batches.setdefault(topic, []).extend(messages)
             else:
-                lots.setdefault(name, []).append(data)
-        for name, lot in lots.items():
-            self.view.take(name, TOPICS[name].type, lot)
+                batches.setdefault(name, []).append(data)
+        for name, batch in batches.items():
+            self.view.take(name, TOPICS[name].type, batch)
         if topics.RECORDED in self._listener.subscriptions:
-            self._miss_recorder(now, topics.TRUTH in lots)
-        if topics.BENCH_STATE in lots:
+            self._miss_recorder(now, topics.TRUTH in batches)
+        if topics.BENCH_STATE in batches:
             self._heard = now
         elif now - self._heard > _SILENT and self.view.now.state in ("running", "paused"):
             self.view.now = self.view.now._replace(state="silent: no sign of life of the plant")
@@ -86,7 +86,7 @@ class LiveLink:
         """Ask the planner for a manoeuvre that nobody follows yet."""
         joints = self.view.joints
         if joints is None:
-            then(Told(False, "no testbed has announced itself yet"), None)
+            then(RequestResult(False, "no testbed has announced itself yet"), None)
             return
         goal = action.PlanSlew.Goal(
             request=request, period=joints.period, effort_limit=list(joints.limit), who=who
@@ -105,9 +105,9 @@ class LiveLink:
 
 def _unpacked(data: bytes) -> tuple[str, list[bytes]]:
     """Return the name of a topic and its messages."""
-    lot = cdr.decode(TOPICS[topics.RECORDED].type, data)
-    ends = np.cumsum(lot.sizes).tolist()
-    whole = lot.data.tobytes()
-    return lot.topic.removeprefix("/"), [
+    batch = cdr.decode(TOPICS[topics.RECORDED].type, data)
+    ends = np.cumsum(batch.sizes).tolist()
+    whole = batch.data.tobytes()
+    return batch.topic.removeprefix("/"), [
         whole[start:end] for start, end in zip([0, *ends], ends, strict=False)
     ]

@@ -10,7 +10,7 @@ from typing import Any
 from flexslew_msgs import action, msg, srv
 from rclpy.node import Node
 
-from flexslew_lab.console.link import Told
+from flexslew_lab.console.link import RequestResult
 from flexslew_lab.ros.bench_client import PATIENCE, SERVICES, TUNE, BenchClient
 from flexslew_lab.ros.service_request import request_of
 from flexslew_plant import topics
@@ -36,7 +36,7 @@ class LiveServices:
     def __init__(self, node: Node, foxglove: Any) -> None:
         self._node, self._foxglove = node, foxglove
         self._client = BenchClient(node)
-        self._calls: deque[tuple[str, dict[str, Any], Future[Told]]] = deque()
+        self._calls: deque[tuple[str, dict[str, Any], Future[RequestResult]]] = deque()
         self._testbed = msg.Testbed()
         self._tuned: set[str] = set()  # controllers' services that are offered
         self._next_look = 0.0
@@ -85,13 +85,13 @@ class LiveServices:
     def _on_testbed(self, testbed: Any) -> None:
         self._testbed = testbed
 
-    def _plan(self, name: str, values: dict[str, Any], answer: Future[Told]) -> None:
+    def _plan(self, name: str, values: dict[str, Any], answer: Future[RequestResult]) -> None:
         """Ask the planner; where a client says nothing of ticks and drives, those of the bench."""
         bench = {"period": self._testbed.period, "effort_limit": [*self._testbed.effort_limit]}
         try:
             goal = request_of(action.PlanSlew.Goal, {**bench, **values})
         except BadInput as error:
-            answer.set_result(Told(False, str(error)))
+            answer.set_result(RequestResult(False, str(error)))
             return
         self._client.plan(name, goal, lambda news: None, lambda told, plan: answer.set_result(told))
 
@@ -116,7 +116,7 @@ class LiveServices:
 
     def _call(self, name: str, request: Any) -> bytes:
         """Return the answer to a call; runs in a thread of the server."""
-        answer: Future[Told] = Future()
+        answer: Future[RequestResult] = Future()
         try:
             values = json.loads(bytes(request.payload) or b"{}")
         except ValueError:

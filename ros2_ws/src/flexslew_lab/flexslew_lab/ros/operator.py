@@ -24,7 +24,7 @@ _early: dict[tuple[int, str], tuple[list[Node], float]] = {}  # by domain and na
 _AGAIN = 0.25  # until another node tries to be heard, then twice that, and so on [wall s]
 
 
-class Told(NamedTuple):
+class Reply(NamedTuple):
     """What the bench answered."""
 
     ok: bool
@@ -46,25 +46,25 @@ class Operator:
         self.nodes, self._due = _early.pop((domain, namespace), ([], 0.0))
         self._who = _user()
 
-    def act(self, action: str) -> Told:
+    def act(self, action: str) -> Reply:
         """Start, pause, reset, brake or release the brake."""
         request = srv.Operate.Request(action=action, who=self._who)
-        return _told(self._call(srv.Operate, topics.OPERATE, request))
+        return _reply(self._call(srv.Operate, topics.OPERATE, request))
 
-    def step(self, ticks: int) -> Told:
+    def step(self, ticks: int) -> Reply:
         """Advance a paused bench by some ticks."""
         request = srv.Step.Request(ticks=ticks, who=self._who)
-        return _told(self._call(srv.Step, topics.STEP, request))
+        return _reply(self._call(srv.Step, topics.STEP, request))
 
-    def inject(self, fault: str, at: float) -> Told:
+    def inject(self, fault: str, at: float) -> Reply:
         """Break or disturb something, as YAML in a schedule has it, at a simulated time [s]."""
         request = srv.InjectFault.Request(fault=fault, at=_stamp(at), who=self._who)
-        return _told(self._call(srv.InjectFault, topics.INJECT_FAULT, request))
+        return _reply(self._call(srv.InjectFault, topics.INJECT_FAULT, request))
 
-    def retarget(self, target: str, at: float) -> Told:
+    def retarget(self, target: str, at: float) -> Reply:
         """Give an appendage a new target, as YAML in a schedule has it, at a simulated time [s]."""
         request = srv.Retarget.Request(target=target, at=_stamp(at), who=self._who)
-        return _told(self._call(srv.Retarget, topics.RETARGET, request))
+        return _reply(self._call(srv.Retarget, topics.RETARGET, request))
 
     def controllers(self) -> tuple[str, list[dict[str, Any]]]:
         """Return who is in charge and the status of every controller."""
@@ -74,7 +74,7 @@ class Operator:
         keys = ("controller", "law", "ready", "reason", "last_tick", "plan_hash")
         return reply.active, [{key: getattr(c, key) for key in keys} for c in reply.controllers]
 
-    def switch(self, controller: str, at: float, strict: bool, max_effort_step: float) -> Told:
+    def switch(self, controller: str, at: float, strict: bool, max_effort_step: float) -> Reply:
         """Give the bench to another controller.
 
         Args:
@@ -92,7 +92,7 @@ class Operator:
             who=self._who,
         )
         reply = self._call(srv.SwitchController, topics.SWITCH_CONTROLLER, request)
-        return Told(reply.ok or reply.scheduled, reply.message)
+        return Reply(reply.ok or reply.scheduled, reply.message)
 
     def close(self) -> None:
         """Leave the graph."""
@@ -179,8 +179,8 @@ def connected(domain: int, namespace: str = "", patience: float = PATIENCE) -> I
         operator.close()
 
 
-def _told(reply: Any) -> Told:
-    return Told(bool(reply.ok), str(reply.message))
+def _reply(reply: Any) -> Reply:
+    return Reply(bool(reply.ok), str(reply.message))
 
 
 def _stamp(seconds: float) -> Time:

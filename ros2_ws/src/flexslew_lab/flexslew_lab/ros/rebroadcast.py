@@ -9,8 +9,8 @@ from flexslew_plant import topics
 from flexslew_plant.ros.offers import publisher
 
 PASSED_ON = (topics.TRUTH, topics.CONTROLLER_STATE)
-_EVERY = 0.04  # between two lots of a topic [wall s]
-_MUCH = 32_000  # that go without waiting for it, so that every lot is one piece for DDS [bytes]
+_EVERY = 0.04  # between two batches of a topic [wall s]
+_MUCH = 32_000  # that go without waiting for it, so that every batch is one piece for DDS [bytes]
 
 
 class Rebroadcast:
@@ -25,15 +25,15 @@ class Rebroadcast:
 
     def __init__(self, node: Node) -> None:
         self._publisher = publisher(node, topics.RECORDED)
-        self._lots: dict[str, list[bytes]] = {f"/{name}": [] for name in PASSED_ON}
-        self._size = 0  # of all lots [bytes]
+        self._batches: dict[str, list[bytes]] = {f"/{name}": [] for name in PASSED_ON}
+        self._size = 0  # of all batches [bytes]
         self._wanted = False
         self._next = 0.0  # [wall s]
 
     def hear(self, topic: str, data: bytes) -> None:
         """Take a message."""
-        if self._wanted and topic in self._lots:
-            self._lots[topic].append(data)
+        if self._wanted and topic in self._batches:
+            self._batches[topic].append(data)
             self._size += len(data)
             if self._size >= _MUCH:
                 self._send()
@@ -48,13 +48,13 @@ class Rebroadcast:
 
     def _send(self) -> None:
         self._size = 0
-        for topic, lot in self._lots.items():
-            if lot:
+        for topic, batch in self._batches.items():
+            if batch:
                 self._publisher.publish(
                     Recorded(
                         topic=topic,
-                        sizes=array("I", map(len, lot)),
-                        data=array("B", b"".join(lot)),
+                        sizes=array("I", map(len, batch)),
+                        data=array("B", b"".join(batch)),
                     )
                 )
-                lot.clear()
+                batch.clear()

@@ -51,7 +51,7 @@ class Result(NamedTuple):
     bare_metrics: dict[str, Any]  # of the same trial without feedforward; empty where not flown
 
 
-class _Flight(NamedTuple):
+class _Prepared(NamedTuple):
     """What stands on the bench and who flies it, before tick 0."""
 
     bench: Bench
@@ -135,7 +135,7 @@ def finished(folder: Path, report: bool = True) -> None:
         write_report([reader], folder / "report.html")
 
 
-def _prepared(trial: Trial, source: str) -> _Flight:
+def _prepared(trial: Trial, source: str) -> _Prepared:
     """Return what the trial flies in process, with the plan adopted.
 
     Raises:
@@ -151,12 +151,12 @@ def _prepared(trial: Trial, source: str) -> _Flight:
         refused = controller.adopt(plan) if plan is not None else ""
         if refused:
             raise BadInput(f"{source}: plan: {refused}")
-    return _Flight(bench, controllers, plan)
+    return _Prepared(bench, controllers, plan)
 
 
 def _in_process(
     trial: Trial,
-    flight: _Flight,
+    flight: _Prepared,
     bag: Path,
     metadata: dict[str, str],
     progress: Progress,

@@ -5,7 +5,7 @@ from typing import Any
 
 from flexslew_lab.console.desk import Desk, Reply
 from flexslew_lab.console.forms import Form, Key, keys_of, moment, number_of, offer
-from flexslew_lab.console.link import Told
+from flexslew_lab.console.link import RequestResult
 from flexslew_plant import topics
 from flexslew_plant.bench.hardware.disturbances import PulseShape, SineShape
 from flexslew_plant.bench.schedule import injected_entry
@@ -61,7 +61,7 @@ class _Injection:
         except BadInput as error:
             words = str(error)
             if self._form is None or not self._form.refuse(_bare(words)):
-                self._reply.tell(Told(False, words))
+                self._reply.tell(RequestResult(False, words))
             return
         self._reply.ask(topics.INJECT_FAULT, {"fault": text, "at": at, "who": who})
 
@@ -160,6 +160,6 @@ class ActivePanel:
     def _end(self, who: str) -> None:
         number, sign, _ = str(self._which.value).partition(":")
         if not sign or not number.isdigit() or int(number) >= 2**32:
-            self._reply.tell(Told(False, "Active: there is nothing to end"))
+            self._reply.tell(RequestResult(False, "Active: there is nothing to end"))
             return
         self._reply.ask(topics.END_FAULT, {"number": int(number), "who": who})

@@ -68,7 +68,7 @@ class ChartsPanel:
 
     def _clear(self, who: str) -> None:
         self._view.truth.clear()
-        self._view.thought.clear()
+        self._view.controller_state.clear()
 
 
 class _Chart:

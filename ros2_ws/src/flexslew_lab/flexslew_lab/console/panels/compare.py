@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_lab.console import quantities
 from flexslew_lab.console.desk import Desk, Reply
 from flexslew_lab.console.history import Curve
-from flexslew_lab.console.link import Told
+from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.charts import ChartsPanel
 from flexslew_lab.console.replay import Replay
 from flexslew_plant.errors import BadInput
@@ -45,18 +45,20 @@ class ComparePanel:
                 self._charts.overlays = done.result()
                 self._compared = -1
             except (BadInput, OSError) as error:
-                self._reply.tell(Told(False, str(error)))
+                self._reply.tell(RequestResult(False, str(error)))
         ticks = self._view.truth.time.size
         if self._charts.overlays and abs(ticks - self._compared) >= 100:
             self._compared = ticks
-            self._reply.tell(Told(True, _largest(self._view_curves(), self._charts.overlays)))
+            self._reply.tell(
+                RequestResult(True, _largest(self._view_curves(), self._charts.overlays))
+            )
 
     def _view_curves(self) -> Curves:
         return {name: quantities.curves_of(self._view, name) for name in _COMPARED}
 
     def _overlay(self, who: str) -> None:
         place = Path(self._run.value.strip())
-        self._reply.tell(Told(True, "reading ..."))
+        self._reply.tell(RequestResult(True, "reading ..."))
         self._reading = self._worker.submit(_read, place)
 
     def _remove(self, who: str) -> None:

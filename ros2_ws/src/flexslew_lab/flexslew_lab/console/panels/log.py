@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 
 from flexslew_lab.console.desk import Desk, Reply
-from flexslew_lab.console.link import Told
+from flexslew_lab.console.link import RequestResult
 from flexslew_plant import topics
 
 _ROWS, _WIDTH = 10, 44  # of the list, in characters
@@ -65,7 +65,7 @@ class EventsPanel:
     def _go(self, row: int, who: str) -> None:
         time, words = self._rows[row]
         self._jump(time)
-        self._whole.tell(Told(True, words))
+        self._whole.tell(RequestResult(True, words))
 
 
 class NotePanel:
@@ -88,10 +88,10 @@ class NotePanel:
         text = self._text.value
         if not text.strip() or len(text) > 4000:
             words = "Remark: write something of at most 4000 characters"
-            self._reply.tell(Told(False, words))
+            self._reply.tell(RequestResult(False, words))
             return
 
-        def noted(told: Told) -> None:
+        def noted(told: RequestResult) -> None:
             if told.ok:
                 self._desk.replace(self._text, text, "")
 

@@ -9,7 +9,7 @@ from viser import uplot
 from flexslew_control.planners import PLANNERS, plan_settings
 from flexslew_lab.console.desk import Desk, Reply, line
 from flexslew_lab.console.forms import Form, Key, moment, number_of
-from flexslew_lab.console.link import Iterate, Told
+from flexslew_lab.console.link import Iterate, RequestResult
 from flexslew_lab.console.panels.charts import COLORS
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
@@ -74,7 +74,7 @@ class PlanPanel:
 
     def _plan(self, who: str) -> None:
         if self._form is None:
-            self._reply.tell(Told(False, "no testbed has announced itself yet"))
+            self._reply.tell(RequestResult(False, "no testbed has announced itself yet"))
             return
         given = self._form.values()
         if given is None:
@@ -84,25 +84,25 @@ class PlanPanel:
         except BadInput as error:
             words = str(error)
             if not self._form.refuse(words):
-                self._reply.tell(Told(False, words))
+                self._reply.tell(RequestResult(False, words))
             return
         self._iterations = []
         self._progress.content = ""
-        self._reply.tell(Told(True, "planning ..."))
+        self._reply.tell(RequestResult(True, "planning ..."))
         text = yaml_text(values, flow=True)
         self._link.draft(text, who, self._iterate, self._drafted)
 
-    def _drafted(self, told: Told, plan: Any) -> None:
+    def _drafted(self, told: RequestResult, plan: Any) -> None:
         self._draft = plan or self._draft
         self._reply.tell(told)
 
     def _decide(self, word: str, who: str) -> None:
         if self._draft is None:
-            self._reply.tell(Told(False, "there is no draft to decide on"))
+            self._reply.tell(RequestResult(False, "there is no draft to decide on"))
             return
         draft = self._draft
 
-        def decided(told: Told) -> None:
+        def decided(told: RequestResult) -> None:
             if (told.ok or word == "refuse") and self._draft is draft:
                 self._draft = None
 

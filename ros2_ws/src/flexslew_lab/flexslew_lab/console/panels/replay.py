@@ -4,7 +4,7 @@ from typing import Protocol
 
 from flexslew_lab.console.desk import Desk, Reply
 from flexslew_lab.console.forms import one_of
-from flexslew_lab.console.link import Told
+from flexslew_lab.console.link import RequestResult
 from flexslew_plant.errors import BadInput
 
 _RATES = {"0.1": 0.1, "0.5": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "50": 50.0}
@@ -20,7 +20,7 @@ class Recording(Protocol):
     def playing(self) -> bool:
         """Time passes."""
 
-    def seek(self, time: float) -> Told:
+    def seek(self, time: float) -> RequestResult:
         """Go to a simulated time [s]."""
 
     def play(self, rate: float) -> None:
@@ -55,7 +55,7 @@ class ReplayPanel:
         try:
             self._recording.play(one_of("Rate", self._rate.value, _RATES))
         except BadInput as error:
-            self._reply.tell(Told(False, str(error)))
+            self._reply.tell(RequestResult(False, str(error)))
 
     def _seek(self, who: str) -> None:
         self._reply.tell(self._recording.seek(float(self._time.value)))

@@ -4,7 +4,7 @@ from functools import partial
 
 from flexslew_lab.console.desk import Desk, Reply
 from flexslew_lab.console.forms import one_of
-from flexslew_lab.console.link import Told
+from flexslew_lab.console.link import RequestResult
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 
@@ -72,7 +72,9 @@ class RunPanel:
     def _step(self, who: str) -> None:
         ticks = self._ticks.value
         if ticks != ticks // 1 or not 1 <= ticks < 2**32:
-            self._reply.tell(Told(False, f"Ticks: {ticks:g} is not allowed: a whole number from 1"))
+            self._reply.tell(
+                RequestResult(False, f"Ticks: {ticks:g} is not allowed: a whole number from 1")
+            )
             return
         self._reply.ask(topics.STEP, {"ticks": int(ticks), "who": who})
 
@@ -80,6 +82,6 @@ class RunPanel:
         try:
             rate = one_of("Rate", self._rate.value, _RATES)
         except BadInput as error:
-            self._reply.tell(Told(False, str(error)))
+            self._reply.tell(RequestResult(False, str(error)))
             return
         self._reply.ask(topics.SET_RATE, {"rate_factor": rate, "who": who})

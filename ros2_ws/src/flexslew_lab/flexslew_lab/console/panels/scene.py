@@ -59,7 +59,7 @@ class ScenePanel:
             return
         bent = position.copy()
         bent[position.size - model.modes :] *= self._scale.value
-        reference = self._view.thought.column("reference_position")
+        reference = self._view.controller_state.column("reference_position")
         with self._desk.server.atomic():
             self._bent.show(bent, self._view.time)
             wanted = bool(self._outline_wanted.value) and reference.shape[1] == model.joints

@@ -2,7 +2,7 @@
 
 from flexslew_lab.console.desk import Desk, Reply
 from flexslew_lab.console.forms import moment, not_negative, offer
-from flexslew_lab.console.link import Told
+from flexslew_lab.console.link import RequestResult
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 
@@ -41,6 +41,6 @@ class SwapPanel:
                 "who": who,
             }
         except BadInput as error:
-            self._reply.tell(Told(False, str(error)))
+            self._reply.tell(RequestResult(False, str(error)))
             return
         self._reply.ask(topics.SWITCH_CONTROLLER, values)

@@ -3,7 +3,7 @@
 from flexslew_control.controllers import CONTROLLERS, DERIVED
 from flexslew_lab.console.desk import Desk, Reply
 from flexslew_lab.console.forms import Form, Key, moment, number_of, offer, text_of, words_of
-from flexslew_lab.console.link import Told
+from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.swap import NOBODY
 from flexslew_lab.trial.overrides import overridden
 from flexslew_plant.errors import BadInput
@@ -62,7 +62,7 @@ class TunePanel:
         except BadInput as error:
             words = str(error)
             if not (self._form.refuse(words) or self._at.refuse(words)):
-                self._reply.tell(Told(False, words))
+                self._reply.tell(RequestResult(False, words))
             return
         text = yaml_text(nested, flow=True)
         values = {"settings": text, "at": when, "who": who}

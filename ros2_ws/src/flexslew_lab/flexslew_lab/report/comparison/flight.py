@@ -15,7 +15,7 @@ SHOWN = 600  # samples of a curve
 
 
 @dataclass(frozen=True)
-class Flight:
+class PlanFlight:
     """What one method did on one bench."""
 
     error: float  # of the stiffness [-]
@@ -46,7 +46,7 @@ class TruthLog(Observer):
 
 def flown(
     trial: Trial, source: str, plan: Plan, error: float, payload: float, longest: float
-) -> tuple[str, Flight | None]:
+) -> tuple[str, PlanFlight | None]:
     """Return the flight of a plan on the bench with these errors, or why the law refuses it."""
     flown = trial.testbed.scaled(stiffness=1.0 + error, payload=1.0 + payload)
     other = replace(trial, testbed=flown)
@@ -63,7 +63,9 @@ def flown(
     return "", _measured(truth_log.truths, plan, (error, payload), end)
 
 
-def _measured(truths: list[Truth], plan: Plan, errors: tuple[float, float], end: float) -> Flight:
+def _measured(
+    truths: list[Truth], plan: Plan, errors: tuple[float, float], end: float
+) -> PlanFlight:
     time = np.array([truth.time for truth in truths])
     joints = len(plan.joint_names)
     position = np.array([truth.position[:joints] for truth in truths])
@@ -80,7 +82,7 @@ def _measured(truths: list[Truth], plan: Plan, errors: tuple[float, float], end:
     moved = position - position[0]
     beyond = np.maximum(((position - goal) * np.sign(goal - position[0])).max(axis=0), 0.0)
     shown = np.unique(np.linspace(0, len(time) - 1, SHOWN).astype(int))
-    return Flight(
+    return PlanFlight(
         error=errors[0],
         payload=errors[1],
         residual_tip=float(np.abs(largest[over]).max()),

@@ -10,7 +10,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, make_plan, other_method
 from flexslew_control.planners.time_optimal.time_optimal import RESERVE
 from flexslew_control.planners.trajectories import rigid_duration
-from flexslew_lab.report.comparison.flight import Flight, flown
+from flexslew_lab.report.comparison.flight import PlanFlight, flown
 from flexslew_lab.trial.trial import (
     SavedPlan,
     Trial,
@@ -45,15 +45,15 @@ class Entry:
     name: str
     plan: Plan | None
     refused: str
-    flights: tuple[Flight, ...] = ()
+    flights: tuple[PlanFlight, ...] = ()
 
     @property
-    def by_stiffness(self) -> tuple[Flight, ...]:
+    def by_stiffness(self) -> tuple[PlanFlight, ...]:
         """The flights with errors of the stiffness alone."""
         return tuple(flight for flight in self.flights if flight.payload == 0.0)
 
     @property
-    def by_payload(self) -> tuple[Flight, ...]:
+    def by_payload(self) -> tuple[PlanFlight, ...]:
         """The flights with errors of the payload alone, the nominal one among them."""
         middle = self.nominal.error
         return tuple(
@@ -61,7 +61,7 @@ class Entry:
         )
 
     @property
-    def nominal(self) -> Flight:
+    def nominal(self) -> PlanFlight:
         """The flight with the smallest error."""
         return min(self.by_stiffness, key=lambda flight: abs(flight.error))
 

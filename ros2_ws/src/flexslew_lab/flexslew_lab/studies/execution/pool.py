@@ -44,7 +44,7 @@ class Executor(Protocol):
         """End the processes."""
 
 
-class Here:
+class InThisProcess:
     """Implements Executor in this process, one trial after the other."""
 
     def __init__(self, job: Job) -> None:
@@ -52,19 +52,19 @@ class Here:
 
     def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
         """Yield the results of all cases; see Executor."""
-        pace = Pace()
-        while chunk := pace.chunk(cases):
+        chunk_size = ChunkSize()
+        while chunk := chunk_size.chunk(cases):
             started = monotonic()
             results: list[Flown] = []
             self._flyer.fly(chunk, results.extend)
-            pace.took(len(chunk), monotonic() - started)
+            chunk_size.took(len(chunk), monotonic() - started)
             yield results
 
     def close(self) -> None:
         """Nothing to end."""
 
 
-class Pace:
+class ChunkSize:
     """How many trials make a chunk of some seconds, learnt on the way."""
 
     def __init__(self) -> None:
@@ -130,7 +130,7 @@ class Pool:
         self._limit = job.study.settings.limit
         self._workers: list[_Worker] = []
         self._again: deque[_Chunk] = deque()
-        self._pace = Pace()
+        self._chunk_size = ChunkSize()
 
     def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
         """Yield the results of all cases; see Executor."""
@@ -168,7 +168,7 @@ class Pool:
             if self._again:
                 chunk = self._again.popleft()
             else:
-                chunk = _Chunk(self._pace.chunk(cases, self._count))
+                chunk = _Chunk(self._chunk_size.chunk(cases, self._count))
             if not chunk:
                 return
             worker = idle.pop() if idle else self._start()
@@ -200,7 +200,7 @@ class Pool:
         worker.chunk.clear()
         worker.chunk.extend(left)
         if not left:
-            self._pace.took(worker.size, worker.heard - worker.started)
+            self._chunk_size.took(worker.size, worker.heard - worker.started)
         return list(message)
 
     def _replace(self, worker: _Worker) -> list[Flown]:

@@ -65,8 +65,8 @@ def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, Manoeuvr
     rows = (
         lane.model.appendages.tip.ravel(),
         goal.goal,
-        np.sign(goal.way),
-        settling_band(goal.way),
+        np.sign(goal.displacement),
+        settling_band(goal.displacement),
         np.array(lane.trial.testbed.effort_limit),
         np.minimum(form.limit, np.finfo(float).max),
     )

@@ -6,7 +6,7 @@ from flexslew_lab.metrics.course import Course
 from flexslew_lab.metrics.efforts import Efforts
 from flexslew_lab.metrics.epoch import merged
 from flexslew_lab.metrics.joint_errors import JointErrors
-from flexslew_lab.metrics.metric import Ending, Flight, Manoeuvre
+from flexslew_lab.metrics.metric import Ending, Manoeuvre, RunSetup
 from flexslew_lab.metrics.settling import Settling
 from flexslew_lab.metrics.takeovers import Takeovers
 from flexslew_lab.metrics.tip_deflection import TipDeflection
@@ -35,16 +35,16 @@ class LaneMetrics:
         self._ended = bool(schedule.over.any())
         testbed, time = lane.trial.testbed, schedule.time
         limit = np.array(testbed.effort_limit)
-        flight = Flight(lane.model.joint_names, aim, limit, testbed)
-        self._tip, self._errors = TipDeflection(flight), JointErrors(flight)
-        self._settling, self._efforts = Settling(flight), Efforts(flight)
+        setup = RunSetup(lane.model.joint_names, aim, limit, testbed)
+        self._tip, self._errors = TipDeflection(setup), JointErrors(setup)
+        self._settling, self._efforts = Settling(setup), Efforts(setup)
         self._joints = limit.size
-        course = Course(flight)
+        course = Course(setup)
         course.ticks = 0, len(time) - 1
         self._efforts.times = course.times = float(time[0]), float(time[-1])
         self._settling.last_time = float(time[-1])
         self._measured = self._tip, self._errors, self._settling, self._efforts
-        self._alike = columns_of(merged((Takeovers(flight), course), _ENDING))
+        self._alike = columns_of(merged((Takeovers(setup), course), _ENDING))
 
     def metrics(self, w: Vector, k: int) -> dict[str, float | None]:
         """Return the columns of the trial in lane k of the flown array."""
