@@ -63,6 +63,9 @@ class Operator:
             rclpy.spin_once(self.node, timeout_sec=0.05)
         raise AssertionError("it never happened")
 
+    def controllers(self):
+        return self.call(srv.ListControllers, "list_controllers").controllers
+
     def plan(self, request, name="plan_slew"):
         client = ActionClient(self.node, action.PlanSlew, name)
         assert client.wait_for_server(timeout_sec=WAIT)
@@ -93,6 +96,7 @@ def operator():
             for module, *rest in commands
         ]
         try:
+            at_work.until(lambda: [c.ready for c in at_work.controllers()] == [True, True])
             yield at_work
         finally:
             rclpy.shutdown()
@@ -106,11 +110,7 @@ def operator():
 def test_controllers_are_listed_with_who_is_in_charge(operator):
     operator.until(lambda: operator.truth is not None and operator.truth.tick > 5)
 
-    def listed():
-        return operator.call(srv.ListControllers, "list_controllers")
-
-    operator.until(lambda: [c.ready for c in listed().controllers] == [True, True])
-    reply = listed()
+    reply = operator.call(srv.ListControllers, "list_controllers")
     assert reply.active == "pd_feedforward"
     assert [(c.controller, c.ready) for c in reply.controllers] == [
         ("pd_feedforward", True),
@@ -299,7 +299,8 @@ def test_planning_is_cancelled_in_any_method_and_bad_goals_have_words(operator):
     assert client.wait_for_server(timeout_sec=WAIT)
     plans = []
     operator.node.create_subscription(msg.Plan, "plan", plans.append, qos(TOPICS[PLAN]))
-    operator.until(lambda: plans)  # those of earlier tests
+    newest = operator.plan("{method: none}")[0].plan
+    operator.until(lambda: plans and plans[-1].hash == newest.hash)
     known = len(plans)
     for request in (
         "{method: time_optimal, goal: {base_yaw: 1.0, hub_pitch: 0.5}}",
@@ -455,10 +456,7 @@ def test_a_second_plant_leaves_with_words_and_a_second_controller_steps_back(ope
 
 
 def test_a_dead_controller_is_not_ready_and_no_switch_to_it_is_taken(operator):
-    def listed():
-        return operator.call(srv.ListControllers, "list_controllers").controllers
-
-    operator.until(lambda: [c.ready for c in listed()] == [True, True])
+    operator.until(lambda: [c.ready for c in operator.controllers()] == [True, True])
     assert operator.call(srv.SetRate, "set_rate", rate_factor=2.0).ok  # unpaced it waits
     operator.call(Trigger, "start")
     before = len(operator.events)
