@@ -22,7 +22,7 @@ from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.supervisor import Supervisor
 from flexslew_lab.trial.trial import parse_trial
 
-from .flight import Flight, fork_server, kill, side_by_side, slew
+from .flight import Flight, fork_server, kill, patient, side_by_side, slew
 
 
 def nobody(tick: int, last: int) -> None:
@@ -47,7 +47,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str],
     with side_by_side(
         controller=lambda: Flight(slew(80.0), folder / "1", 30, kill("pd_feedforward")),
         fallback=lambda: Flight(slew(20.0, **second), folder / "2", 0, kill("pd_feedforward")),
-        planner=lambda: Flight(slew(20.0), folder / "3", 0, kill("planner")),
+        planner=lambda: Flight(patient(slew(20.0)), folder / "3", 0, kill("planner")),
         recorder=lambda: Flight(slew(80.0), folder / "4", 100, kill("recorder")),
     ) as flown:
         yield flown
@@ -152,7 +152,7 @@ def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path: Path) -> Non
 
 def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(tmp_path: Path) -> None:
     intruder = NodeProcess("intruder", "tests", "intruder", {})
-    flight = Flight(slew(duration=20.0), tmp_path, extra=[intruder])
+    flight = Flight(patient(slew(duration=20.0)), tmp_path, extra=[intruder])
     assert flight.outcome.exit_code == 0
     events = BagReader(flight.bag).overview.events
     reasons = {event.data["reason"] for event in events if event.kind == "rejected"}
@@ -182,7 +182,7 @@ def test_bad_input_stops_before_a_folder_is_made(tmp_path: Path) -> None:
 
 
 def test_a_run_whose_state_is_lost_ends_in_order(tmp_path: Path) -> None:
-    trial = parse_trial(LOST, "test")
+    trial = patient(parse_trial(LOST, "test"))
     alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
     flight = Flight(trial, tmp_path / "ros")
     assert flight.outcome.exit_code == 3

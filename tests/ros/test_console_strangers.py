@@ -22,7 +22,7 @@ from flexslew_lab.trial.run import run_trial
 
 from .bystander import held
 from .console_page import console, trial_file
-from .flight import Flight, slew
+from .flight import Flight, patient, slew
 
 pytest.importorskip("viser")
 
@@ -70,7 +70,7 @@ def test_a_bench_stays_whole_whatever_is_clicked_and_flies_again(tmp_path: Path,
 
 
 def test_a_hung_page_and_a_killed_console_change_no_bit(tmp_path: Path) -> None:
-    trial = slew(duration=60.0)
+    trial = patient(slew(duration=60.0))
     alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
     killed: list[str] = []
     pages: list[PageClient] = []

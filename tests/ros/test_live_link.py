@@ -3,7 +3,6 @@
 import os
 import signal
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from threading import Thread
 from time import monotonic, sleep
@@ -24,7 +23,7 @@ from flexslew_lab.trial.supervisor import Supervisor
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.topics import RECORDED, TRUTH
 
-from .flight import Flight, fork_server, slew
+from .flight import Flight, fork_server, patient, slew
 
 PATIENCE = 60.0  # with a bench on a busy machine [wall s]
 
@@ -104,8 +103,8 @@ def test_through_the_recorder_no_tick_is_missing(
 def test_without_the_recorder_the_ticks_themselves_are_heard(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # long enough for DDS, which may need 3 s to find either topic; and no tick may be missed
-    trial = replace(slew(duration=300.0), answer_timeout=20.0)
+    # long enough for DDS, which may need 3 s to find either topic
+    trial = patient(slew(duration=300.0))
     watchers: list[Watcher] = []
 
     def act(pids: dict[str, int], domain: int) -> None:

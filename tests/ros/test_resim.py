@@ -31,7 +31,7 @@ from flexslew_lab.trial.processes import NodeProcess
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.messages import stamp
 
-from .flight import Flight, slew
+from .flight import Flight, patient, slew
 
 PATIENT = "display_rate: 0.0\nmax_missed: 1000"
 OTHERS = ", output_feedback: {mode: tracking_a}"
@@ -45,7 +45,7 @@ def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -> 
             answers.append(bench.act("start"))
 
     answers: list[Any] = []
-    trial = replace(slew(120.0, 0.0, OTHERS, PATIENT), answer_timeout=20.0)  # a busy machine
+    trial = patient(slew(120.0, 0.0, OTHERS, PATIENT))
     flight = Flight(trial, tmp_path, 0, by_hand)
     assert flight.outcome == (0, "")
     assert [ok for ok, _ in answers] == [True] * 3, answers
