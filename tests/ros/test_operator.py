@@ -348,7 +348,11 @@ def late_bag(operator, tmp_path_factory):
     """A recorder that came late; its bag, when it was interrupted before the end."""
     bag = tmp_path_factory.mktemp("late") / "bag"
     operator.call(Trigger, "start")
-    operator.until(lambda: operator.truth.tick > 50)
+    operator.until(lambda: operator.truth is not None and operator.truth.tick > 5)
+    before = operator.truth.epoch
+    assert operator.call(Trigger, "reset").success
+    operator.call(Trigger, "start")
+    operator.until(lambda: operator.truth.epoch > before and operator.truth.tick > 50)
     module = "flexslew_lab.ros.recorder_node"
     command = [sys.executable, "-m", module, "--ros-args", "-p", f"folder:={bag}"]
     recorder = subprocess.Popen(command, stderr=subprocess.DEVNULL)
