@@ -13,7 +13,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.rows import flat, key_of, unit_of
-from flexslew_lab.report import figures, pointing
+from flexslew_lab.report import figures
 from flexslew_lab.report.page import embedded, render
 from flexslew_lab.report.panels import COLOURS, PALE, Group
 from flexslew_lab.report.run_data import RunData, read_run
@@ -144,7 +144,7 @@ def _groups(runs: Sequence[RunData], other: RunData | None) -> Iterator[Group]:
     modes = figures.modes(runs)
     if modes is not None:
         yield modes
-    for draw in (pointing.platform, figures.estimation, figures.effort_terms):
+    for draw in (figures.platform, figures.estimation, figures.effort_terms):
         for number, run in enumerate(runs):
             group = draw(run)
             if group is None:

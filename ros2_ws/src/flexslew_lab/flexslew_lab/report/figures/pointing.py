@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_lab.report.figures import marks
+from flexslew_lab.report.figures.drawing import marks
 from flexslew_lab.report.panels import Entry, Group, Panel, legend, style
 from flexslew_lab.report.run_data import RunData
 from flexslew_plant.testbeds.spacecraft.motions import Pointing

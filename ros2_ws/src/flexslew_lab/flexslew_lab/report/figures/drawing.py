@@ -1,0 +1,117 @@
+"""What all figures of runs share: their names, their range of time, and what is marked in them."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from flexslew_lab.report.panels import (
+    BROKEN,
+    DISTURBED,
+    INK,
+    MANOEUVRE,
+    PALE,
+    Group,
+    Mark,
+    Panel,
+)
+from flexslew_lab.report.run_data import RunData
+from flexslew_lab.report.thinning import Trace
+from flexslew_plant.arrays import Vector
+
+MARKS = 20  # at most, of a report
+TIME = "time [s]"
+REFERENCE = {"color": INK, "width": 1.3, "dash": "dot"}
+
+
+def marks(runs: Sequence[RunData]) -> tuple[Mark, ...]:
+    """Return manoeuvres, disturbances, faults and changes of the controller, in order of time."""
+    found: dict[Mark, list[str]] = {}  # with the runs that have it
+    for run in runs:
+        start, end = run.metrics["manoeuvre_start"], run.metrics["manoeuvre_end"]
+        own = [Mark("manoeuvre", start, end, MANOEUVRE)] if end > start else []
+        own += [
+            Mark(span.words, span.start, span.end, BROKEN if span.kind == "fault" else DISTURBED)
+            for span in run.spans
+        ]
+        own += [
+            Mark(event.message, event.time, event.time, BROKEN if event.level == "fault" else PALE)
+            for event in run.overview.events
+            if event.kind in ("switched", "fallback", "brake")
+        ]
+        for mark in own:
+            found.setdefault(mark, []).append(run.label)
+    shared = [
+        mark if len(whose) == len(runs) else mark._replace(label=f"{mark.label} in {whose[0]}")
+        for mark, whose in found.items()
+    ]
+    return tuple(sorted(shared, key=lambda mark: mark.start)[:MARKS])
+
+
+def draw(
+    panel: Panel, trace: Trace | None, column: int, name: str, look: dict[str, Any],
+    nonzero: bool = False,
+) -> None:  # fmt: skip
+    """Add a column of a trace to a panel, where there is such a column with a number in it."""
+    if trace is None or column >= trace.value.shape[1]:
+        return
+    value = trace.value[:, column]
+    if np.isfinite(value).any() and not (nonzero and not np.nanmax(np.abs(value))):
+        panel.line(trace.time[:, column], value, name, look)
+
+
+def over(group: Group, shown: tuple[float, float]) -> Group:
+    """Return the group with one range of time, with what is drawn or shaded outside left out."""
+    group.marks = tuple(m for m in group.marks if m.end >= shown[0] and m.start <= shown[1])
+    drawn = {trace["name"] for panel in group.panels for trace in panel.traces}
+    group.legend = tuple(entry for entry in group.legend if entry.name in drawn)
+    for panel in group.panels:
+        panel.x_range = shown
+    return group
+
+
+def span_of(runs: Sequence[RunData]) -> tuple[float, float]:
+    """Return the first and the last time of any of the runs [s]."""
+    times: list[Vector] = [run.traces["effort"].time for run in runs]
+    return min(float(np.nanmin(t)) for t in times), max(float(np.nanmax(t)) for t in times)
+
+
+def end_of(run: RunData) -> float:
+    """Return when the manoeuvre ends [s]."""
+    return float(run.metrics["manoeuvre_end"])
+
+
+def joints_of(runs: Sequence[RunData]) -> list[tuple[str, str]]:
+    """Return name and unit of every joint of any of the runs, those of the first one first."""
+    return list(
+        dict.fromkeys(
+            pair for run in runs for pair in zip(run.joint_names, run.joint_units, strict=True)
+        )
+    )
+
+
+def appendages_of(runs: Sequence[RunData]) -> list[str]:
+    """Return the readings of the appendages that deflect; all where none does."""
+    names = dict.fromkeys(name for run in runs for name in run.appendage_names)
+    bent = {
+        name
+        for run in runs
+        if "tip" in run.traces
+        for name, column in zip(run.appendage_names, run.traces["tip"].value.T, strict=True)
+        if np.nan_to_num(column).any()
+    }
+    return [name for name in names if name in bent] or list(names)
+
+
+def efforts_of(run: RunData) -> list[tuple[str, str]]:
+    """Return name and unit of every drive: those of the joints, where there are as many."""
+    count = run.traces["effort"].value.shape[1]
+    if count == len(run.joint_names):
+        units = map(effort_unit, run.joint_units)
+        return list(zip(run.joint_names, units, strict=True))
+    return [(f"drive {k + 1}", "N m") for k in range(count)]
+
+
+def effort_unit(unit: str) -> str:
+    """Return the unit of the effort on a joint with this unit."""
+    return "N" if unit == "m" else "N m"
