@@ -3,7 +3,7 @@
 import ctypes
 from typing import Any
 
-from flexslew_plant.ros.loop import run_node
+from flexslew_plant.ros.node_process import run_node
 
 from .guest import Guest
 

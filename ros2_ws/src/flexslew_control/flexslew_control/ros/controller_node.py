@@ -19,7 +19,8 @@ from flexslew_plant.bench.wire import command_bytes, measurement_from
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
-from flexslew_plant.ros.loop import Loop, run_node
+from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import declared, new_node, parameters_of
 from flexslew_plant.ros.realtime import CONTROLLER, RealTime

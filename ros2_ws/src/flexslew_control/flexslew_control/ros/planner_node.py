@@ -22,7 +22,8 @@ from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.ros.graph import PlantWatch
-from flexslew_plant.ros.loop import Loop, run_node
+from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 

@@ -9,7 +9,8 @@ from pydantic import Field
 
 from flexslew_lab.console.page import Page
 from flexslew_lab.ros.live_link import LiveLink
-from flexslew_plant.ros.loop import Loop, run_node, within
+from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.node_process import run_node, within
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.settings import section
 

@@ -12,7 +12,8 @@ from flexslew_lab.ros.live_channels import LiveChannels
 from flexslew_lab.ros.live_parameters import LiveParameters
 from flexslew_lab.ros.live_services import LiveServices
 from flexslew_plant.errors import BadInput
-from flexslew_plant.ros.loop import Loop, run_node, within
+from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.node_process import run_node, within
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.settings import section
 

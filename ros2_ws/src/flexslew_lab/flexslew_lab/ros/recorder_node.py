@@ -17,8 +17,9 @@ from flexslew_plant import topics
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
-from flexslew_plant.ros.loop import Loop, run_node
+from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import stamp
+from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 from flexslew_plant.settings import section

@@ -3,7 +3,8 @@
 from functools import partial
 
 from flexslew_control.ros.controller_node import ControllerNode
-from flexslew_plant.ros.loop import Loop, run_node
+from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.plant_node import Plant
 
 

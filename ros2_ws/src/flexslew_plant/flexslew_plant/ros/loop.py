@@ -1,45 +1,23 @@
-"""The process of a node: its executor, its signals, its exit code."""
+"""The executor of a node's process."""
 
-import gc
 import os
 import signal
-import sys
 from collections.abc import Callable
 from math import inf
 from time import monotonic
-from typing import Protocol
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.ros.alive import Alive
-from flexslew_plant.ros.farewell import HURRIED, LAST_WORDS, wait_until_acknowledged
-from flexslew_plant.ros.interrupts import Interrupts
+from flexslew_plant.ros.farewell import wait_until_acknowledged
 from flexslew_plant.unbroken import unbroken
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
 _LEAVING = 10  # until a process that DDS does not let go is ended [wall s]
-
-
-class Served(Protocol):
-    """What a loop runs: one node or several.
-
-    It may also have `interrupted()`, called when somebody wants it to end; where that returns True,
-    it stops its loop itself, or is interrupted again. And `close()`, which finishes what must be
-    whole; the nodes of the loop leave the graph after it.
-    """
-
-    def poll(self) -> float:
-        """Do what is due; return after how many wall seconds to be called again."""
-
-
-_interrupts = Interrupts()
 
 
 class Loop:
@@ -127,59 +105,3 @@ class Loop:
                     return 130  # nobody would ever end this process
                 next_look = now + 0.5
         return self._code
-
-
-def _run(loop: Loop, served: Served) -> int:
-    """Run the loop; an interrupt ends it, unless what is served has still something to do."""
-    while True:
-        try:
-            return loop.run(served.poll)
-        except KeyboardInterrupt:
-            _interrupts.taken()
-            stay = getattr(served, "interrupted", lambda: False)()
-            if not stay:
-                return 130
-
-
-def within(namespace: str) -> list[str]:
-    """Return the command line of a node in a namespace; empty: in none."""
-    name = "/" + namespace.strip("/")
-    return ["--ros-args", "-r", f"__ns:={name}"] if name != "/" else []
-
-
-def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> None:
-    """Initialise ROS, build the node, run its loop, clean up and exit.
-
-    Args:
-        build: takes the loop, returns what it serves.
-        args: command line; None: of the process.
-    """
-    # our own handlers: rclpy's would invalidate the context before the last words are said
-    _interrupts.install()
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    served = loop = None
-    code = 0
-    try:
-        loop = Loop()
-        served = build(loop)
-        code = _run(loop, served)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        code = 130
-    except BadInput as error:
-        print(f"error: {error}", file=sys.stderr)
-        code = 2
-    except FlexslewError as error:
-        print(f"error: {error}", file=sys.stderr)
-        code = 3
-    finally:
-        _interrupts.ignore()
-        if served is not None and loop is not None:
-            loop.close(HURRIED if code == 130 else LAST_WORDS)
-            getattr(served, "close", lambda: None)()
-            loop.leave(code)
-        # the graph hears of our leaving only if the participant is really destroyed
-        del served, loop
-        gc.collect()
-        rclpy.try_shutdown()
-        signal.alarm(0)
-    sys.exit(code)

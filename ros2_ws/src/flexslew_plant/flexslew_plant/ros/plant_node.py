@@ -15,8 +15,9 @@ from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import command_from, measurement_bytes, truth_bytes
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import unmatched
-from flexslew_plant.ros.loop import Loop, run_node
+from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import message_of, stamp
+from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.ros.plant.diagnostics import Diagnostics

@@ -1,6 +1,6 @@
 """The command line of a node."""
 
-from flexslew_plant.ros.loop import within
+from flexslew_plant.ros.node_process import within
 
 
 def test_a_namespace_becomes_a_command_line() -> None:
