@@ -14,7 +14,7 @@ from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.csa_lanes import needed_steps, sine_cosine
+from flexslew_plant.testbeds.csa.lanes import needed_steps, sine_cosine
 
 TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 LAWS: dict[str, dict[str, Any]] = {
