@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event
+from time import monotonic
 from typing import Any
 
 import rclpy
@@ -56,7 +57,8 @@ class Bystander:
 
     def until(self, condition: Callable[[], bool]) -> None:
         """Listen until something is true."""
-        for _ in range(int(PATIENCE / 0.02)):
+        end = monotonic() + PATIENCE
+        while monotonic() < end:
             if condition():
                 return
             self._executor.spin_once(timeout_sec=0.02)

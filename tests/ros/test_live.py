@@ -7,6 +7,7 @@ import socket
 import struct
 from collections.abc import Iterator
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import pytest
@@ -89,7 +90,8 @@ def free_port() -> int:
 
 
 def connected(port: int, supervisor: Supervisor) -> Client:
-    for _ in range(400):
+    end = monotonic() + 60.0
+    while monotonic() < end:
         supervisor._serve(0.05)
         try:
             return Client(port)

@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+from time import monotonic
 
 import pytest
 import rclpy
@@ -57,7 +58,8 @@ class Operator:
         return future.result()
 
     def until(self, condition):
-        for _ in range(int(WAIT / 0.05)):
+        end = monotonic() + WAIT
+        while monotonic() < end:
             if condition():
                 return
             rclpy.spin_once(self.node, timeout_sec=0.05)

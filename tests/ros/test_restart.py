@@ -4,6 +4,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import pytest
@@ -46,7 +47,8 @@ class Bench:
             )
 
     def until(self, condition: Callable[[], bool]) -> None:
-        for _ in range(int(WAIT / 0.05)):
+        end = monotonic() + WAIT
+        while monotonic() < end:
             if condition():
                 return
             rclpy.spin_once(self.node, timeout_sec=0.05)

@@ -46,6 +46,15 @@ def test_every_switch_is_answered_with_who_is_in_charge(tmp_path: Path) -> None:
     answers: dict[str, Any] = {}
     steps: list[int] = []
 
+    def stepless(bench: Bystander) -> bool:
+        """Return whether pd takes over from the brake without any step: now and then it can."""
+        assert bench.ask(Trigger, "brake").success
+        bench.pass_by(50)
+        assert bench.ask(Trigger, "release_brake").success
+        bench.pass_by(3)
+        answers["strict"] = switch(bench, "pd_feedforward", strict=True, max_effort_step=0.0)
+        return bool(answers["strict"].ok)
+
     def operate(pids: dict[str, int], domain: int) -> None:
         with beside(domain) as bench:
             answers["same"] = switch(bench, "pd_feedforward")
@@ -56,11 +65,9 @@ def test_every_switch_is_answered_with_who_is_in_charge(tmp_path: Path) -> None:
             os.kill(pids["output_feedback"], signal.SIGSTOP)  # not known to be silent yet
             answers["mute"] = switch(bench, "output_feedback", timeout=20.0)
             os.kill(pids["output_feedback"], signal.SIGCONT)
-            assert bench.ask(Trigger, "brake").success
-            bench.pass_by(50)
-            assert bench.ask(Trigger, "release_brake").success
-            bench.pass_by(3)
-            answers["strict"] = switch(bench, "pd_feedforward", strict=True, max_effort_step=0.0)
+            for step in (-1.0, float("nan")):
+                answers[f"{step}"] = switch(bench, "lqr", strict=True, max_effort_step=step)
+            bench.until(lambda: not stepless(bench))
             bench.swap("pd_feedforward")
             steps.extend(stepped(bench))
         raise KeyboardInterrupt
@@ -76,6 +83,8 @@ def test_every_switch_is_answered_with_who_is_in_charge(tmp_path: Path) -> None:
         "stranger": ("unknown controller nobody", "pd_feedforward"),
         "mute": ("output_feedback never answered; lqr is in charge", "lqr"),
         "strict": ("its effort would step by", ""),
+        "-1.0": ("max_effort_step: -1 is not allowed: 0 or more", "lqr"),
+        "nan": ("max_effort_step: nan is not allowed: 0 or more", "lqr"),
     }
     for name, (said, active) in words.items():
         answer = answers[name]
