@@ -79,7 +79,7 @@ def services() -> Iterator[tuple[str, str]]:
     Raises:
         ValueError: the type of one is not found in the sources.
     """
-    text = "\n".join(path.read_text() for path in sorted(SOURCES.glob("*/*/ros/*.py")))
+    text = "\n".join(path.read_text() for path in sorted(SOURCES.glob("*/*/ros/**/*.py")))
     known = {value: key for key, value in vars(topics).items() if isinstance(value, str)}
     skipped = {topic.name for topic in topics.TOPICS.values()}
     for name, constant in known.items():

@@ -58,11 +58,9 @@ class Bystander:
     def until(self, condition: Callable[[], bool]) -> None:
         """Listen until something is true."""
         end = monotonic() + PATIENCE
-        while monotonic() < end:
-            if condition():
-                return
+        while not condition():
+            assert monotonic() < end, "it never happened"
             self._executor.spin_once(timeout_sec=0.02)
-        raise AssertionError("it never happened")
 
     def listen(self, seconds: float) -> None:
         """Take what comes in one moment, if anything does."""

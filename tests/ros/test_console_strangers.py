@@ -56,15 +56,16 @@ def test_a_bench_stays_whole_whatever_is_clicked_and_flies_again(tmp_path: Path,
         until(lambda: (run / "bag").exists(), page)
         page.set(page.named("Remark"), "the end")
         page.set(page.named("Note it"), True)
-        until(lambda: "noted at tick" in page.text, page)
+        until(lambda: "noted at tick" in page.text or ">finished<" in page.text, page)
         page.set(page.named("Pause"), True)
-        until(lambda: ">paused<" in page.text, page)
+        until(lambda: ">paused<" in page.text or ">finished<" in page.text, page)
         late = PageClient(address)
         until(lambda: shown(other, "value") == shown(late, "value"), other, late)
         until(lambda: shown(page) == shown(other), page, other)
     events = BagReader(run / "bag").overview.events
     assert sum(", page " in str(e.data.get("who", "")) for e in events) > ACTIONS / 20
-    assert "the end" in [e.message for e in events if e.kind == "note"]
+    lost = "not_finite" in [e.kind for e in events]  # pushed with 1e300 N m
+    assert lost or "the end" in [e.message for e in events if e.kind == "note"]
     assert "Traceback" not in (run / "nodes.log").read_text()
     assert resim(run / "bag").identical
 

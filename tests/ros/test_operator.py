@@ -59,11 +59,9 @@ class Operator:
 
     def until(self, condition):
         end = monotonic() + WAIT
-        while monotonic() < end:
-            if condition():
-                return
+        while not condition():
+            assert monotonic() < end, "it never happened"
             rclpy.spin_once(self.node, timeout_sec=0.05)
-        raise AssertionError("it never happened")
 
     def controllers(self):
         return self.call(srv.ListControllers, "list_controllers").controllers

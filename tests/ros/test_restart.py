@@ -48,11 +48,9 @@ class Bench:
 
     def until(self, condition: Callable[[], bool]) -> None:
         end = monotonic() + WAIT
-        while monotonic() < end:
-            if condition():
-                return
+        while not condition():
+            assert monotonic() < end, "it never happened"
             rclpy.spin_once(self.node, timeout_sec=0.05)
-        raise AssertionError("it never happened")
 
     def runs(self, name: str) -> bool:
         return fork_server().exit_code(self.pids[name]) is None

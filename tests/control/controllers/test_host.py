@@ -1,3 +1,4 @@
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -6,6 +7,7 @@ import pytest
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.host import Build, ControllerHost, merged
 from flexslew_control.law import PlantDescription
+from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners import ReferenceOnly, make_plan
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
@@ -13,6 +15,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 
+EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 CSA = PlantDescription(CsaTestbed(modes=1), 0.01, np.array([150.0, 150.0]))
 OSCILLATOR = PlantDescription(FloatingOscillatorTestbed(), 0.01, np.array([1.0]))
 
@@ -123,19 +126,32 @@ def test_a_reset_forgets_what_was_to_be_tuned() -> None:
     assert not host.events
 
 
+@pytest.mark.parametrize("kp", [float("nan"), float("inf"), object()])
+def test_a_law_of_ones_own_is_not_tuned_to_what_no_log_can_hold(kp: Any) -> None:
+    host = standing(f"{EXAMPLES / 'my_law.py'}:MyLaw")
+    refused = host.tune({"kp": kp})
+    assert (refused.ok, refused.message.partition(":")[0]) == (
+        False, "a setting is not plain data or not a finite number"
+    )  # fmt: skip
+    assert host.tune({"kp": 1.0}).ok
+
+
 def test_a_plan_is_taken_from_the_next_question_on() -> None:
     plan = make_plan(ReferenceOnly(start=6.0), CSA)
     host = ControllerHost("mine", {})
     assert (host.plans_taken, host.plan_from) == (0, (0, 0))
     host.adopt(plan)  # kept for the testbed to come
     host.announce(builder("pd_feedforward", CSA), 2)
-    assert (host.plans_taken, host.plan_from) == (2, (0, 0))
+    assert (host.plans_taken, host.plan_hash, host.plan_from) == (1, plan_hash(plan), (0, 0))
     for epoch, tick in ((0, 0), (0, 41), (1, 3)):
         host.observe(question(tick, epoch))
         assert host.adopt(plan) == ""
         assert host.plan_from == (epoch, tick + 1)
+    late = make_plan(ReferenceOnly(start=0.02), CSA)
+    assert "the bench is at 0.03 s" in host.adopt(late)  # refused, so the other one is followed
+    assert (host.plans_taken, host.plan_hash, host.plan_from) == (4, plan_hash(plan), (1, 4))
     host.announce(builder("pd_feedforward", CSA), 2)  # another plant, in its first epoch
-    assert (host.plans_taken, host.plan_from) == (6, (0, 0))
+    assert (host.plans_taken, host.plan_hash, host.plan_from) == (4, plan_hash(late), (0, 0))
 
 
 def test_nested_settings_are_merged() -> None:

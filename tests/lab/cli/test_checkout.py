@@ -34,15 +34,19 @@ def test_second_time():
 PASSES, FAILS = "def test_passes(): pass", "def test_fails(): assert False"
 
 
+DIES = "import os\n\ndef test_dies(): os.kill(os.getpid(), 9)"
+
+
 @pytest.mark.parametrize(
-    ("plain", "over_ros", "code", "runs"),
+    ("plain", "over_ros", "alone", "code", "runs"),
     [
-        (PASSES, PASSES, 0, 3),
-        (PASSES, FLAKY, 0, 4),
-        (PASSES, FAILS, 1, 4),
-        (FLAKY, PASSES, 1, 3),  # nothing but the code decides there
-        (FLAKY, FLAKY, 1, 4),
-        (PASSES, "import nowhere", 2, 3),
+        (PASSES, PASSES, PASSES, 0, 3),
+        (PASSES, FLAKY, PASSES, 0, 4),
+        (PASSES, FAILS, PASSES, 1, 4),
+        (PASSES, FLAKY, DIES, 137, 3),
+        (FLAKY, PASSES, PASSES, 1, 3),  # nothing but the code decides there
+        (FLAKY, FLAKY, PASSES, 1, 4),
+        (PASSES, "import nowhere", PASSES, 2, 3),
     ],
 )
 def test_what_fails_over_ros_runs_once_more(
@@ -50,14 +54,15 @@ def test_what_fails_over_ros_runs_once_more(
     monkeypatch: pytest.MonkeyPatch,
     plain: str,
     over_ros: str,
+    alone: str,
     code: int,
     runs: int,
 ) -> None:
     (tmp_path / "tests" / "ros").mkdir(parents=True)
     (tmp_path / "tests" / "test_plain.py").write_text(plain)
     (tmp_path / "tests" / "ros" / "test_over_ros.py").write_text(over_ros)
-    alone = "import pytest\n\n@pytest.mark.alone\ndef test_alone(): pass"
-    (tmp_path / "tests" / "ros" / "test_alone.py").write_text(alone)
+    marked = f"import pytest\npytestmark = pytest.mark.alone\n{alone}"
+    (tmp_path / "tests" / "ros" / "test_alone.py").write_text(marked)
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = alone: none beside it\n")
     calls = []
 

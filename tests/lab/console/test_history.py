@@ -27,9 +27,9 @@ def test_a_column_that_widens_is_filled_up() -> None:
 
 
 def test_a_long_run_forgets_its_beginning_and_nothing_else() -> None:
-    track, lot = Track(), 30_000
-    for k in range(2 * LIMIT // lot + 1):
-        time = np.arange(k * lot, (k + 1) * lot) * 0.01
+    track, batch = Track(), 30_000
+    for k in range(2 * LIMIT // batch + 1):
+        time = np.arange(k * batch, (k + 1) * batch) * 0.01
         track.add(time, {"q": time[:, None]})
         assert track.time.size <= LIMIT
         assert np.array_equal(track.column("q")[:, 0], track.time)

@@ -178,8 +178,8 @@ def test_nothing_is_planned_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 PLANNED_LATER = TRIAL.replace("duration: 5.0", "duration: 5.0\n  start: 6.0")
 
 
-def told_later(bag: Path, folder: Path, tick: int, **status: int) -> Path:
-    """Return a log whose recorder first heard of the controllers at a tick."""
+def told_later(bag: Path, folder: Path, tick: int, keep: bool = False, **status: int) -> Path:
+    """Return a log whose recorder heard of the controllers at a tick, unless kept there first."""
     reader = BagReader(bag)
     topic = "/controller_status"
     statuses = [m for m in reader.messages() if m.topic == topic]
@@ -191,7 +191,7 @@ def told_later(bag: Path, folder: Path, tick: int, **status: int) -> Path:
                     for field, value in {"last_tick": tick, **status}.items():
                         setattr(message, field, value)
                     writer.write(topic, late.type, encode(late.type, message), stamp)
-            if name != topic:
+            if name != topic or keep:
                 writer.write(name, kind, data, stamp)
     return folder
 
@@ -205,6 +205,14 @@ def test_a_plan_counts_from_the_question_at_which_it_was_taken_whenever_that_was
     bag = told_later(flown, tmp_path / "bag", max(taken, heard), plan_number=1, plan_tick=taken)
     assert {a.first for a in adoptions(BagReader(bag))} == {(0, taken)}
     assert resim(bag).identical
+
+
+def test_a_controller_that_is_built_anew_leaves_its_plans_in_their_order(tmp_path: Path) -> None:
+    flown = record(tmp_path / "flown", text=PLANNED_LATER, taken=100)
+    bag = told_later(flown, tmp_path / "bag", 100, plan_number=2, plan_tick=100)
+    again = told_later(bag, tmp_path / "again", 700, plan_number=1, plan_tick=0, keep=True)
+    assert [a.first for a in adoptions(BagReader(again))] == [(0, 100)] * 6
+    assert resim(again).identical
 
 
 @pytest.mark.parametrize("taken", [0, 2, 100, 599])  # it does not tell 1 from 0

@@ -14,7 +14,7 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.report.report import write_report
 from flexslew_lab.report.run_data import read_run
-from flexslew_lab.report.thinning import LOT, Thinner
+from flexslew_lab.report.thinning import BATCH, Thinner
 from flexslew_plant.errors import BadInput
 
 Message = tuple[str, bytes, int]
@@ -261,12 +261,12 @@ def test_phases_say_who_was_in_charge(bag: Path) -> None:
 
 @pytest.mark.parametrize("size", [3, 7000])
 def test_what_waits_to_be_thinned_does_not_grow_with_the_run(size: int) -> None:
-    thinner, lot = Thinner(size), 100
+    thinner, batch = Thinner(size), 100
     for k in range(2000):
-        time = np.arange(k * lot, (k + 1) * lot, dtype=float)
+        time = np.arange(k * batch, (k + 1) * batch, dtype=float)
         thinner.add(time, np.sin(time)[:, None])
-        assert sum(len(rows) for rows, _ in thinner._pending) <= max(LOT, size) + lot
-    time = np.arange(2000 * lot, dtype=float)
+        assert sum(len(rows) for rows, _ in thinner._pending) <= max(BATCH, size) + batch
+    time = np.arange(2000 * batch, dtype=float)
     kept = np.sort(thinner.trace().value[:, 0])
     buckets = np.split(np.sin(time), range(size, len(time), size))
     extremes = np.sort([x for b in buckets for x in (b.min(), b.max())])

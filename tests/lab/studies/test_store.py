@@ -33,11 +33,11 @@ def test_the_table_does_not_depend_on_parts_and_their_order(
     ready: Preparation, tmp_path: Path
 ) -> None:
     written = []
-    for k, lots in enumerate(([[0, 1, 2, 3]], [[3], [1, 2], [0]])):
+    for k, batches in enumerate(([[0, 1, 2, 3]], [[3], [1, 2], [0]])):
         store = Store(tmp_path / str(k))
         store.create(ready.identity, ready.samples)
-        for lot in lots:
-            store.add([result(number, 0.1 * number) for number in lot])
+        for batch in batches:
+            store.add([result(number, 0.1 * number) for number in batch])
         written.append(store.write_table().read_bytes())
     assert written[0] == written[1]
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from flexslew_lab.studies.cases import Case, case_of
-from flexslew_lab.studies.execution.pool import ChunkSize, Executor, InThisProcess, Pool
+from flexslew_lab.studies.execution.pool import Chunks, Executor, InThisProcess, Pool
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
@@ -105,14 +105,14 @@ def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is
 
 
 def test_workers_share_a_short_study_in_chunks_of_whole_lanes() -> None:
-    chunk_size, rate = ChunkSize(), 2000.0  # trials / s
+    chunks, rate = Chunks(), 2000.0  # trials / s
     endless = (Case(k, k, 0, 0, ()) for k in count())
     for _ in range(8):  # it learns that a chunk of seconds holds thousands
-        chunk = chunk_size.chunk(endless)
-        chunk_size.took(len(chunk), len(chunk) / rate)
-    assert len(chunk_size.chunk(endless)) == 4096
+        chunk = chunks.next(endless)
+        chunks.learn(len(chunk), len(chunk) / rate)
+    assert len(chunks.next(endless)) == 4096
     left = iter([Case(k, k, 0, 0, ()) for k in range(1024)])
-    sizes = list(map(len, iter(lambda: chunk_size.chunk(left, 2), [])))
+    sizes = list(map(len, iter(lambda: chunks.next(left, 2), [])))
     assert sum(sizes) == 1024
     assert sizes[0] == 256
     assert all(size % LANES == 0 for size in sizes)

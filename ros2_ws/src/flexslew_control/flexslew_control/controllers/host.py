@@ -4,12 +4,14 @@ The host holds everything that a node must decide but the graph: so it is tested
 log is flown again with the same object.
 """
 
+import json
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from flexslew_control.controllers.controller import Answer, Controller
 from flexslew_control.plan import Plan
+from flexslew_control.plan_file import plan_hash
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
@@ -46,8 +48,8 @@ class ControllerHost:
         self.controller: Controller | None = None
         self.plan: Plan | None = None
         self.epoch = 0  # of the last question
-        self.plans_taken = 0
-        self.plan_from = 0, 0  # epoch and tick of the first question answered with the plan
+        self.plans_taken, self.plan_hash = 0, ""  # of the plan that is followed
+        self.plan_from = 0, 0  # epoch and tick of the first question answered with it
         self.events: deque[Event] = deque()
         self._build: Build | None = None
         self._unfit = "no testbed announced yet"
@@ -90,17 +92,25 @@ class ControllerHost:
             return
         self.controller.warm(appendages)
         if self.plan is not None:
-            self.adopt(self.plan)
+            self._follow(self.plan)
 
     def adopt(self, plan: Plan) -> str:
         """Follow a plan as soon as there is a testbed; return why not, or an empty text."""
-        seen = self.controller.last_tick if self.controller else -1
-        self.plans_taken, self.plan_from = self.plans_taken + 1, (self.epoch, seen + 1)
-        self.plan, self._plan_refused = plan, ""
+        self.plan = plan
+        refused = self._follow(plan)
+        if not refused:
+            self.plans_taken += 1
+        return refused
+
+    def _follow(self, plan: Plan) -> str:
+        first = self.epoch, (self.controller.last_tick if self.controller else -1) + 1
+        self._plan_refused = ""
         if self.controller is not None:
             self._plan_refused = self.controller.adopt(plan)
             if self.controller.last_tick < 0:
                 self.controller.warm(self._appendages)  # on the plan that it will follow
+        if not self._plan_refused:
+            self.plan_hash, self.plan_from = plan_hash(plan), first
         return self._plan_refused
 
     def plan_refused(self, digest: str) -> Event:
@@ -141,6 +151,11 @@ class ControllerHost:
         values = merged(self._tunings[-1].values if self._tunings else self.values, changes)
         if not changes:
             return Tuned(False, "nothing changes; give at least one setting", tick)
+        try:
+            json.dumps([changes, self.values], allow_nan=False)
+        except (TypeError, ValueError):
+            words = "a setting is not plain data or not a finite number: the log could not hold it"
+            return Tuned(False, words, tick)
         try:
             controller = self._build(values)
         except BadInput as error:

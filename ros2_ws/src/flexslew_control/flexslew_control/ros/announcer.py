@@ -45,7 +45,6 @@ class Announcer:
         self._node, self._host, self._law, self._alive = node, host, law, alive
         self._said, self._heard, self._listeners = said, heard, listeners
         self._status = publisher(node, topics.CONTROLLER_STATUS)
-        self.plan_hash = ""  # of the newest plan
         self.elder = ""  # why this one is silent for another one of its name
         self.reason: str | None = None  # as announced; None: nothing yet
         self._is_heard = False
@@ -93,7 +92,7 @@ class Announcer:
                 reason=reason,
                 last_tick=host.last_tick,
                 epoch=host.epoch,
-                plan_hash=self.plan_hash,
+                plan_hash=host.plan_hash,
                 settings=self._settings,
                 plan_number=host.plans_taken,
                 plan_epoch=host.plan_from[0],

@@ -91,7 +91,6 @@ class ControllerNode:
         except BadInput as error:
             self.node.get_logger().warning(str(error))
             return
-        self._announcer.plan_hash = message.hash
         if refused:
             self._events.tell(self._host.plan_refused(message.hash))
         self._announcer.announce(always=True)

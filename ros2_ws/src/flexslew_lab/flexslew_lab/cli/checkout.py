@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -81,18 +82,20 @@ def test(context: typer.Context) -> None:
         raise typer.Exit(_pytest(*context.args))
     two = ("-n", "2", "--dist", "loadfile")
     code = _pytest(*two, "--ignore", "tests/ros")
-    over_ros = max(
-        _pytest(*two, "tests/ros", "-m", "not alone"), _pytest("tests/ros", "-m", "alone")
-    )
-    if over_ros == _FAILED:
-        typer.echo("what has failed over ROS, once more:")
-        over_ros = _pytest("tests/ros", "--last-failed", "--last-failed-no-failures", "none")
+    with TemporaryDirectory() as folder:  # what has failed here, and not in another terminal
+        ros = ("tests/ros", "-o", f"cache_dir={folder}")
+        over_ros = max(_pytest(*two, *ros, "-m", "not alone"), _pytest(*ros, "-m", "alone"))
+        if over_ros == _FAILED:
+            say("what has failed over ROS, once more:")
+            over_ros = _pytest(*ros, "--last-failed", "--last-failed-no-failures", "none")
     raise typer.Exit(max(code, over_ros))
 
 
 def _pytest(*arguments: str) -> int:
+    """Return the exit code of pytest; one that a signal ended has 128 and its number."""
     command = [sys.executable, "-m", "pytest", *arguments]
-    return subprocess.run(command, cwd=_root(), check=False).returncode
+    code = subprocess.run(command, cwd=_root(), check=False).returncode
+    return code if code >= 0 else 128 - code
 
 
 def _root() -> Path:

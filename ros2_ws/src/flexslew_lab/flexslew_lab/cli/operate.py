@@ -14,7 +14,8 @@ from flexslew_lab.trial.domain import bench_domain
 from flexslew_plant.errors import BadInput, FlexslewError
 
 if TYPE_CHECKING:
-    from flexslew_lab.ros.operator import Operator, Reply
+    from flexslew_lab.ros.operator import Operator
+    from flexslew_plant.bench.operation.run_state import Reply
 
 _BY_HAND = 1.5  # patience where no run has left its domain [wall s]
 
@@ -145,9 +146,9 @@ def _bench(namespace: str) -> Iterator["Operator"]:
 def _done(namespace: str, ask: Callable[["Operator"], "Reply"]) -> None:
     """Print what the bench answers; leave with exit code 1 if it refuses."""
     with _bench(namespace) as bench:
-        told = ask(bench)
-    say(told.message)
-    if not told.ok:
+        reply = ask(bench)
+    say(reply.message)
+    if not reply.ok:
         raise typer.Exit(1)
 
 

@@ -93,21 +93,21 @@ class Reply:
         self,
         service: str,
         values: Mapping[str, Any],
-        then: Callable[[RequestResult], None] = lambda told: None,
+        then: Callable[[RequestResult], None] = lambda result: None,
     ) -> None:
         """Ask the bench, and show its answer."""
 
-        def answer(told: RequestResult) -> None:
-            self.tell(told)
-            then(told)
+        def answer(result: RequestResult) -> None:
+            self.tell(result)
+            then(result)
 
         self.tell(RequestResult(True, "asked ..."))
         self._link.ask(service, values, answer)
 
-    def tell(self, told: RequestResult) -> None:
+    def tell(self, result: RequestResult) -> None:
         """Show an answer, a refusal as such in words."""
-        words = told.message if told.ok else f"refused: {told.message}"
-        role, color = ("status", "inherit") if told.ok else ("alert", "#b00020")
+        words = result.message if result.ok else f"refused: {result.message}"
+        role, color = ("status", "inherit") if result.ok else ("alert", "#b00020")
         self._show(line(words, role, color))
 
     def clear(self) -> None:

@@ -21,7 +21,7 @@ from flexslew_plant.testbeds import Testbed
 EVENTS = 2000  # that are kept
 
 _TRUTH = ("position", "velocity", "applied_effort", "tip_deflection", "disturbance")
-_THOUGHT = ("reference_position", "reference_velocity", "estimate_position", "innovation")
+_CONTROLLER_STATE = ("reference_position", "reference_velocity", "estimate_position", "innovation")
 
 
 class Now(NamedTuple):
@@ -125,7 +125,7 @@ class BenchView:
             if not rises.all():  # a reset within the batch: only what came after it
                 first = int(np.flatnonzero(~rises)[-1])
                 time, columns = time[first:], {k: v[first:] for k, v in columns.items()}
-            fields = _TRUTH if name == topics.TRUTH else _THOUGHT
+            fields = _TRUTH if name == topics.TRUTH else _CONTROLLER_STATE
             track = self.truth if name == topics.TRUTH else self.controller_state
             track.add(time, {field: columns[field] for field in fields})
             if name == topics.TRUTH:

@@ -48,7 +48,7 @@ from flexslew_plant.errors import BadInput
 RARE = ("/events", "/plan", "/testbed", "/controller_status")
 # What a decoded event takes in memory [B], at most, and each byte of its JSON
 _EVENT_SIZE, _TEXT_SIZE = 300, 12
-LOT = 1 << 14  # messages of a chunk that become arrays at once
+BATCH = 1 << 14  # messages of a chunk that become arrays at once
 
 
 class BagMessage(NamedTuple):
@@ -152,7 +152,7 @@ class BagReader:
                 continue
             found.setdefault(m.channel, []).append(m)
             count += 1
-            if count == LOT:
+            if count == BATCH:
                 yield found
                 found, count = {}, 0
         yield found

@@ -220,7 +220,7 @@ def _sink(path: Path, schema: pa.Schema, kind: str) -> Any:
 
 
 def _batches(bag: BagReader, topics: Collection[str]) -> Iterator[tuple[str, list[Block]]]:
-    """Yield a topic in batches of about ROWS rows, or of about BYTES where rows are long."""
+    """Yield a topic and a batch of its blocks: about ROWS rows, or BYTES where rows are long."""
     waiting: dict[str, list[Block]] = {topic: [] for topic in topics}
     rows, size = dict.fromkeys(topics, 0), dict.fromkeys(topics, 0)
     for block in bag.blocks(topics):

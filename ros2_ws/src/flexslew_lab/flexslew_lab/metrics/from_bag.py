@@ -58,7 +58,7 @@ def _measured(bag: BagReader) -> dict[str, Any]:
             columns = {k: c[part] for k, c in block.columns.items()}
             if epoch is None or number > epoch.number:
                 joints = columns["applied_effort"].shape[1]
-                epoch = Epoch(int(number), _setup(overview, joints, int(number)), own)
+                epoch = Epoch(int(number), _run_setup(overview, joints, int(number)), own)
             epoch.add(columns)
     if epoch is None:
         raise BadInput(f"{bag.path}: holds no truth, so there is nothing to measure")
@@ -106,7 +106,7 @@ def flown_testbed(overview: Overview, epoch: int) -> Testbed | None:
         return None
 
 
-def _setup(overview: Overview, joints: int, epoch: int) -> RunSetup:
+def _run_setup(overview: Overview, joints: int, epoch: int) -> RunSetup:
     limit = np.zeros(0) if overview.testbed is None else overview.testbed.effort_limit
     testbed = flown_testbed(overview, epoch)
     return RunSetup(joint_names_of(overview, joints), _manoeuvre(overview, joints), limit, testbed)

@@ -23,7 +23,7 @@ class Adoption(NamedTuple):
     """A controller took a plan."""
 
     controller: str
-    first: Key  # question that it answered with it
+    first: Key  # question that it answered with this plan
     plan: Plan
 
 
@@ -152,6 +152,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     """
     plans = {p.hash: plan_of(p, str(bag.path)) for p in bag.overview.plans}
     following: dict[str, tuple[str, int]] = {}
+    begun: dict[str, Key] = {}
     found = []
     for _, kind, _, _, data in bag.messages(("/controller_status",)):
         status = decode(kind, data)
@@ -168,5 +169,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
             first = int(status.epoch), int(status.last_tick) + 1
             if first == (0, 1):  # also what a controller said before its first measurement
                 first = 0, 0
+        # one that is built anew, for another testbed or after a crash, says that it began there
+        begun[name] = first = max(first, begun.get(name, first))
         found.append(Adoption(name, first, plans[wanted]))
     return sorted(found, key=lambda adoption: adoption.first)

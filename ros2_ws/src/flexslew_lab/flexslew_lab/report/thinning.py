@@ -6,7 +6,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 
-LOT = 8192  # rows that wait before they are thinned, or one bucket where that is more
+BATCH = 8192  # rows that wait before they are thinned, or one bucket where that is more
 
 
 class Trace(NamedTuple):
@@ -31,7 +31,7 @@ class Thinner:
             self._reduce(everything=True)
         self._pending.append((time, value))
         self._rows += len(time)
-        if self._rows >= max(self._size, LOT):
+        if self._rows >= max(self._size, BATCH):
             self._reduce()
 
     def gap(self) -> None:

@@ -93,7 +93,9 @@ class LiveServices:
         except BadInput as error:
             answer.set_result(RequestResult(False, str(error)))
             return
-        self._client.plan(name, goal, lambda news: None, lambda told, plan: answer.set_result(told))
+        self._client.plan(
+            name, goal, lambda news: None, lambda result, plan: answer.set_result(result)
+        )
 
     def _service(self, name: str, request: Any) -> Any:
         fields = request.get_fields_and_field_types()

@@ -8,7 +8,7 @@ import getpass
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from time import monotonic, sleep
-from typing import Any, NamedTuple
+from typing import Any
 
 import rclpy
 from builtin_interfaces.msg import Time
@@ -17,18 +17,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from flexslew_plant import topics
+from flexslew_plant.bench.operation.run_state import Reply
 from flexslew_plant.errors import FlexslewError
 
 PATIENCE = 5.0  # for the plant to be found and to answer [wall s]
 _early: dict[tuple[int, str], tuple[list[Node], float]] = {}  # by domain and namespace
 _AGAIN = 0.25  # until another node tries to be heard, then twice that, and so on [wall s]
-
-
-class Reply(NamedTuple):
-    """What the bench answered."""
-
-    ok: bool
-    message: str
 
 
 class Operator:

@@ -22,7 +22,7 @@ from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.topics import LOOP_DEPTH, Topic
 
 _LOOK = 0.05  # until the next poll, for what a service has changed [wall s]
-_LOT = 1000  # messages between two looks at whether all were heard
+_BATCH = 1000  # messages between two looks at whether all were heard
 _PATIENCE = Duration(seconds=2)  # with a listener that does not take what it is sent
 
 Report = Callable[[float, float], None]  # simulated time of the player and of the end [s]
@@ -62,7 +62,7 @@ class PlayNode:
         if self._waiting is not None and not self._all_there():
             return 0.02
         now = monotonic()
-        self.send(self.player.due(now, _LOT))
+        self.send(self.player.due(now, _BATCH))
         self._tell(now)
         if self.player.done:
             self._hear_out()
@@ -95,7 +95,7 @@ class PlayNode:
         for message in messages:
             self._publishers[message.topic].publish(message.data)
             self._unheard += 1
-            if self._unheard >= _LOT:
+            if self._unheard >= _BATCH:
                 self._hear_out()
 
     def _hear_out(self) -> None:

@@ -87,17 +87,17 @@ def run_trial(
     folder = new_folder(trial.name, out)
     if not in_process:
         require_shared_memory()
-    flight = _prepared(trial, source)
+    prepared = _prepared(trial, source)
     own_metrics(trial.metrics, f"{source}: metrics")  # refused before anything is flown
-    if flight.plan is not None and flight.plan.end > trial.duration:
+    if prepared.plan is not None and prepared.plan.end > trial.duration:
         say(
-            f"warning: the plan ends at {flight.plan.end:g} s, the run at {trial.duration:g} s: "
+            f"warning: the plan ends at {prepared.plan.end:g} s, the run at {trial.duration:g} s: "
             "the residual after the manoeuvre cannot be measured"
         )
-    if flight.plan is not None and "warning" in flight.plan.summary:
-        say(f"warning: plan: {flight.plan.summary['warning']}")
-    if flight.plan is not None and flight.plan.summary.get("believes"):
-        say(f"the plan assumes, unlike the bench: {flight.plan.summary['believes']}")
+    if prepared.plan is not None and "warning" in prepared.plan.summary:
+        say(f"warning: plan: {prepared.plan.summary['warning']}")
+    if prepared.plan is not None and prepared.plan.summary.get("believes"):
+        say(f"the plan assumes, unlike the bench: {prepared.plan.summary['believes']}")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trial.yaml").write_text(trial_text(trial))
     metadata = {
@@ -107,11 +107,11 @@ def run_trial(
     }
     bag = folder / "bag"
     if in_process:
-        outcome = _in_process(trial, flight, bag, metadata, progress)
+        outcome = _in_process(trial, prepared, bag, metadata, progress)
     else:
-        outcome = _over_ros(trial, flight.plan, folder, metadata, progress, say, autostart)
+        outcome = _over_ros(trial, prepared.plan, folder, metadata, progress, say, autostart)
     result, reader = _finished(folder, bag, outcome)
-    words = prediction_gap(trial, flight.plan, result.metrics)
+    words = prediction_gap(trial, prepared.plan, result.metrics)
     if words:
         say(words)
     if report and reader is not None and result.metrics and outcome.exit_code != 130:
@@ -156,13 +156,13 @@ def _prepared(trial: Trial, source: str) -> _Prepared:
 
 def _in_process(
     trial: Trial,
-    flight: _Prepared,
+    prepared: _Prepared,
     bag: Path,
     metadata: dict[str, str],
     progress: Progress,
     bare: bool = False,
 ) -> Outcome:
-    bench, controllers, plan = flight
+    bench, controllers, plan = prepared
     last = bench.last_tick or 0
     with BagWriter(bag, {"trial": trial_text(trial), **metadata}) as writer:
         observer = BagObserver(writer, bare)
@@ -182,8 +182,8 @@ def _without_feedforward(trial: Trial, source: str, folder: Path) -> BagReader |
     bare = ReferenceOnly(**{key: getattr(plan, key) for key in keys})
     bag = folder / WITHOUT
     other = replace(trial, name=f"{trial.name}-without-feedforward", plan=bare)
-    flight = _prepared(other, source)
-    _in_process(other, flight, bag, {"trial_file": source}, lambda tick, last: None, bare=True)
+    prepared = _prepared(other, source)
+    _in_process(other, prepared, bag, {"trial_file": source}, lambda tick, last: None, bare=True)
     return BagReader(bag)
 
 

@@ -7,6 +7,7 @@ the newcomer never answered.
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,8 @@ class Charge:
             tick: of the bench.
             last_tick: of the run; None: no end.
         """
+        if isnan(request.max_effort_step):
+            return "max_effort_step: nan is not allowed: 0 or more"
         if self.latched:
             return LATCHED
         if last_tick is not None and request.tick >= last_tick:

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.presence import Beat, Presence
 from flexslew_plant.process_identity import has_ended
-from flexslew_plant.ros.rtps import FAST_DDS, dispose, tell_all
+from flexslew_plant.rtps import FAST_DDS, dispose, tell_all
 
 _EVERY = 0.1  # between two looks [wall s]; Fast DDS gives up a port after 1 s
 

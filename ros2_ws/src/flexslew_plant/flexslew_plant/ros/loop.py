@@ -81,6 +81,11 @@ class Loop:
         # never without a timeout: this executor would neither dispatch nor see a signal
         self._executor.spin_once(timeout_sec=max(min(timeout, due - now), 0.0))
 
+    @property
+    def stopped(self) -> bool:
+        """Somebody has ended it."""
+        return self._code is not None
+
     def stop(self, code: int) -> None:
         """End the loop; the process exits with this code."""
         self._code = code

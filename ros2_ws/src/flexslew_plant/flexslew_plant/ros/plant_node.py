@@ -98,7 +98,8 @@ class Plant:
                 self._show(record)
             else:
                 self._events.tell(record)
-        if self._settings.exit_when_done and self.session.run.state == FINISHED:
+        done = self.session.run.state == FINISHED and not self.loop.stopped
+        if done and self._settings.exit_when_done:
             bench = self.session.bench
             if bench.failure:
                 print(f"error: {bench.failure}", flush=True)  # for the one who started this node

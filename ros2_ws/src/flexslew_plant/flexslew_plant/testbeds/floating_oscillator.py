@@ -106,7 +106,7 @@ def stiffened(p: Vector, factor: float) -> Vector:
 def terms(
     p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
 ) -> None:
-    """Write M and h(q, v) of M a + h = B u; see csa.terms for the arguments."""
+    """Write M and h(q, v) of M a + h = B u; see csa.equations.terms for the arguments."""
     joints[0, 0] = p[_TOTAL]
     coupling[0, 0] = p[_FREE]
     modal[0] = p[_FREE]
@@ -115,7 +115,7 @@ def terms(
 
 
 def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
-    """Write dr/dq and dr/dv of r = M a + h; see csa.residual_jacobian for the arguments."""
+    """Write dr/dq and dr/dv of r = M a + h; see csa.equations.residual_jacobian."""
     dq[:] = 0.0
     dv[:] = 0.0
     dq[1, 1] = p[_STIFFNESS]

@@ -174,7 +174,7 @@ def stiffened(p: Vector, factor: float) -> Vector:
 def terms(
     p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
 ) -> None:
-    """Write M(q) and h(q, v) of M a + h = B u; see csa.terms for the arguments."""
+    """Write M(q) and h(q, v) of M a + h = B u; see csa.equations.terms for the arguments."""
     q, rate, flex = x[1], x[2], x[3]
     s = q * q
     da = (2.0 * p[_A2] + 4.0 * p[_A4] * s) * q
@@ -189,7 +189,7 @@ def terms(
 
 
 def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
-    """Write dr/dq and dr/dv of r = M(q) a + h(q, v); see csa.residual_jacobian."""
+    """Write dr/dq and dr/dv of r = M(q) a + h(q, v); see csa.equations.residual_jacobian."""
     q, rate, flex = x[1], x[2], x[3]
     da = (2.0 * p[_A2] + 4.0 * p[_A4] * q * q) * q
     dda = 2.0 * p[_A2] + 12.0 * p[_A4] * q * q

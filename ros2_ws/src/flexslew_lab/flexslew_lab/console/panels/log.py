@@ -91,8 +91,8 @@ class NotePanel:
             self._reply.tell(RequestResult(False, words))
             return
 
-        def noted(told: RequestResult) -> None:
-            if told.ok:
+        def noted(result: RequestResult) -> None:
+            if result.ok:
                 self._desk.replace(self._text, text, "")
 
         self._reply.ask(topics.NOTE, {"text": text, "who": who}, noted)

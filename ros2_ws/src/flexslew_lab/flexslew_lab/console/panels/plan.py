@@ -92,9 +92,9 @@ class PlanPanel:
         text = yaml_text(values, flow=True)
         self._link.draft(text, who, self._iterate, self._drafted)
 
-    def _drafted(self, told: RequestResult, plan: Any) -> None:
+    def _drafted(self, result: RequestResult, plan: Any) -> None:
         self._draft = plan or self._draft
-        self._reply.tell(told)
+        self._reply.tell(result)
 
     def _decide(self, word: str, who: str) -> None:
         if self._draft is None:
@@ -102,8 +102,8 @@ class PlanPanel:
             return
         draft = self._draft
 
-        def decided(told: RequestResult) -> None:
-            if (told.ok or word == "refuse") and self._draft is draft:
+        def decided(result: RequestResult) -> None:
+            if (result.ok or word == "refuse") and self._draft is draft:
                 self._draft = None
 
         values = {"action": f"{word} {draft.hash}", "who": who}

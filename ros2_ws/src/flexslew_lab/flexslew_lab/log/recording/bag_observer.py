@@ -64,6 +64,7 @@ class BagObserver:
                 plan_hash=digest,
                 settings=settings_text(controller, law, own),
                 plan_number=int(plan is not None),
+                plan_epoch=bench.epoch,
             )
 
     def question(self, question: Measurement) -> None:

@@ -24,7 +24,7 @@ class PlanFlight:
     residual_joint: float  # largest |joint - goal| after the end [rad or m]
     settling_time: float  # of the slowest joint, from the start of the plan [s]
     peak_position: Vector  # farthest from the start, (joints,) [rad or m]
-    overshoot: Vector  # beyond the goal as a fraction of the way, NaN without a way, (joints,) [-]
+    overshoot: Vector  # beyond the goal as a fraction of the distance, or NaN, (joints,) [-]
     peak_effort: Vector  # (joints,) [N m or N]
     effort: float  # integral of the sum of squared efforts to the end of the run [(N m)^2 s]
     time: Vector  # (samples,) [s]
@@ -74,8 +74,8 @@ def _measured(
     largest = np.take_along_axis(tips, np.abs(tips).argmax(axis=1)[:, None], axis=1)[:, 0]
     goal = plan.position[-1]
     away = np.abs(position - goal)
-    way = np.abs(goal - position[0])
-    outside = (away > BAND * np.where(way > 0.0, way, way.max())).any(axis=1)
+    distance = np.abs(goal - position[0])
+    outside = (away > BAND * np.where(distance > 0.0, distance, distance.max())).any(axis=1)
     over = time >= end - 1e-9
     settled = float(time[outside][-1]) - plan.start if outside.any() else 0.0
     held = np.diff(time, prepend=time[0])
@@ -89,7 +89,7 @@ def _measured(
         residual_joint=float(away[over].max()),
         settling_time=settled,
         peak_position=np.take_along_axis(position, np.abs(moved).argmax(axis=0)[None], axis=0)[0],
-        overshoot=np.divide(beyond, way, out=np.full(joints, np.nan), where=way > 0.0),
+        overshoot=np.divide(beyond, distance, out=np.full(joints, np.nan), where=distance > 0.0),
         peak_effort=np.abs(applied).max(axis=0),
         effort=float((applied**2).sum(axis=1) @ held),
         time=time[shown],

@@ -10,7 +10,7 @@ from typing import Any
 from uuid import uuid4
 
 from flexslew_lab.studies.cases import Case
-from flexslew_lab.studies.execution.pool import ChunkSize
+from flexslew_lab.studies.execution.pool import Chunks
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.flight import Flown, failed
 from flexslew_plant.errors import BadInput, RunFault
@@ -52,7 +52,7 @@ class Cluster:
             raise BadInput(f"--dask: {address}: its workers cannot fly: {_line(error)}") from None
         self._running: dict[Any, tuple[list[Case], float]] = {}
         self._ended: SimpleQueue[Any] = SimpleQueue()
-        self._chunk_size = ChunkSize()
+        self._chunks = Chunks()
 
     def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
         """Yield the results of all cases; see Executor.
@@ -91,7 +91,7 @@ class Cluster:
             raise self._gone("the scheduler does not answer any more")
         threads = max(sum(self._client.nthreads().values()), 1)
         while len(self._running) < threads:
-            chunk = [alone.popleft()] if alone else self._chunk_size.chunk(cases, threads)
+            chunk = [alone.popleft()] if alone else self._chunks.next(cases, threads)
             if not chunk:
                 return
             future = self._client.submit(fly_on_worker, self._name, chunk, pure=False)
@@ -113,7 +113,7 @@ class Cluster:
             raise self._gone(_line(error)) from None
         except Exception as error:  # whatever happened to it on other machines
             return _given_up(chunk, alone, f"given up by the cluster: {_line(error)}")
-        self._chunk_size.took(len(chunk), monotonic() - started)
+        self._chunks.learn(len(chunk), monotonic() - started)
         return results
 
     def _overdue(self, alone: deque[Case]) -> list[Flown]:

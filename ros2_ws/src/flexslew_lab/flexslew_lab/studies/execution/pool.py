@@ -52,26 +52,26 @@ class InThisProcess:
 
     def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
         """Yield the results of all cases; see Executor."""
-        chunk_size = ChunkSize()
-        while chunk := chunk_size.chunk(cases):
+        chunks = Chunks()
+        while chunk := chunks.next(cases):
             started = monotonic()
             results: list[Flown] = []
             self._flyer.fly(chunk, results.extend)
-            chunk_size.took(len(chunk), monotonic() - started)
+            chunks.learn(len(chunk), monotonic() - started)
             yield results
 
     def close(self) -> None:
         """Nothing to end."""
 
 
-class ChunkSize:
-    """How many trials make a chunk of some seconds, learnt on the way."""
+class Chunks:
+    """Chunks of some seconds; how many trials that is, it learns on the way."""
 
     def __init__(self) -> None:
         self._size = 1
         self._rate = 0.0  # of the last chunk [trials / s]
 
-    def chunk(self, cases: Iterator[Case], workers: int = 1) -> list[Case]:
+    def next(self, cases: Iterator[Case], workers: int = 1) -> list[Case]:
         """Return the next chunk; empty at the end.
 
         Towards the end of the cases, if they say how many are left, chunks become smaller: no
@@ -83,7 +83,7 @@ class ChunkSize:
             size = max(1, min(size, _whole_lanes(max(share, int(self._rate * _LEAST_TIME)))))
         return list(islice(cases, size))
 
-    def took(self, count: int, seconds: float) -> None:
+    def learn(self, count: int, seconds: float) -> None:
         """Learn from a chunk that was flown in so much wall time."""
         self._rate = count / max(seconds, 1e-9)
         if count < self._size:  # a rest of another one
@@ -130,7 +130,7 @@ class Pool:
         self._limit = job.study.settings.limit
         self._workers: list[_Worker] = []
         self._again: deque[_Chunk] = deque()
-        self._chunk_size = ChunkSize()
+        self._chunks = Chunks()
 
     def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
         """Yield the results of all cases; see Executor."""
@@ -168,7 +168,7 @@ class Pool:
             if self._again:
                 chunk = self._again.popleft()
             else:
-                chunk = _Chunk(self._chunk_size.chunk(cases, self._count))
+                chunk = _Chunk(self._chunks.next(cases, self._count))
             if not chunk:
                 return
             worker = idle.pop() if idle else self._start()
@@ -200,7 +200,7 @@ class Pool:
         worker.chunk.clear()
         worker.chunk.extend(left)
         if not left:
-            self._chunk_size.took(worker.size, worker.heard - worker.started)
+            self._chunks.learn(worker.size, worker.heard - worker.started)
         return list(message)
 
     def _replace(self, worker: _Worker) -> list[Flown]:

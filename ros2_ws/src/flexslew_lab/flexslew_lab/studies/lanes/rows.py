@@ -32,7 +32,7 @@ class Rows(NamedTuple):
     kd: int
     tip: int  # share of each mode in each tip
     goal: int
-    sign: int  # of the way to go
+    sign: int  # of the displacement
     band: int  # of settling
     limit: int  # of the drives
     law_limit: int  # of the law itself

@@ -59,10 +59,10 @@ class SwitchService:
         tick = reply.tick = wanted if 0 < wanted < bench.tick else max(wanted, bench.tick + 1)
         limit = request.max_effort_step if request.strict else inf
         asked = SwitchRequest(request.controller, tick, request.strict, limit, request.who)
-        if limit >= 0.0:
-            reply.message = self._session.switch(asked, monotonic()) or ""
-        else:  # a NaN, too
+        if limit < 0.0:
             reply.message = f"max_effort_step: {limit:g} is not allowed: 0 or more"
+        else:
+            reply.message = self._session.switch(asked, monotonic()) or ""
         self._loop.hurry()
         if not reply.message:
             future = self._loop.future()

@@ -127,7 +127,7 @@ def advance(modes: int) -> Advance:
 
 
 def _accelerations(modes: int) -> OnRows:
-    """Return what writes M^-1 (u - h) of csa.terms for every lane."""
+    """Return what writes M^-1 (u - h) of equations.terms for every lane."""
     half = (2 + modes) * LANES
     rows = rows_of(modes)
     effort, given, coupling, share = rows.effort, rows.constants, rows.coupling, rows.share

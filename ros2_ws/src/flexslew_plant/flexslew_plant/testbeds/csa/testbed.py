@@ -73,7 +73,7 @@ class CsaTestbed:
         return _model(self)
 
     def lanes(self) -> LaneKernel:
-        """Return the kernel of many in lanes; see lanes.Laned."""
+        """Return the kernel of many in lanes; see compiled.lanes.Laned."""
         from flexslew_plant.testbeds.csa import lanes
 
         return lanes.lane_kernel(self.modes)
