@@ -82,15 +82,18 @@ def described(settings: str, source: str) -> PlantDescription:
     Raises:
         BadInput: it holds no testbed, or one that cannot be built.
     """
-    values = load_yaml(settings, source) or {}
-    bench = values.get("bench", values)
-    if "testbed" not in bench or "period" not in bench:
+    values = load_yaml(settings, source)
+    bench = values.get("bench", values) if isinstance(values, dict) else {}
+    if not isinstance(bench, dict) or "testbed" not in bench:
         raise BadInput(f"{source}: does not say what stands on the bench (no testbed)")
+    period = bench.get("period")
+    if not isinstance(period, int | float) or not 0.0 < period < np.inf:
+        raise BadInput(f"{source}: period: {period!r:.40} is not allowed: give seconds above 0")
     testbed = read_testbed(bench["testbed"], f"{source}: testbed")
     schedule = validated(Schedule, bench.get("schedule") or (), f"{source}: schedule")
     testbed = with_schedule(testbed, schedule)  # what turns when is known beforehand
     limit = np.array(testbed.effort_limit, dtype=np.float64)
-    return PlantDescription(testbed, float(bench["period"]), limit)
+    return PlantDescription(testbed, float(period), limit)
 
 
 class Reference(NamedTuple):

@@ -4,6 +4,15 @@
 class FlexslewError(Exception):
     """Anything the bench reports in one line instead of a traceback."""
 
+    def __str__(self) -> str:
+        """Return the message; what would break its line, or does not show, is escaped."""
+        text = super().__str__()
+        return text if text.isprintable() else "".join(map(_shown, text))
+
+
+def _shown(letter: str) -> str:
+    return letter if letter.isprintable() else ascii(letter)[1:-1]
+
 
 class BadInput(FlexslewError):
     """A value from a person is not usable; nothing was changed. Exit code 2."""

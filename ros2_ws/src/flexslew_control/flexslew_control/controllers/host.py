@@ -126,8 +126,8 @@ class ControllerHost:
         """Return the answer if the question names this controller; see Controller.observe."""
         if self.controller is None:
             return None
-        if question.joint_position.size != len(self.controller.joint_names):
-            return None  # of a testbed that is still to be announced
+        if question.misfit(len(self.controller.joint_names), self._appendages):
+            return None  # of a testbed that is still to be announced, or of nobody who knows it
         if question.epoch != self.epoch:
             self.epoch, self._tunings = question.epoch, []
         while self._tunings and self._tunings[0].tick <= question.tick:

@@ -123,10 +123,12 @@ class BagReader:
 
         Args:
             topics: of types without sequences of nested types, such as /truth.
-            checked: refuse a truth that is not finite; else leave that to the caller.
+            checked: refuse a truth that is not finite or changes its sizes; else leave that to the
+                caller.
 
         """
         layouts: dict[tuple[str, int], list[Layout]] = {}
+        sizes: dict[str, tuple[int, ...]] = {}  # of the arrays of the truth
         for data, lookup in self._chunks():
             for batch in self._batches(data, lookup):
                 for channel, messages in batch.items():
@@ -140,6 +142,14 @@ class BagReader:
                     for block in blocks_of(topic, kind, messages, layouts):
                         if checked and topic == "/truth":
                             check_truth(block.columns, str(self.path))
+                            own = {name: v.shape[1:] for name, v in block.columns.items()}
+                            sizes = sizes or own
+                            if own != sizes:
+                                tick = int(block.columns["tick"][0])
+                                raise BadInput(
+                                    f"{self.path}: /truth: tick {tick} has arrays of other sizes "
+                                    "than those before"
+                                )
                         yield block
 
     def _batches(self, data: bytes, lookup: Lookup) -> Iterator[dict[int, list[RawMessage]]]:

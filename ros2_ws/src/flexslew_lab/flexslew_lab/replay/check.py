@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.controllers.controller import Answer, Controller
 from flexslew_control.message_fields import answer_fields
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode
@@ -79,7 +78,8 @@ def _checked(
     own = {} if law is not None and law != recorded_law else values
     chosen = law or recorded_law, {**own, **settings}
     logged = LoggedControllers(reader, only=controller, replaced={controller: chosen})
-    answers = AnswerComparison(float(reader.overview.testbed.period))
+    testbed = reader.overview.testbed
+    answers = AnswerComparison(float(testbed.period))
     last = reader.overview.counts.get("/measurement", 0)
     asked = _Ticks()
     for topic, kind, _, _, data in reader.messages(("/measurement", "/controller_state")):
@@ -91,7 +91,11 @@ def _checked(
             continue
         asked.add(key)
         logged.until(key)
-        answer = _observe(logged.by_name[controller], message, answers.period)
+        question = _question(message, answers.period)
+        misfit = question.misfit(len(testbed.joint_names), len(testbed.appendage_names))
+        if misfit:
+            raise BadInput(f"{reader.path}: /measurement of tick {question.tick}: {misfit}")
+        answer = logged.by_name[controller].observe(question)
         if answer is not None:
             answers.ours(key, answer_fields(answer))
         if message.tick % 1000 == 0:
@@ -150,17 +154,15 @@ def difference_figure(result: Check) -> Any:
     return figure
 
 
-def _observe(controller: Controller, m: Any, period: float) -> Answer | None:
-    return controller.observe(
-        Measurement(
-            int(m.tick),
-            int(m.epoch),
-            int(m.tick) * period,
-            m.controller,
-            m.joint_position,
-            m.joint_velocity,
-            m.tip_deflection,
-            m.root_curvature,
-            m.applied_effort,
-        )
+def _question(m: Any, period: float) -> Measurement:
+    return Measurement(
+        int(m.tick),
+        int(m.epoch),
+        int(m.tick) * period,
+        m.controller,
+        m.joint_position,
+        m.joint_velocity,
+        m.tip_deflection,
+        m.root_curvature,
+        m.applied_effort,
     )

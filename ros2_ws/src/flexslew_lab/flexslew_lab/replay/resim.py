@@ -99,7 +99,7 @@ def _flown_again(
                 name: np.array([row[name] for row, here in zip(rows, part, strict=True) if here])
                 for name in FIELDS
             }
-            if theirs["position"].shape != mine["position"].shape:
+            if any(theirs[name].shape != mine[name].shape for name in FIELDS):
                 raise BadInput(f"{reader.path}: the truth is not of the testbed of its trial")
             recorded.update_many(tick, theirs["position"], theirs["velocity"])
             ours.update_many(tick, mine["position"], mine["velocity"])

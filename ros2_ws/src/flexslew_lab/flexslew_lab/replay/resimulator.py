@@ -49,7 +49,7 @@ class Resimulator:
                 self._missed.add(key)
             elif event.kind == "switch_refused":
                 self._refused.add(key)
-            elif event.kind == "switch_dropped" and "is not ready" in event.data["reason"]:
+            elif event.kind == "switch_dropped" and "is not ready" in event.data.get("reason", ""):
                 self._dropped[key].add(event.data["controller"])
             elif event.kind in ("fallback", "brake"):
                 self._successors[key] = event.data["to"]

@@ -18,6 +18,19 @@ class Measurement(NamedTuple):
     root_curvature: Vector  # at the clamped ends, (appendages,) [1/m]; half thickness * it = strain
     applied_effort: Vector  # held during the last tick, (joints,) [N m or N]
 
+    def misfit(self, joints: int, appendages: int) -> str:
+        """Return which field has not one number per joint, or per appendage; empty: none."""
+        for name, values, size in (
+            ("joint_position", self.joint_position, joints),
+            ("joint_velocity", self.joint_velocity, joints),
+            ("tip_deflection", self.tip_deflection, appendages),
+            ("root_curvature", self.root_curvature, appendages),
+            ("applied_effort", self.applied_effort, joints),
+        ):
+            if len(values) != size:
+                return f"{name}: {len(values)} numbers where {size} belong"
+        return ""
+
 
 class EffortCommand(NamedTuple):
     """The answer: the effort to hold from tick k to k + 1."""

@@ -1,6 +1,6 @@
 """What every record of a log must look like, checked when it is read: a bag may be crafted."""
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, NotRequired
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError, with_config
@@ -112,6 +112,7 @@ class Dropped(TypedDict):
     """A switch did not take place, for its controller was not ready."""
 
     controller: Text
+    reason: NotRequired[Text]
 
 
 @_more_keys
