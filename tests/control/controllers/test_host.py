@@ -15,6 +15,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 
+ARRAYS = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature", "applied_effort")
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 CSA = PlantDescription(CsaTestbed(modes=1), 0.01, np.array([150.0, 150.0]))
 OSCILLATOR = PlantDescription(FloatingOscillatorTestbed(), 0.01, np.array([1.0]))
@@ -134,6 +135,16 @@ def test_a_law_of_ones_own_is_not_tuned_to_what_no_log_can_hold(kp: Any) -> None
         False, "a setting is not plain data or not a finite number"
     )  # fmt: skip
     assert host.tune({"kp": 1.0}).ok
+
+
+@pytest.mark.parametrize("field", ARRAYS)
+@pytest.mark.parametrize("size", [0, 1, 3])
+def test_a_question_of_another_size_is_not_heard(field: str, size: int) -> None:
+    host = standing("output_feedback")
+    assert host.observe(question(0)._replace(**{field: np.zeros(size)})) is None
+    assert host.controller is not None
+    assert host.controller.last_tick == -1
+    assert effort(host, 0).size == 2
 
 
 def test_a_plan_is_taken_from_the_next_question_on() -> None:
