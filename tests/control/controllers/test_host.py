@@ -63,13 +63,13 @@ def test_settings_that_fit_no_testbed_at_all_are_bad_input() -> None:
 
 def test_before_another_testbed_it_adapts_or_is_not_ready_with_the_reason() -> None:
     host = standing(kp=[400.0, 500.0])
-    host.announce(builder("pd_feedforward", OSCILLATOR), 0)
+    host.announce(builder("pd_feedforward", OSCILLATOR), 2)
     assert host.reason.startswith("it does not fit this testbed: ")
     assert host.observe(question(0, joints=1)) is None
     host.announce(builder("pd_feedforward", CSA), 2)
     assert host.reason == ""
     free = standing(kp=[400.0])
-    free.announce(builder("pd_feedforward", OSCILLATOR), 0)
+    free.announce(builder("pd_feedforward", OSCILLATOR), 2)
     assert free.reason == ""
     assert free.observe(question(0)) is None  # of the testbed before
     assert effort(free, 0, joints=1).shape == (1,)
