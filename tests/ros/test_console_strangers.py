@@ -34,6 +34,7 @@ ODD = [
     0.0, 1.0, 7, -1, float("nan"), 1e300, "lqr", "5.0", "[500.0, 500.0]", "", "soon", "{", True,
     "x" * 5000, None, [1, 2],
 ]  # fmt: skip
+ENDS = re.compile("effort|amplitude|gain")  # where 1e300 ends the run: its state is lost
 WALL = 120.0  # for one thing to happen on a busy machine [s]
 
 
@@ -48,7 +49,7 @@ def test_a_bench_stays_whole_whatever_is_clicked_and_flies_again(tmp_path: Path,
         page.set(page.named("Start"), True)
         until(lambda: ">running<" in page.text, page)
         for number in range(ACTIONS):
-            uuid, element = rng.choice(sorted(page.inputs.items()))
+            uuid, element = rng.choice(sorted(page.inputs.items(), key=lambda it: it[1]["label"]))
             page.set(uuid, anything(rng, element))
             page.reach()
             if number % 5 == 0:
@@ -56,16 +57,15 @@ def test_a_bench_stays_whole_whatever_is_clicked_and_flies_again(tmp_path: Path,
         until(lambda: (run / "bag").exists(), page)
         page.set(page.named("Remark"), "the end")
         page.set(page.named("Note it"), True)
-        until(lambda: "noted at tick" in page.text or ">finished<" in page.text, page)
+        until(lambda: "noted at tick" in page.text, page)
         page.set(page.named("Pause"), True)
-        until(lambda: ">paused<" in page.text or ">finished<" in page.text, page)
+        until(lambda: ">paused<" in page.text, page)
         late = PageClient(address)
         until(lambda: shown(other, "value") == shown(late, "value"), other, late)
         until(lambda: shown(page) == shown(other), page, other)
     events = BagReader(run / "bag").overview.events
     assert sum(", page " in str(e.data.get("who", "")) for e in events) > ACTIONS / 20
-    lost = "not_finite" in [e.kind for e in events]  # pushed with 1e300 N m
-    assert lost or "the end" in [e.message for e in events if e.kind == "note"]
+    assert "the end" in [e.message for e in events if e.kind == "note"]
     assert "Traceback" not in (run / "nodes.log").read_text()
     assert resim(run / "bag").identical
 
@@ -108,7 +108,7 @@ def anything(rng: random.Random, element: dict[str, Any]) -> Any:
     if "Button" in element["type"]:
         return True
     if rng.random() < 0.5:
-        return rng.choice(ODD)
+        return rng.choice([x for x in ODD if x != 1e300 or not ENDS.search(element["label"])])
     if element.get("options"):
         return rng.choice(element["options"])
     return element["value"]
