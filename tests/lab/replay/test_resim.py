@@ -253,6 +253,16 @@ def test_one_bit_of_the_truth_is_found_with_its_tick_and_field(tmp_path: Path) -
     assert found.recorded == np.nextafter(found.ours, 1.0)
 
 
+def test_a_truth_that_changes_its_size_is_refused(tmp_path: Path) -> None:
+    def change(truth: Any) -> None:
+        truth.position, truth.velocity = np.zeros(9), np.zeros(9)
+
+    bag = altered(record(tmp_path / "a"), tmp_path / "b", "/truth", 777, change)
+    for read in (resim, metrics_of):
+        with pytest.raises(BadInput, match="tick 777 has arrays of other sizes than those before"):
+            read(bag)
+
+
 def test_a_plan_that_is_not_the_one_that_was_flown_is_refused(tmp_path: Path) -> None:
     def change(plan: Any) -> None:
         plan.position = np.array(plan.position) * 1.1

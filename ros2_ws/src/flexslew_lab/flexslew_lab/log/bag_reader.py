@@ -37,6 +37,7 @@ from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.record_schema import (
     LoggedEvent,
+    Sizes,
     check_record,
     check_run_record,
     check_truth,
@@ -128,7 +129,7 @@ class BagReader:
 
         """
         layouts: dict[tuple[str, int], list[Layout]] = {}
-        sizes: dict[str, tuple[int, ...]] = {}  # of the arrays of the truth
+        sizes: Sizes = {}  # of the truth
         for data, lookup in self._chunks():
             for batch in self._batches(data, lookup):
                 for channel, messages in batch.items():
@@ -141,15 +142,7 @@ class BagReader:
                         messages = [m._replace(data=lookup.current(m)) for m in messages]
                     for block in blocks_of(topic, kind, messages, layouts):
                         if checked and topic == "/truth":
-                            check_truth(block.columns, str(self.path))
-                            own = {name: v.shape[1:] for name, v in block.columns.items()}
-                            sizes = sizes or own
-                            if own != sizes:
-                                tick = int(block.columns["tick"][0])
-                                raise BadInput(
-                                    f"{self.path}: /truth: tick {tick} has arrays of other sizes "
-                                    "than those before"
-                                )
+                            sizes = check_truth(block.columns, str(self.path), sizes)
                         yield block
 
     def _batches(self, data: bytes, lookup: Lookup) -> Iterator[dict[int, list[RawMessage]]]:

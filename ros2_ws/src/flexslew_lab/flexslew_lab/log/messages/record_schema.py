@@ -18,6 +18,7 @@ Seconds = Annotated[float, Field(ge=0.0, le=1e12)]
 Period = Annotated[float, Field(ge=1e-6, le=1e6)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Text = Annotated[str, Field(max_length=1 << 16)]
+Sizes = dict[str, tuple[int, ...]]  # of the arrays of a message, by field
 Names = Annotated[tuple[Text, ...], Field(max_length=JOINTS)]
 
 
@@ -254,15 +255,20 @@ def check_record(topic: str, message: Any, source: str) -> None:
                 raise BadInput(f"{where}: {name}: a number is not finite")
 
 
-def check_truth(columns: dict[str, Any], source: str) -> None:
+def check_truth(columns: dict[str, Any], source: str, before: Sizes) -> Sizes:
     """Check ticks of the truth, which is finite and of one shape whatever the sensors say.
 
     Args:
         columns: a block of /truth by field.
         source: the log, for the error.
+        before: sizes of its arrays in an earlier block; empty: this is the first one.
+
+    Returns:
+        the sizes of its arrays.
 
     Raises:
-        BadInput: a number is not finite, or positions and velocities do not fit together.
+        BadInput: a number is not finite, positions and velocities do not fit together, or the
+            sizes are not those before.
     """
     position, velocity = columns["position"], columns["velocity"]
     joints = columns["applied_effort"].shape[1]
@@ -277,6 +283,11 @@ def check_truth(columns: dict[str, Any], source: str) -> None:
         if bad.any():
             tick = columns["tick"][int(np.argmax(bad))]
             raise BadInput(f"{source}: /truth: {name} is not finite at tick {tick}")
+    sizes = {name: column.shape[1:] for name, column in columns.items()}
+    if before and sizes != before:
+        tick = columns["tick"][0]
+        raise BadInput(f"{source}: /truth: tick {tick} has arrays of other sizes than those before")
+    return sizes
 
 
 def check_run_record(data: dict[str, str], source: str) -> None:
