@@ -11,8 +11,9 @@ from flexslew_plant.settings import plain
 
 YAW = {"base_yaw": 1.0}
 BOTH = {"base_yaw": 1.0, "hub_pitch": 0.5}
-GOALS = {method: YAW if method == "time_optimal" else BOTH for method in PLANNERS}
-UNLIMITED = {"none", "reference_only"}  # without a feedforward that could be too large
+SLEWS = [name for name, entry in PLANNERS.items() if entry.slews]
+GOALS = {method: YAW if method == "time_optimal" else BOTH for method in SLEWS}
+UNLIMITED = {name for name in SLEWS if not PLANNERS[name].feedforward}
 
 
 def planned(method: Any, period: float = 0.05, limit: Any = (150.0, 150.0), **more: Any) -> Any:
@@ -20,7 +21,7 @@ def planned(method: Any, period: float = 0.05, limit: Any = (150.0, 150.0), **mo
     return make_plan(plan_settings(values, "trial.yaml"), plant(period, limit))
 
 
-@pytest.mark.parametrize("method", PLANNERS)
+@pytest.mark.parametrize("method", SLEWS)
 def test_every_planner_keeps_the_contract(method: Any) -> None:
     heard: list[Any] = []
     settings = plan_settings({"method": method, "goal": GOALS[method], "start": 2.0}, "t")
@@ -40,7 +41,7 @@ def test_every_planner_keeps_the_contract(method: Any) -> None:
     assert np.abs(plan.effort).max(initial=0.0) <= 150.0 + 1e-9
 
 
-@pytest.mark.parametrize("method", PLANNERS)
+@pytest.mark.parametrize("method", SLEWS)
 def test_every_plan_ends_at_rest_at_the_goal(method: Any) -> None:
     plan = planned(method)
     goal = [GOALS[method].get(name, 0.0) for name in plan.joint_names]
@@ -52,7 +53,7 @@ def test_every_plan_ends_at_rest_at_the_goal(method: Any) -> None:
     assert not after.effort.any()
 
 
-@pytest.mark.parametrize("method", PLANNERS)
+@pytest.mark.parametrize("method", SLEWS)
 def test_every_plan_can_be_asked_for_again(method: Any) -> None:
     plan = planned(method)
     again = make_plan(plan_settings(plan.request, "trial.yaml"), plant(0.05, (150.0, 150.0)))
@@ -60,7 +61,7 @@ def test_every_plan_can_be_asked_for_again(method: Any) -> None:
     np.testing.assert_array_equal(again.effort, plan.effort)
 
 
-@pytest.mark.parametrize("method", PLANNERS)
+@pytest.mark.parametrize("method", SLEWS)
 @pytest.mark.parametrize(
     ("more", "word"),
     [
@@ -77,14 +78,14 @@ def test_every_planner_refuses_a_bad_section_in_one_line(method: Any, more: Any,
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("method", PLANNERS)
+@pytest.mark.parametrize("method", SLEWS)
 def test_every_planner_refuses_a_start_between_ticks(method: Any) -> None:
     with pytest.raises(BadInput, match=r"start: 0\.013") as caught:
         planned(method, start=0.013)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("method", sorted(set(PLANNERS) - UNLIMITED))
+@pytest.mark.parametrize("method", sorted(set(SLEWS) - UNLIMITED))
 def test_every_planner_refuses_more_effort_than_the_drives_have(method: Any) -> None:
     more = {"amplitude": 100.0} if method == "time_optimal" else {}
     with pytest.raises((BadInput, PlanFailed), match=r"limit") as caught:
@@ -103,8 +104,8 @@ def test_too_short_a_duration_is_refused_with_one_that_does(method: str) -> None
         planned(method, limit=(0.1, 0.1))
 
 
-@pytest.mark.parametrize("given", PLANNERS)
-@pytest.mark.parametrize("wanted", PLANNERS)
+@pytest.mark.parametrize("given", SLEWS)
+@pytest.mark.parametrize("wanted", SLEWS)
 def test_every_method_can_be_asked_for_the_manoeuvre_of_another(given: Any, wanted: Any) -> None:
     goal = {"base_yaw": 0.7, "hub_pitch": 0.0}
     settings = plan_settings({"method": given, "goal": goal, "start": 3.0}, "trial.yaml")
@@ -126,9 +127,62 @@ def test_a_goal_that_leaves_out_a_joint_leaves_it_where_it_is() -> None:
     assert plan.request["goal"] == {"base_yaw": 1.0, "hub_pitch": 0.0}
 
 
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({}, "{} is not allowed: the key method is missing"),
+        ({"method": "wishing"}, "wishing is not a planner; allowed: input_shaping, "),
+        ({"method": "no.where.Shaper"}, "no.where.Shaper cannot be loaded: "),
+        ({"method": "pathlib.Path"}, "pathlib.Path has no plan(slew, progress)"),
+    ],
+)
+def test_a_section_without_a_planner_is_refused_in_one_line(values: Any, words: str) -> None:
+    with pytest.raises(BadInput) as caught:
+        plan_settings(values, "trial.yaml")
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+OWN = """
+from flexslew_control.plan import Plan
+from flexslew_control.planners.reference import NoPlan, plan_none
+from flexslew_plant.settings import section
+
+@section
+class Step:
+    method: str
+    goal: dict[str, float]
+    start: float = 0.0
+    late: float = 1.0  # [s]
+
+    def plan(self, slew, progress):
+        return plan_none(NoPlan(goal=self.goal, start=self.start + self.late), slew, progress)
+"""
+
+
+def test_a_planner_of_ones_own_plans_from_its_file(tmp_path: Any) -> None:
+    (tmp_path / "step.py").write_text(OWN)
+    values = {"method": f"{tmp_path}/step.py:Step", "goal": BOTH, "start": 2.0}
+    plan = make_plan(plan_settings(values, "trial.yaml"), plant(0.05))
+    assert plan.start == 3.0
+    assert plan.request == {**values, "late": 1.0}
+    with pytest.raises(BadInput, match=r"latte: unknown key; did you mean late\?") as caught:
+        plan_settings({**values, "latte": 2.0}, "trial.yaml")
+    assert "\n" not in str(caught.value)
+
+
+def test_turns_of_appendages_are_no_slew() -> None:
+    slew = plan_settings({"method": "none"}, "trial.yaml")
+    with pytest.raises(BadInput, match="retargeting is not allowed: it does not plan what none do"):
+        other_method(slew, "retargeting", "trial.yaml")
+    turn = plan_settings({"method": "retargeting"}, "trial.yaml")
+    with pytest.raises(BadInput, match="none is not allowed: it does not plan what retargeting"):
+        other_method(turn, "none", "trial.yaml")
+
+
 def test_a_manoeuvre_that_a_method_does_not_know_is_refused_in_one_line() -> None:
     settings = plan_settings({"method": "none"}, "trial.yaml")
-    with pytest.raises(BadInput, match=r"trial\.yaml: method: wishing is not allowed: none, "):
+    with pytest.raises(BadInput, match=r"trial\.yaml: method: wishing is not allowed: optimized"):
         other_method(settings, "wishing", "trial.yaml")
     hub = plan_settings({"method": "time_optimal", "goal": {"hub": 1.0}}, "trial.yaml")
     with pytest.raises(

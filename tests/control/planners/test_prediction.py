@@ -76,7 +76,7 @@ def agree(plan: Any, residual: Any) -> None:
 
 
 def test_every_planner_is_in_one_of_the_campaigns() -> None:
-    assert {*AT_REST, *OTHERS} == set(PLANNERS)
+    assert {*AT_REST, *OTHERS} == {name for name, entry in PLANNERS.items() if entry.slews}
 
 
 @pytest.mark.parametrize("method", AT_REST)

@@ -95,7 +95,7 @@ REFUSED = {
 
 
 def test_the_plans_of_this_file_are_those_of_the_table() -> None:
-    assert {*PLANS, *REFUSED} == set(PLANNERS)
+    assert {*PLANS, *REFUSED} == {name for name, entry in PLANNERS.items() if entry.slews}
 
 
 @pytest.mark.parametrize("method", PLANS)

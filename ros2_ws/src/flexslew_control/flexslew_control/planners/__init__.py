@@ -1,91 +1,96 @@
-"""Which planners there are. A new one is a file with a section and a function, and a line here."""
+"""Which planners there are. A new one is a file that ends in its entry, and a line here.
 
-from collections.abc import Callable
+One of your own needs no line: `method: my_shaper.py:Shaper`, or an entry point of the group
+flexslew.planners. It is a section with `method`, `start` and `plan`, see OwnPlanner.
+"""
+
 from dataclasses import fields, replace
-from typing import Annotated, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
-from pydantic import Field
+from pydantic import Discriminator, PlainValidator, Tag
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners.feedforward.optimized_feedforward import (
-    OptimizedFeedforward,
-    plan_optimized_feedforward,
-)
-from flexslew_control.planners.feedforward.robust_feedforward import (
-    RobustFeedforward,
-    plan_robust_feedforward,
-)
-from flexslew_control.planners.held_efforts import exact_on_ticks
-from flexslew_control.planners.input_shaping.input_shaping import InputShaping, plan_input_shaping
-from flexslew_control.planners.input_shaping.start_coast_stop import (
-    StartCoastStop,
-    plan_start_coast_stop,
-)
-from flexslew_control.planners.one_axis import one_axis
-from flexslew_control.planners.prediction import predicted
-from flexslew_control.planners.progress import Progress, Update
-from flexslew_control.planners.reference import (
-    NoPlan,
-    ReferenceOnly,
-    plan_none,
-    plan_reference_only,
-)
-from flexslew_control.planners.retargeting import Retargeting, plan_retargeting
-from flexslew_control.planners.slew import (
-    Feedback,
-    Slew,
-    TooMuchTorque,
-    slew_of,
-    software_versions,
-    tick_times,
-)
-from flexslew_control.planners.time_optimal.time_optimal import TimeOptimal, plan_time_optimal
-from flexslew_control.planners.trajectories import rigid_duration, rounded_up
-from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_control.planners.entry import PlannerEntry as PlannerEntry
+from flexslew_control.planners.entry import PlanSection as PlanSection
+from flexslew_control.planners.entry import Variant as Variant
+from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.slew import Feedback, Slew, software_versions, tick_times
+from flexslew_control.planners.slewing import Slewing, unheard
+from flexslew_plant.entries import table, union
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import find_class
 from flexslew_plant.settings import plain, validated
 
+# isort: split
+# the planners, a line each
+from flexslew_control.planners.feedforward.optimized_feedforward import OPTIMIZED as OPTIMIZED
+from flexslew_control.planners.feedforward.robust_feedforward import ROBUST as ROBUST
+from flexslew_control.planners.input_shaping.input_shaping import SHAPING as SHAPING
+from flexslew_control.planners.input_shaping.start_coast_stop import COASTING as COASTING
+from flexslew_control.planners.reference import NONE as NONE
+from flexslew_control.planners.reference import REFERENCE as REFERENCE
+from flexslew_control.planners.retargeting import RETARGETING as RETARGETING
+from flexslew_control.planners.time_optimal.time_optimal import FASTEST as FASTEST
 
-class _Planner(NamedTuple):
-    settings: type[Any]  # its `plan` section
-    plan: Callable[[Any, Slew, Progress], Plan]
-    # whether its efforts shall end at rest at the goal when each is held over its tick
-    exact: Callable[[Any], bool] = lambda settings: False
-
-
-PLANNERS: dict[str, _Planner] = {
-    "none": _Planner(NoPlan, plan_none),
-    "reference_only": _Planner(ReferenceOnly, plan_reference_only),
-    "optimized_feedforward": _Planner(
-        OptimizedFeedforward, plan_optimized_feedforward, lambda s: s.track == "planned"
-    ),
-    "robust_feedforward": _Planner(RobustFeedforward, plan_robust_feedforward),
-    "input_shaping": _Planner(InputShaping, plan_input_shaping, lambda s: s.shaper != "none"),
-    "start_coast_stop": _Planner(
-        StartCoastStop, plan_start_coast_stop, lambda s: s.feedforward == "elastic"
-    ),
-    "time_optimal": _Planner(TimeOptimal, plan_time_optimal, lambda s: True),
-}
-
-_EXACT = 1e-5  # residual above which efforts are made exact for their hold [m]
-_MOST_FUNCTIONS = 200  # that a section may ask for
-_LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
+PLANNERS: dict[str, PlannerEntry] = table(globals(), PlannerEntry)
+GROUP = "flexslew.planners"  # of the entry points of installed packages
 
 # what sections of several methods share
 _MANOEUVRE = ("goal", "start", "model", "initial", "feedback", "reference")
 
-PlanSettings: TypeAlias = Annotated[
-    NoPlan
-    | ReferenceOnly
-    | OptimizedFeedforward
-    | RobustFeedforward
-    | InputShaping
-    | StartCoastStop
-    | TimeOptimal
-    | Retargeting,
-    Field(discriminator="method"),
-]
+
+@runtime_checkable
+class OwnPlanner(Protocol):
+    """A section of the user's own."""
+
+    def plan(self, slew: Slew, progress: Progress) -> Plan:
+        """Return the plan of a slew.
+
+        Raises:
+            PlanFailed: no such slew.
+        """
+
+
+def _method(values: Any) -> str | None:
+    """Return the tag of a `plan` section; None: it names no method."""
+    key = "method"
+    given = values.get(key) if isinstance(values, dict) else getattr(values, key, None)
+    return None if given is None else str(given) if given in PLANNERS else "own"
+
+
+def _own(values: Any) -> Any:
+    """Return a section of the user's own class."""
+    if not isinstance(values, dict):
+        return values
+    name = str(values["method"])
+    try:
+        found = find_class(name, GROUP, "planner", "method", tuple(PLANNERS))
+        if not issubclass(found, OwnPlanner):
+            raise BadInput(f"method: {name} has no plan(slew, progress)")
+        return validated(found, values, name)
+    except BadInput as error:
+        raise ValueError(str(error)) from None
+
+
+if TYPE_CHECKING:
+    PlanSettings: TypeAlias = PlanSection
+else:
+    # a `plan` section of any method, told apart by `method`
+    PlanSettings = Annotated[
+        union(
+            [
+                *(Annotated[p.settings, Tag(name)] for name, p in PLANNERS.items()),
+                Annotated[Any, PlainValidator(_own), Tag("own")],
+            ]
+        ),
+        Discriminator(
+            _method,
+            custom_error_type="no_method",
+            custom_error_message="the key method is missing",
+        ),
+    ]
 
 
 def plan_settings(values: Any, source: str) -> PlanSettings:
@@ -102,11 +107,17 @@ def plan_settings(values: Any, source: str) -> PlanSettings:
     return settings
 
 
+def planner_of(settings: PlanSettings) -> PlannerEntry:
+    """Return the planner of a section; one of the user's own plans slews."""
+    own = PlannerEntry(type(settings), Slewing(lambda s, slew, progress: s.plan(slew, progress)))
+    return PLANNERS.get(settings.method, own)
+
+
 def other_method(settings: PlanSettings, method: str, source: str, **more: Any) -> PlanSettings:
     """Return the `plan` section of another method for the same manoeuvre.
 
     Start, goal, model, feedback and reference are taken over as far as the method has them; the
-    rest is its default. time_optimal plans on one mode.
+    rest is its default.
 
     Args:
         settings: the section that says the manoeuvre.
@@ -117,11 +128,16 @@ def other_method(settings: PlanSettings, method: str, source: str, **more: Any) 
     Raises:
         BadInput: there is no such method, or it cannot be asked for this manoeuvre.
     """
-    if method not in PLANNERS:
-        raise BadInput(f"{source}: method: {method} is not allowed: {', '.join(PLANNERS)}")
     asked = plain(settings)
     if method == settings.method:
         return plan_settings({**asked, **more}, source)
+    if method not in PLANNERS:
+        raise BadInput(f"{source}: method: {method} is not allowed: {', '.join(PLANNERS)}")
+    if PLANNERS[method].slews != planner_of(settings).slews:
+        raise BadInput(
+            f"{source}: method: {method} is not allowed: it does not plan what {settings.method} "
+            "does"
+        )
     known = {field.name for field in fields(PLANNERS[method].settings)}
     values = {key: asked[key] for key in _MANOEUVRE if key in known and asked.get(key) is not None}
     return plan_settings({**values, **more, "method": method}, source)
@@ -135,7 +151,7 @@ def make_plan(
 ) -> Plan:
     """Return the plan that a `plan` section asks for.
 
-    Its summary says under `believes` what the planner assumes, unlike the bench, and
+    The summary of a slew says under `believes` what the planner assumes, unlike the bench, and
     under `predicted_residual_...` what the plan leaves on the model that it believes in.
 
     Args:
@@ -154,100 +170,5 @@ def make_plan(
     if limit.ndim != 1 or not limit.size or not np.all(limit > 0.0):
         raise BadInput(f"effort_limit: {limit.tolist()} is not allowed: positive, one per actuator")
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
-    if isinstance(settings, Retargeting):  # no joint goes anywhere, and the efforts are as many
-        return replace(plan_retargeting(settings, plant), versions=software_versions())
-    reduced = None if isinstance(settings, NoPlan) else one_axis(settings, plant, feedback)
-    if reduced is not None:
-        own = make_plan(reduced.settings, reduced.plant, reduced.feedback, progress)
-        return reduced.embedded(own)
-    slew = slew_of(settings, plant, feedback)
-    if limit.size != slew.goal.size:
-        raise BadInput(
-            f"effort_limit: {limit.tolist()} is not allowed: {slew.goal.size} numbers, one for "
-            f"each of {', '.join(slew.model.joint_names)}"
-        )
-    planner = PLANNERS[settings.method]
-    try:
-        plan = planner.plan(settings, slew, progress or _unheard)
-    except TooMuchTorque as error:
-        raise PlanFailed(f"{error}; {_enough_time(settings, slew)}") from None
-    promised = predicted(plan, slew)
-    if planner.exact(settings) and promised.tip_deflection > _EXACT:
-        plan = exact_on_ticks(plan, slew)
-        promised = predicted(plan, slew)
-    promise = {
-        "believes": slew.beliefs,
-        "predicted_residual_tip_deflection": promised.tip_deflection,
-        "predicted_residual_attitude_error": slew.named(promised.attitude_error),
-    }
-    return replace(
-        plan,
-        request=_complete(settings, slew),
-        summary={**plan.summary, **promise},
-        versions=software_versions(),
-    )
-
-
-def _complete(settings: Any, slew: Slew) -> dict[str, Any]:
-    """Return the section with everything that it took from the bench written out."""
-    asked: dict[str, Any] = plain(settings)
-    resolved = {
-        "model": plain(slew.testbed),
-        "initial": slew.named(slew.start),
-        "goal": slew.named(slew.goal),
-        "feedback": {"kp": slew.kp.tolist(), "kd": slew.kd.tolist()},
-    }
-    if asked.get("feedback") is None and isinstance(settings, TimeOptimal):
-        del resolved["feedback"]  # where null stands for open loop
-    return asked | {key: value for key, value in resolved.items() if key in asked}
-
-
-def _enough_time(settings: Any, slew: Slew) -> str:
-    """Return what would do: more functions, or a longer duration, or that none was found."""
-    now = settings.duration
-    rigid = rigid_duration(slew.model, slew.start, slew.goal, slew.effort_limit)
-    if now >= rigid and (finer := _enough_functions(settings, slew)):
-        return finer
-    for longer in now * 1.05 ** np.arange(1, _LONGER + 1):
-        duration = rounded_up(longer)  # what is said is what was tried
-        if duration < rigid:
-            continue
-        try:
-            PLANNERS[settings.method].plan(replace(settings, duration=duration), slew, _unheard)
-        except PlanFailed:
-            continue
-        return (
-            f"a duration of {duration:g} s (now {now:g} s) is enough; a rigid body takes "
-            f"{rigid:.4g} s"
-        )
-    return f"no duration up to {duration:g} s (now {now:g} s) is enough; use a higher effort_limit"
-
-
-def _enough_functions(settings: Any, slew: Slew) -> str:
-    """Return how many functions of time would do, where there are any; else an empty text.
-
-    Functions that are long beside the period of a mode hardly move it: the weights that bring it
-    to rest grow with the square of their length, and without bound where a function spans whole
-    periods.
-    """
-    if not slew.model.modes:
-        return ""
-    fewer = getattr(settings, "functions", _MOST_FUNCTIONS)
-    lasts = settings.duration / (fewer + 1)
-    fastest = 2.0 * np.pi / float(slew.model.linearise(slew.model.rest({})).frequencies[-1])
-    if lasts < 0.5 * fastest:
-        return ""
-    for functions in (fewer * factor for factor in (2, 4, 8) if fewer * factor <= _MOST_FUNCTIONS):
-        try:
-            PLANNERS[settings.method].plan(replace(settings, functions=functions), slew, _unheard)
-        except PlanFailed:
-            continue
-        return (
-            f"functions: {functions} (now {fewer}) is enough: with {fewer}, each lasts "
-            f"{lasts:.3g} s and hardly moves the mode whose period is {fastest:.3g} s"
-        )
-    return ""
-
-
-def _unheard(update: Update) -> None:
-    """Nobody listens."""
+    plan = planner_of(settings).make(settings, plant, feedback, progress or unheard)
+    return replace(plan, versions=software_versions())

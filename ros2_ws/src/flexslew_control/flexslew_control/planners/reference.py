@@ -5,11 +5,13 @@ from typing import Any, Literal
 import numpy as np
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.manoeuvre import manoeuvre_of
 from flexslew_control.planners.feedforward.optimized_feedforward import on_ticks
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, tick_times
+from flexslew_control.planners.slewing import Slewing
 from flexslew_control.planners.trajectories import Profile
 from flexslew_plant.settings import NonNegative, Positive, section
 
@@ -62,3 +64,9 @@ def plan_reference_only(settings: ReferenceOnly, slew: Slew, progress: Progress)
     nothing = Basis("constant", 1, settings.duration)
     weights = np.zeros((1, manoeuvre.model.joints))
     return on_ticks(settings, slew, manoeuvre, nothing, weights)
+
+
+NONE = PlannerEntry(NoPlan, Slewing(plan_none, one_axis=False), feedforward=False)
+REFERENCE = PlannerEntry(
+    ReferenceOnly, Slewing(plan_reference_only), feedforward=False, takes_duration=True
+)

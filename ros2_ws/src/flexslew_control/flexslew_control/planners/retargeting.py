@@ -21,7 +21,9 @@ from flexslew_control.perturbation import (
     require_positive_definite,
 )
 from flexslew_control.plan import Plan
-from flexslew_control.planners.slew import tick_times
+from flexslew_control.planners.entry import PlannerEntry
+from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.slew import Feedback, tick_times
 from flexslew_control.small_motion import (
     Frozen,
     SmallMotion,
@@ -69,12 +71,19 @@ class _Ticks(NamedTuple):
     middle: list[Frozen]  # of every tick, then of what stays
 
 
-def plan_retargeting(settings: Retargeting, plant: PlantDescription) -> Plan:
+def plan_retargeting(
+    settings: Retargeting,
+    plant: PlantDescription,
+    feedback: Feedback | None,
+    progress: Progress,
+) -> Plan:
     """Return the plan of a retargeting manoeuvre.
 
     Args:
         settings: the `plan` section.
         plant: what stands on the bench, its turns included.
+        feedback: unused: the plan has gains of its own, or none.
+        progress: unused: nothing is iterated.
 
     Raises:
         BadInput: nothing says how long it takes, two efforts are dependent, or the gains have no
@@ -206,3 +215,6 @@ def _require_effort(effort: Matrix, limit: Vector, names: tuple[str, ...]) -> No
                 f"the turns need {needed:.4g} on {name} to be balanced, the limit is {allowed:g}; "
                 "take more time for them or a higher limit"
             )
+
+
+RETARGETING = PlannerEntry(Retargeting, plan_retargeting, slews=False)

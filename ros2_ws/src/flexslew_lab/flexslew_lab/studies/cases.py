@@ -8,7 +8,6 @@ import numpy as np
 import pyarrow as pa
 
 from flexslew_control.controllers import CONTROLLERS
-from flexslew_control.planners import PLANNERS
 from flexslew_lab.studies.sampling.methods import Samples, drawn
 from flexslew_lab.studies.study import Nominal, Study
 from flexslew_lab.trial.overrides import overridden, value_at
@@ -171,7 +170,7 @@ def _believing(values: dict[str, Any], source: str) -> dict[str, Any]:
         controllers[name] = (own or {}) | belief
     plan = values["plan"]
     if plan is not None and "method" in plan:  # else a plan from its file
-        known = PLANNERS[plan["method"]].settings
+        known = type(nominal.plan)
         belief = {}
         if _has(known, "model"):
             belief["model"] = model(plan.get("model"), "plan.model")

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.feedforward.basis import Basis, BasisName
 from flexslew_control.planners.feedforward.gauss_newton import (
     Optimum,
@@ -32,6 +33,7 @@ from flexslew_control.planners.slew import (
     TooMuchTorque,
     tick_times,
 )
+from flexslew_control.planners.slewing import Slewing
 from flexslew_control.planners.trajectories import Profile, rest_to_rest
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -196,3 +198,10 @@ def _refuse_saturation(model: Model, peak: Vector, limit: Vector) -> None:
             raise TooMuchTorque(
                 f"the manoeuvre needs {needed:.4g} N m on {name}, the limit is {allowed:g} N m"
             )
+
+
+OPTIMIZED = PlannerEntry(
+    OptimizedFeedforward,
+    Slewing(plan_optimized_feedforward, exact=lambda s: s.track == "planned"),
+    takes_duration=True,
+)

@@ -22,6 +22,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.feedforward.basis import Basis, BasisName
 from flexslew_control.planners.feedforward.ensemble import Member
 from flexslew_control.planners.feedforward.limited_gauss_newton import Problem, limited_gauss_newton
@@ -32,6 +33,7 @@ from flexslew_control.planners.feedforward.optimized_feedforward import (
 )
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque
+from flexslew_control.planners.slewing import Slewing
 from flexslew_control.planners.trajectories import Profile
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -173,3 +175,17 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
         "weights": weights.T.tolist(),
     }
     return replace(plan, summary=found | plan.summary)
+
+
+ROBUST = PlannerEntry(
+    RobustFeedforward,
+    Slewing(plan_robust_feedforward),
+    takes_duration=True,
+    variants=(
+        Variant(
+            "payload",
+            {"stiffness_errors": (-0.2, 0.0, 0.2), "payload_errors": (-0.2, 0.0, 0.2)},
+        ),
+        Variant("1.2 x time", {}, longer=1.2),
+    ),
+)

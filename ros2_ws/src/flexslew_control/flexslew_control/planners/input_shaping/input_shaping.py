@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.input_shaping.shaped_motion import (
     FINE,
     clamped_frequencies,
@@ -19,6 +20,7 @@ from flexslew_control.planners.input_shaping.shapers import (
 )
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Slew, TooMuchTorque, tick_times
+from flexslew_control.planners.slewing import Slewing
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -146,3 +148,10 @@ def _pulse(y: Vector) -> tuple[Vector, Vector, Vector]:
         gained,
         2 * np.sin(np.pi * y) ** 2,
     )
+
+
+SHAPING = PlannerEntry(
+    InputShaping,
+    Slewing(plan_input_shaping, exact=lambda s: s.shaper != "none"),
+    variants=(Variant("zvd", {"shaper": "zvd"}),),
+)

@@ -9,6 +9,7 @@ from pydantic import Field
 from scipy.integrate import cumulative_simpson
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.input_shaping.shaped_motion import (
     FINE,
     clamped_frequencies,
@@ -17,6 +18,7 @@ from flexslew_control.planners.input_shaping.shaped_motion import (
 )
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Slew, tick_times
+from flexslew_control.planners.slewing import Slewing
 from flexslew_control.planners.trajectories import rounded_up
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -264,3 +266,8 @@ def _shaped(
         frequency = float(linear.frequencies[0])
     a1, a2, delay = two_impulses(frequency, settings.shaper_damping)
     return (lambda function: lambda t: a1 * function(t) + a2 * function(t - delay)), delay
+
+
+COASTING = PlannerEntry(
+    StartCoastStop, Slewing(plan_start_coast_stop, exact=lambda s: s.feedforward == "elastic")
+)

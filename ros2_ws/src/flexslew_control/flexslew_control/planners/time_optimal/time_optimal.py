@@ -6,8 +6,10 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, tick_times
+from flexslew_control.planners.slewing import Slewing
 from flexslew_control.planners.time_optimal.all_drives import AllDrives, fastest_slew
 from flexslew_control.planners.time_optimal.bang_bang import STENCIL, BangBang, Insensitive
 from flexslew_control.planners.time_optimal.optimal_switching import (
@@ -280,3 +282,11 @@ def on_ticks(slew: Arcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matr
         steps = max(1, int(np.ceil(dt / step)))
         states[k + 1] = slew.model.advance(states[k], effort, float(dt), steps)
     return states[np.searchsorted(edges, ticks)], means
+
+
+FASTEST = PlannerEntry(
+    TimeOptimal,
+    Slewing(plan_time_optimal, exact=lambda s: True, open_loop=True),
+    compared={"reserve": RESERVE},
+    variants=(Variant("robust", {"robust": True}),),
+)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from viser import uplot
 
-from flexslew_control.planners import PLANNERS, plan_settings
+from flexslew_control.planners import OPTIMIZED, PLANNERS, plan_settings
 from flexslew_lab.console.desk import Desk, Reply, line
 from flexslew_lab.console.forms import Form, Key, moment, number_of
 from flexslew_lab.console.link import Iterate, RequestResult
@@ -15,7 +15,7 @@ from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import yaml_text
 
-_METHOD, _GOAL = "optimized_feedforward", "goal of "
+_GOAL = "goal of "
 _SHOWN = 8  # iterations
 
 
@@ -29,7 +29,8 @@ class PlanPanel:
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
         self._desk, self._view, self._link = desk, desk.view, desk.link
-        self._method = gui.add_dropdown("Method", tuple(PLANNERS), initial_value=_METHOD)
+        slews = tuple(name for name, entry in PLANNERS.items() if entry.slews)
+        self._method = gui.add_dropdown("Method", slews, initial_value=OPTIMIZED.name)
         self._place = gui.add_folder("Manoeuvre")
         self._form: Form | None = None
         self._joints: Any = None

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners import PLANNERS, make_plan, other_method
-from flexslew_control.planners.time_optimal.time_optimal import RESERVE
+from flexslew_control.planners import PLANNERS, Variant, make_plan, other_method, planner_of
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_lab.report.comparison.flight import PlanFlight, flown
 from flexslew_lab.trial.trial import (
@@ -25,17 +24,6 @@ from flexslew_plant.testbeds import initial_positions
 ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of the stiffness, relative [-]
 PAYLOADS = (-0.2, 0.2)  # of what the testbed carries, relative [-]
 _WATCHED = 40.0  # at least, after the longest slew [s]
-_SAME_TIME = {"optimized_feedforward", "robust_feedforward", "reference_only"}
-_VARIANTS: dict[str, dict[str, Any]] = {  # ways to use a method that are compared too
-    "input_shaping, zvd": {"shaper": "zvd"},
-    "time_optimal, robust": {"robust": True},
-    "robust_feedforward, payload": {
-        "stiffness_errors": (-0.2, 0.0, 0.2),
-        "payload_errors": (-0.2, 0.0, 0.2),
-    },
-    "robust_feedforward, 1.2 x time": {},
-}
-_LONGER = {"robust_feedforward, 1.2 x time": 1.2}  # than the trial's plan [-]
 
 
 @dataclass(frozen=True)
@@ -145,7 +133,7 @@ def compared(
     trial = replace(trial, plan=section)
     if not errors or min(errors) <= -1.0:
         raise BadInput(f"errors: {list(errors)} is not allowed: one or more, each above -1")
-    entries = [_planned(trial, source, name) for name in _candidates(trial)]
+    entries = [_planned(trial, source, *candidate) for candidate in _candidates(trial)]
     plans = [entry.plan for entry in entries if entry.plan is not None]
     longest = max((plan.end for plan in plans), default=0.0)
     long_enough = replace(trial, duration=max(trial.duration, longest + _WATCHED))
@@ -185,27 +173,31 @@ def _carries_payload(trial: Trial) -> bool:
     return True
 
 
-def _candidates(trial: Trial) -> list[str]:
-    """Return the methods to try, the trial's own first, those without feedforward last."""
+def _candidates(trial: Trial) -> list[tuple[str, Variant]]:
+    """Return the methods and their variants, the trial's own first, bare references last."""
     assert not isinstance(trial.plan, SavedPlan | None)
-    bare = ("reference_only", "none")
-    methods = [trial.plan.method, *(name for name in PLANNERS if name not in bare), *bare]
-    variants = [
-        [name, *(key for key in _VARIANTS if key.startswith(name + ","))] for name in methods
+    own = planner_of(trial.plan)
+    others = [entry for entry in PLANNERS.values() if entry.slews and entry is not own]
+    others.sort(key=lambda entry: not entry.feedforward)
+    usual = Variant("", {})
+    methods = {trial.plan.method: own} | {entry.name: entry for entry in others}
+    return [
+        (name, variant) for name, entry in methods.items() for variant in (usual, *entry.variants)
     ]
-    return list(dict.fromkeys(name for group in variants for name in group))
 
 
-def _planned(trial: Trial, source: str, name: str) -> Entry:
+def _planned(trial: Trial, source: str, method: str, variant: Variant) -> Entry:
     """Return the method's plan for the trial's manoeuvre, or why it has none."""
     assert not isinstance(trial.plan, SavedPlan | None)
-    method = name.partition(",")[0]
-    own: dict[str, Any] = dict(_VARIANTS.get(name, {}))
+    name = f"{method}, {variant.name}" if variant.name else method
+    given = planner_of(trial.plan)
+    wanted = given if method == trial.plan.method else PLANNERS[method]
+    own: dict[str, Any] = dict(variant.keys)
     duration = plain(trial.plan).get("duration")
-    if duration and {method, trial.plan.method} <= _SAME_TIME:
-        own["duration"] = duration * _LONGER.get(name, 1.0)
-    if method == "time_optimal" and trial.plan.method != method:
-        own["reserve"] = RESERVE
+    if duration and wanted.takes_duration and given.takes_duration:
+        own["duration"] = duration * variant.longer
+    if wanted is not given:
+        own |= wanted.compared
     plant, feedback = plant_of(trial), feedback_of(trial)
     try:
         settings = other_method(trial.plan, method, f"{source}: plan", **own)

@@ -1,0 +1,66 @@
+"""What a planner's file says of it: its entry in the table of planners."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol, TypeAlias
+
+from flexslew_control.law import PlantDescription
+from flexslew_control.plan import Plan
+from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.slew import Feedback
+from flexslew_plant.entries import default_of
+
+
+class PlanSection(Protocol):
+    """A `plan` section of any method."""
+
+    @property
+    def method(self) -> str:
+        """Name of the planner, or where the class of the user's own stands."""
+
+    @property
+    def start(self) -> float:
+        """When the manoeuvre begins [s]."""
+
+
+# section, bench, gains of the controller in charge (None: it has none), listener
+Make: TypeAlias = Callable[[Any, PlantDescription, Feedback | None, Progress], Plan]
+
+
+class Variant(NamedTuple):
+    """A way to use a planner that is compared beside its defaults."""
+
+    name: str  # behind that of the planner
+    keys: Mapping[str, Any]  # of its section
+    longer: float = 1.0  # than the slew of the trial [-]
+
+
+@dataclass(frozen=True)
+class PlannerEntry:
+    """A planner, as the rest of the bench knows it.
+
+    Args:
+        settings: its `plan` section; the default of `method` is its name.
+        make: returns the plan that a section asks for; see slewing.Slewing.
+        slews: whether it takes joints to a goal.
+        feedforward: whether its plans have one.
+        takes_duration: whether the slew takes the `duration` of its section; else the planner
+            finds it, or adds to it.
+        compared: keys of its section where it is compared with other methods.
+        variants: compared too.
+        example: keys with which it plans on any bench where it can, besides a goal.
+    """
+
+    settings: type[Any]
+    make: Make
+    slews: bool = True
+    feedforward: bool = True
+    takes_duration: bool = False
+    compared: Mapping[str, Any] = field(default_factory=dict)
+    variants: tuple[Variant, ...] = ()
+    example: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """What `plan.method` calls it."""
+        return default_of(self.settings, "method")

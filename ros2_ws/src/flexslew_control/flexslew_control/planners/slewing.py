@@ -1,0 +1,150 @@
+"""How a planner of slews makes a plan: what the bench says, the slew, what the plan leaves."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flexslew_control.law import PlantDescription
+from flexslew_control.plan import Plan
+from flexslew_control.planners.held_efforts import exact_on_ticks
+from flexslew_control.planners.one_axis import one_axis
+from flexslew_control.planners.prediction import predicted
+from flexslew_control.planners.progress import Progress, Update
+from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, slew_of
+from flexslew_control.planners.trajectories import rigid_duration, rounded_up
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.settings import plain
+
+_EXACT = 1e-5  # residual above which efforts are made exact for their hold [m]
+_MOST_FUNCTIONS = 200  # that a section may ask for
+_LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
+
+
+def unheard(update: Update) -> None:
+    """Nobody listens."""
+
+
+@dataclass(frozen=True)
+class Slewing:
+    """Makes plans by a function of section and slew.
+
+    Args:
+        plan: returns the plan of a slew.
+        exact: says of a section whether the efforts shall end at rest at the goal when each is
+            held over its tick; None: of none.
+        one_axis: whether a spacecraft with many joints is planned about the one that moves.
+        open_loop: whether a section without `feedback` is for a slew without one, instead of
+            one with the gains of the controller in charge.
+    """
+
+    plan: Callable[[Any, Slew, Progress], Plan]
+    exact: Callable[[Any], bool] | None = None
+    one_axis: bool = True
+    open_loop: bool = False
+
+    def __call__(
+        self,
+        settings: Any,
+        plant: PlantDescription,
+        feedback: Feedback | None,
+        progress: Progress,
+    ) -> Plan:
+        """Return the plan of a section; see make_plan.
+
+        Raises:
+            PlanFailed: no such slew; the message carries the numbers.
+            BadInput: the testbed is not moved by one effort per joint, or lacks what is named.
+        """
+        reduced = one_axis(settings, plant, feedback) if self.one_axis else None
+        if reduced is not None:
+            own = self(reduced.settings, reduced.plant, reduced.feedback, progress)
+            return reduced.embedded(own)
+        slew = slew_of(settings, plant, feedback)
+        limit = plant.effort_limit
+        if limit.size != slew.goal.size:
+            raise BadInput(
+                f"effort_limit: {limit.tolist()} is not allowed: {slew.goal.size} numbers, one "
+                f"for each of {', '.join(slew.model.joint_names)}"
+            )
+        try:
+            plan = self.plan(settings, slew, progress)
+        except TooMuchTorque as error:
+            raise PlanFailed(f"{error}; {self._enough_time(settings, slew)}") from None
+        promised = predicted(plan, slew)
+        exact = self.exact is not None and self.exact(settings)
+        if exact and promised.tip_deflection > _EXACT:
+            plan = exact_on_ticks(plan, slew)
+            promised = predicted(plan, slew)
+        promise = {
+            "believes": slew.beliefs,
+            "predicted_residual_tip_deflection": promised.tip_deflection,
+            "predicted_residual_attitude_error": slew.named(promised.attitude_error),
+        }
+        return replace(
+            plan, request=self._complete(settings, slew), summary={**plan.summary, **promise}
+        )
+
+    def _complete(self, settings: Any, slew: Slew) -> dict[str, Any]:
+        """Return the section with everything that it took from the bench written out."""
+        asked: dict[str, Any] = plain(settings)
+        resolved = {
+            "model": plain(slew.testbed),
+            "initial": slew.named(slew.start),
+            "goal": slew.named(slew.goal),
+            "feedback": {"kp": slew.kp.tolist(), "kd": slew.kd.tolist()},
+        }
+        if asked.get("feedback") is None and self.open_loop:
+            del resolved["feedback"]
+        return asked | {key: value for key, value in resolved.items() if key in asked}
+
+    def _enough_time(self, settings: Any, slew: Slew) -> str:
+        """Return what would do: more functions, or a longer duration, or that none was found."""
+        now = settings.duration
+        rigid = rigid_duration(slew.model, slew.start, slew.goal, slew.effort_limit)
+        if now >= rigid and (finer := self._enough_functions(settings, slew)):
+            return finer
+        for longer in now * 1.05 ** np.arange(1, _LONGER + 1):
+            duration = rounded_up(longer)  # what is said is what was tried
+            if duration < rigid:
+                continue
+            try:
+                self.plan(replace(settings, duration=duration), slew, unheard)
+            except PlanFailed:
+                continue
+            return (
+                f"a duration of {duration:g} s (now {now:g} s) is enough; a rigid body takes "
+                f"{rigid:.4g} s"
+            )
+        return (
+            f"no duration up to {duration:g} s (now {now:g} s) is enough; use a higher effort_limit"
+        )
+
+    def _enough_functions(self, settings: Any, slew: Slew) -> str:
+        """Return how many functions of time would do, where there are any; else an empty text.
+
+        Functions that are long beside the period of a mode hardly move it: the weights that bring
+        it to rest grow with the square of their length, and without bound where a function spans
+        whole periods.
+        """
+        if not slew.model.modes:
+            return ""
+        fewer = getattr(settings, "functions", _MOST_FUNCTIONS)
+        lasts = settings.duration / (fewer + 1)
+        fastest = 2.0 * np.pi / float(slew.model.linearise(slew.model.rest({})).frequencies[-1])
+        if lasts < 0.5 * fastest:
+            return ""
+        for factor in (2, 4, 8):
+            functions = fewer * factor
+            if functions > _MOST_FUNCTIONS:
+                break
+            try:
+                self.plan(replace(settings, functions=functions), slew, unheard)
+            except PlanFailed:
+                continue
+            return (
+                f"functions: {functions} (now {fewer}) is enough: with {fewer}, each lasts "
+                f"{lasts:.3g} s and hardly moves the mode whose period is {fastest:.3g} s"
+            )
+        return ""
