@@ -8,6 +8,7 @@ import pytest
 from flexslew_lab.cli import early, operate
 
 HEAVY = ("numpy", "scipy", "numba", "plotly", "pyarrow", "casadi", "rclpy", "rosbags", "viser")
+DESIGN = ("control", "ctrlsys", "matplotlib", "piqp", "optuna")  # what no flight needs
 
 
 @pytest.mark.parametrize(
@@ -18,7 +19,7 @@ def test_help_loads_no_numerics(arguments: list[str]) -> None:
         f"import sys; sys.argv = ['flexslew', *{arguments}]\n"
         "from flexslew_lab.cli.main import main\n"
         "try: main()\n"
-        f"finally: print('loaded:', sorted(set({HEAVY}) & set(sys.modules)))"
+        f"finally: print('loaded:', sorted(set({HEAVY + DESIGN}) & set(sys.modules)))"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
@@ -29,3 +30,18 @@ def test_help_loads_no_numerics(arguments: list[str]) -> None:
 
 def test_every_command_that_operates_a_bench_joins_its_graph_early() -> None:
     assert set(early.OPERATING) == {command.__name__ for command in operate.COMMANDS}
+
+
+def test_a_flight_and_its_nodes_load_nothing_of_the_design_side() -> None:
+    program = (
+        "import sys\n"
+        "import flexslew_lab.trial.run, flexslew_lab.report.report\n"
+        "from flexslew_control.controllers import CONTROLLERS, build_controller\n"
+        "from flexslew_lab.notebook import fly, trial\n"
+        "fly(trial('m1', {'duration': 0.1, 'plan': None}))\n"
+        f"print('loaded:', sorted(set({DESIGN}) & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "loaded: []"

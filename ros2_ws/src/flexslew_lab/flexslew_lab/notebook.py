@@ -24,12 +24,13 @@ from flexslew_lab.report.signals import read_signals
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.sources import trial_path
-from flexslew_lab.trial.trial import Trial, parse_trial, text_of
+from flexslew_lab.trial.trial import Trial, parse_trial, plant_of, text_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml, yaml_text
 
 if TYPE_CHECKING:
+    import control
     import pandas
     import plotly.graph_objects
 
@@ -155,6 +156,34 @@ def read(run: Path | str) -> Flight:
     keys = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     events = bag.overview.events
     return Flight(keys, metrics_from(bag), events, signals.time, signals.values, signals.units)
+
+
+def linear_model(
+    what: Trial, at: float | None = None, sampled: bool = False, **joints: float
+) -> control.StateSpace:
+    """Return the small motions of a trial's testbed about a rest, from efforts to sensors.
+
+    Signals are named as in the log, with a colon for the dot: `effort:yaw`, `tip:left`.
+
+    Args:
+        what: as from `trial`.
+        at: simulated time [s]: the rest that the plan passes then; None: the start.
+        sampled: as the bench ticks, with hold, delay and motor lag; else continuous.
+        joints: where joints rest instead, by name [rad or m].
+
+    Raises:
+        BadInput: the time is none, or a name is no joint.
+    """
+    from flexslew_lab.analysis.trial_models import model_of, point_of
+
+    return model_of(point_of(what, at, joints), sampled).state_space(what.name)
+
+
+def nonlinear_model(what: Trial) -> control.NonlinearIOSystem:
+    """Return the whole plant of a trial as python-control simulates it; see linear_model."""
+    from flexslew_control.analysis.nonlinear_plant import nonlinear_system
+
+    return nonlinear_system(plant_of(what).testbed, what.name)
 
 
 def _plain(value: Any) -> Any:

@@ -16,6 +16,7 @@ from flexslew_lab.cli.early import OPERATING
 from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, SOON, patient, while_running
 from flexslew_lab.cli.log import Json, bag_of, log, reading_limits, recover
 from flexslew_lab.cli.missing import remedy, require_ros
+from flexslew_lab.cli.model import model
 from flexslew_lab.cli.operate import COMMANDS
 from flexslew_lab.cli.replay import Trust, check, live, play, resim
 from flexslew_lab.cli.study import study
@@ -227,7 +228,7 @@ def reproduce(
         raise typer.Exit(1)
 
 
-for often in (*COMMANDS, compare, recover, resim, check, play, live, console, bench):
+for often in (*COMMANDS, compare, model, recover, resim, check, play, live, console, bench):
     app.command()(often)
 app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(test)
 

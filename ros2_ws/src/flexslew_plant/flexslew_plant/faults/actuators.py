@@ -1,12 +1,13 @@
 """Faults of the motors."""
 
 from collections import deque
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.faults.effects import Effect, Names, OnAnyTestbed, Situation, Subject, Ticks
+from flexslew_plant.faults.effects import Effect, Names, OnAnyTestbed, Situation, Subject
 from flexslew_plant.settings import section
 
 
@@ -55,17 +56,22 @@ class ActuatorGain:
 
 @section
 class CommandDelay(OnAnyTestbed):
-    """Every effort reaches the motors some ticks after the drive has let it go."""
+    """Every effort reaches the motors some ticks after the drive has let it go.
+
+    Within a tick the motors hold one effort: a delay by a part of a tick gives its exact mean.
+    """
 
     kind: Literal["command_delay"] = "command_delay"
-    ticks: Ticks
+    ticks: Annotated[float, Field(gt=0.0, le=10_000.0)]  # whole ones and parts
 
     def begin(self, situation: Situation) -> Effect:
         """Return the effect on what reaches the motors."""
-        queue = deque([situation.demand] * self.ticks)
+        whole, part = int(self.ticks // 1.0), self.ticks % 1.0
+        queue = deque([situation.demand] * (whole + (part > 0.0)))
 
         def demand(asked: Vector) -> Vector:
             queue.append(asked)
-            return queue.popleft()
+            oldest = queue.popleft()
+            return (1.0 - part) * queue[0] + part * oldest if part else oldest
 
         return Effect(demand=demand)

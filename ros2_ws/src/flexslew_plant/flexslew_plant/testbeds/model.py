@@ -176,6 +176,16 @@ class Model:
         self._bound.jacobian(self.packed, t, x, effort, dx, du)
         return dx, du
 
+    def residual_slopes(
+        self, x: Vector, acceleration: Vector, t: float = 0.0
+    ) -> tuple[Matrix, Matrix]:
+        """Return the derivatives of M a + h by q and by v at a fixed a, (n, positions), (n, n)."""
+        self._require(x)
+        dq = np.empty((self.coordinates, self.positions))
+        dv = np.empty((self.coordinates, self.coordinates))
+        self._bound.residual_jacobian(self.packed, t, x, acceleration, dq, dv)
+        return dq, dv
+
     def with_stiffness(self, factor: float) -> "Model":
         """Return the model with every stiffness times factor [-], damping ratios kept.
 
@@ -263,11 +273,8 @@ class Model:
             q: at rest, beams straight, shape (positions,).
             t: time at which the model is frozen [s].
         """
-        n = self.coordinates
-        stiffness, damping = np.empty((n, self.positions)), np.empty((n, n))
-        rest, still = np.concatenate((q, np.zeros(n))), np.zeros(n)
-        self._require(rest)
-        self._bound.residual_jacobian(self.packed, t, rest, still, stiffness, damping)
+        still = np.zeros(self.coordinates)
+        stiffness, damping = self.residual_slopes(np.concatenate((q, still)), still, t)
         if self.kernels.extra_positions:  # by motions along v
             stiffness = stiffness @ self.position_rates(q, t)
         return Linearisation(self.mass_matrix(q, t), damping, stiffness, self.input_matrix(q, t))

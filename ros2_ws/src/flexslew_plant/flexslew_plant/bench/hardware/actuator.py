@@ -41,6 +41,11 @@ class Actuator:
         self._mean_rise = 1.0 - self._rise / ratio if ratio else 1.0
         self.reset()
 
+    @property
+    def rises(self) -> tuple[float, float]:
+        """Parts of a step that the torque has gone at the end of a tick, and in its mean [-]."""
+        return (self._rise, self._mean_rise) if self._settings.lag else (1.0, 1.0)
+
     def reset(self) -> None:
         """Forget the past: no torque."""
         self.effort: Vector = np.zeros(self._limit.size)  # really applied [N m or N]

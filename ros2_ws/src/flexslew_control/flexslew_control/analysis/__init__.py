@@ -1,0 +1,4 @@
+"""The control engineer's side of the bench: models out, margins of what flies, designs in.
+
+Import it where it is used: its modules load python-control, which takes more than a second.
+"""

@@ -1,0 +1,181 @@
+"""The bench as a linear system about a rest: continuous, or exactly as it ticks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexslew_control.analysis.lti import Lti, series
+from flexslew_control.analysis.rest import Rest, slopes, small_motions
+from flexslew_control.analysis.signals import APPLIED, inputs_of, outputs_of, states_of
+from flexslew_control.free_platform import rate_readings
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.hardware.actuator import Actuator, ActuatorSettings
+from flexslew_plant.testbeds.compiled.dynamics import (
+    STAGE_TIMES,
+    STAGE_WEIGHTS,
+    STAGES,
+    STEP_WEIGHTS,
+)
+
+_STEP = 1e-3  # of the differences of what an accelerometer feels
+_STILL = 1e-9  # of the largest slope: what drifts less is at rest
+
+_IDEAL = ActuatorSettings()
+
+
+@dataclass(frozen=True)
+class Path:
+    """What lies between a command and the motor's effort, tick by tick.
+
+    Args:
+        period: one tick [s].
+        actuator: the motors.
+        gain: of what reaches each motor, shape (efforts,) [-]; None: one.
+        delay: of what reaches the motors [ticks]; a part of a tick counts by the mean over it.
+    """
+
+    period: float
+    actuator: ActuatorSettings = _IDEAL
+    gain: Vector | None = None
+    delay: float = 0.0
+
+
+def continuous_plant(rest: Rest, friction: ActuatorSettings | None = None) -> Lti:
+    """Return the small motions from efforts to sensors, all as deviations from the rest.
+
+    x' = A x + B u, y = C x + D u with x = [displacement along v, v]; D is not zero for
+    accelerometers alone. Names: see signals.
+    """
+    model = rest.model
+    a, b = small_motions(rest, friction)
+    c, d = _readings(rest, a, b)
+    return Lti(a, b, c, d, inputs_of(model), outputs_of(model), states_of(model))
+
+
+def sampled_plant(rest: Rest, path: Path, applied: bool = False) -> Lti:
+    """Return what a controller commands and what it measures, tick by tick.
+
+    The hold is exact: x(k + 1) = F x(k) + G u(k), with the motors' lag, gains and delay before it.
+
+    Args:
+        rest: about which.
+        path: from the command to the motors' effort.
+        applied: whether the effort of the last tick is an output too: see signals.applied_of.
+    """
+    model, period = rest.model, path.period
+    a, b = small_motions(rest, path.actuator)
+    f, g = _tick(rest, np.hstack((a, b)), path)
+    c, d = _readings(rest, a, b)
+    outputs, states = outputs_of(model), states_of(model)
+    efforts = inputs_of(model)
+    memory = tuple(name.replace("effort.", f"{APPLIED}.") for name in efforts)
+    m, n = len(efforts), len(f)
+    if applied or d.any():  # sensors feel the effort of the tick that ends with the reading
+        f, g = np.block([[f, np.zeros((n, m))], [np.zeros((m, n + m))]]), np.vstack((g, np.eye(m)))
+        c, states = np.hstack((c, d)), (*states, *memory)
+    if applied:
+        c = np.vstack((c, np.hstack((np.zeros((m, n)), np.eye(m)))))
+        outputs = (*outputs, *memory)
+    ticks = Lti(f, g, c, np.zeros((len(c), m)), efforts, outputs, states, period)
+    return series(_motors(path, efforts), ticks)
+
+
+def _motors(path: Path, efforts: tuple[str, ...]) -> Lti:
+    """Return the way from commands to applied efforts."""
+    m, eye = len(efforts), np.eye(len(efforts))
+    gain = eye if path.gain is None else np.diag(path.gain)
+    whole, part = int(path.delay // 1.0), path.delay % 1.0
+    kept = whole + (part > 0.0)
+    shift = np.zeros((m * kept, m * kept))
+    shift[m:, : m * (kept - 1)] = np.eye(m * max(kept - 1, 0))
+    entry = np.vstack((gain, np.zeros((m * (kept - 1), m)))) if kept else np.zeros((0, m))
+    out = np.zeros((m, m * kept))
+    if whole:
+        out[:, m * (whole - 1) : m * whole] = (1.0 - part) * eye
+    if part:
+        out[:, m * whole :] = part * eye
+    through = (1.0 - part) * gain if not whole else np.zeros((m, m))
+    queue = tuple(f"{name}.before.{k + 1}" for k in range(kept) for name in efforts)
+    late = Lti(shift, entry, out, through, efforts, efforts, queue, path.period)
+    rise, mean = Actuator(path.actuator, np.ones(m), path.period).rises
+    if rise == mean == 1.0:
+        return late
+    names = tuple(f"{name}.motor" for name in efforts)
+    lag = Lti(
+        (1.0 - rise) * eye, rise * eye, (1.0 - mean) * eye, mean * eye, efforts, efforts, names,
+        path.period,
+    )  # fmt: skip
+    return series(late, lag)
+
+
+def _tick(rest: Rest, steady: Matrix, path: Path) -> tuple[Matrix, Matrix]:
+    """Return F and G of a tick with the effort held: the derivative of the bench's own step.
+
+    Runge and Kutta's stages of the variations, with slopes where and when the bench has its own.
+
+    Args:
+        rest: of n coordinates.
+        steady: [A, B] at the rest, shape (2 n, 2 n + efforts).
+        path: says how long it is.
+    """
+    model, x, t, period = rest.model, rest.state, rest.time, path.period
+    drift = model.derivative(x, rest.effort, t)
+    moves = model.time_varying or abs(drift).max() > _STILL * max(1.0, float(abs(steady).max()))
+    k, grown = len(steady), np.eye(steady.shape[1])
+    stages = np.zeros((STAGES, *steady.shape))
+    for i in range(STAGES):
+        slope = steady
+        if moves:
+            later = STAGE_TIMES[i] * period
+            there = model.advance(x, rest.effort, later, t=t)
+            slope = np.hstack(slopes(model, there, rest.effort, t + later, path.actuator))
+        grown[:k] = np.eye(*steady.shape) + period * np.tensordot(STAGE_WEIGHTS[i], stages, 1)
+        stages[i] = slope @ grown
+    after = np.eye(*steady.shape) + period * np.tensordot(STEP_WEIGHTS, stages, 1)
+    return after[:, :k], after[:, k:]
+
+
+def _readings(rest: Rest, a: Matrix, b: Matrix) -> tuple[Matrix, Matrix]:
+    """Return C and D of the sensors' readings."""
+    model, n, tips = rest.model, rest.model.coordinates, rest.model.appendages
+    joints, first, count = model.joints, rest.model.before_modes, len(rest.model.appendages.names)
+    seen = rate_readings(model, rest.q)
+    c, d = (
+        np.zeros((2 * joints + 2 * count, 2 * n)),
+        np.zeros((2 * joints + 2 * count, model.efforts)),
+    )
+    c[:joints, :n], c[joints : 2 * joints, n:] = seen, seen
+    tip = slice(2 * joints, 2 * joints + count)
+    c[tip, first:n], c[2 * joints + count :, first:n] = tips.tip, tips.curvature
+    if tips.rate is not None:
+        c[tip, n + first :] = tips.rate
+    if tips.felt is not None:
+        felt_c, felt_d = _felt(rest)
+        c[tip] += felt_c
+        d[tip] += felt_d
+    return c, d
+
+
+def _felt(rest: Rest) -> tuple[Matrix, Matrix]:
+    """Return how what accelerometers feel changes with state and effort, by differences."""
+    model, feels = rest.model, rest.model.appendages.felt
+    assert feels is not None
+    n, p = model.coordinates, model.positions
+    into = np.zeros((p + n, 2 * n))
+    into[:p, :n], into[p:, n:] = model.position_rates(rest.q, rest.time), np.eye(n)
+
+    def at(x: Vector, effort: Vector) -> Vector:
+        return feels(x, model.derivative(x, effort, rest.time), rest.time)
+
+    def slope(dx: Vector, du: Vector) -> Vector:
+        def there(s: float) -> Vector:
+            return at(rest.state + s * dx, rest.effort + s * du)
+
+        h = _STEP
+        near, far = there(h) - there(-h), there(2.0 * h) - there(-2.0 * h)
+        return np.asarray((8.0 * near - far) / (12.0 * h))
+
+    no_x, no_u = np.zeros(p + n), np.zeros(model.efforts)
+    columns = [slope(column, no_u) for column in into.T]
+    efforts = [slope(no_x, one) for one in np.eye(model.efforts)]
+    return np.array(columns).T, np.array(efforts).T

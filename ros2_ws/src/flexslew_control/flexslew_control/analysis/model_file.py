@@ -1,0 +1,55 @@
+"""Linear systems in files that MATLAB, NumPy and everything else read."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from scipy.io import savemat
+
+from flexslew_control.analysis.lti import Lti, plain
+from flexslew_plant.errors import BadInput
+
+
+def save_model(system: Lti, path: Path) -> None:
+    """Write A, B, C, D, Ts (0: continuous) and the names of inputs, outputs and states.
+
+    Args:
+        system: to write.
+        path: ends in .mat (MATLAB 5), .npz or .json.
+
+    Raises:
+        BadInput: another ending, or the file cannot be written.
+    """
+    write = _WRITERS.get(path.suffix)
+    if write is None:
+        raise BadInput(f"{path}: give a name that ends in {', '.join(_WRITERS)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(system, path)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _mat(system: Lti, path: Path) -> None:
+    names = {key: np.array(getattr(system, key), dtype=object) for key in _NAMES}
+    savemat(path, _matrices(system) | names)
+
+
+def _npz(system: Lti, path: Path) -> None:
+    names = {key: np.array(getattr(system, key), dtype=str) for key in _NAMES}
+    np.savez(path, **_matrices(system), **names)
+
+
+def _json(system: Lti, path: Path) -> None:
+    path.write_text(json.dumps(plain(system), indent=1), encoding="utf-8")
+
+
+def _matrices(system: Lti) -> dict[str, np.ndarray]:
+    return {
+        "A": system.a, "B": system.b, "C": system.c, "D": system.d, "Ts": np.array(system.period)
+    }  # fmt: skip
+
+
+_NAMES = ("inputs", "outputs", "states")
+_WRITERS: dict[str, Callable[[Lti, Path], None]] = {".mat": _mat, ".npz": _npz, ".json": _json}

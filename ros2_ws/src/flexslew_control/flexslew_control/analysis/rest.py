@@ -1,0 +1,120 @@
+"""A rest about which the bench is linear: where it stands, when, and the efforts that hold it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.hardware.actuator import ActuatorSettings
+from flexslew_plant.testbeds import Testbed, initial_positions
+from flexslew_plant.testbeds.model import Model
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A model at rest.
+
+    Args:
+        model: equations of motion.
+        q: where it rests, shape (positions,).
+        time: at which what turns is frozen [s].
+        effort: that holds it there as well as efforts can, shape (efforts,) [N m or N].
+    """
+
+    model: Model
+    q: Vector
+    time: float
+    effort: Vector
+
+    @property
+    def state(self) -> Vector:
+        """[q, v] with v = 0."""
+        return np.concatenate((self.q, np.zeros(self.model.coordinates)))
+
+
+def rest_of(testbed: Testbed, joints: Mapping[str, float] | None = None, time: float = 0.0) -> Rest:
+    """Return a rest of a testbed.
+
+    Args:
+        testbed: what stands on the bench.
+        joints: joint positions by name, others as at the start [rad or m]; None: all as then.
+        time: [s].
+
+    Raises:
+        BadInput: a name is no joint of the testbed.
+    """
+    model = testbed.model()
+    q = model.rest({**initial_positions(testbed), **(joints or {})})
+    loads = model.bias(q, np.zeros(model.coordinates), time)
+    effort = np.linalg.lstsq(model.input_matrix(q, time), loads, rcond=None)[0]
+    effort[abs(effort) <= 1e-12 * max(1.0, float(abs(loads).max(initial=0.0)))] = 0.0
+    return Rest(model, q, time, effort)
+
+
+def small_motions(rest: Rest, friction: ActuatorSettings | None = None) -> tuple[Matrix, Matrix]:
+    """Return A and B of z' = A z + B (u - u0), z = [displacement along v, v], exact.
+
+    Displacements along v are those of q, and turns [rad] where q holds a unit quaternion. Friction
+    counts with its slope at rest.
+
+    Args:
+        rest: of n coordinates and m efforts.
+        friction: of the motors; None: none.
+
+    Returns:
+        of shapes (2 n, 2 n) and (2 n, m).
+    """
+    return slopes(rest.model, rest.state, rest.effort, rest.time, friction)
+
+
+def slopes(
+    model: Model, x: Vector, effort: Vector, t: float, friction: ActuatorSettings | None = None
+) -> tuple[Matrix, Matrix]:
+    """Return A and B of the motions near one that is at x, as displacements along v and rates.
+
+    M dv' = d(B u) - (d(M a + h)/dq N) z - (dh/dv) dv at the acceleration a of that motion.
+
+    Args:
+        model: of n coordinates and m efforts.
+        x: [q, v].
+        effort: shape (m,).
+        t: [s].
+        friction: of the motors, see small_motions.
+    """
+    n, (q, v) = model.coordinates, model.split(x)
+    along, driving = model.position_rates(q, t), model.input_matrix(q, t)
+    mass = model.mass_matrix(q, t)
+    acceleration = np.linalg.solve(mass, driving @ effort - model.bias(q, v, t))
+    stiffness, damping = model.residual_slopes(x, acceleration, t)
+    stiffness = stiffness @ along
+    if effort.any() and model.kernels.actuation is not None:
+        stiffness -= _slope(lambda z: model.input_matrix(q + along @ z, t) @ effort, n)
+    a = np.zeros((2 * n, 2 * n))
+    a[:n, n:] = np.eye(n)
+    if v.any() and model.positions > n:
+        a[:n, :n] = _turned(model, q, v, t)
+    a[n:] = -np.linalg.solve(mass, np.hstack((stiffness, damping)))
+    b = np.vstack((np.zeros_like(driving), np.linalg.solve(mass, driving)))
+    if friction is not None and model.leading is None:
+        rubbing = friction.viscous_friction + friction.coulomb_friction / friction.coulomb_speed
+        a[n:, n : n + model.joints] -= rubbing * b[n:]
+    return a, b
+
+
+def _turned(model: Model, q: Vector, v: Vector, t: float) -> Matrix:
+    """Return how displacements along v change while what they are along turns: N^+ [d(N v), N]."""
+    along = model.position_rates(q, t)
+    moved = _slope(lambda z: model.position_rates(q + along @ z, t) @ v, len(v))
+    turning = _slope(lambda s: (model.position_rates(q + along @ v * s, t)).ravel(), 1)
+    back: Matrix = np.linalg.pinv(along) @ (moved - turning.reshape(along.shape))
+    return back
+
+
+def _slope(f: Callable[[Vector], Vector], count: int, h: float = 1e-3) -> Matrix:
+    """Return df/dz at z = 0 by differences of fourth order, one column per entry of z."""
+    columns = []
+    for one in h * np.eye(count):
+        near, far = f(one) - f(-one), f(2.0 * one) - f(-2.0 * one)
+        columns.append((8.0 * near - far) / (12.0 * h))
+    return np.array(columns).T

@@ -1,0 +1,1 @@
+"""What a trial flies, as a control engineer asks: its models, margins and how they are proved."""

@@ -1,0 +1,79 @@
+"""The linear models of a trial: where it rests at a time, and what lies before its motors then."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexslew_control.analysis.linear_plant import Path, continuous_plant, sampled_plant
+from flexslew_control.analysis.lti import Lti
+from flexslew_control.analysis.rest import Rest, rest_of
+from flexslew_control.plan import Plan
+from flexslew_lab.trial.trial import Trial, plan_of_trial, plant_of
+from flexslew_plant.errors import BadInput
+from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
+
+
+@dataclass(frozen=True)
+class Point:
+    """About what a trial is linear.
+
+    Args:
+        rest: where it stands.
+        path: from the command to the motors.
+        plan: of the trial, where it was needed to find the rest.
+        left_out: kinds of faults that act then and are not linear.
+    """
+
+    rest: Rest
+    path: Path
+    plan: Plan | None
+    left_out: tuple[str, ...] = ()
+
+
+def point_of(
+    trial: Trial,
+    at: float | None = None,
+    joints: Mapping[str, float] | None = None,
+    plan: Plan | None = None,
+) -> Point:
+    """Return the rest of a trial at a time, with the faults of its schedule that act then.
+
+    Args:
+        trial: what flies.
+        at: simulated time [s]: the joints stand where the plan wants them then; None: the start.
+        joints: positions by name, instead of the plan's [rad or m].
+        plan: of the trial; None: made where it is needed.
+
+    Raises:
+        BadInput: the time is none, or a name is no joint.
+        PlanFailed: there is no plan.
+    """
+    time = 0.0 if at is None else at
+    if not 0.0 <= time < np.inf:
+        raise BadInput(f"--at: {time} is not allowed: simulated seconds, 0 or more")
+    plant = plant_of(trial)
+    if at is not None and not joints:
+        plan = plan or plan_of_trial(trial)
+        if plan is not None:
+            there = plan.reference(round(time / trial.period)).position
+            joints = dict(zip(plant.joint_names, there.tolist(), strict=True))
+    gain, delay, left_out = np.ones(len(plant.joint_names)), 0.0, []
+    for entry in trial.schedule:
+        if entry.fault is None or not entry.at <= time < (entry.until or np.inf):
+            continue
+        if isinstance(entry.fault, ActuatorGain):
+            gain[plant.joint_names.index(entry.fault.joint)] *= entry.fault.gain
+        elif isinstance(entry.fault, CommandDelay):
+            delay += entry.fault.ticks
+        else:
+            left_out.append(str(entry.fault.kind))
+    path = Path(trial.period, trial.actuator, gain, delay)
+    return Point(rest_of(plant.testbed, joints, time), path, plan, tuple(left_out))
+
+
+def model_of(point: Point, sampled: bool) -> Lti:
+    """Return the plant from efforts to sensors: continuous, or as the bench ticks."""
+    if sampled:
+        return sampled_plant(point.rest, point.path)
+    return continuous_plant(point.rest, point.path.actuator)

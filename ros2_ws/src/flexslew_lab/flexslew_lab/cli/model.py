@@ -1,0 +1,71 @@
+"""Subcommand that writes the linear model of a trial to a file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexslew_lab.cli.compare import Sets, TrialFile
+from flexslew_lab.cli.terminal import print_table, say
+from flexslew_lab.trial.outputs import writable_file
+from flexslew_plant.errors import BadInput
+
+At = Annotated[
+    float | None, typer.Option(help="Simulated time [s]: the rest that the plan passes then.")
+]
+Joints = Annotated[
+    list[str] | None,
+    typer.Option("--rest", help="joint=position, where it rests [rad or m]; may be repeated."),
+]
+
+
+def model(
+    to: Annotated[Path, typer.Option(help="The file: .mat, .npz or .json.")],
+    file: TrialFile = None,
+    sets: Sets = None,
+    at: At = None,
+    rest: Joints = None,
+    sampled: Annotated[
+        bool, typer.Option("--sampled", help="As the bench ticks: hold, delay, motor lag.")
+    ] = False,
+) -> None:
+    """Write the small motions of a trial's testbed about a rest, with named signals, to a file.
+
+    Example: `./flexslew model m1 --rest hub_pitch=0.5 --sampled --to plant.mat`
+    """
+    from flexslew_control.analysis.model_file import save_model
+    from flexslew_lab.analysis.trial_models import model_of, point_of
+    from flexslew_lab.trial.sources import read_trial
+
+    writable_file(to, "--to")
+    wanted, _ = read_trial(file, sets)
+    point = point_of(wanted, at, joints_of(rest))
+    system = model_of(point, sampled)
+    save_model(system, to)
+    for kind in point.left_out:
+        say(f"not linear, left out: {kind}")
+    rows = [
+        ("inputs", ", ".join(system.inputs)),
+        ("outputs", ", ".join(system.outputs)),
+        ("states", ", ".join(system.states)),
+        ("Ts [s]", f"{system.period:g}" if sampled else "0 (continuous)"),
+    ]
+    print_table(("", str(to)), rows)
+
+
+def joints_of(assignments: list[str] | None) -> dict[str, float]:
+    """Return `joint=position` as numbers by name.
+
+    Raises:
+        BadInput: there is no `=`, or no number behind it.
+    """
+    found = {}
+    for assignment in assignments or []:
+        name, sign, value = assignment.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            sign = ""
+        if not sign:
+            raise BadInput(f"--rest: {assignment}: give joint=position, for example yaw=0.5")
+    return found

@@ -1,0 +1,75 @@
+"""The model of a trial: where it rests at a time, what lies before its motors then, in a file."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+from typer.testing import CliRunner
+
+from flexslew_lab.analysis.trial_models import model_of, point_of
+from flexslew_lab.cli.main import app
+from flexslew_lab.notebook import linear_model, nonlinear_model, trial
+from flexslew_plant.errors import BadInput
+
+
+PLAN = {"method": "reference_only", "goal": {"base_yaw": 1.0, "hub_pitch": 0.5}, "duration": 25.0}
+
+
+def test_three_lines_give_a_state_space() -> None:
+    what = trial("m1")
+    plant = linear_model(what, hub_pitch=0.5)
+    assert plant.dt == 0
+    assert plant["tip:beam_positive", "effort:hub_pitch"].nstates == plant.nstates
+    assert linear_model(what, sampled=True).dt == 0.01
+    assert nonlinear_model(what).nstates == plant.nstates
+
+
+def test_at_a_time_the_bench_rests_where_its_plan_is_and_with_the_faults_that_act() -> None:
+    schedule = [
+        {"at": 0.0, "until": 2.0, "fault": {"kind": "command_delay", "ticks": 4}},
+        {"at": 1.0, "fault": {"kind": "actuator_gain", "joint": "hub_pitch", "gain": 0.5}},
+        {"at": 1.0, "fault": {"kind": "command_delay", "ticks": 1.5}},
+        {"at": 1.0, "fault": {"kind": "sensor_freeze", "channel": "joint_position",
+                              "name": "hub_pitch"}},
+    ]  # fmt: skip
+    what = trial("m1", {"plan": PLAN, "schedule": schedule,
+                        "allow_faults": True})  # fmt: skip
+    point = point_of(what, 25.0)
+    np.testing.assert_allclose(point.rest.q[:2], [1.0, 0.5], atol=1e-12)
+    np.testing.assert_array_equal(point.path.gain, [1.0, 0.5])
+    assert point.path.delay == 1.5
+    assert point.left_out == ("sensor_freeze",)
+    assert model_of(point, sampled=True).states[:2] == (
+        "effort.base_yaw.before.1", "effort.hub_pitch.before.1"
+    )  # fmt: skip
+    assert point_of(what, 1.5).path.delay == 5.5
+
+
+def test_the_command_writes_a_file_and_says_what_is_in_it(tmp_path: Any) -> None:
+    out = tmp_path / "plant.mat"
+    done = CliRunner().invoke(
+        app, ["model", "m1", "--rest", "hub_pitch=0.5", "--sampled", "--to", str(out)]
+    )
+    assert done.exit_code == 0, done.output
+    assert "position.hub_pitch" in done.output
+    assert loadmat(out)["A"].shape == (10, 10)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--rest", "elbow=0.5"], "elbow is not a joint"),
+        (["--rest", "hub_pitch"], "--rest: hub_pitch: give joint=position"),
+        (["--at", "-1"], "--at: -1.0 is not allowed"),
+    ],
+)
+def test_wrong_rests_are_refused_and_write_nothing(
+    arguments: list[str], words: str, tmp_path: Any
+) -> None:
+    out = tmp_path / "plant.json"
+    with pytest.raises(BadInput, match=words):
+        CliRunner().invoke(
+            app, ["model", "m1", *arguments, "--to", str(out)], catch_exceptions=False
+        )
+    assert not out.exists()
