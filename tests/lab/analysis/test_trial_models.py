@@ -12,7 +12,6 @@ from flexslew_lab.cli.main import app
 from flexslew_lab.notebook import linear_model, nonlinear_model, trial
 from flexslew_plant.errors import BadInput
 
-
 PLAN = {"method": "reference_only", "goal": {"base_yaw": 1.0, "hub_pitch": 0.5}, "duration": 25.0}
 
 
