@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.io import savemat
@@ -37,15 +38,15 @@ def _mat(system: Lti, path: Path) -> None:
 
 
 def _npz(system: Lti, path: Path) -> None:
-    names = {key: np.array(getattr(system, key), dtype=str) for key in _NAMES}
-    np.savez(path, **_matrices(system), **names)
+    names: dict[str, Any] = {key: np.array(getattr(system, key), dtype=str) for key in _NAMES}
+    np.savez(path, **names, **_matrices(system))
 
 
 def _json(system: Lti, path: Path) -> None:
     path.write_text(json.dumps(plain(system), indent=1), encoding="utf-8")
 
 
-def _matrices(system: Lti) -> dict[str, np.ndarray]:
+def _matrices(system: Lti) -> dict[str, Any]:
     return {
         "A": system.a, "B": system.b, "C": system.c, "D": system.d, "Ts": np.array(system.period)
     }  # fmt: skip

@@ -47,7 +47,9 @@ def rest_of(testbed: Testbed, joints: Mapping[str, float] | None = None, time: f
     model = testbed.model()
     q = model.rest({**initial_positions(testbed), **(joints or {})})
     loads = model.bias(q, np.zeros(model.coordinates), time)
-    effort = np.linalg.lstsq(model.input_matrix(q, time), loads, rcond=None)[0]
+    effort = np.asarray(
+        np.linalg.lstsq(model.input_matrix(q, time), loads, rcond=None)[0], dtype=np.float64
+    )
     effort[abs(effort) <= 1e-12 * max(1.0, float(abs(loads).max(initial=0.0)))] = 0.0
     return Rest(model, q, time, effort)
 
@@ -85,7 +87,8 @@ def slopes(
     n, (q, v) = model.coordinates, model.split(x)
     along, driving = model.position_rates(q, t), model.input_matrix(q, t)
     mass = model.mass_matrix(q, t)
-    acceleration = np.linalg.solve(mass, driving @ effort - model.bias(q, v, t))
+    forces = driving @ effort - model.bias(q, v, t)
+    acceleration = np.asarray(np.linalg.solve(mass, forces), dtype=np.float64)
     stiffness, damping = model.residual_slopes(x, acceleration, t)
     stiffness = stiffness @ along
     if effort.any() and model.kernels.actuation is not None:
