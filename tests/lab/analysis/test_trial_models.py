@@ -30,7 +30,7 @@ def test_at_a_time_the_bench_rests_where_its_plan_is_and_with_the_faults_that_ac
         {"at": 1.0, "fault": {"kind": "actuator_gain", "joint": "hub_pitch", "gain": 0.5}},
         {"at": 1.0, "fault": {"kind": "command_delay", "ticks": 1.5}},
         {"at": 1.0, "fault": {"kind": "sensor_freeze", "channel": "joint_position",
-                              "name": "hub_pitch"}},
+                              "of": "hub_pitch"}},
     ]  # fmt: skip
     what = trial("m1", {"plan": PLAN, "schedule": schedule,
                         "allow_faults": True})  # fmt: skip

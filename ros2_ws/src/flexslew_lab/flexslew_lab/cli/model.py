@@ -31,7 +31,7 @@ def model(
 ) -> None:
     """Write the small motions of a trial's testbed about a rest, with named signals, to a file.
 
-    Example: `./flexslew model m1 --rest hub_pitch=0.5 --sampled --to plant.mat`
+    Example: `./flexslew model m1 --at 25 --sampled --to plant.mat`
     """
     from flexslew_control.analysis.model_file import save_model
     from flexslew_lab.analysis.trial_models import model_of, point_of
