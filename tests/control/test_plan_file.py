@@ -8,7 +8,8 @@ import yaml
 from tests.plants import plant
 
 from flexslew_control.plan_file import load_plan, plan_hash, save_plan
-from flexslew_control.planners import OptimizedFeedforward, make_plan
+from flexslew_control.planners import make_plan
+from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_control.planners.reference import NoPlan, ReferenceOnly
 from flexslew_plant.errors import BadInput
 

@@ -1,12 +1,19 @@
+import ast
+from pathlib import Path
+
 from setuptools import find_packages, setup
 
-CONTROLLERS = (
-    "pd_feedforward",
-    "output_feedback",
-    "proportional_integral",
-    "lqr",
-    "collocated_pid",
-)
+
+def laws() -> list[str]:
+    """Return the names of the laws, read from the entries at the ends of their files."""
+    calls = (
+        node
+        for path in sorted(Path("flexslew_control/controllers").rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "LawEntry"
+    )
+    return [ast.literal_eval(call.args[0]) for call in calls]
+
 
 setup(
     name="flexslew_control",
@@ -24,7 +31,7 @@ setup(
         "console_scripts": [
             "planner = flexslew_control.ros.planner_node:main",
             "controller = flexslew_control.ros.controller_node:main",
-            *(f"{name} = flexslew_control.ros.controller_node:main" for name in CONTROLLERS),
+            *(f"{name} = flexslew_control.ros.controller_node:main" for name in laws()),
         ]
     },
 )

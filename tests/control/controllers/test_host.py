@@ -8,7 +8,8 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.host import Build, ControllerHost, merged
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan_file import plan_hash
-from flexslew_control.planners import ReferenceOnly, make_plan
+from flexslew_control.planners import make_plan
+from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput

@@ -1,6 +1,6 @@
 """Who may say and hear what on the graph, as SROS 2 policies: no more than each node needs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
@@ -18,6 +18,7 @@ class Rights(NamedTuple):
     execute: tuple[str, ...] = ()  # actions offered
     request: tuple[str, ...] = ()  # services called
     call: tuple[str, ...] = ()  # actions called
+    tunes: bool = False  # whether it may tune every controller
 
 
 _DISPLAY = (t.CLOCK, t.JOINT_STATES, t.APPENDAGE_STATES, t.TF, t.MARKERS, t.ROBOT_DESCRIPTION)
@@ -26,10 +27,6 @@ _OPERATE = (
     t.SWITCH_CONTROLLER, t.LIST_CONTROLLERS, t.INJECT_FAULT, t.END_FAULT, t.RETARGET,
 )  # fmt: skip
 _PLANS = (t.PLAN_SLEW, t.DRAFT_PLAN)
-_LAWS = (
-    "pd_feedforward", "output_feedback", "proportional_integral", "lqr", "collocated_pid",
-    "disturbance_minimisation", "disturbance_accommodating", "planned_gains", "modal_space",
-)  # fmt: skip
 _RECORDED = tuple(name for name in t.TOPICS if name not in t.NOT_RECORDED)
 
 ROLES: dict[str, Rights] = {
@@ -60,7 +57,7 @@ ROLES: dict[str, Rights] = {
     ),
     "console": Rights(
         publish=(t.ALIVE,), subscribe=(t.ALIVE,), call=_PLANS,
-        request=(*_OPERATE, t.DECIDE_PLAN, *(t.TUNE.replace("~", law) for law in _LAWS)),
+        request=(*_OPERATE, t.DECIDE_PLAN), tunes=True,
     ),
     "watcher": Rights(  # hidden, of the console
         publish=(), subscribe=(t.TESTBED, t.BENCH_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.PLAN,
@@ -75,7 +72,7 @@ OWN_SERVICES = (
     "~/set_parameters", "~/set_parameters_atomically", "~/get_type_description",
 )  # fmt: skip
 
-NODES: dict[str, str] = {
+NODES: dict[str, str] = {  # besides the controllers
     "plant": "plant",
     "planner": "planner",
     "recorder": "recorder",
@@ -83,21 +80,22 @@ NODES: dict[str, str] = {
     "operator": "operator",
     "console": "console",
     "_console": "watcher",
-    **dict.fromkeys(_LAWS, "controller"),
 }
 
 
-def policies(nodes: Mapping[str, str] | None = None, namespace: str = "/") -> str:
-    """Return a policy file of SROS 2 for these nodes.
+def policies(controllers: Iterable[str], namespace: str = "/") -> str:
+    """Return a policy file of SROS 2 for the nodes of a bench.
 
     An enclave is one process, so a hidden node shares that of the node on whose behalf it listens.
 
     Args:
-        nodes: role by name; none: those of the shipped laws.
+        controllers: names of the nodes that run a law.
         namespace: of all of them.
     """
+    laws = tuple(controllers)
+    tuned = tuple(t.TUNE.replace("~", law) for law in laws)
     enclaves: dict[str, list[str]] = {}  # profiles by place
-    for node, role in (NODES if nodes is None else nodes).items():
+    for node, role in (NODES | dict.fromkeys(laws, "controller")).items():
         rights = ROLES[role]
         own = [f"{node}/{name.removeprefix('~/')}" for name in OWN_SERVICES]
         reply = [f"{node}/{n[2:]}" if n.startswith("~/") else n for n in rights.reply]
@@ -105,7 +103,7 @@ def policies(nodes: Mapping[str, str] | None = None, namespace: str = "/") -> st
             _part("topic", "publish", (*rights.publish, *OWN_TOPICS)),
             _part("topic", "subscribe", rights.subscribe),
             _part("service", "reply", (*reply, *own)),
-            _part("service", "request", rights.request),
+            _part("service", "request", rights.request + tuned * rights.tunes),
             _part("action", "execute", rights.execute),
             _part("action", "call", rights.call),
         ]
@@ -130,7 +128,3 @@ def _part(kind: str, right: str, names: tuple[str, ...] | list[str]) -> str:
         return ""
     lines = "".join(f"            <{kind}>{name}</{kind}>\n" for name in names)
     return f'          <{kind}s {right}="ALLOW">\n{lines}          </{kind}s>\n'
-
-
-if __name__ == "__main__":
-    print(policies(), end="")

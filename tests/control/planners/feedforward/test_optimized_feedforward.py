@@ -6,12 +6,12 @@ import pytest
 from tests.plants import plant
 
 from flexslew_control.planners import (
-    OptimizedFeedforward,
     make_plan,
     plan_settings,
 )
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, TerminalMap, substeps_for
+from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_control.planners.reference import NoPlan, ReferenceOnly
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed

@@ -1,32 +1,42 @@
-"""Which controllers there are. A new one is a file with settings and build, and a line here."""
+"""Which controllers there are. A new one is a file that ends in its entry, and a line here."""
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 
-from flexslew_control.controllers import (
-    collocated_pid,
-    lqr,
-    output_feedback,
-    pd_feedforward,
-    proportional_integral,
-)
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.controllers.retargeting import (
-    disturbance_accommodating,
-    disturbance_minimisation,
-    modal_space,
-    planned_gains,
-)
+from flexslew_control.controllers.entry import LawEntry as LawEntry
+from flexslew_control.controllers.entry import PlanVariant as PlanVariant
 from flexslew_control.controllers.user_law import build_user_law, find_law
 from flexslew_control.estimators.monitor import Monitor, Monitored, MonitorSettings
 from flexslew_control.law import Estimator, Law, PlantDescription
+from flexslew_plant.entries import table
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import code_hash
 from flexslew_plant.settings import NonNegative, plain, section, validated, yaml_text
 from flexslew_plant.testbeds.model import Model
+
+# isort: split
+# the laws, a line each
+from flexslew_control.controllers.collocated_pid import COLLOCATED_PID as COLLOCATED_PID
+from flexslew_control.controllers.lqr import LQR as LQR
+from flexslew_control.controllers.output_feedback import OUTPUT_FEEDBACK as OUTPUT_FEEDBACK
+from flexslew_control.controllers.pd_feedforward import PD_FEEDFORWARD as PD_FEEDFORWARD
+from flexslew_control.controllers.proportional_integral import (
+    PROPORTIONAL_INTEGRAL as PROPORTIONAL_INTEGRAL,
+)
+from flexslew_control.controllers.retargeting.disturbance_accommodating import (
+    DISTURBANCE_ACCOMMODATING as DISTURBANCE_ACCOMMODATING,
+)
+from flexslew_control.controllers.retargeting.disturbance_minimisation import (
+    DISTURBANCE_MINIMISATION as DISTURBANCE_MINIMISATION,
+)
+from flexslew_control.controllers.retargeting.modal_space import MODAL_SPACE as MODAL_SPACE
+from flexslew_control.controllers.retargeting.planned_gains import PLANNED_GAINS as PLANNED_GAINS
+
+CONTROLLERS: dict[str, LawEntry] = table(globals(), LawEntry)
+DEFAULT = PD_FEEDFORWARD.name  # of a trial that names none
 
 LAW_HASH = "law_sha256"  # in a settings_text: of the file of a law that is not built in
 DERIVED = ("computed", LAW_HASH)  # keys of a settings_text that are no settings
@@ -38,30 +48,6 @@ class CommonSettings:
 
     handover_time: NonNegative = 1.0  # over which a predecessor's effort is blended out [s]
     monitor: MonitorSettings | None = None  # of the innovations; null: off
-
-
-class _Kind(NamedTuple):
-    settings: type[Any]  # its section
-    build: Callable[[Any, PlantDescription], tuple[Estimator, Law]]
-
-
-CONTROLLERS: dict[str, _Kind] = {
-    "pd_feedforward": _Kind(pd_feedforward.PdFeedforwardSettings, pd_feedforward.build),
-    "output_feedback": _Kind(output_feedback.OutputFeedback, output_feedback.build),
-    "proportional_integral": _Kind(
-        proportional_integral.ProportionalIntegral, proportional_integral.build
-    ),
-    "lqr": _Kind(lqr.Lqr, lqr.build),
-    "collocated_pid": _Kind(collocated_pid.CollocatedPid, collocated_pid.build),
-    "disturbance_minimisation": _Kind(
-        disturbance_minimisation.DisturbanceMinimisation, disturbance_minimisation.build
-    ),
-    "disturbance_accommodating": _Kind(
-        disturbance_accommodating.DisturbanceAccommodating, disturbance_accommodating.build
-    ),
-    "planned_gains": _Kind(planned_gains.PlannedGains, planned_gains.build),
-    "modal_space": _Kind(modal_space.ModalSpace, modal_space.build),
-}
 
 
 def build_controller(

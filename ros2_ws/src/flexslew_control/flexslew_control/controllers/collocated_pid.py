@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.sampled_loop import require_sampled_pd
 from flexslew_control.law import (
@@ -20,6 +21,7 @@ from flexslew_control.linear_design import (
     require_stable,
     state_names,
 )
+from flexslew_control.linear_form import LinearForm, collocated_form
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import PerJoint, Positive, section
 from flexslew_plant.testbeds.linearisation import Linearisation
@@ -92,3 +94,15 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[MeasuredJoi
     limit = plant.effort_limit
     law = IntegralLaw(JointDeviation(kp, ki, kd), limit, settings.tracking_time, plant.period)
     return MeasuredJoints(), law
+
+
+def linear(estimator: MeasuredJoints, law: IntegralLaw, references: list[Reference]) -> LinearForm:
+    """Return the law as matrices; see LawEntry."""
+    gains = law.deviation
+    assert isinstance(gains, JointDeviation)
+    return collocated_form(gains.kp, gains.ki, gains.kd, references, law.integration)
+
+
+COLLOCATED_PID = LawEntry(
+    "collocated_pid", CollocatedPid, build, linear=linear, lane_gains=("kp", "ki", "kd")
+)

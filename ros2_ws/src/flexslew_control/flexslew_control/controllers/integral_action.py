@@ -7,6 +7,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from flexslew_control.law import Estimate, Reference
+from flexslew_control.linear_form import Integration
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 
@@ -44,6 +45,11 @@ class IntegralLaw:
         """Start with an empty integral."""
         self._s = np.zeros(self.limit.size)
         self._unwinding = 0.0 if self.tracking_time is None else 1.0 / self.tracking_time
+
+    @property
+    def integration(self) -> Integration:
+        """The integral of the linear form."""
+        return Integration(True, self._unwinding, self.limit)
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector

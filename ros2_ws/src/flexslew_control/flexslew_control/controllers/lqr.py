@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import LinAlgError, solve_continuous_are
 
+from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_control.free_platform import LinearModel, joints_first, nominal
@@ -17,6 +18,7 @@ from flexslew_control.linear_design import (
     require_controllable,
     state_names,
 )
+from flexslew_control.linear_form import LinearForm, OnDeviation, no_integral, nominal_form
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
@@ -186,3 +188,13 @@ def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter, LqrLaw]
         disturbance_gain(b) @ b if settings.minimise_disturbance else np.zeros((b.shape[1],) * 2)
     )
     return KalmanFilter(model, rest, settings.filter, plant.period), LqrLaw(model, gain, cancel)
+
+
+def linear(estimator: KalmanFilter, law: LqrLaw, references: list[Reference]) -> LinearForm | None:
+    """Return the law as matrices; see LawEntry."""
+    m, n = law.gain.shape[0], law.gain.shape[1] // 2
+    gains = OnDeviation(law.gain, law.disturbance_gain, np.zeros((m, n)))
+    return nominal_form(estimator, gains, references, no_integral(m))
+
+
+LQR = LawEntry("lqr", Lqr, build, linear=linear)

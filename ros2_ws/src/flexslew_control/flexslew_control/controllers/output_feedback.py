@@ -13,7 +13,6 @@ Observers:
             by omega T / 2 in a slew, and P of (7), which it states, is right at rest alone.
 """
 
-from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -22,15 +21,17 @@ from flexslew_control.controllers.appendage_feedback import (
     AppendageFeedback,
     appendage_model,
 )
-from flexslew_control.controllers.design_model import DesignModel, JointsAndModes
+from flexslew_control.controllers.design_model import JointsAndModes
+from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.sampled_loop import (
     LinearPlant,
     appendage_loop,
     require_sampled_stability,
 )
-from flexslew_control.controllers.sliding_surface import LinearSystem, SlidingDesign, design
+from flexslew_control.controllers.sliding_law import SampledObserver, SlidingLaw, sliding_form
+from flexslew_control.controllers.sliding_surface import LinearSystem, design
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
-from flexslew_control.law import Estimate, PlantDescription, Reference
+from flexslew_control.law import PlantDescription
 from flexslew_control.linear_design import (
     OperatingPoint,
     operating_point_of,
@@ -39,7 +40,6 @@ from flexslew_control.linear_design import (
     state_names,
 )
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.model import Model
@@ -64,121 +64,6 @@ class OutputFeedback:
     initial_deflection: NonNegative = 0.01  # sigma of each mode at a reset [m], [m/s]; kalman
     # of a spacecraft: the appendage alone, apart from the platform's; null: joints and modes
     appendage: AppendageFeedback | None = None
-
-
-@dataclass
-class SampledObserver:
-    """z_hat' = f(z_hat, u) + K_f (y - C z_hat) (5), with y and the applied u held over each tick.
-
-    The estimate at tick k rests on the measurements before k; the law adds K_f y(k) itself.
-
-    Args:
-        observed: what is observed.
-        found: K_f and P.
-        period: one tick [s].
-    """
-
-    observed: DesignModel
-    found: SlidingDesign
-    period: float
-    _z: Vector = field(init=False)
-    _y: Vector = field(init=False)
-    _tick: int = field(init=False, default=-1)
-    _last: Estimate = field(init=False)
-    _reference: Reference | None = field(init=False, default=None)  # of the tick of _y
-    _coming: Reference | None = field(init=False, default=None)
-
-    def __post_init__(self) -> None:
-        """Precompute the inverse of the innovation's covariance."""
-        s = self.observed.system
-        variance = s.c @ self.found.covariance @ s.c.T + s.sensor_density / self.period
-        self._inverse, self._variance = np.linalg.inv(variance), np.diag(variance)
-        self._covariance = self.found.covariance.copy()
-        self._covariance.flags.writeable = False
-
-    def expect(self, reference: Reference) -> None:
-        """Take the reference of the measurement that comes next: it says what is known of D(t)."""
-        self._coming = reference
-
-    def reset(self, measurement: Measurement) -> None:
-        """Start at the measured joints with straight appendages at rest."""
-        self._z = self.observed.start(measurement)
-        self._tick = measurement.tick
-        self._take(measurement)
-
-    def update(self, measurement: Measurement) -> Estimate:
-        """Return the estimate at this tick; the same again for a measurement that is repeated."""
-        if measurement.tick != self._tick:
-            effort = self.observed.efforts(measurement)
-            gain = self.found.observer_gain
-            self._z = self.observed.advanced(self._z, self._y, effort, gain, self._reference)
-            self._tick = measurement.tick
-            self._take(measurement)
-        return self._last
-
-    def innovation_variance(self) -> Vector:
-        """Return the variance of each innovation with the stationary covariance, shape (l,)."""
-        return self._variance
-
-    def _take(self, measurement: Measurement) -> None:
-        self._reference = self._coming
-        self._y = self.observed.outputs(measurement)
-        z = self._z
-        e = self._y - self.observed.system.c @ z
-        nis = float(e @ self._inverse @ e)
-        position, velocity = self.observed.estimate(z, measurement)
-        self._last = Estimate(position, velocity, np.zeros(0), self._covariance, e, nis)
-
-
-@dataclass
-class SlidingLaw:
-    """u = -(G B)^-1 {G [f(z_hat, 0) + K_f e - z*'] + nu G (z_hat - z*) + kappa G z_re} (51).
-
-    e = y - C z_hat. f(z, 0) = A z + D, and B is that at z_hat (tracking (a)) or at the operating
-    point with D = 0 (tracking (b)). What z leaves out of the bench is held by its own feedback.
-
-    Args:
-        observed: what is controlled.
-        found: G and nu.
-        attitude_gain: kappa, on the joints' rows of z_hat - z* [1/s].
-    """
-
-    observed: DesignModel
-    found: SlidingDesign
-    attitude_gain: float = 0.0
-    terms: dict[str, Vector] = field(init=False, default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Precompute what does not change."""
-        nu, kappa = self.found.reaching_rate, self.attitude_gain
-        # nu G + kappa G on the joints' columns alone
-        self._reaching = self.found.surface * (nu + kappa * self.observed.joint_rows)
-        self._innovation_gain = self.found.surface @ self.found.observer_gain
-
-    def reset(
-        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
-    ) -> None:
-        """Nothing to choose: the law has no state of its own."""
-
-    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
-        """Return the joint efforts, shape (joints,) [N m or N]."""
-        observed, surface = self.observed, self.found.surface
-        z = observed.state(estimate)
-        nominal, slope = observed.wanted(reference)
-        drift, inverse = observed.drift(z, reference), observed.effectiveness(z, surface)
-        summands = {
-            "feedforward": inverse @ (surface @ slope),
-            "equivalent": -inverse @ (surface @ drift),
-            "innovation": -inverse @ (self._innovation_gain @ estimate.innovation),
-            "reaching": -inverse @ (self._reaching @ (z - nominal)),
-        }
-        self.terms = {name: observed.on_bench(effort) for name, effort in summands.items()}
-        self.terms |= observed.platform(measurement, reference)
-        total: Vector = sum(self.terms.values(), start=_NOTHING)
-        return total
-
-
-_NOTHING = np.zeros(())
 
 
 def testbed_system(
@@ -279,3 +164,6 @@ def _of_appendage(
         else "",
     )
     return SampledObserver(one, found, plant.period), SlidingLaw(one, found)
+
+
+OUTPUT_FEEDBACK = LawEntry("output_feedback", OutputFeedback, build, linear=sliding_form)

@@ -3,6 +3,9 @@
 Gorinevsky and Vukovich 1998, eqs 12-13.
 """
 
+import numpy as np
+
+from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.sampled_loop import require_sampled_pd
 from flexslew_control.law import (
     Estimate,
@@ -13,6 +16,7 @@ from flexslew_control.law import (
     Reference,
     per_joint,
 )
+from flexslew_control.linear_form import LinearForm, collocated_form, no_integral
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.settings import PerJoint, section
@@ -66,3 +70,14 @@ def build(settings: PdFeedforwardSettings, plant: PlantDescription) -> tuple[Est
     model = plant.testbed.model()
     require_sampled_pd(model, model.rest({}), kp, kd, plant.period, "pd_feedforward")
     return MeasuredJoints(), PdFeedforward(kp, kd)
+
+
+def linear(estimator: Estimator, law: PdFeedforward, references: list[Reference]) -> LinearForm:
+    """Return the law as matrices; see LawEntry."""
+    none = np.zeros(law.kp.size)
+    return collocated_form(law.kp, none, law.kd, references, no_integral(law.kp.size))
+
+
+PD_FEEDFORWARD = LawEntry(
+    "pd_feedforward", PdFeedforwardSettings, build, linear=linear, lane_gains=("kp", "kd")
+)

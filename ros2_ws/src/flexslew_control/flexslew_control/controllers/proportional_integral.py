@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_continuous_are
 
+from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
 from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
@@ -21,6 +22,7 @@ from flexslew_control.linear_design import (
     require_stable,
     state_names,
 )
+from flexslew_control.linear_form import LinearForm, OnDeviation, nominal_form
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
@@ -175,3 +177,19 @@ def _given(model: Designed, gains: GivenGains) -> PiGains:
             raise BadInput(f"gains.{name}: give {shape[0]} rows of {shape[1]} numbers")
         found.append(np.array(rows, dtype=np.float64))
     return PiGains(found[0], found[1], found[2], np.zeros(0, dtype=np.complex128))
+
+
+def linear(
+    estimator: KalmanFilter, law: IntegralLaw, references: list[Reference]
+) -> LinearForm | None:
+    """Return the law as matrices; see LawEntry."""
+    assert isinstance(law.deviation, NominalDeviation)
+    found = law.deviation.gains
+    m = len(found.kp)
+    gains = OnDeviation(np.hstack((found.kp, found.kd)), np.zeros((m, m)), found.ki)
+    return nominal_form(estimator, gains, references, law.integration)
+
+
+PROPORTIONAL_INTEGRAL = LawEntry(
+    "proportional_integral", ProportionalIntegral, build, linear=linear
+)

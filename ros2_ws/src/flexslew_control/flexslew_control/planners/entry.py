@@ -48,7 +48,8 @@ class PlannerEntry:
             finds it, or adds to it.
         compared: keys of its section where it is compared with other methods.
         variants: compared too.
-        example: keys with which it plans on any bench where it can, besides a goal.
+        by_law: keys that each law of a comparison sets as it needs them (LawEntry.plans), as they
+            are for a law that needs none; None: one plan serves every law.
     """
 
     settings: type[Any]
@@ -58,7 +59,7 @@ class PlannerEntry:
     takes_duration: bool = False
     compared: Mapping[str, Any] = field(default_factory=dict)
     variants: tuple[Variant, ...] = ()
-    example: Mapping[str, Any] = field(default_factory=dict)
+    by_law: Mapping[str, Any] | None = None
 
     @property
     def name(self) -> str:

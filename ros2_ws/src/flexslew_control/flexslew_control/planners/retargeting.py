@@ -217,4 +217,9 @@ def _require_effort(effort: Matrix, limit: Vector, names: tuple[str, ...]) -> No
             )
 
 
-RETARGETING = PlannerEntry(Retargeting, plan_retargeting, slews=False)
+RETARGETING = PlannerEntry(
+    Retargeting,
+    plan_retargeting,
+    slews=False,
+    by_law={"feedforward": "none", "gains": "none"},
+)

@@ -7,7 +7,7 @@ from time import monotonic
 
 from flexslew_msgs import msg
 
-from flexslew_control.controllers import CONTROLLERS, build_controller
+from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.law import described
 from flexslew_control.message_fields import plan_of, state_bytes
@@ -116,7 +116,7 @@ class ControllerNode:
 def main() -> None:
     """Run the law that the parameter `law` names, else the one that the executable is called by."""
     called = Path(sys.argv[0]).name
-    run_node(partial(ControllerNode, called if called in CONTROLLERS else "pd_feedforward"))
+    run_node(partial(ControllerNode, called if called in CONTROLLERS else DEFAULT))
 
 
 if __name__ == "__main__":

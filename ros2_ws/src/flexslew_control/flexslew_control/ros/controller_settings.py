@@ -1,5 +1,6 @@
 """The parameters of the controller node."""
 
+from flexslew_control.controllers import DEFAULT
 from flexslew_plant.settings import section
 
 
@@ -7,7 +8,7 @@ from flexslew_plant.settings import section
 class ControllerNodeSettings:
     """The parameters of the node; those of the law stand beside them."""
 
-    law: str = "pd_feedforward"  # a key of CONTROLLERS, or package.module.Class of your own
+    law: str = DEFAULT  # a key of CONTROLLERS, or package.module.Class of your own
     requires_plan: bool = False  # not ready without a plan
     wait_for: tuple[str, ...] = ()  # nodes that must listen to its answers before it is ready
     exit_with_plant: bool = False  # end the process when the plant is gone

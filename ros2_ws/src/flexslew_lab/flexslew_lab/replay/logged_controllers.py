@@ -3,7 +3,12 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from flexslew_control.controllers import CONTROLLERS, DERIVED, build_controller
+from flexslew_control.controllers import (
+    CONTROLLERS,
+    DERIVED,
+    OUTPUT_FEEDBACK,
+    build_controller,
+)
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.host import merged
 from flexslew_control.message_fields import plan_of
@@ -132,7 +137,7 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
         if name not in laws or laws[name][0] in CONTROLLERS:  # with its defaults of that day
             logged = logged_yaml(status.settings, f"{bag.path}: controllers.{name}")
             values = {k: v for k, v in logged.items() if k not in DERIVED}
-            if status.law == "output_feedback":  # older logs: when it had no other one
+            if status.law == OUTPUT_FEEDBACK.name:  # older logs: when it had no other one
                 values.setdefault("observer", "steady")
             laws[name] = status.law, values
     for event in reversed(_tunings(bag)):  # what a status says last is what was tuned last

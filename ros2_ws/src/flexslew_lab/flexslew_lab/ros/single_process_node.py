@@ -2,6 +2,7 @@
 
 from functools import partial
 
+from flexslew_control.controllers import DEFAULT
 from flexslew_control.ros.controller_node import ControllerNode
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node
@@ -31,7 +32,7 @@ class PlantAndController:
 
 def main() -> None:
     """Run the plant beside PD + feedforward until it is done or interrupted."""
-    run_node(partial(PlantAndController, "pd_feedforward"))
+    run_node(partial(PlantAndController, DEFAULT))
 
 
 if __name__ == "__main__":

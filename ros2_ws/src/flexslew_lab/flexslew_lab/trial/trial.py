@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from flexslew_control.controllers import CONTROLLERS, build_controller, law_values
+from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller, law_values
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
@@ -32,8 +32,8 @@ from flexslew_plant.settings import (
 from flexslew_plant.testbeds import TestbedSettings, default_testbed
 
 
-def _pd_alone() -> dict[str, dict[str, Any]]:
-    return {"pd_feedforward": {}}
+def _default_law_alone() -> dict[str, dict[str, Any]]:
+    return {DEFAULT: {}}
 
 
 @section
@@ -68,8 +68,8 @@ class Trial:
     actuator: ActuatorSettings = ActuatorSettings()
     sensors: SensorSettings = SensorSettings()
     plan: PlanKey | None = None  # none: hold the first measured position
-    controllers: dict[str, dict[str, Any]] = Field(default_factory=_pd_alone)
-    active: str = "pd_feedforward"  # in charge at the start
+    controllers: dict[str, dict[str, Any]] = Field(default_factory=_default_law_alone)
+    active: str = DEFAULT  # in charge at the start
     fallback: tuple[str, ...] = ()  # take over in turn
     max_missed: Annotated[int, Field(ge=1)] = 5  # ticks in a row without a valid answer
     answer_timeout: Positive = 2.0  # silence that counts as missed ticks, not paced [wall s]

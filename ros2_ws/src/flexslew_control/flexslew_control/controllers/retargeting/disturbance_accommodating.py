@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.lqr import regulator
 from flexslew_control.controllers.retargeting.small_motion_laws import IntegralFeedback
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
@@ -84,3 +85,8 @@ def build(
     gains = motion.gains(integral_gains(before, settings.weights))
     law = IntegralFeedback(gains, plant.effort_limit, settings.tracking_time, plant.period)
     return observer(motion, settings.observer, plant.period), law
+
+
+DISTURBANCE_ACCOMMODATING = LawEntry(
+    "disturbance_accommodating", DisturbanceAccommodating, build, follows_reference=False
+)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flexslew_control.controllers.entry import LawEntry, PlanVariant
 from flexslew_control.controllers.retargeting.sampled_regulator import Design, held_regulator
 from flexslew_control.controllers.retargeting.small_motion_laws import StateFeedback
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
@@ -52,3 +53,13 @@ def build(
     q, r = w.state * np.eye(len(a)), w.effort * np.eye(b.shape[1])
     gain = held_regulator(a, b, q, r, plant.period, settings.design)
     return observer(motion, settings.observer, plant.period), StateFeedback(motion.gains(gain))
+
+
+DISTURBANCE_MINIMISATION = LawEntry(
+    "disturbance_minimisation",
+    DisturbanceMinimisation,
+    build,
+    follows_reference=False,
+    compared={"design": "sampled"},
+    plans=(PlanVariant("", {"feedforward": "disturbance_minimisation"}),),
+)

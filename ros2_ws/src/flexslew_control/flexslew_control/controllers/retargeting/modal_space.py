@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.retargeting.small_motion_laws import StateFeedback
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
@@ -75,3 +76,6 @@ def build(settings: ModalSpace, plant: PlantDescription) -> tuple[Estimator, Sta
     require_balancing(before, motion)
     gain = space_gains(before, settings.weight, settings.rate_gain)
     return observer(motion, settings.observer, plant.period), StateFeedback(motion.gains(gain))
+
+
+MODAL_SPACE = LawEntry("modal_space", ModalSpace, build, follows_reference=False)

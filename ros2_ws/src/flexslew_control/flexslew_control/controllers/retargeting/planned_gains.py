@@ -6,6 +6,7 @@ the tick itself computes none.
 
 from typing import Any
 
+from flexslew_control.controllers.entry import LawEntry, PlanVariant
 from flexslew_control.controllers.retargeting.disturbance_accommodating import (
     IntegralWeights,
     integral_gains,
@@ -39,3 +40,14 @@ def build(settings: PlannedGains, plant: PlantDescription) -> tuple[Estimator, I
         gains, plant.effort_limit, settings.tracking_time, plant.period, planned=True
     )
     return observer(motion, settings.observer, plant.period), law
+
+
+PLANNED_GAINS = LawEntry(
+    "planned_gains",
+    PlannedGains,
+    build,
+    follows_reference=False,
+    plans=tuple(
+        PlanVariant(gains, {"gains": gains}) for gains in ("constant", "perturbation", "adiabatic")
+    ),
+)

@@ -6,15 +6,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.controllers import CONTROLLERS, PD_FEEDFORWARD, PlanVariant
 from flexslew_control.plan import Plan
-from flexslew_control.planners import make_plan, plan_settings
-from flexslew_control.planners.retargeting import Retargeting
+from flexslew_control.planners import make_plan, plan_settings, planner_of
 from flexslew_lab.metrics.observer import MetricsObserver
 from flexslew_lab.report.comparison.flight import SHOWN, TruthLog
 from flexslew_lab.report.comparison.quantities import Quantity, quantities
 from flexslew_lab.trial.in_process import Observer, fly
 from flexslew_lab.trial.trial import (
+    SavedPlan,
     Trial,
     bench_settings,
     build_controllers,
@@ -34,17 +34,7 @@ from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
 ERRORS = (-0.2, -0.1, 0.1, 0.2)  # of stiffness and inertia, relative [-]
 ALONE = "no feedback"
-_BARE = {"law": "pd_feedforward", "kp": [0.0], "kd": [0.0]}
-_SETTINGS: dict[str, dict[str, Any]] = {  # of a law that the trial does not set
-    "disturbance_minimisation": {"design": "sampled"},
-}
-# what a law makes of a plan of method retargeting: name behind the law's, and keys
-_PLANS: dict[str, tuple[tuple[str, dict[str, Any]], ...]] = {
-    "disturbance_minimisation": (("", {"feedforward": "disturbance_minimisation"}),),
-    "planned_gains": tuple(
-        (f", {kind}", {"gains": kind}) for kind in ("constant", "perturbation", "adiabatic")
-    ),
-}
+_BARE = {"law": PD_FEEDFORWARD.name, "kp": [0.0], "kd": [0.0]}
 
 
 @dataclass(frozen=True)
@@ -67,7 +57,7 @@ class LawFlight:
 
 
 @dataclass(frozen=True)
-class LawEntry:
+class ComparedLaw:
     """One law and its flights, or why there are none."""
 
     name: str
@@ -86,10 +76,10 @@ class LawComparison:
 
     trial: Trial
     errors: tuple[tuple[str, str], ...]  # name and unit of the columns of LawFlight.error
-    entries: tuple[LawEntry, ...]
+    entries: tuple[ComparedLaw, ...]
 
     @property
-    def flown(self) -> tuple[LawEntry, ...]:
+    def flown(self) -> tuple[ComparedLaw, ...]:
         """The laws that could be flown."""
         return tuple(entry for entry in self.entries if entry.flights)
 
@@ -148,7 +138,7 @@ def compared_laws(
     benches = _benches(trial, errors)
     candidates = _candidates(trial)
     last = len(candidates) * len(benches)
-    entries: list[LawEntry] = []
+    entries: list[ComparedLaw] = []
     for k, candidate in enumerate(candidates):
         try:
             plan = _plan(trial, source, candidate.plan)
@@ -156,10 +146,10 @@ def compared_laws(
             for bench in benches:
                 flights.append(_flight(trial, source, candidate, plan, bench))
                 progress(k * len(benches) + len(flights), last)
-            entries.append(LawEntry(candidate.name, "", tuple(flights)))
+            entries.append(ComparedLaw(candidate.name, "", tuple(flights)))
         except (BadInput, PlanFailed) as refused:
             words = str(refused).removeprefix(f"{source}: ")
-            entries.append(LawEntry(candidate.name, words))
+            entries.append(ComparedLaw(candidate.name, words))
             progress((k + 1) * len(benches), last)
     return LawComparison(trial, _error_names(trial), tuple(entries))
 
@@ -202,17 +192,21 @@ def _candidates(trial: Trial) -> list[_Candidate]:
     names = [trial.active, *(name for name in trial.controllers if name != trial.active)]
     wanted = [(name, dict(trial.controllers[name] or {})) for name in names]
     used = {law_of(name, values)[0] for name, values in wanted}
-    wanted += [(law, _SETTINGS.get(law, {})) for law in CONTROLLERS if law not in used]
+    wanted += [(law, dict(CONTROLLERS[law].compared)) for law in CONTROLLERS if law not in used]
     wanted.append((ALONE, _BARE))
+    assert not isinstance(trial.plan, SavedPlan)
+    usual = None if trial.plan is None else planner_of(trial.plan).by_law
     found = []
     for name, values in wanted:
         law, _ = law_of(name, values)
-        if isinstance(trial.plan, Retargeting):
-            for more, keys in _PLANS.get(law, (("", {}),)):
-                plan = {"feedforward": "none", "gains": "none", **keys}
-                found.append(_Candidate(name + more, {**values, "law": law}, plan))
+        own = {**values, "law": law}
+        plans = CONTROLLERS[law].plans if law in CONTROLLERS else (PlanVariant("", {}),)
+        if usual is None:
+            found.append(_Candidate(name, own, {}))
         else:
-            found.append(_Candidate(name, {**values, "law": law}, {}))
+            for more, keys in plans:
+                called = f"{name}, {more}" if more else name
+                found.append(_Candidate(called, own, {**usual, **keys}))
     return found
 
 

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.linear_form import LinearForm, linear_form
+from flexslew_control.linear_form import LinearForm
 from flexslew_lab.metrics.metric import Manoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
 from flexslew_lab.studies.lanes.inputs import aim_of, errors_of, gains_of, schedule_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
-from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of
+from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of, law_entry
 from flexslew_lab.studies.lanes.loop import Matrices, Schedule, lane_loop
 from flexslew_lab.studies.lanes.observers import beginning
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
@@ -46,7 +46,7 @@ class Lanes:
 
     study: Study
     plans: Plans
-    _prepared: dict[Hashable, _Prepared] = field(init=False, default_factory=dict)
+    _prepared: dict[Hashable, _Prepared | None] = field(init=False, default_factory=dict)
     _intake: LaneIntake = field(init=False)
 
     def __post_init__(self) -> None:
@@ -129,11 +129,14 @@ class Lanes:
         if plan is None or controller.adopt(plan):
             return None
         ticks = round(trial.duration / trial.period)
-        form = linear_form(controller.estimator, controller.law, plan, ticks)
-        if form is None:
-            return None
+        references = [plan.reference(k) for k in range(ticks)]
+        linear = law_entry(trial).linear
+        form = linear and linear(controller.estimator, controller.law, references)
         while len(self._prepared) >= _KEPT:
             self._prepared.pop(next(iter(self._prepared)))
+        if form is None:
+            self._prepared[lane.alike] = None
+            return None
         schedule = schedule_of(lane, plan, form.law, ticks)
         made = _Prepared(form, schedule, *aim_of(lane, plan, form.law))
         self._prepared[lane.alike] = made

@@ -10,13 +10,12 @@ from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import Manoeuvre
 from flexslew_lab.metrics.settling import settling_band
 from flexslew_lab.studies.lanes.lane_trial import (
-    COLLOCATED,
-    PER_LANE,
     LaneTrial,
     controller_of,
+    law_entry,
 )
 from flexslew_lab.studies.lanes.loop import Schedule
-from flexslew_lab.trial.trial import Trial, law_of
+from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.hardware.disturbances import TimedDisturbance, disturbance_effort
 from flexslew_plant.bench.wire import stamp_of
@@ -75,14 +74,14 @@ def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, Manoeuvr
 
 def gains_of(lanes: list[LaneTrial], form: LawForm) -> Vector:
     """Return kp, ki and kd of every lane, flat."""
-    law, _ = law_of(lanes[0].trial.active, lanes[0].trial.controllers[lanes[0].trial.active] or {})
-    if law not in COLLOCATED:
+    own_gains = law_entry(lanes[0].trial).lane_gains
+    if not own_gains:
         return np.repeat(np.concatenate((form.kp, form.ki, form.kd)), LANES)
     found: dict[str, Vector] = {}
     columns = []
     for lane in lanes:
         own = lane.trial.controllers[lane.trial.active] or {}
-        key = repr({name: own.get(name) for name in PER_LANE})
+        key = repr({name: own.get(name) for name in own_gains})
         if key not in found:
             built: Any = controller_of(lane.trial).law
             gains = getattr(built, "deviation", built)

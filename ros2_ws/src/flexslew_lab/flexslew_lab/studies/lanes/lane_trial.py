@@ -4,7 +4,7 @@ import json
 from collections.abc import Hashable
 from typing import Any, NamedTuple
 
-from flexslew_control.controllers import CONTROLLERS, build_controller
+from flexslew_control.controllers import CONTROLLERS, LawEntry, build_controller
 from flexslew_control.controllers.controller import Controller
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
@@ -16,9 +16,7 @@ from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.compiled.lanes import LaneKernel, lane_kernel
 from flexslew_plant.testbeds.model import Model
 
-PER_LANE = ("kp", "ki", "kd")  # gains that each lane may have for itself
 _EXACT = ActuatorSettings()
-COLLOCATED = ("pd_feedforward", "collocated_pid")  # the laws whose gains may
 
 
 class LaneTrial(NamedTuple):
@@ -75,11 +73,11 @@ class LaneIntake:
         if known is not None and known.source == source:
             return known
         law, own = law_of(trial.active, trial.controllers[trial.active] or {})
-        if law in COLLOCATED:
-            own = {key: value for key, value in own.items() if key not in PER_LANE}
+        gains = CONTROLLERS[law].lane_gains
+        own = {key: value for key, value in own.items() if key not in gains}
         asked = plan_key(trial)
         shared = [law, own, asked, trial.duration, plain(trial.schedule), testbed.kind]
-        believes = law not in COLLOCATED and not sets_every_key(own.get("model"), testbed)
+        believes = not gains and not sets_every_key(own.get("model"), testbed)
         if believes:
             shared.append(plain(testbed))
         common = _Common(source, asked, json.dumps(shared, sort_keys=True))
@@ -100,11 +98,14 @@ def _simple(trial: Trial) -> bool:
 
 
 def _linear(trial: Trial) -> bool:
-    """Return whether the law may be linear; linear_form has the last word."""
-    law, own = law_of(trial.active, trial.controllers[trial.active] or {})
-    if law == "output_feedback":
-        return own.get("mode") == "tracking_b"
-    return law in CONTROLLERS
+    """Return whether the law may be linear; its entry's `linear` has the last word."""
+    law, _ = law_of(trial.active, trial.controllers[trial.active] or {})
+    return law in CONTROLLERS and CONTROLLERS[law].linear is not None
+
+
+def law_entry(trial: Trial) -> LawEntry:
+    """Return the law in charge of a trial that may fly in a lane."""
+    return CONTROLLERS[law_of(trial.active, trial.controllers[trial.active] or {})[0]]
 
 
 def controller_of(trial: Trial) -> Controller:

@@ -1,0 +1,42 @@
+"""What a law's file says of it: its entry in the table of controllers."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from flexslew_control.law import Estimator, Law, PlantDescription, Reference
+from flexslew_control.linear_form import LinearForm
+
+
+class PlanVariant(NamedTuple):
+    """A plan that a law is compared with, where a plan is made for its law."""
+
+    name: str  # behind that of the law; empty: none
+    keys: Mapping[str, Any]  # of the plan's section
+
+
+@dataclass(frozen=True)
+class LawEntry:
+    """A law, as the rest of the bench knows it.
+
+    Args:
+        name: what `controllers.<name>.law` calls it; its node's executable too.
+        settings: its section.
+        build: returns estimator and law for a testbed that it fits.
+        follows_reference: whether it follows a reference that moves; else it holds the rest, and
+            refuses such a plan (see Law.objection).
+        linear: returns estimator and law as matrices for these references, tick by tick, where
+            they are linear (None: these settings are not); None: it never is.
+        lane_gains: keys of its section that lanes beside each other may have for themselves.
+        compared: its settings in a comparison, where the trial has none.
+        plans: compared, where a plan is made for its law.
+    """
+
+    name: str
+    settings: type[Any]
+    build: Callable[[Any, PlantDescription], tuple[Estimator, Law]]
+    follows_reference: bool = True
+    linear: Callable[[Any, Any, list[Reference]], LinearForm | None] | None = None
+    lane_gains: tuple[str, ...] = ()
+    compared: Mapping[str, Any] = field(default_factory=dict)
+    plans: tuple[PlanVariant, ...] = (PlanVariant("", {}),)

@@ -1,0 +1,188 @@
+"""The sliding law and its observer (Sung and Joo, (5), (51)), and their linear form."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexslew_control.controllers.design_model import DesignModel, JointsAndModes, held_step
+from flexslew_control.controllers.sliding_surface import SlidingDesign
+from flexslew_control.estimators.kalman import KalmanFilter
+from flexslew_control.law import Estimate, Estimator, Reference
+from flexslew_control.linear_form import (
+    KalmanForm,
+    LawForm,
+    LinearForm,
+    Observer,
+    kalman_form,
+    no_integral,
+)
+from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.measurement import Measurement
+
+
+@dataclass
+class SampledObserver:
+    """z_hat' = f(z_hat, u) + K_f (y - C z_hat) (5), with y and the applied u held over each tick.
+
+    The estimate at tick k rests on the measurements before k; the law adds K_f y(k) itself.
+
+    Args:
+        observed: what is observed.
+        found: K_f and P.
+        period: one tick [s].
+    """
+
+    observed: DesignModel
+    found: SlidingDesign
+    period: float
+    _z: Vector = field(init=False)
+    _y: Vector = field(init=False)
+    _tick: int = field(init=False, default=-1)
+    _last: Estimate = field(init=False)
+    _reference: Reference | None = field(init=False, default=None)  # of the tick of _y
+    _coming: Reference | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        """Precompute the inverse of the innovation's covariance."""
+        s = self.observed.system
+        variance = s.c @ self.found.covariance @ s.c.T + s.sensor_density / self.period
+        self._inverse, self._variance = np.linalg.inv(variance), np.diag(variance)
+        self._covariance = self.found.covariance.copy()
+        self._covariance.flags.writeable = False
+
+    def expect(self, reference: Reference) -> None:
+        """Take the reference of the measurement that comes next: it says what is known of D(t)."""
+        self._coming = reference
+
+    def reset(self, measurement: Measurement) -> None:
+        """Start at the measured joints with straight appendages at rest."""
+        self._z = self.observed.start(measurement)
+        self._tick = measurement.tick
+        self._take(measurement)
+
+    def update(self, measurement: Measurement) -> Estimate:
+        """Return the estimate at this tick; the same again for a measurement that is repeated."""
+        if measurement.tick != self._tick:
+            effort = self.observed.efforts(measurement)
+            gain = self.found.observer_gain
+            self._z = self.observed.advanced(self._z, self._y, effort, gain, self._reference)
+            self._tick = measurement.tick
+            self._take(measurement)
+        return self._last
+
+    def innovation_variance(self) -> Vector:
+        """Return the variance of each innovation with the stationary covariance, shape (l,)."""
+        return self._variance
+
+    def _take(self, measurement: Measurement) -> None:
+        self._reference = self._coming
+        self._y = self.observed.outputs(measurement)
+        z = self._z
+        e = self._y - self.observed.system.c @ z
+        nis = float(e @ self._inverse @ e)
+        position, velocity = self.observed.estimate(z, measurement)
+        self._last = Estimate(position, velocity, np.zeros(0), self._covariance, e, nis)
+
+
+@dataclass
+class SlidingLaw:
+    """u = -(G B)^-1 {G [f(z_hat, 0) + K_f e - z*'] + nu G (z_hat - z*) + kappa G z_re} (51).
+
+    e = y - C z_hat. f(z, 0) = A z + D, and B is that at z_hat (tracking (a)) or at the operating
+    point with D = 0 (tracking (b)). What z leaves out of the bench is held by its own feedback.
+
+    Args:
+        observed: what is controlled.
+        found: G and nu.
+        attitude_gain: kappa, on the joints' rows of z_hat - z* [1/s].
+    """
+
+    observed: DesignModel
+    found: SlidingDesign
+    attitude_gain: float = 0.0
+    terms: dict[str, Vector] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Precompute what does not change."""
+        nu, kappa = self.found.reaching_rate, self.attitude_gain
+        # nu G + kappa G on the joints' columns alone
+        self._reaching = self.found.surface * (nu + kappa * self.observed.joint_rows)
+        self._innovation_gain = self.found.surface @ self.found.observer_gain
+
+    def reset(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
+    ) -> None:
+        """Nothing to choose: the law has no state of its own."""
+
+    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
+        """Return the joint efforts, shape (joints,) [N m or N]."""
+        observed, surface = self.observed, self.found.surface
+        z = observed.state(estimate)
+        nominal, slope = observed.wanted(reference)
+        drift, inverse = observed.drift(z, reference), observed.effectiveness(z, surface)
+        summands = {
+            "feedforward": inverse @ (surface @ slope),
+            "equivalent": -inverse @ (surface @ drift),
+            "innovation": -inverse @ (self._innovation_gain @ estimate.innovation),
+            "reaching": -inverse @ (self._reaching @ (z - nominal)),
+        }
+        self.terms = {name: observed.on_bench(effort) for name, effort in summands.items()}
+        self.terms |= observed.platform(measurement, reference)
+        total: Vector = sum(self.terms.values(), start=_NOTHING)
+        return total
+
+
+_NOTHING = np.zeros(())
+
+
+def sliding_form(
+    estimator: Estimator, law: SlidingLaw, references: list[Reference]
+) -> LinearForm | None:
+    """Return output feedback with the linear model, tracking (b): (51) with D = 0."""
+    observed = law.observed
+    if not isinstance(observed, JointsAndModes) or not observed.linear:
+        return None
+    system, surface, m = observed.system, law.found.surface, observed.model.joints
+    inverse = observed.effectiveness(observed.origin, surface)
+    rates = law.found.reaching_rate + law.attitude_gain * observed.joint_rows
+    reaching = inverse @ (surface * rates)
+    innovation = -inverse @ (surface @ law.found.observer_gain)
+    equivalent = inverse @ surface @ system.a
+    pairs = [observed.wanted(w) for w in references]
+    nominal, slope = (np.array(column) for column in zip(*pairs, strict=True))
+    demand = slope @ (inverse @ surface).T + nominal @ reaching.T + equivalent @ observed.origin
+    of_state, outputs = -equivalent - reaching, len(system.c)
+    found: Observer | KalmanForm
+    if isinstance(estimator, KalmanFilter):
+        found, of_output = kalman_form(estimator, observed.model), np.zeros((m, outputs))
+        of_state = np.hstack((of_state, innovation))
+    elif isinstance(estimator, SampledObserver):
+        found, of_output = _sampled(observed), innovation  # of e = y - C z
+        of_state = of_state - innovation @ system.c
+    else:
+        return None
+    none, unused = np.zeros(m), np.zeros_like(of_state)
+    none_integrated = no_integral(m)._asdict()
+    form = LawForm(
+        none,
+        none,
+        none,
+        of_state,
+        of_output,
+        unused,
+        demand,
+        0.0 * demand,
+        **none_integrated,
+    )
+    return LinearForm(form, found)
+
+
+def _sampled(observed: JointsAndModes) -> Observer:
+    """Return the linear observer whose measurement is held over the tick."""
+    c, origin = observed.system.c, observed.origin
+    step = held_step(observed.system, observed.gain, observed.period)
+    k, m, n = len(origin), observed.model.joints, observed.model.coordinates
+    a, b, held = step[:, :k], step[:, k : k + m], step[:, k + m :]
+    start = np.zeros((k, len(c)))
+    start[:m, :m], start[n : n + m, m : 2 * m] = np.eye(m), np.eye(m)
+    return Observer(start, a, b, held, origin - a @ origin - held @ (c @ origin))
