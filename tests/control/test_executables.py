@@ -1,11 +1,11 @@
 """What setup.py installs: an executable for every law of the table."""
 
 import runpy
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
-import setuptools
 
 from flexslew_control.controllers import CONTROLLERS
 
@@ -14,7 +14,7 @@ SETUP = Path(__file__).parents[2] / "ros2_ws" / "src" / "flexslew_control" / "se
 
 def test_every_law_has_an_executable_of_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     told: dict[str, Any] = {}
-    monkeypatch.setattr(setuptools, "setup", lambda **values: told.update(values))
+    monkeypatch.setattr(import_module("setuptools"), "setup", lambda **values: told.update(values))
     monkeypatch.chdir(SETUP.parent)
     runpy.run_path(str(SETUP))
     scripts = told["entry_points"]["console_scripts"]
