@@ -1,4 +1,4 @@
-# Source this: the bench's environment in this shell. Loopback only unless you say otherwise.
+# Source this: the bench's environment in this shell. This machine alone reaches the bench, unless FLEXSLEW_NETWORK=1.
 flexslew_root=$(readlink -f -- "${BASH_SOURCE[0]}")
 flexslew_root=${flexslew_root%/setup/*}
 if [ -z "${FLEXSLEW_INSTALLED_ROS:-}" ]; then
@@ -6,10 +6,34 @@ if [ -z "${FLEXSLEW_INSTALLED_ROS:-}" ]; then
   export CMAKE_PREFIX_PATH=$flexslew_root/.venv${CMAKE_PREFIX_PATH:+:$CMAKE_PREFIX_PATH}
   export ROS_DISTRO=kilted ROS_VERSION=2 ROS_PYTHON_VERSION=3
 fi
-export ROS_AUTOMATIC_DISCOVERY_RANGE=${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}
+# Who can reach the bench, and the user's own ros2 commands in this shell; every node of the bench does the same by
+# itself: flexslew_plant/network.py, which also says why
+flexslew_profiles=$flexslew_root/ros2_ws/src/flexslew_plant/flexslew_plant/profiles
 case ${ROS_DISTRO:-} in
-  jazzy) export FASTRTPS_DEFAULT_PROFILES_FILE=${FASTRTPS_DEFAULT_PROFILES_FILE:-$flexslew_root/setup/fastdds.xml} ;;
-  *) export FASTDDS_DEFAULT_PROFILES_FILE=${FASTDDS_DEFAULT_PROFILES_FILE:-$flexslew_root/setup/fastdds.xml} ;;
+  jazzy) flexslew_profile=FASTRTPS_DEFAULT_PROFILES_FILE flexslew_other=FASTDDS_DEFAULT_PROFILES_FILE ;;
+  *) flexslew_profile=FASTDDS_DEFAULT_PROFILES_FILE flexslew_other=FASTRTPS_DEFAULT_PROFILES_FILE ;;
+esac
+case ${FLEXSLEW_NETWORK:-0} in
+  0)
+    [ -f "$flexslew_profiles/loopback.xml" ] || {
+      echo "flexslew: $flexslew_profiles/loopback.xml is missing; without it DDS would use every network" >&2
+      return 2
+    }
+    unset FASTDDS_BUILTIN_TRANSPORTS FASTDDS_ENVIRONMENT_FILE ROS2_EASY_MODE ROS_DISCOVERY_SERVER ROS_LOCALHOST_ONLY \
+      ROS_STATIC_PEERS ROS_SUPER_CLIENT "$flexslew_other"
+    export ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT SKIP_DEFAULT_XML_FILE=1
+    export "$flexslew_profile=$flexslew_profiles/loopback.xml"
+    ;;
+  1)
+    if [ "${!flexslew_profile:-}" = "$flexslew_profiles/loopback.xml" ]; then
+      unset "$flexslew_profile" ROS_AUTOMATIC_DISCOVERY_RANGE SKIP_DEFAULT_XML_FILE
+    fi
+    export "$flexslew_profile=${!flexslew_profile:-$flexslew_profiles/network.xml}"
+    ;;
+  *)
+    echo "flexslew: FLEXSLEW_NETWORK: '$FLEXSLEW_NETWORK' is not allowed: 0 (this machine alone) or 1" >&2
+    return 2
+    ;;
 esac
 export COLCON_PYTHON_EXECUTABLE=$flexslew_root/.venv/bin/python
 export PATH=$flexslew_root/.venv/bin:$PATH

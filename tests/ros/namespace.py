@@ -1,4 +1,4 @@
-"""Mounts of one's own: as root in a mount namespace, else as root of a user namespace."""
+"""Mounts and networks of one's own: in namespaces; who is not root is root of a user namespace."""
 
 import os
 import subprocess
@@ -8,19 +8,25 @@ import pytest
 
 
 @cache
-def _prefix() -> tuple[str, ...]:
+def prefix(*kinds: str) -> tuple[str, ...]:
+    """Return what starts a command in namespaces of its own; skip the test where nobody lets it.
+
+    Args:
+        kinds: options of unshare besides --mount.
+    """
     who = () if os.geteuid() == 0 else ("--user", "--map-root-user")
-    return ("unshare", *who, "--mount")
+    words = ("unshare", *who, "--mount", *kinds)
+    if subprocess.run([*words, "true"], capture_output=True, check=False).returncode:
+        pytest.skip("neither root nor user namespaces: no right to a namespace here")
+    return words
 
 
 def in_a_namespace(script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run a shell script that may mount; skip the test where nobody lets it.
+    """Run a shell script that may mount.
 
     Args:
         script: for sh.
         arguments: its $1, $2, ...
     """
-    if subprocess.run([*_prefix(), "true"], capture_output=True, check=False).returncode:
-        pytest.skip("neither root nor user namespaces: no right to mount a tmpfs here")
-    command = [*_prefix(), "sh", "-c", script, "sh", *arguments]
+    command = [*prefix(), "sh", "-c", script, "sh", *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=False)

@@ -4,7 +4,9 @@ setup(
     name="flexslew_plant",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"flexslew_plant": ["py.typed", "testbeds/spacecraft/data/*.yaml"]},
+    package_data={
+        "flexslew_plant": ["py.typed", "profiles/*.xml", "testbeds/spacecraft/data/*.yaml"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/flexslew_plant"]),
         ("share/flexslew_plant", ["package.xml"]),

@@ -3,6 +3,7 @@
 from importlib.util import find_spec
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.network import tell
 
 ROS = frozenset(
     {
@@ -35,10 +36,11 @@ def remedy(error: ModuleNotFoundError) -> str:
 
 
 def require_ros() -> None:
-    """Refuse where ROS 2 or the messages of the bench are not installed.
+    """Refuse where ROS 2 or the messages of the bench are not installed; say who may reach it.
 
     Raises:
-        BadInput: one of them is missing.
+        BadInput: one of them is missing, or FLEXSLEW_NETWORK has a wrong value.
     """
     if any(find_spec(package) is None for package in ("rclpy", "flexslew_msgs")):
         raise BadInput(WITHOUT_ROS)
+    tell()

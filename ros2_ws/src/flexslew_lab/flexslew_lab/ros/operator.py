@@ -19,6 +19,8 @@ from rclpy.node import Node
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import Reply
 from flexslew_plant.errors import FlexslewError
+from flexslew_plant.network import demand_loopback
+from flexslew_plant.ros.start import start_ros
 
 PATIENCE = 5.0  # for the plant to be found and to answer [wall s]
 _early: dict[tuple[int, str], tuple[list[Node], float]] = {}  # by domain and namespace
@@ -129,8 +131,8 @@ class Operator:
 
 def _newcomer(domain: int, namespace: str) -> Node:
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=domain)
-    return rclpy.create_node(
+    start_ros(context=context, domain_id=domain)
+    node = rclpy.create_node(
         "operator",
         context=context,
         namespace=namespace,
@@ -138,6 +140,8 @@ def _newcomer(domain: int, namespace: str) -> Node:
         enable_rosout=False,
         enable_logger_service=False,
     )
+    demand_loopback()
+    return node
 
 
 def join_early(domain: int) -> None:

@@ -10,7 +10,7 @@ from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.graph import listeners_of
 
 # How long a node stays at most until all have heard it [wall s]. For a listener that was held up,
-# DDS repairs 256 messages of a topic with every heartbeat: 3 s, or 0.02 s by setup/fastdds.xml.
+# DDS repairs 256 messages of a topic with every heartbeat: 3 s, or 0.02 s by profiles/loopback.xml.
 LAST_WORDS = 60.0
 HURRIED = 5.0  # the same when somebody has interrupted it, or for one that sends no heartbeat
 _ANSWERS = 1.0  # for clients, who may still wait for an answer [wall s]

@@ -11,6 +11,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
+from flexslew_plant.network import demand_loopback
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.farewell import wait_until_acknowledged
 from flexslew_plant.unbroken import unbroken
@@ -35,7 +36,12 @@ class Loop:
         self._due = 0.0
 
     def add(self, node: Node) -> None:
-        """Serve this node, too."""
+        """Serve this node, too.
+
+        Raises:
+            RunFault: other machines could reach it, see network.demand_loopback.
+        """
+        demand_loopback()
         self._executor.add_node(node)
         self._nodes.append(node)
 

@@ -14,6 +14,7 @@ from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.ros.farewell import HURRIED, LAST_WORDS
 from flexslew_plant.ros.interrupts import Interrupts
 from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.start import start_ros
 
 
 class Served(Protocol):
@@ -58,10 +59,10 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
     """
     # our own handlers: rclpy's would invalidate the context before the last words are said
     _interrupts.install()
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     served = loop = None
     code = 0
     try:
+        start_ros(args=args, signal_handler_options=SignalHandlerOptions.NO)
         loop = Loop()
         served = build(loop)
         code = _run(loop, served)
