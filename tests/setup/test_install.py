@@ -48,7 +48,9 @@ class Checkout:
         os.mkfifo(folder / "hanging")
         shutil.copytree(ROOT / "setup", root / "setup")
         shutil.copy(ROOT / "flexslew", root / "flexslew")
-        (root / "ros2_ws" / "src" / "msgs").mkdir(parents=True)
+        profiles = "ros2_ws/src/flexslew_plant/flexslew_plant/profiles"
+        shutil.copytree(ROOT / profiles, root / profiles)
+        (root / "ros2_ws" / "src" / "msgs").mkdir()
         (root / "ros2_ws" / "src" / "msgs" / "A.msg").write_text("float64 a\n")
         self.environment = {
             "PATH": f"{tools}:{os.environ['PATH']}",
