@@ -101,12 +101,12 @@ def test_a_metric_does_not_depend_on_how_the_run_is_cut(name: str, kind: str) ->
     rng = np.random.default_rng(5)
     setup, block = flown(kind, 60, rng)
     ending = Ending(events(), [], True, ("said",))
-    whole = METRICS[name](setup)
+    whole = METRICS[name].metric(setup)
     whole.add(block)
     expected = flat(whole.result(ending))
     for _ in range(5):
         where = [0, *sorted(rng.choice(np.arange(1, 60), 4, replace=False).tolist()), 60]
-        pieces = METRICS[name](setup)
+        pieces = METRICS[name].metric(setup)
         for piece in cut(block, where):
             pieces.add(piece)
         found = flat(pieces.result(ending))
@@ -121,14 +121,14 @@ def test_a_metric_does_not_depend_on_how_the_run_is_cut(name: str, kind: str) ->
 def test_a_metric_says_what_it_promises_in_json(name: str, kind: str) -> None:
     setup, block = flown(kind, 30, np.random.default_rng(6))
     for blocks in ([block], []):
-        metric = METRICS[name](setup)
+        metric = METRICS[name].metric(setup)
         for each in blocks:
             metric.add(each)
         found = metric.result(Ending(events(), [2.0], False))
-        assert set(found) in (set(METRICS[name].KEYS), set())
+        assert set(found) in (set(METRICS[name].metric.KEYS), set())
         json.dumps(found, allow_nan=False)
         for key, value in found.items():
-            if METRICS[name].KEYS[key].per_joint:
+            if METRICS[name].metric.KEYS[key].per_joint:
                 assert list(value) == list(setup.joint_names)
 
 
@@ -181,6 +181,6 @@ def test_two_metrics_with_one_key_are_refused(tmp_path: Path) -> None:
 
 
 def test_every_metric_is_a_metric() -> None:
-    for kind in METRICS.values():
-        _: type[Metric] = kind
-        assert kind.KEYS
+    for entry in METRICS.values():
+        _: type[Metric] = entry.metric
+        assert entry.metric.KEYS

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup
 
 
 class Course:
@@ -63,3 +63,6 @@ class Course:
             "log_complete": ending.complete,
             "warnings": list(ending.warnings),
         }
+
+
+COURSE = MetricEntry("course", Course)

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, by_joint
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, by_joint
 
 
 class Efforts:
@@ -52,3 +52,6 @@ class Efforts:
             "control_effort": self.integral,
             "saturated_time": self.saturated,
         }
+
+
+EFFORTS = MetricEntry("efforts", Efforts)

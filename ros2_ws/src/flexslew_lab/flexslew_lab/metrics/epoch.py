@@ -23,7 +23,9 @@ class Epoch:
 
     def __init__(self, number: int, setup: RunSetup, own: Sequence[type[Metric]] = ()) -> None:
         self.number, self._setup = number, setup
-        self._metrics: list[Metric] = [kind(setup) for kind in (*METRICS.values(), *own)]
+        self._metrics: list[Metric] = [
+            metric(setup) for metric in (*(entry.metric for entry in METRICS.values()), *own)
+        ]
         reading = setup.testbed.model().reading if setup.testbed is not None else None
         self._reading = reading  # joint position and rate of a state
         self._last_time: float | None = None

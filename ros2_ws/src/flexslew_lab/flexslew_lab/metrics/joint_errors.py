@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, by_joint
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, by_joint
 from flexslew_plant.arrays import Vector
 
 
@@ -59,3 +59,6 @@ class JointErrors:
             "final_error": by_joint(self._setup, self.final),
             "terminal_error_norm": self.terminal,
         }
+
+
+JOINT_ERRORS = MetricEntry("joint_errors", JointErrors)

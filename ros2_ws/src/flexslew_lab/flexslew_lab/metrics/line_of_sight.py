@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, goal_by_joint
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
 from flexslew_plant.testbeds.spacecraft.sights import HasLinesOfSight
 
 
@@ -63,3 +63,6 @@ class LineOfSight:
             "line_of_sight_error": self._error,
             "line_of_sight_settled_at": self._good_from,
         }
+
+
+LINE_OF_SIGHT = MetricEntry("line_of_sight", LineOfSight)

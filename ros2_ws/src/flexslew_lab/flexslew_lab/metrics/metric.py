@@ -1,6 +1,7 @@
 """What a metric is: it measures one epoch of a run, block after block."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -76,6 +77,19 @@ class Metric(Protocol):
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the values by key, ready for JSON; a key that does not apply may be left out."""
+
+
+@dataclass(frozen=True)
+class MetricEntry:
+    """A metric, as the rest of the bench knows it.
+
+    Args:
+        name: for errors and tests; what it measures is named by its keys.
+        metric: the class.
+    """
+
+    name: str
+    metric: type[Metric]
 
 
 def goal_by_joint(setup: RunSetup) -> dict[str, float]:

@@ -5,7 +5,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, goal_by_joint, larger, plain
+from flexslew_lab.metrics.metric import (
+    Block,
+    Ending,
+    Key,
+    MetricEntry,
+    RunSetup,
+    goal_by_joint,
+    larger,
+    plain,
+)
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
 
@@ -60,3 +69,6 @@ class PlatformError:
             "rms_platform_position": float(position),
             "rms_platform_attitude": float(attitude),
         }
+
+
+PLATFORM_ERROR = MetricEntry("platform_error", PlatformError)

@@ -5,7 +5,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, goal_by_joint, larger, plain
+from flexslew_lab.metrics.metric import (
+    Block,
+    Ending,
+    Key,
+    MetricEntry,
+    RunSetup,
+    goal_by_joint,
+    larger,
+    plain,
+)
 from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
@@ -94,3 +103,6 @@ class Pointing:
             "peak_tip_deflection": self._tip,
             "peak_wheel_momentum": self._wheels,
         }
+
+
+POINTING = MetricEntry("pointing", Pointing)

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, by_joint
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, by_joint
 from flexslew_plant.arrays import Vector
 
 BAND = 0.02  # settling band, of the joint's commanded move [-]
@@ -70,3 +70,6 @@ class Settling:
             "settling_time": by_joint(self._setup, settled),
             "overshoot": by_joint(self._setup, self.beyond / distance),
         }
+
+
+SETTLING = MetricEntry("settling", Settling)

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup
 
 
 class Takeovers:
@@ -55,3 +55,6 @@ def _data(event: Any) -> dict[str, Any]:
 def _step(data: dict[str, Any]) -> float:
     step = np.asarray(data.get("effort_step", 0.0), dtype=float)
     return float(np.abs(np.atleast_1d(step)).max(initial=0.0))
+
+
+TAKEOVERS = MetricEntry("takeovers", Takeovers)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup
 
 
 class TipDeflection:
@@ -37,3 +37,6 @@ class TipDeflection:
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return both values."""
         return {"residual_tip_deflection": self.residual, "peak_tip_deflection": self.peak}
+
+
+TIP_DEFLECTION = MetricEntry("tip_deflection", TipDeflection)

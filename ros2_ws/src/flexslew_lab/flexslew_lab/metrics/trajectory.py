@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup
 from flexslew_plant.arrays import Matrix, Vector
 
 
@@ -54,3 +54,6 @@ class Trajectory:
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the hash."""
         return {"trajectory_hash": self._hash.hexdigest()}
+
+
+TRAJECTORY = MetricEntry("trajectory", Trajectory)

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flexslew_lab.metrics.metric import Block, Ending, Key, RunSetup, goal_by_joint
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
 from flexslew_plant.testbeds.contract import Retargeting
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
 
@@ -63,3 +63,6 @@ class Vibration:
             end = self._end.get(name, self._without)
             settled[name] = max(last - end, 0.0) if last < self._last_time else None
         return {"vibration_settling_time": settled}
+
+
+VIBRATION = MetricEntry("vibration", Vibration)

@@ -1,44 +1,38 @@
-"""The faults: what can break on the bench. A new one is a section in a file, and a line here."""
+"""The faults: what can break. A new one is a file that ends in its entry, and a line here."""
 
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeAlias
 
 from pydantic import Field
 
+from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput
-from flexslew_plant.faults.actuators import ActuatorGain, ActuatorStuck, CommandDelay
-from flexslew_plant.faults.commands import (
-    CommandDuplicated,
-    CommandLate,
-    CommandLost,
-    CommandReordered,
-    ControllerSilent,
-)
 from flexslew_plant.faults.effects import Fault as Fault
+from flexslew_plant.faults.effects import FaultEntry as FaultEntry
 from flexslew_plant.faults.effects import Names as Names
-from flexslew_plant.faults.sensors import SensorBias, SensorDropout, SensorFreeze, SensorNan
 
-FAULTS: dict[str, type[Any]] = {
-    "actuator_stuck": ActuatorStuck,
-    "actuator_gain": ActuatorGain,
-    "command_delay": CommandDelay,
-    "command_lost": CommandLost,
-    "command_late": CommandLate,
-    "command_duplicated": CommandDuplicated,
-    "command_reordered": CommandReordered,
-    "controller_silent": ControllerSilent,
-    "sensor_dropout": SensorDropout,
-    "sensor_bias": SensorBias,
-    "sensor_freeze": SensorFreeze,
-    "sensor_nan": SensorNan,
-}
+# isort: split
+# the faults, a line each
+from flexslew_plant.faults.actuators import DELAY as DELAY
+from flexslew_plant.faults.actuators import GAIN as GAIN
+from flexslew_plant.faults.actuators import STUCK as STUCK
+from flexslew_plant.faults.commands import DUPLICATED as DUPLICATED
+from flexslew_plant.faults.commands import LATE as LATE
+from flexslew_plant.faults.commands import LOST as LOST
+from flexslew_plant.faults.commands import REORDERED as REORDERED
+from flexslew_plant.faults.commands import SILENT as SILENT
+from flexslew_plant.faults.sensors import BIAS as BIAS
+from flexslew_plant.faults.sensors import DROPOUT as DROPOUT
+from flexslew_plant.faults.sensors import FREEZE as FREEZE
+from flexslew_plant.faults.sensors import NAN as NAN
+
+FAULTS: dict[str, FaultEntry] = table(globals(), FaultEntry)
 
 if TYPE_CHECKING:
     FaultSettings: TypeAlias = Fault
 else:
-    _union = FAULTS["actuator_stuck"]
-    for _kind in FAULTS.values():
-        _union = _union | _kind
-    FaultSettings = Annotated[_union, Field(discriminator="kind")]
+    FaultSettings = Annotated[
+        union(entry.settings for entry in FAULTS.values()), Field(discriminator="kind")
+    ]
 
 
 def check_fault(fault: Fault, names: Names, place: str) -> None:

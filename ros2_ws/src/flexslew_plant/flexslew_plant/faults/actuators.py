@@ -7,7 +7,14 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.faults.effects import Effect, Names, OnAnyTestbed, Situation, Subject
+from flexslew_plant.faults.effects import (
+    Effect,
+    FaultEntry,
+    Names,
+    OnAnyTestbed,
+    Situation,
+    Subject,
+)
 from flexslew_plant.settings import section
 
 
@@ -75,3 +82,8 @@ class CommandDelay(OnAnyTestbed):
             return (1.0 - part) * queue[0] + part * oldest if part else oldest
 
         return Effect(demand=demand)
+
+
+STUCK = FaultEntry(ActuatorStuck)
+GAIN = FaultEntry(ActuatorGain, {"gain": 0.5})
+DELAY = FaultEntry(CommandDelay, {"ticks": 2})

@@ -3,7 +3,15 @@
 from typing import Literal
 
 from flexslew_plant.bench.measurement import EffortCommand
-from flexslew_plant.faults.effects import Effect, Fate, OnAnyTestbed, Seed, Situation, Ticks
+from flexslew_plant.faults.effects import (
+    Effect,
+    Fate,
+    FaultEntry,
+    OnAnyTestbed,
+    Seed,
+    Situation,
+    Ticks,
+)
 from flexslew_plant.settings import Probability, section
 
 
@@ -96,3 +104,10 @@ class ControllerSilent(OnAnyTestbed):
                 Fate.LOST if command.controller == self.controller else Fate.ARRIVES
             )
         )
+
+
+LOST = FaultEntry(CommandLost)
+LATE = FaultEntry(CommandLate)
+DUPLICATED = FaultEntry(CommandDuplicated)
+REORDERED = FaultEntry(CommandReordered)
+SILENT = FaultEntry(ControllerSilent)

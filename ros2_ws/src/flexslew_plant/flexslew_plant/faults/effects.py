@@ -1,7 +1,7 @@
 """The contract of a fault: a section of the schedule, and what it does while it acts."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Annotated, Any, NamedTuple, Protocol
 
@@ -10,6 +10,7 @@ from pydantic import Field
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.hardware.sensors import Readings
 from flexslew_plant.bench.measurement import EffortCommand
+from flexslew_plant.entries import default_of
 
 Ticks = Annotated[int, Field(ge=1, le=10_000)]
 Seed = Annotated[int, Field(ge=0)]
@@ -88,3 +89,21 @@ class Fault(Protocol):
 
     def begin(self, situation: Situation) -> Effect:
         """Return what it does from now on, until it ends."""
+
+
+@dataclass(frozen=True)
+class FaultEntry:
+    """A fault, as the rest of the bench knows it.
+
+    Args:
+        settings: its section; the default of `kind` is its name.
+        example: the keys that it cannot do without, apart from names of the testbed.
+    """
+
+    settings: type[Any]
+    example: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """What `fault.kind` calls it."""
+        return default_of(self.settings, "kind")

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.hardware.sensors import Readings
-from flexslew_plant.faults.effects import Effect, Names, Seed, Situation, Subject
+from flexslew_plant.faults.effects import Effect, FaultEntry, Names, Seed, Situation, Subject
 from flexslew_plant.settings import Probability, section
 
 ChannelName: TypeAlias = Literal[
@@ -125,3 +125,9 @@ class SensorNan:
     def begin(self, situation: Situation) -> Effect:
         """Return the effect on the readings."""
         return _reading(self, situation.names, lambda reading: np.full_like(reading, np.nan))
+
+
+DROPOUT = FaultEntry(SensorDropout)
+BIAS = FaultEntry(SensorBias, {"bias": 0.1})
+FREEZE = FaultEntry(SensorFreeze)
+NAN = FaultEntry(SensorNan)

@@ -1,6 +1,6 @@
-"""The testbeds. A new one is a file with a section that keeps the contract, and a line here.
+"""The testbeds. A new one is a file that ends in its entry, and a line here.
 
-One of the user's own needs neither: `kind: my_testbed.py:MyTestbed`, or an entry point of the
+One of the user's own needs no line: `kind: my_testbed.py:MyTestbed`, or an entry point of the
 group flexslew.testbeds.
 """
 
@@ -10,28 +10,26 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 from pydantic import BeforeValidator, Discriminator, PlainValidator, Tag
 
 from flexslew_plant.arrays import Vector
+from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import find_class
 from flexslew_plant.settings import plain, validated
 from flexslew_plant.testbeds.contract import Testbed as Testbed
-from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
-from flexslew_plant.testbeds.hub_with_appendages import HubTestbed
+from flexslew_plant.testbeds.entry import TestbedEntry as TestbedEntry
 from flexslew_plant.testbeds.model import Appendages as Appendages
 from flexslew_plant.testbeds.model import Model as Model
-from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
-from flexslew_plant.testbeds.varying_oscillator import VaryingOscillatorTestbed
 
+# isort: split
+# the testbeds, a line each
+from flexslew_plant.testbeds.csa.testbed import CSA as CSA
+from flexslew_plant.testbeds.floating_oscillator import OSCILLATOR as OSCILLATOR
+from flexslew_plant.testbeds.hub_with_appendages import HUB as HUB
+from flexslew_plant.testbeds.spacecraft.testbed import SPACECRAFT as SPACECRAFT
+from flexslew_plant.testbeds.varying_oscillator import VARYING as VARYING
+
+TESTBEDS: dict[str, TestbedEntry] = table(globals(), TestbedEntry)
 GROUP = "flexslew.testbeds"  # of the entry points of installed packages
-DEFAULT = "csa"  # where `kind` is left out
-
-TESTBEDS: dict[str, type[Any]] = {
-    "csa": CsaTestbed,
-    "floating_oscillator": FloatingOscillatorTestbed,
-    "hub_with_appendages": HubTestbed,
-    "varying_oscillator": VaryingOscillatorTestbed,
-    "spacecraft": SpacecraftTestbed,
-}
+DEFAULT = CSA.name  # where `kind` is left out
 
 
 def _kind(values: Any) -> str:
@@ -43,8 +41,9 @@ def _kind(values: Any) -> str:
 
 def _limited(values: Any) -> Any:
     """Return a section of a shipped kind with one limit per drive."""
-    kind = TESTBEDS.get(_kind(values))
-    return values if kind is None or not isinstance(values, dict) else _for_all(kind, values)
+    entry = TESTBEDS.get(_kind(values))
+    plain_data = isinstance(values, dict)
+    return _for_all(entry.settings, values) if entry is not None and plain_data else values
 
 
 def _for_all(kind: type[Any], values: dict[str, Any]) -> dict[str, Any]:
@@ -73,12 +72,12 @@ if TYPE_CHECKING:
 else:
     # a `testbed` section of any kind, told apart by `kind`
     TestbedSettings = Annotated[
-        Annotated[CsaTestbed, Tag("csa")]
-        | Annotated[FloatingOscillatorTestbed, Tag("floating_oscillator")]
-        | Annotated[HubTestbed, Tag("hub_with_appendages")]
-        | Annotated[VaryingOscillatorTestbed, Tag("varying_oscillator")]
-        | Annotated[SpacecraftTestbed, Tag("spacecraft")]
-        | Annotated[Any, PlainValidator(_own), Tag("own")],
+        union(
+            [
+                *(Annotated[entry.settings, Tag(name)] for name, entry in TESTBEDS.items()),
+                Annotated[Any, PlainValidator(_own), Tag("own")],
+            ]
+        ),
         Discriminator(_kind),
         BeforeValidator(_limited),
     ]
@@ -86,7 +85,7 @@ else:
 
 def default_testbed() -> Testbed:
     """Return the testbed of a trial that names none."""
-    testbed: Testbed = TESTBEDS[DEFAULT]()
+    testbed: Testbed = TESTBEDS[DEFAULT].settings()
     return testbed
 
 
@@ -130,7 +129,7 @@ def believed(testbed: Testbed, changes: Mapping[str, Any] | None, source: str) -
     """
     given = changes or {}
     if given.get("kind", testbed.kind) != testbed.kind:
-        own = TESTBEDS[given["kind"]].simplified if given["kind"] in TESTBEDS else {}
+        own = TESTBEDS[given["kind"]].settings.simplified if given["kind"] in TESTBEDS else {}
         return read_testbed(_merged(dict(own), given), source)
     return varied(testbed, _merged(dict(testbed.simplified), given), source)
 

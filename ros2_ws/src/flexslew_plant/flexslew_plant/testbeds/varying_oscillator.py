@@ -13,6 +13,7 @@ from pydantic import Field
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.contract import refuse_payload
+from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import Scene, slider
@@ -128,3 +129,6 @@ def potential(p: Vector, t: float, q: Vector) -> float:
 
 
 KERNELS = Kernels(terms, residual_jacobian, potential)
+
+
+VARYING = TestbedEntry(VaryingOscillatorTestbed)

@@ -129,7 +129,7 @@ class BreakPanel:
             "of": (*joints.names, *joints.appendages),
             "controller": tuple(sorted(self._view.controllers)),
         }
-        return keys_of(FAULTS[kind], ("kind",), known)
+        return keys_of(FAULTS[kind].settings, ("kind",), known)
 
     def _made(self, given: dict[str, Any]) -> dict[str, Any]:
         kind = self._injection.choice.value

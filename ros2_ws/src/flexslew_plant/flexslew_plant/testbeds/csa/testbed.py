@@ -23,6 +23,7 @@ from flexslew_plant.testbeds.beam import ClampedFreeBeam
 from flexslew_plant.testbeds.compiled.lanes import LaneKernel
 from flexslew_plant.testbeds.contract import ShapedMotion
 from flexslew_plant.testbeds.csa.equations import KERNELS, stiffened, unpacked
+from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import POINTS, Scene, turntable
 
@@ -196,3 +197,6 @@ def packed(testbed: CsaTestbed) -> Vector:
         p.hub_inertia_2 + j_a,
     ]
     return np.concatenate((head, m, m_qq, k_qq, c_qq))
+
+
+CSA = TestbedEntry(CsaTestbed)

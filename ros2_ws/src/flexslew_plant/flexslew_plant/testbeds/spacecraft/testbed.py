@@ -14,6 +14,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds.contract import HingeTurn, RigidTurn, UnitSizes
+from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
@@ -281,3 +282,6 @@ def _read(p: Vector, x: Vector, count: int) -> tuple[Vector, Vector]:
     position, velocity = np.empty(count), np.empty(count)
     read(p, x, position, velocity)
     return position, velocity
+
+
+SPACECRAFT = TestbedEntry(SpacecraftTestbed)
