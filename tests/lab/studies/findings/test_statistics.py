@@ -4,15 +4,20 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from flexslew_lab.studies.findings.population import Population
+from flexslew_lab.studies.findings.replicates import scatter
 from flexslew_lab.studies.findings.statistics import (
-    Population,
     dkw_half_width,
     quantile,
     quantile_bounds,
-    replicate_bounds,
-    success_bound,
+    sign_test,
+    success_bounds,
     trials_needed,
 )
+
+
+def success_bound(successes: int, n: int, confidence: float) -> float:
+    return success_bounds(successes, n, confidence)[0]
 
 
 def test_852_trials_without_a_failure_show_three_sigma_at_90_percent() -> None:
@@ -106,12 +111,28 @@ def test_a_dkw_band_holds_for_nine_of_ten_samples() -> None:
 
 
 def test_replicates_bound_a_mean_as_often_as_they_say() -> None:
-    rng = np.random.default_rng(5)
-    inside = sum(
-        low <= 0.5 <= high
-        for low, high in (replicate_bounds(rng.random(8), 0.9) for _ in range(1000))
-    )
+    """Of unequal sizes, and with an offset of their own: the ratio estimate."""
+    rng, inside = np.random.default_rng(5), 0
+    parts = np.repeat(np.arange(8), [9, 9, 10, 10, 10, 10, 10, 11])
+    for _ in range(1000):
+        values = rng.random(len(parts)) + rng.standard_normal(8)[parts]
+        found = scatter(values, parts)
+        assert found.mean == pytest.approx(values.mean())
+        inside += abs(found.mean - 0.5) <= found.margin(0.9)
     assert abs(inside / 1000 - 0.9) < 3.0 * np.sqrt(0.09 / 1000)
+
+
+def test_the_sign_test_is_that_of_scipy() -> None:
+    for larger, smaller in ((0, 5), (3, 7), (40, 60), (50, 50), (1, 0)):
+        exact = stats.binomtest(larger, larger + smaller, 0.5).pvalue
+        assert sign_test(larger, smaller) == pytest.approx(exact, rel=1e-9)
+    assert sign_test(0, 0) == 1.0
+
+
+def test_the_upper_bound_of_success_is_the_lower_one_of_failure() -> None:
+    for successes, n in ((0, 5), (3, 7), (129, 200), (7, 7)):
+        _, high = success_bounds(successes, n, 0.9)
+        assert high == pytest.approx(1.0 - success_bounds(n - successes, n, 0.9)[0], abs=1e-12)
 
 
 def test_one_replicate_and_a_grid_have_no_bounds() -> None:

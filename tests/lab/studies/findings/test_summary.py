@@ -10,11 +10,18 @@ import numpy as np
 import pytest
 
 from flexslew_lab.studies.cases import sample_table
-from flexslew_lab.studies.findings.statistics import quantile_bounds, success_bound, trials_needed
-from flexslew_lab.studies.findings.summary import needed, passed, summary
+from flexslew_lab.studies.findings.criteria import Verdict, needed, verdict_of
+from flexslew_lab.studies.findings.population import Population
+from flexslew_lab.studies.findings.statistics import (
+    quantile_bounds,
+    sign_test,
+    success_bounds,
+    trials_needed,
+)
+from flexslew_lab.studies.findings.summary import passed, summary
 from flexslew_lab.studies.flight import Flown, failed
 from flexslew_lab.studies.store import Store
-from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.study import Criterion, Study
 from flexslew_plant.arrays import Vector
 
 NAME = "residual_tip_deflection"
@@ -127,7 +134,18 @@ def test_counts_add_up_and_bounds_are_claimed_only_where_they_hold(
             elif estimate is None:
                 assert high is None
     for row in found["paired"]:
-        assert row["pairs"] + row["without_number"] == len(values) // 2
+        pairs = values[: len(values) // 2 * 2].reshape(-1, 2)
+        there = ~np.isnan(pairs).any(axis=1)
+        one_failed = np.isinf(pairs[there]).sum(axis=1) == 1
+        assert (row["pairs"], row["without_number"]) == (there.sum(), (~there).sum())
+        assert row["with_failure"] == one_failed.sum()
+        larger = np.isinf(pairs[there][:, 1]) & one_failed | (
+            pairs[there][:, 1] > pairs[there][:, 0]
+        )
+        if row["pairs"]:
+            assert row["larger"] == pytest.approx(larger.mean())
+            assert row["mean"][1] is None or not one_failed.any()
+        assert (row["p_value"] is None) == (method not in (*INDEPENDENT, *REPLICATED))
     for row in found["sensitivity"]:
         assert method == "saltelli"
         assert bool(row["why_not"]) == (loss != "none")
@@ -154,20 +172,58 @@ def test_what_has_no_number_keeps_to_no_criterion(
         if "probability" not in asked:
             assert row["lower_bound"] is None
             assert row["passed"] == (kept == len(own))
+            assert row["verdict"] == ("passed" if row["passed"] else "refuted")
             continue
         assert row["needed"] == trials_needed(asked["probability"], confidence, len(own) - kept)
-        exact = success_bound(kept, len(own), confidence)
+        exact, most = success_bounds(kept, len(own), confidence)
         if method in INDEPENDENT:
             assert row["lower_bound"] == exact
             # that many independent trials with these failures show it, and no fewer
             assert row["passed"] == (len(own) >= row["needed"])
+            assert (row["verdict"] == "refuted") == (most < asked["probability"])
         elif method in REPLICATED:
             assert 0.0 <= row["lower_bound"] <= exact
+            assert most <= row["upper_bound"] <= 1.0
         else:
-            assert row["lower_bound"] is None
-            assert not row["passed"]
+            assert row["lower_bound"] is row["upper_bound"] is None
+            assert row["verdict"] == "undecided"
     assert passed(found) == all(row["passed"] for row in found["criteria"])
     said = needed(study)
     assert len(said) == ("probability" in asked)
     if said and method not in (*INDEPENDENT, *REPLICATED):
         assert "show no probability, however many" in said[0]
+
+
+def test_129_of_200_refute_a_probability_of_nine_tenths() -> None:
+    below = Criterion(below=0.5, probability=0.9, confidence=0.9)
+    kept = np.arange(200) < 129
+    bound = Population(np.zeros(200)).success(kept, 0.9)
+    assert verdict_of(below, kept, bound) is Verdict.REFUTED
+    for successes, verdict in ((179, Verdict.UNDECIDED), (200, Verdict.PASSED)):
+        kept = np.arange(200) < successes
+        bound = Population(np.zeros(200)).success(kept, 0.9)
+        assert verdict_of(below, kept, bound) is verdict
+
+
+@pytest.mark.parametrize("side", ["below", "above"])
+def test_a_variant_that_fails_more_often_is_the_worse_one(
+    stored: Callable[..., Any], side: str
+) -> None:
+    """Also where its numbers are the better ones whenever there are some."""
+    study, store, _ = stored("random", "none", {side: 0.5})
+    rng = np.random.default_rng(1)
+    better = -0.5 if side == "below" else 0.5
+    rows = []
+    for sample in range(60):
+        value = float(rng.random())
+        rows.append(result(2 * sample, value))
+        fails = sample % 3 > 0
+        rows.append(
+            failed(2 * sample + 1, "lost") if fails else result(2 * sample + 1, value + better)
+        )
+    store.add(rows)
+    store.write_table()
+    (row,) = summary(study, store, {})["paired"]
+    assert (row["pairs"], row["with_failure"]) == (60, 40)
+    assert row["verdict"] == ("larger" if side == "below" else "smaller")
+    assert row["p_value"] == pytest.approx(sign_test(40, 20))

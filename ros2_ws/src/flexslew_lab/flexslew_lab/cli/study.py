@@ -42,11 +42,12 @@ def run(
 ) -> None:
     """Fly what is missing of a study, from its start or from where it was interrupted.
 
-    Exit code 1 if a criterion is not demonstrated.
+    Exit code 1 if a criterion is not passed.
 
     Example: `./flexslew study run csa_robustness --workers 2`
     """
-    from flexslew_lab.studies.findings.summary import needed, passed
+    from flexslew_lab.studies.findings.criteria import needed
+    from flexslew_lab.studies.findings.summary import passed
     from flexslew_lab.studies.finish import finished, keep_worst
     from flexslew_lab.studies.run import default_folder, prepare, run_study
     from flexslew_lab.studies.study import load_study, study_path
@@ -107,7 +108,7 @@ def report(
     out: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Summarise a study again, or compare two. Exit code 1 if a criterion is not demonstrated.
+    """Summarise a study again, or compare two. Exit code 1 if a criterion is not passed.
 
     Example: `./flexslew study report runs/study-before runs/study-after`
     """

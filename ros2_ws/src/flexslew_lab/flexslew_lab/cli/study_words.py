@@ -15,9 +15,19 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.text import Text
 
 from flexslew_lab.cli.terminal import for_people, print_table, say, short
+from flexslew_lab.studies.findings.criteria import Verdict
+from flexslew_lab.studies.findings.tables import (
+    QUANTILE_NAMES,
+    bounded,
+    criterion_words,
+    metric_tables,
+    pair_rows,
+)
 
+_COLOURS = {Verdict.PASSED: "green", Verdict.REFUTED: "red", Verdict.UNDECIDED: "yellow"}
 _OFTEN = 30.0  # between two lines where no bar can be drawn [wall s]
 
 
@@ -89,33 +99,22 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
         ("report", found.get("report", "-")),
     ]
     print_table(("", found["study"]), rows)
-    lines = []
-    for name, metric in found["metrics"].items():
-        if "." in name:
-            continue
-        quantiles = metric["quantiles"]
-        lines.append((name, short(metric["mean"]), *(_bounded(q) for q in quantiles.values())))
-    print_table(("metric", "mean", "median", "90 %", "99 %"), lines)
-    for row in found["criteria"]:
-        _criterion(row)
-
-
-def _criterion(row: dict[str, Any]) -> None:
-    side = f"below {row['below']:g}" if row["below"] is not None else f"above {row['above']:g}"
-    who = f" ({row['variant']})" if row["variant"] else ""
-    words = f"{row['metric']} {side}{who}: {row['successes']} of {row['trials']}"
-    if row["probability"] is not None:
-        low = "no bound" if row["lower_bound"] is None else f"at least {row['lower_bound']:.5f}"
-        words += (
-            f", {low} at {100 * row['confidence']:g} %, asked {row['probability']:g}; "
-            f"this many failures need {row['needed']} trials"
+    for label, lines in metric_tables(found).items():
+        print_table(
+            (label or "metric", "unit", "mean", *QUANTILE_NAMES),
+            [(row.name, row.unit, row.mean, *row.quantiles) for row in lines],
         )
-    for_people.print(f"[{'green]passed' if row['passed'] else 'red]not demonstrated'}[/] {words}")
-
-
-def _bounded(bounds: list[float | None]) -> str:
-    low, estimate, high = (short(x) for x in bounds)
-    return f"{estimate} [{low}, {high}]"
+    if found["paired"]:
+        against = found["paired"][0]["against"]
+        heads = ("smaller / larger in", "mean difference", "median difference", "p", "pairs")
+        print_table((f"against {against}", "variant", "is", *heads), pair_rows(found))
+    for row in found["criteria"]:
+        verdict = Verdict(row["verdict"])
+        for_people.print(
+            Text.assemble((verdict.value, _COLOURS[verdict]), " ", criterion_words(row)),
+            highlight=False,
+            soft_wrap=True,
+        )
 
 
 def side_by_side(found: list[dict[str, Any]]) -> None:
@@ -126,5 +125,5 @@ def side_by_side(found: list[dict[str, Any]]) -> None:
         if "." in name or name not in second["metrics"]:
             continue
         q = [m["quantiles"]["0.99"] for m in (metric, second["metrics"][name])]
-        lines.append((name, _bounded(q[0]), _bounded(q[1])))
+        lines.append((name, bounded(q[0]), bounded(q[1])))
     print_table(("99 % of", first["study"], second["study"]), lines)

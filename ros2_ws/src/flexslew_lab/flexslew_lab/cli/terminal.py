@@ -54,12 +54,13 @@ def link(path: Path) -> str:
     return path.resolve().as_uri()
 
 
-def short(value: Any) -> str:
+def short(value: Any, digits: int = 6) -> str:
     """Return a value in few digits and few entries."""
     if isinstance(value, dict):
-        return ", ".join(f"{key} {short(entry)}" for key, entry in value.items())
+        return ", ".join(f"{key} {short(entry, digits)}" for key, entry in value.items())
     if isinstance(value, list | tuple):
-        return ", ".join(map(short, value[:8])) + (", ..." if len(value) > 8 else "")
+        shown = ", ".join(short(entry, digits) for entry in value[:8])
+        return shown + (", ..." if len(value) > 8 else "")
     if isinstance(value, float):
-        return f"{value:.6g}"
+        return f"{value:.{digits}g}"
     return "-" if value is None else str(value)

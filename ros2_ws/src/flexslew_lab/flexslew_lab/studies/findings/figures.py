@@ -7,8 +7,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from flexslew_lab.report.panels import COLOURS, GRID, INK
+from flexslew_lab.studies.findings.columns import CONFIDENCE, column
 from flexslew_lab.studies.findings.statistics import dkw_half_width, quantile
-from flexslew_lab.studies.findings.summary import CONFIDENCE, column
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study

@@ -1,5 +1,6 @@
 """The pages of studies: one HTML file with everything in it."""
 
+from functools import partial
 from typing import Any
 
 import plotly.graph_objects as go
@@ -7,7 +8,12 @@ import plotly.graph_objects as go
 from flexslew_lab.cli.terminal import short
 from flexslew_lab.report.page import render
 from flexslew_lab.studies.findings import figures
-from flexslew_lab.studies.findings.summary import QUANTILES
+from flexslew_lab.studies.findings.tables import (
+    QUANTILE_NAMES,
+    metric_tables,
+    overall_rows,
+    pair_rows,
+)
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
 
@@ -38,15 +44,16 @@ def study_page(study: Study, store: Store, found: dict[str, Any]) -> str:
         file=study.source,
         folder=str(store.folder),
         trial=study.trial_source,
-        metrics=[_row(n, m) for n, m in found["metrics"].items() if "." not in n],
-        quantiles=[f"{100 * q:g} %" for q in QUANTILES],
+        tables=metric_tables(found),
+        pairs=pair_rows(found),
+        quantiles=QUANTILE_NAMES,
         drawn=drawn,
         worst=_worst(store, found, names),
         sensitivity=[
             (line, _html(figures.sensitivity(line)) if line["indices"] else "")
             for line in found["sensitivity"]
         ],
-        short=short,
+        short=partial(short, digits=3),
     )
 
 
@@ -63,37 +70,25 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
                 each[", ".join(filter(None, (summed["study"], label)))] = values
         unit = found[0]["metrics"][name]["unit"]
         drawn.append({"name": name, "figure": _html(figures.curves(each, name, unit))})
-    rows = []
-    for name in common:
-        cells = [_row(name, one["metrics"][name]) for one in found]
-        rows.append((name, *(cell["mean"] for cell in cells), *(c["bounds"][-1] for c in cells)))
+    told = [{row.name: row for row in overall_rows(one)} for one in found]
+    rows = [
+        (name, *(one[name].mean for one in told), *(one[name].quantiles[-1] for one in told))
+        for name in common
+        if all(name in one for one in told)
+    ]
     title = " and ".join(one["study"] for one in found)
-    return render("studies.html.j2", title=title, found=found, rows=rows, drawn=drawn)
+    return render(
+        "studies.html.j2",
+        title=title,
+        found=found,
+        rows=rows,
+        drawn=drawn,
+        short=partial(short, digits=3),
+    )
 
 
 def _html(figure: go.Figure) -> str:
     return str(figure.to_html(full_html=False, include_plotlyjs=False))
-
-
-def _row(name: str, metric: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "name": name,
-        "unit": metric["unit"],
-        "mean": short(metric["mean"]),
-        "bounds": [_bounded(b) for b in metric["quantiles"].values()],
-        "failed": metric["failed"],
-        "missing": metric["missing"],
-    }
-
-
-def _bounded(bounds: list[float | None]) -> str:
-    low, estimate, high = bounds
-    if estimate is None:
-        return "unbounded"
-    if low is None and high is None:
-        return f"{short(estimate)}"
-    ends = ("-∞" if low is None else short(low), "∞" if high is None else short(high))
-    return f"{short(estimate)} [{ends[0]}, {ends[1]}]"
 
 
 def _worst(store: Store, found: dict[str, Any], names: list[str]) -> list[dict[str, Any]]:

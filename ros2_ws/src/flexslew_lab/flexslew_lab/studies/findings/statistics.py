@@ -1,26 +1,12 @@
-"""What a sample shows of its population: every number with bounds, or with none and why.
+"""What independent samples show: bounds that rest on counts alone, whatever the distribution."""
 
-Bounds of independent samples rest on counts alone, whatever the distribution. Sobol points and
-Latin hypercubes are not independent of each other; their bounds come from independently
-randomised replicates.
-"""
-
+from functools import lru_cache
 from math import ceil, inf, log, log1p, sqrt
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import stats
+from scipy import special, stats
 
 from flexslew_plant.arrays import Vector
-
-
-class Bounds(NamedTuple):
-    """An estimate with its bounds; None where the sample gives none."""
-
-    low: float | None
-    estimate: float | None
-    high: float | None
 
 
 def dkw_half_width(n: int, confidence: float) -> float:
@@ -41,38 +27,81 @@ def quantile(values: Vector, q: float) -> float:
     return float(ordered[max(ceil(q * len(ordered) - 1e-9) - 1, 0)])
 
 
-def quantile_bounds(values: Vector, q: float, confidence: float) -> tuple[float, float]:
-    """Return order statistics between which the q-quantile lies, each end with half of alpha.
+@lru_cache(maxsize=256)
+def quantile_ranks(n: int, q: float, confidence: float) -> tuple[int, int]:
+    """Return the ranks l and h of the samples between which the q-quantile lies, counted from 1.
 
     The number of samples not above the quantile is binomial (n, q), so X_(l) exceeds it with
-    probability P(K < l). An end that no order statistic gives is -inf or inf.
+    probability P(K < l): l is the largest and h the smallest rank that leaves at most half of alpha
+    outside. Rank 0 or n + 1: no sample bounds that end.
 
     Args:
-        values: independent samples, inf where larger than any number.
+        n: independent samples.
         q: of the quantile.
         confidence: 1 - alpha.
     """
-    ordered, n = np.sort(values), len(values)
     share = 0.5 * (1.0 - confidence)
     low = int(stats.binom.ppf(share, n, q))  # the largest l with P(K < l) <= share
     if stats.binom.cdf(low - 1, n, q) > share:
         low -= 1
     high = int(stats.binom.ppf(1.0 - share, n, q)) + 1  # the smallest h with P(K >= h) <= share
-    return (
-        float(ordered[low - 1]) if low >= 1 else -inf,
-        float(ordered[high - 1]) if high <= n else inf,
-    )
+    return max(low, 0), min(high, n + 1)
 
 
-def success_bound(successes: int, n: int, confidence: float) -> float:
-    """Return the lower bound of a success probability (Clopper and Pearson, one side).
+def quantile_bounds(values: Vector, q: float, confidence: float) -> tuple[float, float]:
+    """Return the samples between which the q-quantile lies; -inf or inf where none bounds it.
+
+    Args:
+        values: independent samples, inf where larger than any number.
+        q: of the quantile.
+        confidence: see quantile_ranks.
+    """
+    low, high = quantile_ranks(len(values), q, confidence)
+    ordered = np.concatenate(([-inf], np.sort(values), [inf]))
+    return float(ordered[low]), float(ordered[high])
+
+
+def mean_bounds(values: Vector, confidence: float) -> tuple[float, float]:
+    """Return the bounds of the mean, by Student's t: none for one sample, or with an inf.
+
+    It holds for numbers that are spread like a normal distribution, and for others nearly, the
+    better the more samples there are and the less skewed they are.
+
+    Args:
+        values: independent samples.
+        confidence: two-sided.
+    """
+    n = len(values)
+    if n < 2 or not np.isfinite(values).all():
+        return -inf, inf
+    margin = special.stdtrit(n - 1, 0.5 + 0.5 * confidence) * np.std(values, ddof=1) / sqrt(n)
+    middle = float(np.mean(values))
+    return middle - float(margin), middle + float(margin)
+
+
+def success_bounds(successes: int, n: int, confidence: float) -> tuple[float, float]:
+    """Return the lower and the upper bound of a success probability (Clopper and Pearson).
 
     Args:
         successes: of n independent trials.
         n: at least 1.
-        confidence: that the probability is not below.
+        confidence: of each bound alone.
     """
-    return float(stats.beta.ppf(1.0 - confidence, successes, n - successes + 1)) if successes else 0
+    failures = n - successes
+    low = special.betaincinv(successes, failures + 1, 1.0 - confidence) if successes else 0.0
+    high = special.betaincinv(successes + 1, failures, confidence) if failures else 1.0
+    return float(low), float(high)
+
+
+def sign_test(larger: int, smaller: int) -> float:
+    """Return how likely two equal alternatives split at least so unevenly, both ways (exact).
+
+    Args:
+        larger: independent pairs with the larger number on one side.
+        smaller: those with the smaller one there; pairs without a difference are left out.
+    """
+    n = larger + smaller
+    return float(min(1.0, 2.0 * special.bdtr(min(larger, smaller), n, 0.5))) if n else 1.0
 
 
 def trials_needed(probability: float, confidence: float, failures: int = 0) -> int:
@@ -93,88 +122,3 @@ def trials_needed(probability: float, confidence: float, failures: int = 0) -> i
         else:
             high = middle
     return high
-
-
-def replicate_bounds(estimates: Vector, confidence: float) -> tuple[float, float]:
-    """Return the bounds of a mean from independent estimates, with Student's t.
-
-    Args:
-        estimates: one a replicate, at least two; with an inf among them there are no bounds.
-        confidence: two-sided.
-    """
-    count = len(estimates)
-    if count < 2 or not np.isfinite(estimates).all():
-        return -inf, inf
-    width = stats.t.ppf(0.5 + 0.5 * confidence, count - 1) * np.std(estimates, ddof=1)
-    middle = float(np.mean(estimates))
-    return middle - float(width) / sqrt(count), middle + float(width) / sqrt(count)
-
-
-class Population:
-    """Samples of one number with what is known of their dependence.
-
-    Args:
-        values: inf where a trial failed or the number is larger than any, shape (n,).
-        parts: the replicate of each sample, shape (n,); None: the samples are independent.
-        bounded: False: neither independent nor replicated, so that nothing has bounds.
-    """
-
-    def __init__(
-        self, values: Vector, parts: NDArray[np.int32] | None = None, bounded: bool = True
-    ) -> None:
-        self.values = values
-        self._bounded = bounded
-        self._rows: list[NDArray[np.int64]] = []  # of each replicate
-        if parts is not None:
-            self._rows = [np.flatnonzero(parts == k) for k in np.unique(parts)]
-            self._bounded = bounded and len(self._rows) > 1
-
-    def quantile(self, q: float, confidence: float) -> Bounds:
-        """Return the q-quantile with its bounds."""
-        if not len(self.values):
-            return Bounds(None, None, None)
-        low, high = -inf, inf
-        if self._bounded and self._rows:
-            each = np.array([quantile(self.values[rows], q) for rows in self._rows])
-            low, high = replicate_bounds(each, confidence)
-        elif self._bounded:
-            low, high = quantile_bounds(self.values, q, confidence)
-        return _bounds(low, quantile(self.values, q), high)
-
-    def mean(self, confidence: float) -> Bounds:
-        """Return the mean with its bounds: Student's t on the samples or on the replicates."""
-        if not len(self.values):
-            return Bounds(None, None, None)
-        low, high = -inf, inf
-        if self._bounded:
-            each = [float(np.mean(self.values[rows])) for rows in self._rows]
-            low, high = replicate_bounds(np.array(each) if each else self.values, confidence)
-        return _bounds(low, float(np.mean(self.values)), high)
-
-    def success(self, kept: NDArray[np.bool_], confidence: float) -> Bounds:
-        """Return the share of samples that kept to a criterion with its lower bound.
-
-        From replicates, the lower end of Student's t on their shares, and never more than as many
-        independent samples would show: replicates that all succeed differ in nothing.
-
-        Args:
-            kept: which samples did, shape (n,).
-            confidence: of the lower bound.
-        """
-        if not len(kept):
-            return Bounds(None, None, None)
-        successes = int(np.count_nonzero(kept))
-        if not self._bounded:
-            return Bounds(None, successes / len(kept), None)
-        low = success_bound(successes, len(kept), confidence)
-        if self._rows:
-            shares = np.array([float(np.mean(kept[rows])) for rows in self._rows])
-            low = min(low, replicate_bounds(shares, 2.0 * confidence - 1.0)[0])
-        return Bounds(max(low, 0.0), successes / len(kept), None)
-
-
-def _bounds(low: float, estimate: float, high: float) -> Bounds:
-    def shown(value: float) -> float | None:
-        return float(value) if np.isfinite(value) else None
-
-    return Bounds(shown(low), shown(estimate), shown(high))

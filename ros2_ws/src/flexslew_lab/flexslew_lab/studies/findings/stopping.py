@@ -1,15 +1,16 @@
 """When a study may stop: decided after fixed numbers of samples, whichever worker flies them."""
 
 from collections.abc import Iterator
+from math import inf
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from flexslew_lab.studies.findings.statistics import Population
+from flexslew_lab.studies.findings.population import Bounds, Population
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
-from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.study import Stop, Study
 
 _FIRST = 64  # samples before the first look
 
@@ -34,27 +35,43 @@ def looks(study: Study, samples: pa.Table) -> list[int]:
     return [*counts, last]
 
 
-def settled(study: Study, store: Store, samples: pa.Table, look: int) -> dict[str, Any] | None:
-    """Return what is known if the first `look` samples are enough, else None.
+def confidence_of_a_look(study: Study, samples: pa.Table, stop: Stop) -> float:
+    """Return at what confidence each look at each variant bounds the quantile (Bonferroni).
 
-    Bonferroni: each look at each variant has an equal share of the error allowed.
+    All looks hold at once with the confidence of the stop, so that the bounds of the look at which
+    a study ended hold with it, too.
     """
+    return 1.0 - (1.0 - stop.confidence) / (len(looks(study, samples)) * len(study.variants))
+
+
+def settled(study: Study, store: Store, samples: pa.Table, look: int) -> dict[str, Any] | None:
+    """Return what is known if the first `look` samples are enough, else None."""
     stop = study.settings.stop
     if stop is None:
         return None
-    count = len(looks(study, samples)) * len(study.variants)
-    confidence = 1.0 - (1.0 - stop.confidence) / count
+    confidence = confidence_of_a_look(study, samples, stop)
     replicated = METHODS[study.settings.sampling.method].replicated
-    widths = []
+    known = []
     for values in _values(study, store, stop.metric, look):
         parts = samples["replicate"].to_numpy()[:look] if replicated else None
         bounds = Population(values, parts).quantile(stop.quantile, confidence)
-        if bounds.low is None or bounds.high is None:
+        if _half_width(bounds) > stop.half_width:
             return None
-        widths.append(0.5 * (bounds.high - bounds.low))
-    if max(widths) > stop.half_width:
-        return None
-    return {"samples": look, "half_width": max(widths), "metric": stop.metric}
+        known.append(bounds)
+    return {
+        "samples": look,
+        "half_width": max(_half_width(bounds) for bounds in known),
+        "metric": stop.metric,
+        "quantile": stop.quantile,
+        "confidence": stop.confidence,
+        "bounds": {v.label: list(b) for v, b in zip(study.variants, known, strict=True)},
+    }
+
+
+def _half_width(bounds: Bounds) -> float:
+    """Return half of how far the ends are apart; inf without one."""
+    low, _, high = bounds
+    return inf if low is None or high is None else 0.5 * (high - low)
 
 
 def _values(

@@ -1,35 +1,26 @@
 """What a study found, as plain data with stable keys: what --json prints and the report shows."""
 
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 
 from flexslew_lab.metrics.rows import key_of
+from flexslew_lab.studies.findings.columns import CONFIDENCE, Column, column, population
+from flexslew_lab.studies.findings.criteria import judged
+from flexslew_lab.studies.findings.pairs import paired
+from flexslew_lab.studies.findings.population import Population
 from flexslew_lab.studies.findings.sensitivity import indices
-from flexslew_lab.studies.findings.statistics import Population, trials_needed
+from flexslew_lab.studies.findings.stopping import confidence_of_a_look
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
-from flexslew_lab.studies.study import Criterion, Study
-from flexslew_plant.arrays import Vector
+from flexslew_lab.studies.study import Study
 
 QUANTILES = (0.5, 0.9, 0.99)
-CONFIDENCE = 0.9  # of bounds that no criterion names
 _WORST = 5
 _REASONS = 20
-_NEVER = ("settling_time",)  # null means that it never happened, not that there is no such number
-
-
-class Column(NamedTuple):
-    """One metric of the trials of one variant."""
-
-    numbers: NDArray[np.int64]  # of the trials
-    values: Vector  # inf: failed or never; NaN: the trial has no such number
-    failed: int
-    missing: int  # NaN
 
 
 def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, Any]:
@@ -46,7 +37,7 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
     chosen = [name for name in columns if _worth_telling(name)]
     metrics = {name: _metric(study, store, name) for name in chosen}
     criteria = [
-        row for name, c in study.settings.criteria.items() for row in _judged(study, store, name, c)
+        row for name, c in study.settings.criteria.items() for row in judged(study, store, name, c)
     ]
     total = store.samples.num_rows * len(study.variants)
     return {
@@ -68,7 +59,7 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
         "variants": [variant.label for variant in study.variants],
         "ways": dict(sorted(_counted(rows["way"]).items())),
         "reasons": _counted(rows["reason"].filter(failed)),
-        "paired": _paired(study, store, list(study.settings.criteria) or chosen[:1]),
+        "paired": paired(study, store, list(study.settings.criteria) or chosen[:1]),
         "sensitivity": _sensitivity(study, store, list(study.settings.criteria) or chosen[:1]),
         "check": flights.get("check"),
         "stopped": flights.get("stopped"),
@@ -81,53 +72,13 @@ def passed(found: dict[str, Any]) -> bool:
     return all(row["passed"] for row in found["criteria"]) and (check is None or check["ok"])
 
 
-def column(study: Study, store: Store, name: str, variant: int | None) -> tuple[Column, pa.Table]:
-    """Return a metric of one variant (None: of all) with the rows that it comes from."""
-    rows = store.table(["index", "replicate", "status", name])
-    if variant is not None:
-        count = len(study.variants)
-        rows = rows.filter(pa.array(rows["index"].to_numpy() % count == variant))
-    values = rows[name].to_numpy(zero_copy_only=False).astype(np.float64)
-    failed = pc.not_equal(rows["status"], "ok").to_numpy()
-    if name.split(".")[0] in _NEVER:
-        values = np.where(np.isnan(values), inf, values)
-    values = np.where(failed, inf, values)
-    missing = int(np.isnan(values).sum())
-    return Column(rows["index"].to_numpy(), values, int(failed.sum()), missing), rows
-
-
-def population(study: Study, found: Column, rows: pa.Table) -> Population:
-    """Return the samples that have a number, with what their sampling says of bounds."""
-    method = METHODS[study.settings.sampling.method]
-    there = ~np.isnan(found.values)
-    parts = rows["replicate"].to_numpy()[there] if method.replicated else None
-    return Population(found.values[there], parts, method.independent or method.replicated)
-
-
-def needed(study: Study) -> list[str]:
-    """Return, in words, how many trials each criterion needs at least."""
-    lines = []
-    samples = study.settings.sampling
-    for name, c in study.settings.criteria.items():
-        if c.probability is None:
-            continue
-        least = trials_needed(c.probability, c.confidence)
-        line = (
-            f"{name}: {least} trials without a failure show {100 * c.probability:g} % at "
-            f"{100 * c.confidence:g} %"
-        )
-        if samples.method in ("grid", "list", "saltelli"):
-            line += f"; samples of method {samples.method} show no probability, however many"
-        lines.append(line)
-    return lines
-
-
 def _metric(study: Study, store: Store, name: str) -> dict[str, Any]:
     each = {}
+    confidence = _confidence(study, store, name)
     for k, variant in enumerate(study.variants):
         found, rows = column(study, store, name, k)
-        confidence = 1.0 - (1.0 - CONFIDENCE) / len(study.variants)  # all of them at once
-        each[variant.label] = _numbers(population(study, found, rows), confidence) | {
+        samples = population(study, found.values, rows["replicate"].to_numpy())
+        each[variant.label] = _numbers(samples, confidence) | {
             "failed": found.failed,
             "missing": found.missing,
             "worst": _worst(found),
@@ -150,6 +101,14 @@ def _metric(study: Study, store: Store, name: str) -> dict[str, Any]:
     }
 
 
+def _confidence(study: Study, store: Store, name: str) -> float:
+    """Return the confidence of each variant's bounds, so that those of all hold at once."""
+    stop = study.settings.stop
+    if stop is not None and stop.metric == name:  # the look at which it ended was chosen by it
+        return confidence_of_a_look(study, store.samples, stop)
+    return 1.0 - (1.0 - CONFIDENCE) / len(study.variants)
+
+
 def _numbers(found: Population, confidence: float) -> dict[str, Any]:
     mean = found.mean(confidence)
     return {
@@ -170,79 +129,6 @@ def _worst(found: Column) -> list[dict[str, Any]]:
         for k in order
         if not np.isnan(found.values[k])
     ]
-
-
-def _judged(study: Study, store: Store, name: str, c: Criterion) -> list[dict[str, Any]]:
-    """Return one row per variant: a failed trial and one without a number do not keep to it."""
-    lines = []
-    for k, variant in enumerate(study.variants):
-        found, rows = column(study, store, name, k)
-        with np.errstate(invalid="ignore"):
-            kept = np.ones(len(found.values), dtype=np.bool_)
-            if c.below is not None:
-                kept &= found.values < c.below
-            if c.above is not None:
-                kept &= found.values > c.above
-        kept &= np.isfinite(found.values)
-        method = METHODS[study.settings.sampling.method]
-        parts = rows["replicate"].to_numpy() if method.replicated else None
-        whole = Population(found.values, parts, method.independent or method.replicated)
-        bound = whole.success(kept, c.confidence)
-        row: dict[str, Any] = {
-            "metric": name,
-            "variant": variant.label,
-            "below": c.below,
-            "above": c.above,
-            "probability": c.probability,
-            "confidence": c.confidence,
-            "trials": len(kept),
-            "successes": int(kept.sum()),
-            "failed": found.failed,
-            "missing": found.missing,
-            "estimate": bound.estimate,
-            "lower_bound": bound.low if c.probability is not None else None,
-            "needed": None,
-        }
-        if c.probability is None:
-            row["passed"] = bool(kept.all()) and len(kept) > 0
-        else:
-            row["needed"] = trials_needed(c.probability, c.confidence, len(kept) - int(kept.sum()))
-            row["passed"] = bound.low is not None and bound.low >= c.probability
-        lines.append(row)
-    return lines
-
-
-def _paired(study: Study, store: Store, names: list[str]) -> list[dict[str, Any]]:
-    """Return, for each metric, every variant against the first on the same samples."""
-    lines = []
-    for name in names if len(study.variants) > 1 else []:
-        first, rows = column(study, store, name, 0)
-        for k, variant in enumerate(study.variants[1:], start=1):
-            other, _ = column(study, store, name, k)
-            # a stop may have left samples that only one of them has flown
-            _, a, b = np.intersect1d(
-                first.numbers // len(study.variants),
-                other.numbers // len(study.variants),
-                return_indices=True,
-            )
-            both = np.isfinite(first.values[a]) & np.isfinite(other.values[b])
-            difference = other.values[b][both] - first.values[a][both]
-            method = METHODS[study.settings.sampling.method]
-            parts = rows["replicate"].to_numpy()[a][both] if method.replicated else None
-            found = Population(difference, parts, method.independent or method.replicated)
-            lines.append(
-                {
-                    "metric": name,
-                    "variant": variant.label,
-                    "against": study.variants[0].label,
-                    "pairs": int(both.sum()),
-                    "without_number": int((~both).sum()),
-                    "smaller": float(np.mean(difference < 0.0)) if both.any() else None,
-                    "mean": list(found.mean(CONFIDENCE)),
-                    "median": list(found.quantile(0.5, CONFIDENCE)),
-                }
-            )
-    return lines
 
 
 def _sensitivity(study: Study, store: Store, names: list[str]) -> list[dict[str, Any]]:

@@ -1,0 +1,100 @@
+"""What the criteria of a study come to: passed, refuted, or undecided by these trials."""
+
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexslew_lab.studies.findings.columns import Column, column, population
+from flexslew_lab.studies.findings.population import Bounds
+from flexslew_lab.studies.findings.statistics import trials_needed
+from flexslew_lab.studies.sampling.methods import METHODS
+from flexslew_lab.studies.store import Store
+from flexslew_lab.studies.study import Criterion, Study
+
+
+class Verdict(StrEnum):
+    """What trials say of a criterion."""
+
+    PASSED = "passed"  # shown at the confidence that was asked for
+    REFUTED = "refuted"  # the opposite is
+    UNDECIDED = "undecided"
+
+
+def judged(study: Study, store: Store, name: str, c: Criterion) -> list[dict[str, Any]]:
+    """Return one row per variant: a failed trial and one without a number do not keep to it."""
+    lines = []
+    for k, variant in enumerate(study.variants):
+        found, rows = column(study, store, name, k)
+        kept = _kept(found, c)
+        counted = np.where(np.isnan(found.values), np.inf, found.values)  # every trial counts
+        whole = population(study, counted, rows["replicate"].to_numpy())
+        bound = whole.success(kept, c.confidence)
+        probable = c.probability is not None
+        verdict = verdict_of(c, kept, bound)
+        lines.append(
+            {
+                "metric": name,
+                "variant": variant.label,
+                "below": c.below,
+                "above": c.above,
+                "probability": c.probability,
+                "confidence": c.confidence,
+                "trials": len(kept),
+                "successes": int(kept.sum()),
+                "failed": found.failed,
+                "missing": found.missing,
+                "estimate": bound.estimate,
+                "lower_bound": bound.low if probable else None,
+                "upper_bound": bound.high if probable else None,
+                "needed": None
+                if c.probability is None
+                else trials_needed(c.probability, c.confidence, int(np.count_nonzero(~kept))),
+                "verdict": verdict.value,
+                "passed": verdict is Verdict.PASSED,
+            }
+        )
+    return lines
+
+
+def _kept(found: Column, c: Criterion) -> NDArray[np.bool_]:
+    kept = np.isfinite(found.values)
+    with np.errstate(invalid="ignore"):
+        if c.below is not None:
+            kept &= found.values < c.below
+        if c.above is not None:
+            kept &= found.values > c.above
+    return kept
+
+
+def verdict_of(c: Criterion, kept: NDArray[np.bool_], bound: Bounds) -> Verdict:
+    """Return what is shown: by the bounds of the probability, or by one counterexample."""
+    if c.probability is None:
+        if not kept.all():
+            return Verdict.REFUTED
+        return Verdict.PASSED if len(kept) else Verdict.UNDECIDED
+    if bound.low is not None and bound.low >= c.probability:
+        return Verdict.PASSED
+    if bound.high is not None and bound.high < c.probability:
+        return Verdict.REFUTED
+    return Verdict.UNDECIDED
+
+
+def needed(study: Study) -> list[str]:
+    """Return, in words, how many trials each criterion needs at least."""
+    lines = []
+    samples = study.settings.sampling
+    for name, c in study.settings.criteria.items():
+        if c.probability is None:
+            continue
+        least = trials_needed(c.probability, c.confidence)
+        line = (
+            f"{name}: {least} trials without a failure show {100 * c.probability:g} % at "
+            f"{100 * c.confidence:g} %"
+        )
+        method = METHODS[samples.method]
+        if not (method.independent or method.replicated):
+            line += f"; samples of method {samples.method} show no probability, however many"
+        lines.append(line)
+    return lines

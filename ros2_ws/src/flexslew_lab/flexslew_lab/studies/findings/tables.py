@@ -1,0 +1,125 @@
+"""The numbers of a study as words in tables, the same on its page and on a terminal."""
+
+from typing import Any, NamedTuple
+
+from flexslew_lab.cli.terminal import short
+from flexslew_lab.studies.findings.summary import QUANTILES
+
+_DIGITS = 3
+QUANTILE_NAMES = ("median", *(f"{100 * q:g} %" for q in QUANTILES[1:]))
+
+
+class MetricRow(NamedTuple):
+    """What a variant shows of one metric."""
+
+    name: str
+    unit: str
+    mean: str
+    quantiles: tuple[str, ...]  # of QUANTILES, with bounds
+    failed: int
+    missing: int
+
+
+class PairRow(NamedTuple):
+    """How a variant stands to the first one in one metric."""
+
+    metric: str
+    variant: str
+    verdict: str  # smaller, larger or undecided
+    shares: str  # of pairs in which it is smaller and larger
+    mean: str  # of the differences, with bounds
+    median: str
+    p_value: str
+    pairs: str  # how many, and how many of them with a failure or left out
+
+
+def metric_tables(found: dict[str, Any]) -> dict[str, list[MetricRow]]:
+    """Return the rows of each variant by its label; without metrics that are 0 in every trial."""
+    tables = {}
+    for label in found["variants"]:
+        rows = []
+        for name, metric in found["metrics"].items():
+            own = metric["variants"][label] if "variants" in metric else metric
+            if "." not in name and not _nothing(own):
+                rows.append(_row(name, metric["unit"], own))
+        tables[label] = rows
+    return tables
+
+
+def overall_rows(found: dict[str, Any]) -> list[MetricRow]:
+    """Return the rows over all variants together."""
+    each = {name: metric for name, metric in found["metrics"].items() if "." not in name}
+    return [_row(name, m["unit"], m) for name, m in each.items() if not _nothing(m)]
+
+
+def pair_rows(found: dict[str, Any]) -> list[PairRow]:
+    """Return the differences to the first variant."""
+    return [
+        PairRow(
+            row["metric"],
+            row["variant"],
+            row["verdict"],
+            f"{_percent(row['smaller'])} / {_percent(row['larger'])}",
+            bounded(row["mean"]),
+            bounded(row["median"]),
+            short(row["p_value"], 2),
+            _pairs(row),
+        )
+        for row in found["paired"]
+    ]
+
+
+def criterion_words(row: dict[str, Any]) -> str:
+    """Return what was asked of a metric and what the trials show."""
+    side = f"below {row['below']:g}" if row["below"] is not None else f"above {row['above']:g}"
+    who = f" ({row['variant']})" if row["variant"] else ""
+    words = f"{row['metric']} {side}{who}: {row['successes']} of {row['trials']}"
+    if row["probability"] is None:
+        return f"{words}, required of all"
+    if row["lower_bound"] is None:
+        return f"{words}, no bounds by this sampling, required {row['probability']:g}"
+    return (
+        f"{words}; at {100 * row['confidence']:g} % at least {row['lower_bound']:.5f} and, as "
+        f"surely, at most {row['upper_bound']:.5f}, required {row['probability']:g}; this many "
+        f"failures need {row['needed']} trials"
+    )
+
+
+def bounded(bounds: list[float | None]) -> str:
+    """Return an estimate with its bounds in brackets."""
+    low, estimate, high = bounds
+    if low is None and high is None:
+        return "unbounded" if estimate is None else short(estimate, _DIGITS)
+    ends = (
+        "-∞" if low is None else short(low, _DIGITS),
+        "∞" if high is None else short(high, _DIGITS),
+    )
+    shown = "∞" if estimate is None else short(estimate, _DIGITS)
+    return f"{shown} [{ends[0]}, {ends[1]}]"
+
+
+def _row(name: str, unit: str, metric: dict[str, Any]) -> MetricRow:
+    quantiles = tuple(bounded(b) for b in metric["quantiles"].values())
+    mean = bounded([metric["mean_bounds"][0], metric["mean"], metric["mean_bounds"][1]])
+    if metric["mean"] is None:
+        mean = "-"
+    return MetricRow(name, unit, mean, quantiles, metric["failed"], metric["missing"])
+
+
+def _nothing(metric: dict[str, Any]) -> bool:
+    """Return whether a metric is 0 in every trial that has it, and no trial failed."""
+    ends = [b for bounds in metric["quantiles"].values() for b in bounds[1:2]]
+    return metric["mean"] == 0.0 and not any(ends) and not metric["failed"]
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100.0 * share:.3g} %"
+
+
+def _pairs(row: dict[str, Any]) -> str:
+    words = str(row["pairs"])
+    if row["with_failure"]:
+        words += f", {row['with_failure']} with a failure"
+    if row["without_number"]:
+        words += f", {row['without_number']} without a number left out"
+    return words
