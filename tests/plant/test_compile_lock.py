@@ -11,10 +11,9 @@ from typing import Any
 import numba
 import pytest
 from numba import config
-from numba.core.caching import IndexDataCacheFile
 
 from flexslew_plant.arrays import compiled, inlined, vectorised
-from flexslew_plant.compile_lock import CompileLock, lock_of, one_at_a_time
+from flexslew_plant.compile_lock import CompileLock, FilesForGood, lock_of, one_at_a_time
 
 NESTED = """
 def inner(x):
@@ -36,20 +35,21 @@ def is_free(path: Path) -> bool:
     return True
 
 
-def test_the_lock_is_held_from_the_look_into_the_cache_to_the_last_file(
+def test_the_lock_is_held_from_the_miss_in_the_cache_to_the_last_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lock = CompileLock(tmp_path / "lock")
-    free = []
+    seen = []
     for name in ("load", "save"):
-        plain = getattr(IndexDataCacheFile, name)
+        plain = getattr(FilesForGood, name)
 
-        def look(*words: Any, plain: Any = plain) -> Any:
+        def look(*words: Any, plain: Any = plain, name: str = name) -> Any:
+            free = is_free(lock.path)
             done = plain(*words)
-            free.append(is_free(lock.path))
+            seen.append((name, free and is_free(lock.path)))
             return done
 
-        monkeypatch.setattr(IndexDataCacheFile, name, look)
+        monkeypatch.setattr(FilesForGood, name, look)
     (tmp_path / "nested.py").write_text(NESTED)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
@@ -57,8 +57,51 @@ def test_the_lock_is_held_from_the_look_into_the_cache_to_the_last_file(
     nested.inner = one_at_a_time(numba.njit(nested.inner, cache=True), lock)
     outer = one_at_a_time(numba.njit(nested.outer, cache=True), lock)
     assert outer(3.0) == 8.0
-    assert free == [False] * 4  # both are looked for and saved, one within the other
+    # looked for without the lock, then with it; the inner one within that of the outer one
+    within = [("load", False)] * 3 + [("save", False)] * 2
+    assert seen == [("load", True), *within]
     assert is_free(lock.path)
+
+
+def test_what_is_in_the_cache_is_loaded_while_another_process_compiles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    (tmp_path / "single.py").write_text(NESTED.split("\n\n")[0])
+    monkeypatch.syspath_prepend(tmp_path)
+    function = importlib.import_module("single").inner
+    lock = CompileLock(tmp_path / "lock")
+    assert one_at_a_time(numba.njit(function, cache=True), lock)(1.0) == 2.0
+    handle = os.open(lock.path, os.O_RDWR | os.O_CREAT)
+    fcntl.flock(handle, fcntl.LOCK_EX)  # as that process has it
+    monkeypatch.setattr(CompileLock, "take", lambda self: pytest.fail("it waits"))
+    try:
+        again = one_at_a_time(numba.njit(function, cache=True), lock)
+        assert again(1.0) == 2.0
+        assert sum(again.stats.cache_hits.values()) == 1
+    finally:
+        os.close(handle)
+
+
+def test_an_index_names_only_files_that_are_whole_and_stay_as_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = FilesForGood(str(tmp_path), "name", (1.0, 2))
+    named, plain = [], FilesForGood._save_index
+
+    def save_index(self: FilesForGood, overloads: dict[str, str]) -> None:
+        named.append({key: self._load_data(name) for key, name in overloads.items()})
+        plain(self, overloads)
+
+    monkeypatch.setattr(FilesForGood, "_save_index", save_index)
+    files.save("first", 1)
+    old = files._load_index()["first"]
+    files.save("second", 2)
+    files.save("first", 3)
+    assert named == [{"first": 1}, {"first": 1, "second": 2}, {"first": 3, "second": 2}]
+    changed = FilesForGood(str(tmp_path), "name", (2.0, 2))  # of a changed source
+    changed.save("first", 4)
+    assert (files._load_data(old), changed.load("first"), changed.load("second")) == (1, 4, None)
 
 
 def test_what_is_compiled_for_later_runs_is_compiled_under_the_lock() -> None:
@@ -91,6 +134,7 @@ def test_a_signal_ends_the_wait_for_the_lock(tmp_path: Path) -> None:
         signal.signal(signal.SIGUSR1, before)
         os.close(handle)
     with lock:  # it does not think that it holds it
+        lock.take()
         assert not is_free(lock.path)
     assert is_free(lock.path)
 
@@ -108,7 +152,7 @@ def test_another_process_that_compiles_one_function_keeps_nobody_from_the_others
     assert lock_of(__file__, "taken") is taken
     assert lock_of("elsewhere.py", "taken").path != taken.path
     with other:
-        pass
+        other.take()
     handle = os.open(taken.path, os.O_RDWR | os.O_CREAT)
     fcntl.flock(handle, fcntl.LOCK_EX)  # as that process has it
     try:
@@ -117,6 +161,7 @@ def test_another_process_that_compiles_one_function_keeps_nobody_from_the_others
     finally:
         os.close(handle)
     with taken, taken:  # a function that is compiled within itself
+        taken.take()
         assert not is_free(taken.path)
 
 

@@ -225,4 +225,5 @@ def test_a_plan_that_does_not_fit_is_refused_with_the_reason(changes: Any, words
         one.observe(question(tick))
     assert words in one.adopt(replace(PLAN, **changes))
     assert one.plan is None
-    assert one.adopt(replace(PLAN, start=0.31)) == ""
+    assert "moves at 0, the plan begins with 1" in one.adopt(replace(PLAN, start=0.31))
+    assert one.adopt(replace(PLAN, start=0.31, velocity=0.0 * PLAN.velocity)) == ""

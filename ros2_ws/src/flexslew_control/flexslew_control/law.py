@@ -2,20 +2,17 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import NOTHING, Matrix, Vector, handed_out
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.settings import load_yaml, validated
 from flexslew_plant.testbeds import Model, Testbed, believed, read_testbed
-
-_NOTHING: Final[Vector] = np.zeros(0)
-_NOTHING.flags.writeable = False
 
 
 def per_joint(name: str, given: tuple[float, ...], joints: tuple[str, ...]) -> Vector:
@@ -103,8 +100,8 @@ class Reference(NamedTuple):
     velocity: Vector  # joints, (joints,) [rad/s or m/s]
     effort: Vector  # feedforward, mean over the coming tick, (joints,) [N m or N]
     state: Vector  # nominal state [q, v] of the planner's model, (2 n,); empty where there is none
-    next_state: Vector = _NOTHING  # the same one tick later; empty where there is none
-    gains: Vector = _NOTHING  # of a law that takes them from the plan; empty where there is none
+    next_state: Vector = NOTHING  # the same one tick later; empty where there is none
+    gains: Vector = NOTHING  # of a law that takes them from the plan; empty where there is none
 
 
 class Estimate(NamedTuple):
@@ -116,6 +113,12 @@ class Estimate(NamedTuple):
     covariance: Matrix  # of the estimator's own state; (0, 0) where it has none
     innovation: Vector  # measured minus predicted outputs; empty where there is none
     nis: float = 0.0  # normalised innovation squared
+
+
+def handed_out_estimate(estimate: Estimate) -> Estimate:
+    """Return an estimate through which nobody can change what its estimator knows."""
+    *arrays, nis = estimate
+    return Estimate(*map(handed_out, arrays), nis)
 
 
 class Estimator(Protocol):

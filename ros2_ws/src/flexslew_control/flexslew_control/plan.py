@@ -1,13 +1,13 @@
 """A Plan: the manoeuvre on the ticks of the bench, with what it came from."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from flexslew_control.law import Reference
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix, Vector, handed_out, kept
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,18 @@ class Plan:
     summary: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Let nobody who is handed a row of it write into the plan."""
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, item.name, handed_out(value))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take what another process sent, whose arrays may be written when they arrive."""
+        self.__dict__.update(state)
+        self.__post_init__()
+
     @property
     def ticks(self) -> int:
         """How many ticks the manoeuvre takes."""
@@ -57,7 +69,7 @@ class Plan:
 
     def reference(self, tick: int) -> Reference:
         """Return the reference of the bench's tick (counted from simulated time zero)."""
-        k = tick - self._first_tick
+        k = tick - self.first_tick
         if k < 0:
             return self._before
         if k >= len(self.effort):
@@ -72,7 +84,8 @@ class Plan:
         )
 
     @cached_property
-    def _first_tick(self) -> int:
+    def first_tick(self) -> int:
+        """The tick of the bench at which it starts."""
         return round(self.start / self.period)
 
     @cached_property
@@ -96,8 +109,8 @@ class Plan:
         return isinstance(goal, dict) and 0 < len(goal) < len(self.joint_names)
 
     def _at_rest(self, position: Vector, state: Vector, row: int) -> Reference:
-        rest = np.zeros(len(self.joint_names))
-        return Reference(position, rest, rest, state, state, self._gains(row))
+        rest = kept(np.zeros(len(self.joint_names)))
+        return Reference(position, rest, rest, handed_out(state), handed_out(state), self._gains(row))
 
     def _gains(self, row: int) -> Vector:
         return self.gains[row] if self.gains.size else self.gains.ravel()

@@ -9,12 +9,28 @@ from numpy.typing import NDArray
 
 from flexslew_plant.cache_names import recognised
 from flexslew_plant.compile_lock import one_at_a_time
+from flexslew_plant.read_only import for_all_access
 
 Vector: TypeAlias = NDArray[np.float64]  # one index
 Matrix: TypeAlias = NDArray[np.float64]  # two indices
 Tensor: TypeAlias = NDArray[np.float64]  # three indices
 
+NOTHING: Vector = np.zeros(0)  # of what has no numbers
+NOTHING.flags.writeable = False
+
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+_Array = TypeVar("_Array", bound=NDArray[Any])
+
+
+def kept(array: _Array) -> _Array:
+    """Return an array after making it one that may only be read; its maker writes no more."""
+    array.flags.writeable = False
+    return array
+
+
+def handed_out(array: _Array) -> _Array:
+    """Return an array through which its owner's may only be read."""
+    return kept(array.view()) if array.flags.writeable else array
 
 
 def compiled(function: _Function) -> _Function:
@@ -25,6 +41,23 @@ def compiled(function: _Function) -> _Function:
     """
     kept = numba.njit(cache=True, error_model="numpy")(function)
     return cast(_Function, one_at_a_time(recognised(kept)))
+
+
+def compiled_once(*written: str) -> Callable[[_Function], _Function]:
+    """Return what makes machine code that a run calls: see compiled.
+
+    One specialisation serves arrays that may be written and those that may not (what a bench hands
+    out), so that a run meets no other one than a warm-up did.
+
+    Args:
+        written: arguments that the function writes into; all other arrays it only reads.
+    """
+
+    def made(function: _Function) -> _Function:
+        kept = recognised(numba.njit(cache=True, error_model="numpy")(function))
+        return cast(_Function, for_all_access(one_at_a_time(kept), written))
+
+    return made
 
 
 def inlined(function: _Function) -> _Function:

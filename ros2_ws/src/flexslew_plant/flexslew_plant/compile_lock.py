@@ -1,12 +1,16 @@
 """One compiler of a function at a time for all processes that share a cache of machine code.
 
-Numba numbers the files of a function's cache without a lock. Two processes that compile one
-function at once for different types take the same number, and one file remains under both names;
-and an index may name a file before its new content is there. Whoever loads such a file calls
-machine code that was made for other types: wrong numbers, or a crash. The lock also spares a start
-of many nodes from compiling everything several times: who waits finds it in the cache. Every
-function has a lock of its own, so that two processes compile two functions side by side; one that
-is compiled within another takes its lock within the other's, in the order of the calls.
+Two processes that compile one function at once would each write an index of its cache without the
+other's entry. The lock also spares a start of many nodes from compiling everything several times:
+who waits finds it in the cache. Every function has a lock of its own, so that two processes compile
+two functions side by side; one that is compiled within another takes its lock within the other's,
+in the order of the calls.
+
+What is in the cache is loaded without the lock: nobody waits for a compiler whose result is not
+needed. So a file must be whole before an index names it, and keep its content for good. Numba's own
+files are not: it numbers them, uses a number again after a change of the source, and writes the
+index first. Whoever loads such a file calls machine code that was made for other types: wrong
+numbers, or a crash.
 """
 
 import fcntl
@@ -18,9 +22,22 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 from numba import config
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.compiler_lock import global_compiler_lock
+
+
+class FilesForGood(IndexDataCacheFile):  # type: ignore[misc]
+    """The files of a function's cache, each written once, before the index names it."""
+
+    def save(self, key: object, data: object) -> None:
+        """Keep the machine code of a specialisation."""
+        overloads = self._load_index()
+        overloads[key] = name = self._data_name(uuid4().int)
+        self._save_data(name, data)
+        self._save_index(overloads)
 
 
 class CompileLock:
@@ -35,21 +52,21 @@ class CompileLock:
         self._depth, self._handle = 0, -1
 
     def __enter__(self) -> None:
-        """Wait until nobody else compiles."""
+        """Keep what `take` takes until the end."""
         global_compiler_lock.acquire()
-        try:
-            if not self._depth:
-                self._handle = self._taken()
-            self._depth += 1
-        except BaseException:
-            global_compiler_lock.release()
-            raise
+        self._depth += 1
+
+    def take(self) -> None:
+        """Wait until nobody else compiles."""
+        if self._handle < 0:
+            self._handle = self._taken()
 
     def __exit__(self, *_: object) -> None:
         """Let the next one compile."""
         self._depth -= 1
         if not self._depth and self._handle >= 0:
             os.close(self._handle)
+            self._handle = -1
         global_compiler_lock.release()
 
     def _taken(self) -> int:
@@ -78,7 +95,7 @@ def lock_of(file: str, function: str) -> CompileLock:
 
 
 def one_at_a_time(dispatcher: Any, lock: CompileLock | None = None) -> Any:
-    """Return a function of Numba that looks into its cache and compiles under a lock.
+    """Return a function of Numba that compiles under a lock what its cache does not hold.
 
     Args:
         dispatcher: what Numba has made of the function.
@@ -93,4 +110,32 @@ def one_at_a_time(dispatcher: Any, lock: CompileLock | None = None) -> Any:
             return compile_it(signature)
 
     dispatcher.compile = compile_alone
+    dispatcher._cache = _LockedCache(dispatcher._cache, held)
     return dispatcher
+
+
+class _LockedCache:
+    """The cache of a function, which takes the lock where it holds nothing.
+
+    Args:
+        cache: of Numba.
+        lock: that whoever compiles holds.
+    """
+
+    def __init__(self, cache: Any, lock: CompileLock) -> None:
+        if isinstance(cache, FunctionCache):
+            stamp = cache._impl.locator.get_source_stamp()
+            cache._cache_file = FilesForGood(cache.cache_path, cache._impl.filename_base, stamp)
+        self._cache, self._lock = cache, lock
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """Return the machine code; None: it is not there, and the lock is held."""
+        found = self._cache.load_overload(signature, context)
+        if found is not None:
+            return found
+        self._lock.take()
+        return self._cache.load_overload(signature, context)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what else Numba asks of it."""
+        return getattr(self._cache, name)

@@ -10,12 +10,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexslew_control.course import Course, jump
 from flexslew_control.estimators.monitor import Monitor, Monitored, channel_name
-from flexslew_control.law import Estimate, Estimator, Law, LawFailed, Reference
+from flexslew_control.law import (
+    Estimate,
+    Estimator,
+    Law,
+    LawFailed,
+    Reference,
+    handed_out_estimate,
+)
 from flexslew_control.plan import Plan
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import NOTHING, Vector, handed_out, kept
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
+
+
+_NONE = -2  # tick of a measurement that has not come: not even the one before tick 0
 
 
 class Answer(NamedTuple):
@@ -60,8 +71,8 @@ class Controller:
         self._objection: Callable[[Plan | None], str] | None = getattr(law, "objection", None)
         self._handover_ticks = max(1, round(handover_time / period))
         self._requires_plan = requires_plan
-        self.plan: Plan | None = None
-        self._key = (-1, -1)  # epoch and tick of the last measurement
+        self._course = Course()
+        self._key = (-1, _NONE)  # epoch and tick of the last measurement
         self._answered = -1  # last tick it answered
         self._answer: Answer | None = None
         self._offset: Vector = np.zeros(len(joint_names))  # predecessor minus own effort
@@ -87,7 +98,19 @@ class Controller:
     @property
     def last_tick(self) -> int:
         """Tick of the last measurement that the estimator has seen; -1: none."""
-        return self._key[1]
+        return max(self._key[1], -1)
+
+    @property
+    def plan(self) -> Plan | None:
+        """The newest plan that it follows, or will from its start on; None: there is none."""
+        return self._course.plan
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Know that the bench was reset: the plan of tick 0 is flown again, if there is one."""
+        if epoch > self._key[0]:
+            if self._key[0] >= 0:
+                self._course.restart()
+            self._key = epoch, _NONE
 
     @property
     def reason(self) -> str:
@@ -101,21 +124,27 @@ class Controller:
         return "its estimate is not finite" if self._blind else ""
 
     def adopt(self, plan: Plan) -> str:
-        """Follow this plan from its start; return why not, or an empty text.
+        """Follow this plan from its start, and hold until then; return why not, or an empty text.
 
         A plan that starts at or before a tick that has been seen is refused: which tick would be
-        the first to follow it would depend on the moment of its arrival.
+        the first to follow it would depend on the moment of its arrival. So is one in flight that
+        does not begin where the reference is then, see course.LARGEST_JUMP.
         """
         if plan.joint_names != self.joint_names:
             return f"the plan moves {plan.joint_names}, the bench has {self.joint_names}"
         if abs(plan.period - self.period) > 1e-9 * self.period:
             return f"the period of the plan is {plan.period} s, that of the bench {self.period} s"
-        if self.last_tick > 0 and round(plan.start / self.period) <= self.last_tick:
+        if self.last_tick <= 0:
+            self._course.begin_with(plan)
+            return ""
+        if plan.first_tick <= self.last_tick:
             return (
                 f"the plan starts at {plan.start} s, the bench is at "
                 f"{self.last_tick * self.period:.2f} s"
             )
-        self.plan = plan
+        if far := jump(plan, self.reference(plan.first_tick)):
+            return far
+        self._course.add(plan)
         return ""
 
     def succeed(self, other: "Controller") -> None:
@@ -124,8 +153,9 @@ class Controller:
         Its plan and what its estimator knows are taken over (where both are of one kind and size;
         else the estimator starts afresh); its effort is handed over as that of any predecessor.
         """
-        self.plan, self._hold, self._key = other.plan, other._hold, other._key
-        self._predecessor = other._estimator
+        self._course, self._hold, self._key = other._course, other._hold, other._key
+        # one that was succeeded before it saw a measurement knows nothing of its own
+        self._predecessor = other._predecessor or other._estimator
 
     def observe(self, measurement: Measurement) -> Answer | None:
         """Return the answer if the measurement names this controller.
@@ -149,6 +179,7 @@ class Controller:
             return None
         if key > self._key:
             follows = key == (self._key[0], self._key[1] + 1)
+            self.begin_epoch(measurement.epoch)
             self._key = key
             self._answer = None
             if self._expect is not None:
@@ -164,10 +195,10 @@ class Controller:
                 if follows:
                     _inherit(self._estimator, self._predecessor)
                 self._predecessor = None
-            self._estimate = self._estimator.update(measurement)
+            self._estimate = handed_out_estimate(self._estimator.update(measurement))
             if self._blind:  # a filter that has swallowed NaN keeps it: start it afresh
                 self._estimator.reset(measurement)
-                self._estimate = self._estimator.update(measurement)
+                self._estimate = handed_out_estimate(self._estimator.update(measurement))
             self._blind = not _finite(self._estimate)
             if self._monitor is not None and not (self._blind or self._doubt):
                 self._judge(self._monitor, measurement)
@@ -214,7 +245,7 @@ class Controller:
             blend = (1.0 - passed / self._handover_ticks) * self._offset
             effort = effort + blend
             terms = {**terms, "handover": blend}
-        command = EffortCommand(measurement.tick, measurement.epoch, self.name, effort)
+        command = EffortCommand(measurement.tick, measurement.epoch, self.name, handed_out(effort))
         return Answer(command, reference, estimate, terms)
 
     def warm(self, appendages: int) -> None:
@@ -235,14 +266,12 @@ class Controller:
                 )
 
     def reference(self, tick: int) -> Reference:
-        """Return the plan's reference, or rest where the first measurement was."""
-        if self.plan is not None:
-            return self.plan.reference(tick)
-        return self._hold
+        """Return the reference of the plans, or rest where the first measurement was."""
+        return self._course.reference(tick, self._hold)
 
     def _at_rest(self, position: Vector) -> Reference:
-        rest = np.zeros(len(self.joint_names))
-        return Reference(position, rest, rest, np.zeros(0))
+        rest = kept(np.zeros(len(self.joint_names)))
+        return Reference(handed_out(position), rest, rest, NOTHING)
 
 
 def _inherit(estimator: Estimator, other: Estimator) -> None:

@@ -62,9 +62,7 @@ class ControllerHost:
         """Why it could not take charge now; empty when it could."""
         if self.controller is None:
             return self._unfit
-        if self.controller.reason:
-            return self._plan_refused or self.controller.reason
-        return ""
+        return self._plan_refused or self.controller.reason
 
     @property
     def last_tick(self) -> int:
@@ -93,6 +91,19 @@ class ControllerHost:
         self.controller.warm(appendages)
         if self.plan is not None:
             self._follow(self.plan)
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Know that the bench was reset, whether a question of the new epoch has come or not."""
+        self.epoch, self._tunings, self._plan_refused = epoch, [], ""
+        if self.controller is None:
+            return
+        before = self.controller.plan
+        self.controller.begin_epoch(epoch)
+        plan = self.controller.plan
+        if plan is not before:  # that of the start again, or none
+            self.plan, self.plan_from = plan, (epoch, 0)
+            self.plan_hash = plan_hash(plan) if plan is not None else ""
+            self.plans_taken += plan is not None
 
     def adopt(self, plan: Plan) -> str:
         """Follow a plan as soon as there is a testbed; return why not, or an empty text."""
@@ -129,7 +140,7 @@ class ControllerHost:
         if question.misfit(len(self.controller.joint_names), self._appendages):
             return None  # of a testbed that is still to be announced, or of nobody who knows it
         if question.epoch != self.epoch:
-            self.epoch, self._tunings = question.epoch, []
+            self.begin_epoch(question.epoch)
         while self._tunings and self._tunings[0].tick <= question.tick:
             self._take(self._tunings.pop(0), question)
         answer = self.controller.observe(question)

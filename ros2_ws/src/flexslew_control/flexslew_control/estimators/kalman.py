@@ -8,7 +8,7 @@ from scipy.linalg import LinAlgError, expm, solve_continuous_are, solve_discrete
 
 from flexslew_control.law import Estimate
 from flexslew_control.linear_design import Designed, output_matrix, require_observable, state_names
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -72,7 +72,7 @@ def discretised(a: Matrix, b: Matrix, noise: Matrix, dt: float) -> tuple[Matrix,
     return both[:k, :k], both[:k, k:], 0.5 * (q + q.T)
 
 
-@compiled
+@compiled_once()
 def predicted_covariance(
     dx: Matrix, du: Matrix, covariance: Matrix, noise: Matrix, dt: float
 ) -> Matrix:
@@ -93,7 +93,7 @@ def predicted_covariance(
     return f @ covariance @ f.T + noise
 
 
-@compiled
+@compiled_once()
 def corrected(
     x: Vector, covariance: Matrix, y: Vector, c: Matrix, r: Vector
 ) -> tuple[Vector, Matrix, Vector, float]:

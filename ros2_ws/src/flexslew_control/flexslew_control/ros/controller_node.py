@@ -96,6 +96,9 @@ class ControllerNode:
         self._announcer.announce(always=True)
 
     def _on_bench_state(self, message: msg.BenchState) -> None:
+        if message.epoch > self._host.epoch:
+            self._host.begin_epoch(message.epoch)
+            self._announcer.announce(always=True)
         self._realtime.want(message.active == self._host.name and message.rate_factor > 0.0)
 
     def _on_measurement(self, data: bytes) -> None:

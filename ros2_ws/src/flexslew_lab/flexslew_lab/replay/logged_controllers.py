@@ -98,7 +98,9 @@ class LoggedControllers:
         """
         while self._due and self._due[0].first <= key:
             adoption = self._due.pop(0)
-            self.by_name[adoption.controller].adopt(adoption.plan)
+            controller = self.by_name[adoption.controller]
+            controller.begin_epoch(adoption.first[0])
+            controller.adopt(adoption.plan)
         tuned = 0
         while self._tunings and (self._tunings[0].epoch, self._tunings[0].tick) <= key:
             data = self._tunings.pop(0).data

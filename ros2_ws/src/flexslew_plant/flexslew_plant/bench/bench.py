@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Vector, kept
 from flexslew_plant.bench.charge import Charge
 from flexslew_plant.bench.divergence import diagnosis, is_lost
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.hardware.actuator import Actuator
 from flexslew_plant.bench.hardware.drive import Drive
-from flexslew_plant.bench.hardware.friction import Friction, friction_of
+from flexslew_plant.bench.hardware.friction import friction_of
 from flexslew_plant.bench.hardware.plausibility import Plausibility
 from flexslew_plant.bench.hardware.sensors import Readings, Sensors
 from flexslew_plant.bench.injections import Injections, injection_of
@@ -55,8 +55,7 @@ class Bench:
         self.model = self._testbed.model()
         self.appendages = self.model.appendages
         self.limit: Vector = np.array(settings.testbed.effort_limit, dtype=float)
-        self._start = initial_state(settings.testbed)
-        self.model.advance(self._start, 0.0 * self.limit, 0.0)  # compiled before tick 0
+        self._start = kept(initial_state(settings.testbed))
         free = self.model.linearise(self.model.split(self._start)[0])
         slowest = min(free.frequencies, default=_RIGID_FREQUENCY)
         brake = settings.brake_damping_ratio * slowest * self.model.inertias(self._start)
@@ -82,6 +81,7 @@ class Bench:
         self.events: deque[Event] = deque()
         self.epoch, self.tick = -1, 0
         self.reset()
+        self._warm()
 
     def reset(self) -> None:
         """Return to tick 0 in a new epoch."""
@@ -103,8 +103,8 @@ class Bench:
             self.appendages.errors,
         )
         self._x: Vector = self._start
-        self._applied: Vector = np.zeros(self.model.joints)
-        self._extra: Vector = np.zeros(self.model.joints)  # disturbance during the last tick
+        self._applied: Vector = kept(np.zeros(self.model.joints))
+        self._extra: Vector = self._applied  # disturbance during the last tick
         if self._plausibility is not None:
             self._plausibility.reset()
         self._answer: Vector | None = None
@@ -113,6 +113,11 @@ class Bench:
         self._injections = Injections(self._names, period, seed, self.epoch, self._known, self.say)
         self._faults = self._injections.faults
         self._ask()
+
+    def _warm(self) -> None:
+        """Compile and load what a tick needs, so that none of them waits for it."""
+        self.truth()
+        self._moved(self._applied)
 
     @property
     def testbed(self) -> Testbed:
@@ -156,7 +161,7 @@ class Bench:
             v,
             self._applied,
             self._extra,
-            self.appendages.tip.dot(self.model.modal_state(self._x)[0]),
+            kept(self.appendages.tip.dot(self.model.modal_state(self._x)[0])),
             self.model.energy(self._x, self.time),
         )
 
@@ -177,7 +182,7 @@ class Bench:
         if not self.charge.answered(command.effort, self._applied):
             self.question = self.question._replace(controller=self.drive.active)
             return False
-        self._answer = command.effort
+        self._answer = kept(command.effort.copy())  # whatever becomes of the sender's array
         return True
 
     def advance(self) -> None:
@@ -192,13 +197,9 @@ class Bench:
         elif self.drive.active:
             self.charge.missed()
         demand = self._faults.demand(self.drive.effort(self._velocity))
-        applied = self._faults.effort(self.actuator.apply(demand))
-        extra = self._injections.disturbance(self.tick)
-        if self._friction is None:
-            x, period = self._x, self.settings.period
-            after = self.model.advance(x, applied + extra, period, 1, self.tick * period)
-        else:
-            after = self._rubbed(self._friction, applied + extra)
+        applied = kept(self._faults.effort(self.actuator.apply(demand)))
+        extra = kept(self._injections.disturbance(self.tick))
+        after = kept(self._moved(applied + extra))
         if is_lost(after):
             self._fail(after, extra)
             return
@@ -209,11 +210,13 @@ class Bench:
             self.charge.drop_all("the run is over")
         self._ask()
 
-    def _rubbed(self, friction: Friction, effort: Vector) -> Vector:
-        """Return the state at the end of the tick under this held effort and friction."""
+    def _moved(self, effort: Vector) -> Vector:
+        """Return the state at the end of the tick under this held effort, and friction."""
         x, model, period, now = self._x, self.model, self.settings.period, self.time
+        if self._friction is None:
+            return model.advance(x, effort, period, t=now)
         mobility = model.mobility(x, effort, now)
-        return friction.advance(
+        return self._friction.advance(
             x, effort, mobility, lambda total: model.advance(x, total, period, t=now)
         )
 
@@ -344,7 +347,7 @@ class Bench:
         if self._plausibility is not None:
             self._compare(self._plausibility, readings)
         self.question = Measurement(
-            self.tick, self.epoch, self.time, self.drive.active, *readings, self._applied
+            self.tick, self.epoch, self.time, self.drive.active, *map(kept, readings), self._applied
         )
         for old in self._faults.old_answers(first=True):
             self._objected(old)

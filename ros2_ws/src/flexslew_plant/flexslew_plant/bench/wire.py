@@ -12,15 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import NOTHING, Vector
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.records import Truth
 
 _HEAD = b"\x00\x01\x00\x00"
 _LENGTH = Struct("<I")
-_QUESTION = Struct("<4xiII")  # stamp, length of frame_id
+_QUESTION = Struct("<iII")  # stamp, length of frame_id
 _TICK = Struct("<QII")  # tick, epoch, length of controller
-_ANSWER = Struct("<4xiIQII")  # stamp, tick, epoch, length of controller
+_ANSWER = Struct("<iIQII")  # stamp, tick, epoch, length of controller
 
 
 class Stamp(NamedTuple):
@@ -114,9 +114,10 @@ def truth_bytes(truth: Truth) -> bytes:
 
 def measurement_from(data: bytes, period: float) -> tuple[Measurement, Stamp]:
     """Return the question and its stamp; its time is that of the tick to the last bit."""
+    data = data[4:]  # where its numbers are aligned
     sec, nanosec, frame = _QUESTION.unpack_from(data)
-    at = 16 + frame
-    at += -(at - 4) % 8
+    at = 12 + frame
+    at += -at % 8
     tick, epoch, length = _TICK.unpack_from(data, at)
     at += 16
     name = data[at : at + length - 1].decode()
@@ -139,18 +140,19 @@ def command_bytes(command: EffortCommand, at: Stamp) -> bytes:
 
 def command_from(data: bytes) -> EffortCommand:
     """Return the answer."""
+    data = data[4:]
     _, _, tick, epoch, length = _ANSWER.unpack_from(data)
-    name = data[28 : 28 + length - 1].decode()
-    effort, _ = _array(data, 28 + length)
+    name = data[24 : 24 + length - 1].decode()
+    effort, _ = _array(data, 24 + length)
     return EffortCommand(tick, epoch, name, effort)
 
 
 def _array(data: bytes, at: int) -> tuple[Vector, int]:
-    """Return the sequence of doubles at `at` and where it ends."""
-    at += -(at - 4) % 4
+    """Return the sequence of doubles at `at`, which may only be read, and where it ends."""
+    at += -at % 4
     (count,) = _LENGTH.unpack_from(data, at)
     at += 4
     if not count:
-        return np.empty(0), at
-    at += -(at - 4) % 8
+        return NOTHING, at
+    at += -at % 8
     return np.frombuffer(data, np.float64, count, at), at + 8 * count

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Vector, compiled, compiled_once
 from flexslew_plant.bench.hardware.actuator import ActuatorSettings
 
 _ROUNDS = 30  # at most, of integrations of a tick
@@ -59,7 +59,7 @@ def slid(v: float, g: float, viscous: float, coulomb: float, speed: float, dt: f
     return s * speed
 
 
-@compiled
+@compiled_once()
 def balanced(
     r: Vector,
     free: Vector,

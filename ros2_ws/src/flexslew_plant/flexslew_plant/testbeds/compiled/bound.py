@@ -7,14 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Vector, compiled_once
+from flexslew_plant.read_only import read_only
 from flexslew_plant.testbeds.compiled import dynamics, interface
 from flexslew_plant.testbeds.kernels import Kernels
 
 _VECTOR = types.Array(types.float64, 1, "C")
+_READ = read_only(_VECTOR)
 # Bound.advance as an argument of a compiled loop, which so is compiled once for all testbeds
 ADVANCE = types.FunctionType(
-    types.void(_VECTOR, types.float64, _VECTOR, types.float64, types.int64, types.int64, _VECTOR)
+    types.void(_READ, types.float64, _READ, types.float64, types.int64, types.int64, _VECTOR)
 )
 
 
@@ -56,7 +58,7 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
         m: joints.
     """
 
-    @compiled
+    @compiled_once("joints", "coupling", "modal", "bias")
     def terms(
         p: Vector,
         t: float,
@@ -68,35 +70,35 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
     ) -> None:
         interface.terms(kernels, p, t, x, joints, coupling, modal, bias)
 
-    @compiled
+    @compiled_once()
     def derivative_(p: Vector, t: float, x: Vector, effort: Vector) -> Vector:
         return dynamics.derivative(kernels, p, t, x, effort, m)
 
-    @compiled
+    @compiled_once("x")
     def advance(
         p: Vector, t: float, effort: Vector, dt: float, steps: int, _: int, x: Vector
     ) -> None:
         dynamics.take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
 
-    @compiled
+    @compiled_once("dx", "du")
     def jacobian_(p: Vector, t: float, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
         dynamics.jacobian(kernels, p, t, x, effort, m, dx, du)
 
-    @compiled
+    @compiled_once("dq", "dv")
     def residual_jacobian(
         p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix
     ) -> None:
         interface.residual_jacobian(kernels, p, t, x, a, dq, dv)
 
-    @compiled
+    @compiled_once()
     def energy_(p: Vector, t: float, x: Vector) -> float:
         return dynamics.energy(kernels, p, t, x, m)
 
-    @compiled
+    @compiled_once("force")
     def actuation(p: Vector, t: float, x: Vector, effort: Vector, force: Vector) -> None:
         interface.actuation(kernels, p, t, x, effort, force)
 
-    @compiled
+    @compiled_once("rate")
     def position_rates(p: Vector, t: float, x: Vector, rate: Vector) -> None:
         interface.position_rates(kernels, p, t, x, rate)
 
@@ -116,7 +118,7 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
 def _advance(kernels: Kernels) -> Callable[..., None]:
     """Return the integration of a state of any size; m: entries of v before the modes."""
 
-    @compiled
+    @compiled_once("x")
     def advance(
         p: Vector, t: float, effort: Vector, dt: float, steps: int, m: int, x: Vector
     ) -> None:

@@ -7,7 +7,7 @@ them. `kernels` says whose equations they are.
 import numpy as np
 from scipy.integrate import DOP853
 
-from flexslew_plant.arrays import Matrix, Vector, called, compiled, inlined
+from flexslew_plant.arrays import Matrix, Vector, called, compiled_once, inlined
 from flexslew_plant.testbeds.compiled import interface, mass
 from flexslew_plant.testbeds.kernels import Kernels
 
@@ -43,7 +43,7 @@ _acceleration = called(acceleration.py_func)  # type: ignore[attr-defined]
 _solve = called(mass.solve.py_func)  # type: ignore[attr-defined]
 
 
-@compiled
+@compiled_once()
 def derivative(
     kernels: Kernels, p: Vector, t: float, x: Vector, effort: Vector, joints: int
 ) -> Vector:
@@ -151,7 +151,7 @@ def step_within(
         complete_step(x, slopes, h)
 
 
-@compiled
+@compiled_once("dx", "du")
 def jacobian(
     kernels: Kernels,
     p: Vector,
@@ -194,7 +194,7 @@ def jacobian(
         du[n:, j] = column
 
 
-@compiled
+@compiled_once()
 def energy(kernels: Kernels, p: Vector, t: float, x: Vector, joints: int) -> float:
     """Return v^T M(q) v / 2 + U(q) [J] of the state x = [q, v]."""
     n = (x.size - interface.extra(kernels)) // 2

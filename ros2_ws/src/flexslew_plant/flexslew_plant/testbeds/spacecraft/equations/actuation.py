@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector, called, compiled
+from flexslew_plant.arrays import Matrix, Vector, called, compiled, compiled_once
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.frames import hinge_frame, offsets
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
@@ -84,7 +84,7 @@ def _platform_share(p: Vector, force: Triple, moment: Triple, out: Vector) -> No
         out[0] += dot(triple(p, at.PIVOT_AXES + 3), moment)
 
 
-@compiled
+@compiled_once("out")
 def actuation(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> None:
     """Add B(q, t) u to the generalised forces `out`, shape (nv,)."""
     own_q, own_v, nq, _ = offsets(p)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.appendage_jacobian import add_appendage
 from flexslew_plant.testbeds.spacecraft.equations.frames import offsets, platform_velocity
@@ -16,7 +16,7 @@ from flexslew_plant.testbeds.spacecraft.equations.geometry import (
 from flexslew_plant.testbeds.spacecraft.equations.sums import unit_vector
 
 
-@compiled
+@compiled_once("dq", "dv")
 def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix) -> None:
     """Write dr/dq, shape (nv, nq), and dr/dv, shape (nv, nv), of r = M a + h at fixed a."""
     own_q, own_v, nq, nv = offsets(p)

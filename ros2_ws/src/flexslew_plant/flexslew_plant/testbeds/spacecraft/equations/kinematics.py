@@ -1,6 +1,6 @@
 """How positions follow velocities, q' = N(q) v, and the energy that positions hold."""
 
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Vector, compiled, compiled_once
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.frames import offsets
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
@@ -8,7 +8,7 @@ from flexslew_plant.testbeds.spacecraft.equations.geometry import (
 )
 
 
-@compiled
+@compiled_once()
 def potential(p: Vector, t: float, q: Vector) -> float:
     """Return the strain energy of appendages and sprung hinges [J]."""
     energy = 0.0
@@ -27,7 +27,7 @@ def potential(p: Vector, t: float, q: Vector) -> float:
     return energy
 
 
-@compiled
+@compiled_once("rate")
 def kinematics(p: Vector, t: float, x: Vector, rate: Vector) -> None:
     """Write q' = N(q) v, shape (nq,): R' = A V, quaternion' = quaternion (w, 0) / 2."""
     own_q, own_v, nq, nv = offsets(p)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector, called, compiled
+from flexslew_plant.arrays import Vector, called, compiled_once
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.frames import (
     hinge_frame,
@@ -54,7 +54,7 @@ def _place(p: Vector, x: Vector) -> Triple:
     )
 
 
-@compiled
+@compiled_once("position", "velocity")
 def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
     """Write where each actuator stands and how fast it moves, both along its effort.
 
@@ -97,7 +97,7 @@ def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
             position[k], velocity[k] = q, v
 
 
-@compiled
+@compiled_once()
 def hinge_state(
     p: Vector, k: int, x: Vector, slope: Vector, t: float
 ) -> tuple[Nine, Triple, Triple]:

@@ -11,7 +11,7 @@ momentum and the energy are kept by this form exactly, whatever the integrals ar
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Vector, compiled, compiled_once
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.frames import (
     deflected,
@@ -223,7 +223,7 @@ def unprojected(
                 )
 
 
-@compiled
+@compiled_once("joints", "coupling", "modal", "bias")
 def terms(
     p: Vector, t: float, x: Vector, joints: Matrix, coupling: Matrix, modal: Vector, bias: Vector
 ) -> None:

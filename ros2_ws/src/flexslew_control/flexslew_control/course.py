@@ -1,0 +1,80 @@
+"""The course that a controller follows: one plan after the other, each from its start on."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_control.law import Reference
+from flexslew_control.plan import Plan
+
+# By how much the reference may jump where a plan begins in flight: its positions [rad or m], and
+# its rates [rad/s or m/s]
+LARGEST_JUMP = 0.01
+
+
+class _Leg(NamedTuple):
+    first: int  # tick from which on it is followed
+    plan: Plan
+
+
+class Course:
+    """Plans by their starts. The reference at a tick is that of the newest one that has begun.
+
+    Before the first start of a plan adopted in flight the reference is the one before it, or
+    `hold`; a plan adopted before tick 0 says itself where its joints rest until it starts.
+    """
+
+    def __init__(self) -> None:
+        self._legs: tuple[_Leg, ...] = ()
+
+    @property
+    def plan(self) -> Plan | None:
+        """The newest plan; None: there is none."""
+        return self._legs[-1].plan if self._legs else None
+
+    def reference(self, tick: int, hold: Reference) -> Reference:
+        """Return the reference of a tick.
+
+        Args:
+            tick: of the bench.
+            hold: where no plan has begun.
+        """
+        for leg in reversed(self._legs):
+            if tick >= leg.first:
+                return leg.plan.reference(tick)
+        return hold
+
+    def begin_with(self, plan: Plan) -> None:
+        """Follow a plan from tick 0 on, and no other one."""
+        self._legs = (_Leg(-1, plan),)
+
+    def add(self, plan: Plan) -> None:
+        """Follow a plan from its start on; one that would begin later is dropped."""
+        first = plan.first_tick
+        self._legs = (*(leg for leg in self._legs if leg.first < first), _Leg(first, plan))
+
+    def restart(self) -> None:
+        """Return to the plan of tick 0: those adopted in flight are of the flight that is over."""
+        self._legs = tuple(leg for leg in self._legs if leg.first < 0)
+
+
+def jump(plan: Plan, before: Reference) -> str:
+    """Return by how much the reference would jump where a plan begins, if it is too much; or "".
+
+    Args:
+        plan: that begins.
+        before: the reference at its start without it.
+    """
+    for what, here, there in (
+        ("stands at", before.position, plan.position[0]),
+        ("moves at", before.velocity, plan.velocity[0]),
+    ):
+        off = np.abs(there - here)
+        worst = int(off.argmax())
+        if off[worst] > LARGEST_JUMP:
+            return (
+                f"at its start, {plan.start:g} s, the reference of {plan.joint_names[worst]} {what} "
+                f"{here[worst]:.6g}, the plan begins with {there[worst]:.6g}; at most "
+                f"{LARGEST_JUMP:g} apart is allowed"
+            )
+    return ""

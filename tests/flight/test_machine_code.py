@@ -1,0 +1,134 @@
+"""Nothing is compiled or loaded after tick 0, whatever flies: what the wire gives is warmed."""
+
+import gc
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from numba.core.registry import CPUDispatcher
+from tests.wire_bench import WireBench
+
+from flexslew_control.controllers import CONTROLLERS, build_controller
+from flexslew_lab.trial.sources import read_trial
+from flexslew_lab.trial.trial import Trial, plant_of
+from flexslew_plant.bench.hardware.actuator import ActuatorSettings
+from flexslew_plant.bench.records import SwitchRequest
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import validated
+from flexslew_plant.testbeds import TESTBEDS, read_testbed
+
+TICKS = 4  # in charge, each law
+MODES = {
+    "csa": [1, 2, 3, 4],
+    "floating_oscillator": [1],
+    "varying_oscillator": [0],
+    "hub_with_appendages": [1],
+}
+NEED_A_PLAN = {"planned_gains"}  # which call no machine code
+SPACECRAFT = ["own_spacecraft", "scole_full"]
+
+
+def test_every_kind_of_testbed_flies_here() -> None:
+    assert {*MODES, "spacecraft"} == {*TESTBEDS}
+
+
+def laws_of(trial: Trial, settings: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return those of the table, with these settings, that can be designed for a testbed."""
+    plant, fitting = plant_of(trial), {}
+    for law in CONTROLLERS:
+        values = settings.get(law, {})
+        try:
+            build_controller(law, law, values, plant, law)
+        except BadInput:
+            continue
+        fitting[law] = values
+    return fitting
+
+
+def specialisations() -> dict[str, int]:
+    """Return how many there are in this process, by function."""
+    found: dict[str, int] = {}
+    for one in gc.get_objects():
+        if isinstance(one, CPUDispatcher):
+            name = f"{one.py_func.__module__}.{one.py_func.__qualname__}"
+            found[name] = found.get(name, 0) + len(one.overloads)
+    return found
+
+
+def flown(trial: Trial) -> list[str]:
+    """Fly every controller of a trial in turn; return what was compiled or loaded meanwhile."""
+    bench = WireBench(replace(trial, active=next(iter(trial.controllers))))
+    names = [name for name, host in bench.hosts.items() if not host.reason]
+    assert {*bench.hosts} - {*names} <= NEED_A_PLAN
+    before = specialisations()
+    for number, name in enumerate(names):
+        bench.fly(number * TICKS)
+        if number:
+            request = SwitchRequest(name, number * TICKS + 1)
+            assert bench.session.switch(request, bench.now) is None
+    bench.fly((len(names) + 1) * TICKS)
+    assert len(bench.of_kind("switched")) == len(names) - 1, bench.events
+    after = specialisations()
+    return [name for name in after if after[name] != before.get(name, 0)]
+
+
+@pytest.mark.parametrize(
+    "kind, modes", [(kind, count) for kind, counts in MODES.items() for count in counts]
+)
+def test_no_law_compiles_or_loads_in_flight(kind: str, modes: int) -> None:
+    values = {"kind": kind}
+    testbed: Any = read_testbed(values, "test")
+    if testbed.modes != modes:
+        testbed = read_testbed(values | {"modes": modes}, "test")
+    trial = Trial(testbed=testbed, duration=1.0)
+    own = {
+        "output_feedback": {"model": {"modes": modes}} if "modes" in vars(testbed) else {},
+        "lqr": {"filter": {"tip_sigma": 5e-3}},
+    }
+    laws = laws_of(trial, own)
+    assert len(laws) >= 3, laws
+    assert flown(replace(trial, controllers=laws)) == []
+
+
+@pytest.mark.parametrize("name", SPACECRAFT)
+def test_no_law_of_a_spacecraft_compiles_or_loads_in_flight(name: str) -> None:
+    trial, _ = read_trial(name, None)
+    trial = replace(trial, schedule=(), fallback=(), duration=1.0)
+    assert flown(replace(trial, controllers={**laws_of(trial, {}), **trial.controllers})) == []
+
+
+def test_friction_compiles_nothing_in_flight() -> None:
+    trial = Trial(
+        controllers={"pd_feedforward": {}},
+        actuator=validated(ActuatorSettings, {"coulomb_friction": 0.1}, "test"),
+        duration=1.0,
+    )
+    assert flown(trial) == []
+
+
+FROM_NOTHING = """
+from pathlib import Path
+import sys
+from tests.flight.test_machine_code import flown, specialisations
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.testbeds import read_testbed
+testbed = read_testbed({"kind": "floating_oscillator"}, "test")
+print(flown(Trial(testbed=testbed, controllers={"lqr": {}}, active="lqr", duration=1.0)))
+print(len(list(Path(sys.argv[1]).rglob("*.nbc"))) > 0)
+"""
+
+
+def test_the_first_flight_of_a_fresh_machine_compiles_before_tick_0(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", FROM_NOTHING, str(tmp_path)],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.splitlines() == ["[]", "True"], done.stderr

@@ -1,0 +1,47 @@
+"""One specialisation serves arrays that may be written and those that may only be read."""
+
+import numba
+import numpy as np
+import pytest
+
+from flexslew_plant.arrays import Vector, compiled_once
+
+
+def test_both_kinds_of_arrays_meet_one_specialisation() -> None:
+    @compiled_once("out")
+    def scaled(x: Vector, factor: float, out: Vector) -> None:
+        for k in range(x.size):
+            out[k] = factor * x[k]
+
+    out, free, kept = np.empty(2), np.ones(2), np.ones(2)
+    kept.flags.writeable = False
+    for x in (free, kept, free):
+        scaled(x, 3.0, out)
+        np.testing.assert_array_equal(out, [3.0, 3.0])
+    assert len(scaled.signatures) == 1  # type: ignore[attr-defined]
+
+
+def test_machine_code_that_writes_into_what_it_only_reads_does_not_compile() -> None:
+    @compiled_once()
+    def wrong(x: Vector) -> None:
+        x[0] = 1.0
+
+    with pytest.raises(numba.TypingError, match="readonly"):
+        wrong(np.zeros(2))
+
+
+def test_what_is_called_from_other_machine_code_is_compiled_once_as_well() -> None:
+    @compiled_once()
+    def inner(x: Vector) -> float:
+        return float(x[0] + x[1])
+
+    @compiled_once("out")
+    def outer(x: Vector, out: Vector) -> None:
+        own = x.copy()
+        out[0] = inner(own) + inner(x)
+
+    out, kept = np.empty(1), np.ones(2)
+    kept.flags.writeable = False
+    outer(kept, out)
+    assert out[0] == 4.0 and inner(np.ones(2)) == 2.0
+    assert len(inner.signatures) == 1  # type: ignore[attr-defined]

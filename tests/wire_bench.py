@@ -1,0 +1,107 @@
+"""A bench and its controllers as over ROS, without it: all that passes between them is bytes."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from flexslew_control.controllers import build_controller
+from flexslew_control.controllers.host import ControllerHost
+from flexslew_control.law import PlantDescription
+from flexslew_lab.trial.trial import Trial, bench_settings, law_of, plant_of
+from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.bench.operation.session import Session
+from flexslew_plant.bench.wire import (
+    command_bytes,
+    command_from,
+    measurement_bytes,
+    measurement_from,
+)
+
+
+class WireBench:
+    """A session, its hosts, and what they have said.
+
+    Args:
+        trial: whose bench and controllers they are; it has no plan of its own here.
+    """
+
+    def __init__(self, trial: Trial) -> None:
+        trial = replace(trial, plan=None)
+        self.bench = Bench(bench_settings(trial))
+        self.plant: PlantDescription = plant_of(trial)
+        self.now = 0.0
+        self.session = Session(self.bench, (), 0.0, 2.0, True, lambda: [], lambda: [])
+        self.events: list[Any] = []
+        self.truths: list[Truth] = []
+        self.hosts: dict[str, ControllerHost] = {}
+        for name, values in trial.controllers.items():
+            law, own = law_of(name, values or {})
+            self.hosts[name] = self._host(name, law, own)
+        self._waiting: list[Measurement] = []
+        self._tell()
+
+    def _host(self, name: str, law: str, values: dict[str, Any]) -> ControllerHost:
+        host = ControllerHost(name, values)
+        host.announce(
+            lambda given: build_controller(name, law, given, self.plant, name),
+            len(self.bench.appendages.names),
+        )
+        return host
+
+    def fly(self, tick: int, deaf: Mapping[int, set[str]] | None = None) -> None:
+        """Fly until the question of this tick is out, or the run rests.
+
+        Args:
+            tick: at which to stop.
+            deaf: at which tick nobody hears the answers of whom: they are missed.
+        """
+        for _ in range(100 * (tick + 10)):
+            if self.bench.tick >= tick and self._waiting or self.bench.done:
+                return
+            self.now += 0.005
+            self.session.poll(self.now)
+            self._take()
+            if self._waiting and self.bench.tick < tick:
+                self._answer(deaf or {})
+            self._tell()
+            if not self.session.run.running and not self.session.run.state == "waiting":
+                return
+        raise AssertionError(f"stuck at tick {self.bench.tick}: {self.session.waiting_for}")
+
+    def of_kind(self, kind: str) -> list[Any]:
+        """Return the events of a kind."""
+        return [event for event in self.events if event.kind == kind]
+
+    def _answer(self, deaf: Mapping[int, set[str]]) -> None:
+        """Let everybody hear the questions that wait."""
+        waiting, self._waiting = self._waiting, []
+        for question in waiting:
+            data = measurement_bytes(question)
+            for name, host in self.hosts.items():
+                heard, at = measurement_from(data, self.bench.settings.period)
+                answer = host.observe(heard)
+                if answer is not None and name not in deaf.get(question.tick, ()):
+                    command = command_from(command_bytes(answer.command, at))
+                    self.session.take(command, self.now)
+        self._take()
+
+    def _take(self) -> None:
+        """Take what the session and the hosts have said."""
+        while self.session.outbox:
+            record = self.session.outbox.popleft()
+            if isinstance(record, Measurement):
+                self._waiting = [record]
+            elif isinstance(record, Truth):
+                self.truths.append(record)
+            else:
+                self.events.append(record)
+        for host in self.hosts.values():
+            while host.events:
+                self.events.append(host.events.popleft())
+
+    def _tell(self) -> None:
+        """Let the plant hear how the controllers are."""
+        for name, host in self.hosts.items():
+            self.session.reasons[name] = host.reason
+            self.session.backlog.heard(name, host.last_tick, host.epoch)
