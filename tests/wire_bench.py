@@ -57,7 +57,7 @@ class WireBench:
             deaf: at which tick nobody hears the answers of whom: they are missed.
         """
         for _ in range(100 * (tick + 10)):
-            if self.bench.tick >= tick and self._waiting or self.bench.done:
+            if (self.bench.tick >= tick and self._waiting) or self.bench.done:
                 return
             self.now += 0.005
             self.session.poll(self.now)
@@ -65,7 +65,7 @@ class WireBench:
             if self._waiting and self.bench.tick < tick:
                 self._answer(deaf or {})
             self._tell()
-            if not self.session.run.running and not self.session.run.state == "waiting":
+            if not self.session.run.running and self.session.run.state != "waiting":
                 return
         raise AssertionError(f"stuck at tick {self.bench.tick}: {self.session.waiting_for}")
 

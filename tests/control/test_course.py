@@ -25,7 +25,8 @@ def place(course: Course, tick: int) -> float:
 
 def test_without_a_plan_and_until_the_first_one_starts_it_holds() -> None:
     course = Course()
-    assert course.plan is None and place(course, 5) == 7.0
+    assert course.plan is None
+    assert place(course, 5) == 7.0
     course.add(plan(0.2, 7.0, 8.0))
     assert [place(course, k) for k in (0, 19, 20, 30, 99)] == [7.0, 7.0, 7.0, 8.0, 8.0]
 
@@ -55,7 +56,8 @@ def test_a_reset_leaves_the_plan_of_the_start() -> None:
     course = Course()
     course.add(plan(0.5, 7.0, 2.0))
     course.restart()
-    assert course.plan is None and place(course, 110) == 7.0
+    assert course.plan is None
+    assert place(course, 110) == 7.0
 
 
 def test_a_jump_is_told_with_joint_places_and_bound() -> None:

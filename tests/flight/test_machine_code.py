@@ -77,7 +77,7 @@ def flown(trial: Trial) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "kind, modes", [(kind, count) for kind, counts in MODES.items() for count in counts]
+    ("kind", "modes"), [(kind, count) for kind, counts in MODES.items() for count in counts]
 )
 def test_no_law_compiles_or_loads_in_flight(kind: str, modes: int) -> None:
     values = {"kind": kind}

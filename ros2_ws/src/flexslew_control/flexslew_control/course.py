@@ -73,8 +73,8 @@ def jump(plan: Plan, before: Reference) -> str:
         worst = int(off.argmax())
         if off[worst] > LARGEST_JUMP:
             return (
-                f"at its start, {plan.start:g} s, the reference of {plan.joint_names[worst]} {what} "
-                f"{here[worst]:.6g}, the plan begins with {there[worst]:.6g}; at most "
+                f"at its start, {plan.start:g} s, the reference of {plan.joint_names[worst]} "
+                f"{what} {here[worst]:.6g}, the plan begins with {there[worst]:.6g}; at most "
                 f"{LARGEST_JUMP:g} apart is allowed"
             )
     return ""

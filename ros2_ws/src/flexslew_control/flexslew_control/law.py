@@ -117,8 +117,15 @@ class Estimate(NamedTuple):
 
 def handed_out_estimate(estimate: Estimate) -> Estimate:
     """Return an estimate through which nobody can change what its estimator knows."""
-    *arrays, nis = estimate
-    return Estimate(*map(handed_out, arrays), nis)
+    position, velocity, disturbance, covariance, innovation, nis = estimate
+    return Estimate(
+        handed_out(position),
+        handed_out(velocity),
+        handed_out(disturbance),
+        handed_out(covariance),
+        handed_out(innovation),
+        nis,
+    )
 
 
 class Estimator(Protocol):

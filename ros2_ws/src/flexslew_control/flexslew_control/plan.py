@@ -110,7 +110,9 @@ class Plan:
 
     def _at_rest(self, position: Vector, state: Vector, row: int) -> Reference:
         rest = kept(np.zeros(len(self.joint_names)))
-        return Reference(position, rest, rest, handed_out(state), handed_out(state), self._gains(row))
+        return Reference(
+            position, rest, rest, handed_out(state), handed_out(state), self._gains(row)
+        )
 
     def _gains(self, row: int) -> Vector:
         return self.gains[row] if self.gains.size else self.gains.ravel()

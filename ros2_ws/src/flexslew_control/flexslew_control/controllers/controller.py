@@ -25,7 +25,6 @@ from flexslew_plant.arrays import NOTHING, Vector, handed_out, kept
 from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 
-
 _NONE = -2  # tick of a measurement that has not come: not even the one before tick 0
 
 

@@ -347,7 +347,15 @@ class Bench:
         if self._plausibility is not None:
             self._compare(self._plausibility, readings)
         self.question = Measurement(
-            self.tick, self.epoch, self.time, self.drive.active, *map(kept, readings), self._applied
+            self.tick,
+            self.epoch,
+            self.time,
+            self.drive.active,
+            kept(readings.joint_position),
+            kept(readings.joint_velocity),
+            kept(readings.tip_deflection),
+            kept(readings.root_curvature),
+            self._applied,
         )
         for old in self._faults.old_answers(first=True):
             self._objected(old)
