@@ -31,8 +31,67 @@ def test_the_limit_of_each_joint_holds_and_is_told() -> None:
 def test_the_slew_rate_bounds_every_change() -> None:
     motor = actuator(slew_rate=500.0)
     efforts = np.array([motor.apply(np.array([12.0, -12.0])) for _ in range(4)])
-    np.testing.assert_allclose(efforts[:, 0], [5.0, 10.0, 12.0, 12.0])
+    # 5 N m a tick, and each tick has the mean of its ramp: the third ends after 4 ms at 12 N m
+    np.testing.assert_allclose(efforts[:, 0], [2.5, 7.5, 12.0 - 0.5 * 2.0 * 0.4, 12.0])
     np.testing.assert_allclose(efforts[:, 1], -efforts[:, 0])
+
+
+def ramped(demands: Any, every: float, rate: float, lag: float) -> Any:
+    """Return the impulse of the continuous response up to every change of the demand.
+
+    Integrated in steps of 20 us, which the ramp and the lag take piece by piece.
+    """
+    u, z, impulse, found = 0.0, 0.0, 0.0, []
+    steps = round(every / 2e-5)
+    dt = every / steps
+    for demand in demands:
+        for _ in range(steps):
+            before = u
+            u += np.clip(demand - u, -rate * dt, rate * dt)
+            if not lag:
+                impulse += 0.5 * (before + u) * dt
+                continue
+            slope = (u - before) / dt
+            kept = np.exp(-dt / lag)
+            after = u - slope * lag + (z - before + slope * lag) * kept
+            impulse += 0.5 * (before + u) * dt - lag * (after - z)
+            z = after
+        found.append(impulse)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.004, 0.3])
+@pytest.mark.parametrize("rate", [30.0, 177.0, 2500.0])
+@pytest.mark.parametrize("period", [0.1, 0.05, 0.02, 0.01, 0.001])
+def test_the_impulse_of_a_slew_rate_does_not_depend_on_the_period(
+    period: float, rate: float, lag: float
+) -> None:
+    demands = np.random.default_rng(5).uniform(-9.0, 9.0, 30)
+    motor = Actuator(ActuatorSettings(slew_rate=rate, lag=lag), np.array([150.0]), period)
+    impulse, found = 0.0, []
+    for demand in demands:
+        for _ in range(round(0.1 / period)):
+            impulse += float(motor.apply(np.array([demand]))[0]) * period
+        found.append(impulse)
+    # the comparison meets the demand at the end of a step of 20 us: half a step of one change
+    most = 30 * 2e-5 * rate * 2e-5
+    np.testing.assert_allclose(found, ramped(demands, 0.1, rate, lag), rtol=0.0, atol=most + 1e-12)
+
+
+@pytest.mark.parametrize("period", [0.05, 0.01])
+def test_a_flight_under_a_slew_rate_is_the_same_at_every_period(period: float) -> None:
+    # a unit mass under a demand that steps every 0.1 s: the rate after 3 s is the impulse
+    demands = np.repeat([2.0, -1.0, 3.0, 0.0, -2.0], 6)
+    motor = Actuator(ActuatorSettings(slew_rate=20.0), np.array([150.0]), period)
+    rate = sum(
+        float(motor.apply(np.array([d]))[0]) * period
+        for d in demands
+        for _ in range(round(0.1 / period))
+    )
+    # every step of the demand by c is late by c / rate: the impulse misses c |c| / (2 rate)
+    steps = np.diff(np.concatenate(([0.0], demands)))
+    expected = 0.1 * demands.sum() - (steps * abs(steps)).sum() / 40.0
+    assert rate == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("periods", [0.1, 0.3, 1.0, 5.0, 30.0, 100.0])

@@ -12,10 +12,13 @@ from functools import cached_property
 from typing import Literal, TypeAlias
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from flexslew_control.planners.time_optimal.arcs import final_sensitivity, final_states
+from flexslew_control.planners.time_optimal.reachable import reachable_combinations
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.kernels import Kernels
+from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.model import Model
 
 Insensitive: TypeAlias = Literal["modes", "state"]
@@ -61,13 +64,18 @@ class BangBang:
 
     @cached_property
     def mode(self) -> tuple[float, float]:
-        """Frequency [rad/s] and damping ratio [-] of the first mode, the joints free."""
+        """Frequency [rad/s] and damping ratio [-] of the first combination, the joints free."""
         m = self.model.joints
         linear = self.model.linearise(self.start[: self.model.coordinates])
-        frequency = float(linear.frequencies[0])
-        coupling = linear.mass[:m, m]
-        mass = linear.mass[m, m] - coupling @ np.linalg.solve(linear.mass[:m, :m], coupling)
-        return frequency, float(linear.damping[m, m] / (2.0 * mass * frequency))
+        along = block_diag(np.eye(m), np.linalg.pinv(self.combinations))
+        mass, damping, stiffness = (
+            along.T @ matrix @ along for matrix in (linear.mass, linear.damping, linear.stiffness)
+        )
+        inputs = along.T @ linear.input_matrix
+        frequency = float(Linearisation(mass, damping, stiffness, inputs).frequencies[0])
+        coupling = mass[:m, m]
+        modal = mass[m, m] - coupling @ np.linalg.solve(mass[:m, :m], coupling)
+        return frequency, float(damping[m, m] / (2.0 * modal * frequency))
 
     @property
     def stencil(self) -> tuple[tuple[float, float], ...]:
@@ -97,27 +105,42 @@ class BangBang:
         return float(2.0 * np.sqrt(abs(self.distance) * self.inertia / self.amplitude))
 
     @cached_property
-    def rows(self) -> Vector:
-        """Which entries of the state the end conditions hold: the joint, the modes, their rates."""
-        n, m = self.model.coordinates, self.model.joints
-        half = np.array([self.joint, *range(m, n)])
-        return np.concatenate((half, n + half))
+    def combinations(self) -> Matrix:
+        """Which combinations of the modes the effort can swing, shape (k, modes)."""
+        q = self.start[: self.model.coordinates]
+        period = 2.0 * np.pi / float(self.model.linearise(q).frequencies[0])
+        horizon = self.rigid_duration + period
+        return reachable_combinations(self.model, q, self.joint, self.amplitude, horizon)
 
     @cached_property
-    def insensitive_rows(self) -> Vector:
-        """Which entries of the state may not be sensitive to the stiffness."""
-        n, m = self.model.coordinates, self.model.joints
-        modal = np.arange(m, n)
-        return np.concatenate((modal, n + modal)) if self.insensitive == "modes" else self.rows
+    def swinging(self) -> Matrix:
+        """The combinations and their rates as rows of a state, shape (2 k, 2 n)."""
+        n, m, k = self.model.coordinates, self.model.joints, len(self.combinations)
+        rows = np.zeros((2 * k, 2 * n))
+        rows[:k, m:n] = rows[k:, n + m :] = self.combinations
+        return rows
+
+    @cached_property
+    def resting(self) -> Matrix:
+        """What of a state the end conditions hold: joint, combinations, rates, (rows, 2 n)."""
+        half, n = len(self.combinations), self.model.coordinates
+        joint = np.eye(2 * n)[[self.joint, n + self.joint]]
+        swinging = self.swinging
+        return np.vstack((joint[:1], swinging[:half], joint[1:], swinging[half:]))
+
+    @property
+    def insensitive_to(self) -> Matrix:
+        """What of a state may not be sensitive to the stiffness, shape (rows, 2 n)."""
+        return self.swinging if self.insensitive == "modes" else self.resting
 
     @cached_property
     def conditions(self) -> Matrix:
         """C of the end conditions r = C z - goal, z the final states of all copies."""
         size = self.start.size
-        nominal: Matrix = np.eye(size)[self.rows]
+        nominal = self.resting
         if not self.robust:
             return nominal
-        derivative: Matrix = np.eye(size)[self.insensitive_rows]
+        derivative = self.insensitive_to
         whole = np.zeros((len(nominal) + len(derivative), size * (1 + len(self.stencil))))
         whole[: len(nominal), :size] = nominal
         for k, (_, weight) in enumerate(self.stencil, start=1):
@@ -175,5 +198,5 @@ class BangBang:
         goal = self.start.copy()
         goal[self.joint] += scale * self.distance
         r = self.conditions @ z
-        r[: self.rows.size] -= goal[self.rows]
+        r[: len(self.resting)] -= self.resting @ goal
         return np.asarray(r / scale)

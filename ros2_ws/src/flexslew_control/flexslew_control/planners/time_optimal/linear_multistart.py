@@ -44,7 +44,7 @@ def linear_slews(a: float, damping: float, switches: int, longer: float = 0.0) -
             found = found[np.argsort(found.sum(axis=1), kind="stable")]
             total = found.sum(axis=1)
             return np.asarray(found[total <= total[0] + longer])
-    raise PlanFailed(f"no {switches}-switch slew of the linear model was found; use another goal")
+    raise PlanFailed(f"no {switches}-switch slew of the linear model was found")
 
 
 def _even(dimensions: int) -> Vector:

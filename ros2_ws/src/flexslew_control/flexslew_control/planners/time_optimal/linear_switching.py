@@ -30,7 +30,7 @@ def three_switches(a: float) -> tuple[float, float]:
     g = excess(y)
     crossing = np.flatnonzero(np.signbit(g[1:]) != np.signbit(g[:-1]))
     if crossing.size == 0:
-        raise PlanFailed("no three-switch slew of the linear model was found; use another goal")
+        raise PlanFailed("no three-switch slew of the linear model was found")
     low, high = y[crossing[0]], y[crossing[0] + 1]
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -60,7 +60,7 @@ def five_switches(a: float) -> Matrix:
             found = found[np.argsort(found[:, 0])]
             different = np.abs(np.diff(found, axis=0)).max(axis=1) > 1e-7
             return np.asarray(found[np.concatenate(([True], different))])
-    raise PlanFailed("no five-switch slew of the linear model was found; use another goal")
+    raise PlanFailed("no five-switch slew of the linear model was found")
 
 
 @compiled

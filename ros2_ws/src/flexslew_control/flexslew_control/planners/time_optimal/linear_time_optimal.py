@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_plant.arrays import Matrix, Vector
@@ -153,8 +153,7 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
         longest *= 1.5
         if longest > _LONGEST * (rigid + period):
             raise PlanFailed(
-                f"no slew by {slew.distance:g} within {longest:.4g} s at {slew.amplitude:g} was "
-                "found; use a larger amplitude or another goal"
+                f"no slew by {slew.distance:g} within {longest:.4g} s at {slew.amplitude:g} was found"
             )
         grid = _sampled(a, b, conditions, step, longest)
     duration = min(longest, rigid + 0.5 * period)
@@ -200,12 +199,12 @@ def extended(slew: BangBang) -> tuple[Matrix, Vector, Matrix]:
     linear = slew.model.linearise(q)
     a, b = linear.state_matrix, linear.state_input_matrix[:, slew.joint]
     if not slew.robust:
-        return a, b, np.eye(2 * n)[slew.rows]
+        return a, b, slew.resting
     closed = linear.with_feedback(*gains).state_matrix
     by_stiffness = (state_matrix(1.0 + _CHANGE) - state_matrix(1.0 - _CHANGE)) / (2.0 * _CHANGE)
     whole = np.block([[a, np.zeros_like(a)], [by_stiffness, closed]])
-    rows = np.concatenate((slew.rows, 2 * n + slew.insensitive_rows))
-    return whole, np.concatenate((b, np.zeros(2 * n))), np.eye(4 * n)[rows]
+    rows = block_diag(slew.resting, slew.insensitive_to)
+    return whole, np.concatenate((b, np.zeros(2 * n))), rows
 
 
 def _sampled(a: Matrix, b: Vector, conditions: Matrix, step: float, longest: float) -> _Grid:

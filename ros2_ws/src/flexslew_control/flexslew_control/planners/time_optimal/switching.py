@@ -195,8 +195,8 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
     the first pulse and T(p) by Newton's method; the smallest T(p) is taken.
     """
     half = slew.rigid_duration / 2.0
-    rows = np.array([slew.joint, slew.model.joints])
-    middle = slew.start[rows] + np.array([0.5 * slew.distance, 0.0])
+    rows = slew.resting[:2]
+    middle = rows @ slew.start + np.array([0.5 * slew.distance, 0.0])
     ensemble, efforts = slew.copies((1.0,)), slew.efforts(3)
     rough = replace(slew, rough=True).step
 
@@ -204,7 +204,7 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
         d = np.array([p, 0.0, half - p])
         for _ in range(8):
             x, by_duration = final_sensitivity(*ensemble, slew.start, efforts, d, step)
-            change = np.linalg.solve(by_duration[rows, 1:], middle - x[rows])
+            change = np.linalg.solve(rows @ by_duration[:, 1:], middle - rows @ x)
             if not np.isfinite(change).all() or np.abs(change).max() > half:
                 return None
             d = d + np.append(0.0, change)

@@ -1,5 +1,6 @@
 """The planner of Liu and Singh 1997: time-optimal and robust time-optimal slews."""
 
+from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
@@ -27,6 +28,7 @@ from flexslew_plant.testbeds import Model
 Structure: TypeAlias = Literal["fewest", "asymmetric", "optimal"]
 Share: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
 RESERVE = 0.2  # of the limit, left to a feedback [-]
+_SHARES = (0.9, 0.75, 0.6, 0.45, 0.3)  # of the amplitude, tried where the whole leads to no slew
 
 
 @section
@@ -141,7 +143,33 @@ def found_slew(
         float(asked.kd[0]) if held else 0.0,
         settings.insensitive,
     )
-    return slew, found_durations(slew, settings.structure)
+    try:
+        return slew, found_durations(slew, settings.structure)
+    except PlanFailed as error:
+        raise PlanFailed(f"{error}; {_remedy(slew, settings.structure)}") from None
+
+
+def _remedy(slew: BangBang, structure: Structure) -> str:
+    """Return what does lead to a slew: each is tried before it is said."""
+    if slew.robust:
+        if _leads(replace(slew, robust=False), structure):
+            return "robust: false leads to one"
+        return "robust: false leads to none either"
+    for share in _SHARES:
+        amplitude = float(f"{share * slew.amplitude:.3g}")
+        if _leads(replace(slew, amplitude=amplitude), structure):
+            return f"amplitude: {amplitude:g} leads to one"
+    least = _SHARES[-1] * slew.amplitude
+    return f"no amplitude tried down to {least:.3g} leads to one"
+
+
+def _leads(slew: BangBang, structure: Structure) -> bool:
+    """Return whether there is such a slew."""
+    try:
+        found_durations(slew, structure)
+    except PlanFailed:
+        return False
+    return True
 
 
 def _alone(model: Model, start: Vector) -> bool:
@@ -193,21 +221,23 @@ def found_durations(slew: BangBang, structure: Structure = "fewest") -> Vector:
         finders = [_asymmetric, fewest_durations, extremal_durations]
     else:
         finders = [fewest_durations, _asymmetric, extremal_durations]
-    found = (finder(slew) for finder in finders)
-    durations = next((arcs for arcs in found if arcs is not None), None)
-    if durations is None:
-        raise PlanFailed(
-            f"no{' robust' if slew.robust else ''} slew by {slew.distance:g} at "
-            f"{slew.amplitude:g} was found (rigid bound {slew.rigid_duration:.4f} s); use a "
-            "smaller amplitude or another goal"
-        )
-    return durations
+    for finder in finders:
+        try:
+            durations = finder(slew)
+        except PlanFailed:  # of this kind; another may be found
+            continue
+        if durations is not None:
+            return durations
+    raise PlanFailed(
+        f"no{' robust' if slew.robust else ''} slew by {slew.distance:g} at {slew.amplitude:g} "
+        f"was found (rigid bound {slew.rigid_duration:.4f} s)"
+    )
 
 
 def _closed_form(slew: BangBang) -> bool:
     """Return whether slews with few switches are known of the linear model."""
     under_feedback = slew.robust and not slew.open_loop
-    return slew.model.modes == 1 and slew.insensitive == "modes" and not under_feedback
+    return len(slew.combinations) == 1 and slew.insensitive == "modes" and not under_feedback
 
 
 def _asymmetric(slew: BangBang) -> Vector | None:

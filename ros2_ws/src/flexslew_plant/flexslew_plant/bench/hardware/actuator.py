@@ -1,4 +1,4 @@
-"""The motors: torque limit, slew rate, quantisation and first-order lag; see friction, too."""
+"""The motors: torque limit, quantisation, slew rate and first-order lag; see friction, too."""
 
 from math import expm1
 
@@ -23,8 +23,9 @@ class ActuatorSettings:
 class Actuator:
     """One motor per joint, with the demand held over a tick.
 
-    With a lag z' = (demand - z) / lag the torque varies within the tick; what is applied is its
-    exact mean, so that the impulse over every tick is that of the continuous response.
+    The torque u follows the demand, a multiple of the quantum, at the slew rate; with a lag the
+    motor's torque is z' = (u - z) / lag. Both vary within the tick; what is applied is their exact
+    mean, so that the impulse over every tick is that of the continuous response.
 
     Args:
         settings: the `actuator` section.
@@ -35,7 +36,7 @@ class Actuator:
     def __init__(self, settings: ActuatorSettings, limit: Vector, period: float) -> None:
         self._settings, self._limit = settings, limit
         self._bounds: list[float] = limit.tolist()
-        self._largest_change = settings.slew_rate * period
+        self._period = period
         ratio = period / settings.lag if settings.lag else 0.0
         self._rise = -expm1(-ratio)  # of z over a tick, in parts of demand - z
         self._mean_rise = 1.0 - self._rise / ratio if ratio else 1.0
@@ -49,7 +50,7 @@ class Actuator:
     def reset(self) -> None:
         """Forget the past: no torque."""
         self.effort: Vector = np.zeros(self._limit.size)  # really applied [N m or N]
-        self._demand: Vector = np.zeros(self._limit.size)
+        self._ramped: Vector = np.zeros(self._limit.size)  # u at the end of the last tick
         self._lagged: Vector = np.zeros(self._limit.size)  # z at the end of the last tick
         self.saturated = False
 
@@ -60,16 +61,37 @@ class Actuator:
         within = zip(demand.tolist(), self._bounds, strict=True)
         self.saturated = not all(-most <= value <= most for value, most in within)
         effort = np.clip(demand, -self._limit, self._limit) if self.saturated else demand
-        if self._largest_change:
-            change = np.clip(effort - self._demand, -self._largest_change, self._largest_change)
-            effort = self._demand + change
-        self._demand = effort  # before quantisation: a ramp slower than a quantum a tick goes on
         if s.quantisation:
             most = np.floor(self._limit / s.quantisation)
             effort = s.quantisation * np.clip(np.round(effort / s.quantisation), -most, most)
+        if s.slew_rate:
+            self.effort = self._followed(effort)
+            return self.effort
         self.effort = effort
         if s.lag:
             gap = effort - self._lagged
             self.effort = self._lagged + self._mean_rise * gap
             self._lagged = self._lagged + self._rise * gap
         return self.effort
+
+    def _followed(self, demand: Vector) -> Vector:
+        """Return the mean over the tick of a torque that ramps to the demand, then holds it.
+
+        On the ramp z = u - rate lag + (z_0 - u_0 + rate lag) e^(-t/lag); the integral of z is that
+        of u less lag times the change of z.
+        """
+        s, dt, start = self._settings, self._period, self._ramped
+        gap = demand - start
+        rising = np.minimum(abs(gap) / s.slew_rate, dt)  # how long each ramps [s]
+        rate = s.slew_rate * np.sign(gap)
+        end = np.where(rising < dt, demand, start + rate * dt)
+        mean = end - 0.5 * rising / dt * (end - start)
+        self._ramped = end
+        if not s.lag:
+            return mean
+        behind = rate * s.lag  # of the torque, once the ramp has gone on for long
+        z = end - behind + (self._lagged - start + behind) * np.exp(-rising / s.lag)
+        z = end + (z - end) * np.exp(-(dt - rising) / s.lag)
+        mean = mean - s.lag / dt * (z - self._lagged)
+        self._lagged = z
+        return mean

@@ -1,0 +1,123 @@
+"""Slews of craft whose modes are equal, nearly equal or distinct, beside a linear programme."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.control.planners.time_optimal.least_time import least_time
+
+from flexslew_control.law import PlantDescription
+from flexslew_control.planners import make_plan
+from flexslew_control.planners.time_optimal import time_optimal
+from flexslew_control.planners.time_optimal.bang_bang import BangBang
+from flexslew_control.planners.time_optimal.reachable import NOTHING, reachable_combinations
+from flexslew_control.planners.time_optimal.time_optimal import TimeOptimal
+from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.trial.trial import feedback_of, plant_of
+from flexslew_plant.errors import PlanFailed
+from flexslew_plant.settings import validated
+from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
+
+AXES = {"roll": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
+# stiffness of the second panel over that of the first
+ALIKE = {"equal": 1.0, "nearly": 1.0 + 1e-8, "close": 1.003, "distinct": 1.7}
+
+
+def section(**values: Any) -> TimeOptimal:
+    found: TimeOptimal = validated(TimeOptimal, {"method": "time_optimal", **values}, "test")
+    return found
+
+
+@pytest.mark.parametrize("goal", [0.05, 0.1, 0.2, 0.3, 0.6, 1.0, 1.5, -0.4])
+def test_the_shipped_spacecraft_is_slewed_in_the_least_time(goal: float) -> None:
+    trial = shipped("own_spacecraft")
+    asked = section(goal={"roll": goal}, structure="optimal")
+    plan = make_plan(asked, plant_of(trial), feedback_of(trial))
+    model = trial.testbed.turning("roll", 1).model()
+    least = least_time(model, goal, 0.5, NOTHING)
+    assert plan.summary["optimal"]
+    assert plan.duration == pytest.approx(least, rel=0.01)
+    assert plan.summary["predicted_residual_tip_deflection"] < 1e-6
+
+
+def craft(rng: np.random.Generator, alike: str, joint: str, modes: int) -> SpacecraftTestbed:
+    """Return a hub with two panels on opposite sides, across the axis of the joint."""
+    along = AXES[{"roll": "pitch", "pitch": "yaw", "yaw": "roll"}[joint]]
+    stiffness = float(rng.uniform(20.0, 120.0))
+    shape = {
+        "kind": "beam",
+        "method": "closed_form",
+        "length": float(rng.uniform(1.5, 4.0)),
+        "linear_density": float(rng.uniform(0.5, 2.0)),
+        "bending_stiffness": stiffness,
+        "along": list(along),
+        "across": list(np.cross(along, AXES[joint])),
+        "modes_across": modes,
+        "modes_third": 0,
+    }
+    panels = {
+        "left": {"shape": shape, "damping": {"ratio": float(rng.choice([0.0, 0.005]))}},
+        "right": {
+            "shape": {**shape, "along": [-x for x in along]},
+            "stiffness": ALIKE[alike],
+            "damping": {"ratio": 0.0},
+        },
+    }
+    panels["right"]["damping"] = panels["left"]["damping"]
+    inertia = float(rng.uniform(15.0, 60.0))
+    return read_testbed(
+        {
+            "kind": "spacecraft",
+            "platform": {"mass": 100.0, "inertia": dict.fromkeys(("xx", "yy", "zz"), inertia)},
+            "appendages": panels,
+            "actuators": {joint: {"kind": "torque", "direction": AXES[joint], "limit": 1.0}},
+        },
+        "test",
+    )
+
+
+@pytest.mark.parametrize("joint", AXES)
+@pytest.mark.parametrize("alike", ALIKE)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_slews_of_random_craft_take_the_least_time(alike: str, joint: str, seed: int) -> None:
+    rng = np.random.default_rng([seed, list(ALIKE).index(alike), list(AXES).index(joint)])
+    testbed = craft(rng, alike, joint, 1)
+    goal, limit = float(rng.uniform(0.1, 0.8)), np.array([float(rng.uniform(0.5, 2.0))])
+    model = testbed.turning(joint).model()
+    plant = PlantDescription(testbed, 0.01, limit)
+    plan = make_plan(section(goal={joint: goal}, model={}, structure="optimal"), plant)
+    assert plan.duration == pytest.approx(least_time(model, goal, limit[0], NOTHING), rel=0.01)
+    assert plan.summary["predicted_residual_tip_deflection"] < 10.0 * NOTHING
+
+
+@pytest.mark.parametrize(("alike", "count"), [("equal", 1), ("nearly", 1), ("distinct", 2)])
+def test_equal_modes_count_as_one(alike: str, count: int) -> None:
+    testbed = craft(np.random.default_rng(3), alike, "yaw", 1)
+    model = testbed.turning("yaw").model()
+    found = reachable_combinations(model, model.rest({}), 0, 1.0, 20.0)
+    assert len(found) == count
+    if count == 1:  # both swing the same way about the axis, one up and one down
+        assert abs(found[0, 0]) == pytest.approx(abs(found[0, 1]), rel=1e-4)
+
+
+@pytest.mark.parametrize("robust", [False, True])
+def test_the_remedy_of_a_refusal_leads_to_a_slew(
+    monkeypatch: pytest.MonkeyPatch, robust: bool
+) -> None:
+    known = time_optimal.found_durations
+
+    def narrow(slew: BangBang, structure: Any = "fewest") -> Any:
+        if slew.robust or slew.amplitude > 0.4:
+            raise PlanFailed("none was found")
+        return known(slew, structure)
+
+    monkeypatch.setattr(time_optimal, "found_durations", narrow)
+    trial = shipped("own_spacecraft")
+    asked = section(goal={"roll": 0.2}, robust=robust, amplitude=0.3 if robust else 0.5)
+    with pytest.raises(PlanFailed) as refused:
+        make_plan(asked, plant_of(trial), feedback_of(trial))
+    key, value = str(refused.value).split("; ")[-1].split(" leads")[0].split(": ")
+    wiser = {"robust": False} if key == "robust" else {"amplitude": float(value)}
+    assert make_plan(replace(asked, **wiser), plant_of(trial), feedback_of(trial)).duration > 0.0
