@@ -39,7 +39,9 @@ def random_points(rng: np.random.Generator, modes: int, count: int = 15) -> Poin
     if modes:
         modal = np.einsum("k,kai,kaj->ij", mass, shape, shape)
         shape = shape @ np.linalg.inv(np.linalg.cholesky(modal)).T
-    return Points(rng.standard_normal((count, 3)) * 2.0, mass, shape)
+    drawn = 0.1 * rng.standard_normal((count, 3, modes, modes))
+    drawn = drawn + drawn.transpose(0, 1, 3, 2)
+    return Points(rng.standard_normal((count, 3)) * 2.0, mass, shape, drawn)
 
 
 def random_appendage(rng: np.random.Generator, hinge: int, name: str) -> Appendage:

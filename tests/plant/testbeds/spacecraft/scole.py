@@ -58,7 +58,9 @@ class Scole:
             tip_body=n["tip"],
         )
         damping = Damping(alpha=0.005, beta=0.005)
-        self.appendages = {"mast": AppendageSettings(shape=beam, damping=damping)}
+        self.appendages = {
+            "mast": AppendageSettings(shape=beam, damping=damping, geometric_stiffness=False)
+        }
         self.wheels: dict[str, Any] = {}
         unit = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
         self.actuators = {

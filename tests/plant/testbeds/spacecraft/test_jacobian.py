@@ -4,8 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from tests.plant.testbeds.spacecraft.crafts import mass_and_bias, random_craft, random_state
 
+from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.actuation import actuation, actuation_jacobian
@@ -63,3 +65,38 @@ def test_the_kinematics_derivatives_are_exact() -> None:
     dq, dv = np.empty((nq, nq)), np.empty((nq, nv))
     kinematics_jacobian(p, 0.0, x, dq, dv)
     np.testing.assert_allclose(np.hstack((dq, dv)), differences(rates, x), atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_jacobian_of_a_free_platform_is_that_of_its_tangent_space(seed: int) -> None:
+    testbed = shipped("own_spacecraft").testbed
+    model = testbed.model()
+    rng = np.random.default_rng(seed)
+    x = 0.2 * rng.standard_normal(model.positions + model.coordinates)
+    x[3:7] = rng.standard_normal(4)
+    x[3:7] /= np.linalg.norm(x[3:7])
+    effort, dt = rng.standard_normal(model.efforts), 5e-4
+    n, split = model.coordinates, model.positions
+    dx, du = model.jacobian(x, effort)
+
+    def moved(change: np.ndarray, more: np.ndarray) -> np.ndarray:
+        rate = model.position_rates(x[:split])
+        there = np.concatenate((x[:split] + rate @ change[:n], x[split:] + change[n:]))
+        there[3:7] /= np.linalg.norm(there[3:7])
+        return model.advance(there, effort + more, dt)
+
+    size, nothing = 1e-4, np.zeros(model.efforts)
+    after = model.advance(x, effort, dt)
+    back = np.linalg.pinv(model.position_rates(after[:split]))
+
+    def column(change: np.ndarray, more: np.ndarray) -> np.ndarray:
+        ahead = (moved(change, more) - moved(-change, -more)) / (2.0 * size)
+        return np.concatenate((back @ ahead[:split], ahead[split:]))
+
+    found = np.column_stack([column(size * e, nothing) for e in np.eye(2 * n)])
+    middle = 0.5 * (dx + model.jacobian(after, effort)[0])
+    expected = expm(dt * middle)  # of the flight over one step, to third order in it
+    scale = abs(expected).max()
+    np.testing.assert_allclose(found, expected, atol=1e-6 * scale)
+    pushed = np.column_stack([column(np.zeros(2 * n), size * e) for e in np.eye(model.efforts)])
+    np.testing.assert_allclose(pushed[n:], dt * du[n:], atol=2e-2 * dt * abs(du).max())

@@ -12,6 +12,7 @@ from flexslew_plant.testbeds.appendages import Appendages as Appendages
 from flexslew_plant.testbeds.compiled.bound import Bound, bound
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.linearisation import Linearisation
+from flexslew_plant.testbeds.tangent import tangent_jacobian
 
 
 @dataclass(frozen=True)
@@ -170,8 +171,14 @@ class Model:
         return self._bound.advance
 
     def jacobian(self, x: Vector, effort: Vector, t: float = 0.0) -> tuple[Matrix, Matrix]:
-        """Return df/dx, shape (2 n, 2 n), and df/du, shape (2 n, actuators), exact."""
+        """Return df/dx, shape (2 n, 2 n), and df/du, shape (2 n, actuators), exact.
+
+        Where q' is not v it is that of the tangent space: of small motions e along v, so that q
+        becomes q + N(q) e (a platform's place and attitude along body axes), and of v.
+        """
         self._require(x, effort)
+        if self.kernels.extra_positions:
+            return tangent_jacobian(self, x, effort, t)
         dx, du = np.empty((x.size, x.size)), np.empty((x.size, self.efforts))
         self._bound.jacobian(self.packed, t, x, effort, dx, du)
         return dx, du

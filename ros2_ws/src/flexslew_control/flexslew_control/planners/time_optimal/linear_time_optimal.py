@@ -153,7 +153,7 @@ def linear_optimum(slew: BangBang) -> LinearOptimum:
         longest *= 1.5
         if longest > _LONGEST * (rigid + period):
             raise PlanFailed(
-                f"no slew by {slew.distance:g} within {longest:.4g} s at {slew.amplitude:g} was found"
+                f"no slew by {slew.distance:g} at {slew.amplitude:g} takes under {longest:.4g} s"
             )
         grid = _sampled(a, b, conditions, step, longest)
     duration = min(longest, rigid + 0.5 * period)

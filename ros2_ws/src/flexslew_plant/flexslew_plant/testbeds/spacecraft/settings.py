@@ -118,6 +118,7 @@ class Membrane:
     height: float = 0.0  # above the hinge
     waves: Annotated[int, Field(ge=0, le=6)] = 2
     rings: Annotated[int, Field(ge=1, le=6)] = 2
+    poisson_ratio: Annotated[float, Field(ge=0.0, le=0.5)] = 0.3  # for the geometric stiffness
 
 
 @section
@@ -154,6 +155,8 @@ class AppendageSettings:
     body: Body | None = None  # rigid, at the hinge
     damping: Damping = Damping()
     second_order: bool = True  # terms of second order in the deflections
+    # of a base that spins or accelerates, of second order too; null: where the shape says how
+    geometric_stiffness: bool | None = None
     only_modes: tuple[Annotated[int, Field(ge=1)], ...] | None = None  # that count; null: all
     stiffness: Positive = 1.0  # factor on the modal stiffness [-]
 

@@ -1,5 +1,7 @@
 """Appendages of a trial file in SI: hinge, flexible shape, rigid body, damping."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
@@ -43,6 +45,9 @@ def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> App
         shape = chosen_modes(shape, [k - 1 for k in a.only_modes])
     n = 0 if shape is None else shape.modes
     integrals = _nothing(n) if shape is None else shape.integrals
+    _require_known(a, integrals, key)
+    if a.geometric_stiffness is False:
+        integrals = replace(integrals, shortening=None)
     if a.body is not None:
         mass, first, inertia = rigid_body(a.body, units, f"{key}.body")
         integrals = _joined(integrals, mass, first, second_of(inertia))
@@ -76,6 +81,17 @@ def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> App
     )
 
 
+def _require_known(a: AppendageSettings, integrals: Integrals, key: str) -> None:
+    """Check that the geometric stiffness that is asked for can be had."""
+    if a.geometric_stiffness and not a.second_order:
+        raise BadInput(f"{key}.geometric_stiffness: true is not allowed without second_order")
+    if a.geometric_stiffness and integrals.shortening is None:
+        raise BadInput(
+            f"{key}.geometric_stiffness: true is not allowed: the modal data have no key "
+            "geometric_stiffness; leave it out or add the matrices to the file"
+        )
+
+
 def _nothing(n: int) -> Integrals:
     return Integrals(
         0.0,
@@ -100,6 +116,7 @@ def _joined(i: Integrals, mass: float, first: Vector, second: Matrix) -> Integra
         i.second_1,
         i.second_2,
         i.gyroscopic,
+        i.shortening,
     )
 
 

@@ -39,6 +39,7 @@ def flexible_shape(shape: object, units: Units, key: str) -> FlexibleShape:
             shape.height * units.length,
             shape.waves,
             shape.rings,
+            shape.poisson_ratio,
         )
     found = modal_shape(shape.file)  # type: ignore[attr-defined]
     kept = shape.modes  # type: ignore[attr-defined]

@@ -60,6 +60,7 @@ def _block(a: Appendage, i: Integrals, start: int, hinge: int) -> Vector:
     head = np.zeros(at.SUMS)
     head[at.KIND], head[at.COUNT], head[at.START] = a.hinge, n, start
     head[at.HINGE_INDEX], head[at.SECOND_ORDER] = hinge, a.second_order and n > 0
+    head[at.GEOMETRIC] = i.shortening is not None and n > 0
     head[at.PLACE : at.PLACE + 3] = a.place
     head[at.AXES : at.AXES + 9] = a.axes.ravel()
     head[at.AXIS : at.AXIS + 3] = a.axis
@@ -68,6 +69,12 @@ def _block(a: Appendage, i: Integrals, start: int, hinge: int) -> Vector:
         head[at.OWN_MASS], head[at.OWN_FIRST : at.OWN_FIRST + 3] = i.mass, i.first
         head[at.OWN_INERTIA : at.OWN_INERTIA + 6] = [i.inertia[k] for k in SIX]
     one, two = inertia_of(i.second_1), inertia_of(i.second_2)
+    extra: tuple[Vector, ...] = ()
+    if i.shortening is not None:
+        two = two + i.shortening.inertia
+        drawn = (i.shortening.first, i.shortening.rotation)
+        columns = [part[:, :, k] for part in drawn for k in range(3)]
+        extra = (np.concatenate(columns, axis=1).ravel(),)
     base = np.concatenate([*(one[:, r, c] for r, c in SIX), *i.rotation]).reshape(9 * n)
     rows = np.concatenate(
         [*(two[:, :, r, c] for r, c in SIX), *(i.gyroscopic[:, :, k] for k in range(3))], axis=1
@@ -75,7 +82,7 @@ def _block(a: Appendage, i: Integrals, start: int, hinge: int) -> Vector:
     if not a.second_order:
         rows = np.zeros_like(rows)
     sums = (i.translation.ravel(), base, rows.ravel(), a.mass, a.stiffness, a.damping.ravel())
-    return np.concatenate((head, *sums, *_manoeuvres(a)))
+    return np.concatenate((head, *sums, *extra, *_manoeuvres(a)))
 
 
 def _manoeuvres(a: Appendage) -> list[Vector]:

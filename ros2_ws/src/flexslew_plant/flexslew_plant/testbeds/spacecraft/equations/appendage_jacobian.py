@@ -9,6 +9,8 @@ from flexslew_plant.testbeds.spacecraft.equations.frames import (
     hinge_frame,
     offsets,
     platform_velocity,
+    shortening,
+    shortening_rates,
 )
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     Nine,
@@ -76,15 +78,17 @@ def add_appendage(
         felt = apply(e, plus(body_push, cross(body_turn, place)))
         push = plus(felt, cross(velocity, relative))
         turning = plus(plus(apply(e, body_turn), relative_rate), cross(carried, relative))
-    w = np.empty(9 * n)
+    w = np.empty(12 * n)
     deflected(p, b, x, q, w)
     sums = b + at.SUMS
     base = sums + 3 * n
     rows, rest = base + 9 * n, base + 9 * n * (n + 1)
-    second = p[b + at.SECOND_ORDER] > 0.5
+    second, shortens = p[b + at.SECOND_ORDER] > 0.5, p[b + at.GEOMETRIC] > 0.5
+    short = shortening(b, n)
     m = p[b + at.OWN_MASS]
-    s = plus(triple(p, b + at.OWN_FIRST), three_sums(p, n, x, q, sums))
-    ds = three_sums(p, n, x, v, sums)
+    twice = plus(three_sums(p, n, x, q, sums), three_sums(w, n, x, q, 9 * n))
+    s = plus(triple(p, b + at.OWN_FIRST), scaled(0.5, twice))
+    ds = three_sums(w, n, x, v, 9 * n)
     half_1, half_2 = six_sums(p, n, x, q, base), six_sums(w, n, x, q, 0)
     o = b + at.OWN_INERTIA
     j = (
@@ -136,7 +140,7 @@ def add_appendage(
         torque = plus(torque, plus(cross(d_velocity, linear), cross(velocity, d_linear)))
         swept = plus(cross(d_velocity, spin), cross(velocity, d_spin))
         for i in range(n):
-            along, about = row_of(p, n, sums, i), row_of(w, n, 6 * n, i)
+            along, about = row_of(w, n, 9 * n, i), row_of(w, n, 6 * n, i)
             out[6 + i] = dot(along, d_push) + dot(about, d_turning) - dot(along, swept)
             out[6 + i] -= dot(spin, symmetric(six_of_row(w, n, 0, i), d_spin))
         if second:
@@ -180,10 +184,14 @@ def add_appendage(
                 dx[3 + c, 6 + hinge] += about_body[c]
     for k in range(n):
         # modal rate k
-        along, about = row_of(p, n, sums, k), row_of(w, n, 6 * n, k)
+        along, about = row_of(w, n, 9 * n, k), row_of(w, n, 6 * n, k)
         grown = symmetric(six_of_row(w, n, 0, k), spin)
         force = scaled(2.0, cross(spin, along))
         torque = plus(grown, cross(spin, about))
+        own = short + 6 * n * k
+        if shortens:
+            force = plus(force, scaled(2.0, three_sums(p, n, x, v, own)))
+            torque = plus(torque, scaled(2.0, three_sums(p, n, x, v, own + 3 * n)))
         for i in range(n):
             out[6 + i] = p[rest + 2 * n + i * n + k]
             if second:
@@ -202,6 +210,16 @@ def add_appendage(
             for i in range(n):
                 out[6 + i] = dot(row_of(p, n, t_row + 6 * n, i), turning)
                 out[6 + i] -= 0.5 * dot(spin, symmetric(six_of_row(p, n, t_row, i), spin))
+        if shortens:
+            drawn_in = three_sums(p, n, x, v, own)
+            force = plus(force, three_sums(p, n, a, row, own))
+            force = plus(force, scaled(2.0, cross(spin, drawn_in)))
+            torque = plus(torque, three_sums(p, n, a, row, own + 3 * n))
+            inner = plus(inner, three_sums(p, n, x, v, own + 3 * n))
+            felt_here = plus(push, cross(spin, velocity))
+            for i in range(n):
+                out[6 + i] += dot(row_of(p, n, own, i), felt_here)
+                out[6 + i] += dot(row_of(p, n, own + 3 * n, i), turning)
         out[6 + k] += p[rest + n + k]
         torque = plus(torque, cross(spin, inner))
         torque = plus(torque, cross(velocity, cross(spin, along)))
@@ -235,12 +253,14 @@ def _residual(
 ) -> tuple[Triple, Triple]:
     """Return r_V and r_w of an appendage in its own axes."""
     n = int(p[b + at.COUNT])
-    force = plus(plus(scaled(m, push), cross(turning, s)), three_sums(p, n, a, row, b + at.SUMS))
+    force = plus(plus(scaled(m, push), cross(turning, s)), three_sums(w, n, a, row, 9 * n))
     force = plus(force, plus(cross(spin, ds), cross(spin, linear)))
     torque = plus(cross(s, push), symmetric(j, turning))
     torque = plus(torque, three_sums(w, n, a, row, 6 * n))
     torque = plus(torque, plus(cross(ds, velocity), symmetric(dj, spin)))
-    return force, plus(torque, plus(cross(spin, angular), cross(velocity, linear)))
+    torque = plus(torque, plus(cross(spin, angular), cross(velocity, linear)))
+    pulled_in, turned_in = shortening_rates(p, b, x, v)
+    return plus(force, pulled_in), plus(torque, turned_in)
 
 
 @called

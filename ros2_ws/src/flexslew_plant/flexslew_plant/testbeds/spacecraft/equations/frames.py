@@ -63,21 +63,24 @@ def hinge_frame(
 
 @called
 def deflected(p: Vector, b: int, x: Vector, q: int, w: Vector) -> None:
-    """Write [D, C] of an appendage at the deflected shape, component by component, (9 n,).
+    """Write [D, C, P] of an appendage at the deflected shape, component by component, (12 n,).
 
-    D_j = dJ/dq_j in the order xx, yy, zz, xy, xz, yz; C = sum m x~ Phi.
+    D_j = dJ/dq_j in the order xx, yy, zz, xy, xz, yz; C = sum m x~ Phi; P = sum m Phi. Where the
+    appendage shortens as it bends, Phi is what a mode moves the points at the deflected shape.
 
     Args:
         p: packed spacecraft.
         b: where the appendage's block lies.
         x: state.
         q: where its modal coordinates begin in x.
-        w: out, at least 9 n long.
+        w: out, at least 12 n long.
     """
     n = int(p[b + at.COUNT])
     base = b + at.SUMS + 3 * n
     for c in range(9 * n):
         w[c] = p[base + c]
+    for c in range(3 * n):
+        w[9 * n + c] = p[base - 3 * n + c]
     if p[b + at.SECOND_ORDER] > 0.5:
         row = base + 9 * n
         for i in range(n):
@@ -85,3 +88,40 @@ def deflected(p: Vector, b: int, x: Vector, q: int, w: Vector) -> None:
             for c in range(9 * n):
                 w[c] += qi * p[row + c]
             row += 9 * n
+    if p[b + at.GEOMETRIC] > 0.5:
+        row = shortening(b, n)
+        for i in range(n):
+            qi = x[q + i]
+            for c in range(3 * n):
+                w[9 * n + c] += qi * p[row + c]
+                w[6 * n + c] += qi * p[row + 3 * n + c]
+            row += 6 * n
+
+
+@called
+def shortening(b: int, n: int) -> int:
+    """Return where the rows [S_i (3 n), R_i (3 n)] of an appendage begin.
+
+    S_ij = sum m s_ij and R_ij = sum m r x s_ij, with s_ij the displacement of second order.
+    """
+    return b + at.SUMS + 3 * n + 9 * n * (n + 1) + 2 * n + n * n
+
+
+@called
+def shortening_rates(p: Vector, b: int, x: Vector, v: int) -> tuple[Triple, Triple]:
+    """Return sum q'_i q'_j S_ij and sum q'_i q'_j R_ij, (0, 0, 0) where nothing shortens."""
+    fx, fy, fz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if p[b + at.GEOMETRIC] > 0.5:
+        n = int(p[b + at.COUNT])
+        row = shortening(b, n)
+        for i in range(n):
+            for j in range(n):
+                square = x[v + i] * x[v + j]
+                fx += square * p[row + j]
+                fy += square * p[row + n + j]
+                fz += square * p[row + 2 * n + j]
+                tx += square * p[row + 3 * n + j]
+                ty += square * p[row + 4 * n + j]
+                tz += square * p[row + 5 * n + j]
+            row += 6 * n
+    return (fx, fy, fz), (tx, ty, tz)

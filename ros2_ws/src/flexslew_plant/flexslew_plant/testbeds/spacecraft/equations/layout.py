@@ -29,7 +29,8 @@ WHEEL_SIZE = 4
 KIND, COUNT, START, HINGE_INDEX, SECOND_ORDER, MOTION_AT, MANOEUVRES = 0, 1, 2, 3, 4, 5, 6
 PLACE, AXES, AXIS, OWN_MASS, OWN_FIRST, OWN_INERTIA = 7, 10, 19, 22, 23, 26
 HINGE_STIFFNESS, HINGE_DAMPING = 32, 33
-SUMS = 34  # P (3 n), then [J1 (6 n), H (3 n)], T (n, 9 n), mass, stiffness (n), damping (n, n)
+GEOMETRIC = 34  # whether rows [S (3 n), R (3 n)] of every mode follow the damping
+SUMS = 35  # P (3 n), then [J1 (6 n), H (3 n)], T (n, 9 n), mass, stiffness (n), damping (n, n)
 
 # a manoeuvre of a prescribed hinge
 BEGIN, LENGTH, ANGLE, PROFILE, TABLE_AT, ROWS, TURN_AXIS, FROM_AXES = 0, 1, 2, 3, 4, 5, 6, 9

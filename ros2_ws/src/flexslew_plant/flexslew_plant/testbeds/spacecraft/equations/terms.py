@@ -7,6 +7,11 @@ and rate w_e of its frame, s = sum m x, J the inertia and C = sum m x~ Phi at th
     r_q = P^T V' + C^T w' + M_q q'' + 2 (q'^T G) w - P^T (V x w) - w^T D w / 2 + K q + D_q q',
 then projected on the platform's velocities, the hinges' rates and the modes. Linear and angular
 momentum and the energy are kept by this form exactly, whatever the integrals are.
+
+An appendage that bends shortens: x = r + Phi q + q^T s q / 2 with s of the shape. Then P and C are
+those of Phi + s q, r_V gains q'^T S q' and r_w gains q'^T R q' with S = sum m s, R = sum m r x s,
+and J its part of second order. The geometric stiffness of a base that spins or accelerates
+(Kane, Ryan and Banerjee 1987) is what this adds to r_q: S . (V' - V x w) + R . w' - w^T J_s w / 2.
 """
 
 import numpy as np
@@ -18,6 +23,7 @@ from flexslew_plant.testbeds.spacecraft.equations.frames import (
     hinge_frame,
     offsets,
     platform_velocity,
+    shortening_rates,
 )
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     apply,
@@ -78,7 +84,7 @@ def unprojected(
         table += at.WHEEL_SIZE
     put(bias, 0, cross(spin, linear))
     put(bias, 3, plus(cross(spin, angular), cross(velocity, linear)))
-    work = np.empty(9 * modes)
+    work = np.empty(12 * modes)
     table = int(p[at.APPENDAGE_TABLE])
     for k in range(int(p[at.APPENDAGES])):
         b = int(p[table + k])
@@ -116,12 +122,12 @@ def unprojected(
         for i in range(n):
             qi, vi = x[q + i], x[v + i]
             half = 0.5 * qi
-            sx += p[sums + i] * qi
-            sy += p[sums + n + i] * qi
-            sz += p[sums + 2 * n + i] * qi
-            dx += p[sums + i] * vi
-            dy += p[sums + n + i] * vi
-            dz += p[sums + 2 * n + i] * vi
+            sx += half * (p[sums + i] + work[9 * n + i])
+            sy += half * (p[sums + n + i] + work[10 * n + i])
+            sz += half * (p[sums + 2 * n + i] + work[11 * n + i])
+            dx += vi * work[9 * n + i]
+            dy += vi * work[10 * n + i]
+            dz += vi * work[11 * n + i]
             jxx += half * (p[base + i] + work[i])
             jyy += half * (p[base + n + i] + work[n + i])
             jzz += half * (p[base + 2 * n + i] + work[2 * n + i])
@@ -145,6 +151,8 @@ def unprojected(
         force = plus(cross(own_spin, ds), cross(own_spin, linear))
         torque = plus(cross(ds, own_velocity), symmetric(dj, own_spin))
         torque = plus(torque, plus(cross(own_spin, angular), cross(own_velocity, linear)))
+        pulled_in, turned_in = shortening_rates(p, b, x, v)
+        force, torque = plus(force, pulled_in), plus(torque, turned_in)
         turned_velocity = cross(own_velocity, own_spin)
         a, c, d = own_spin
         if not fixed:  # accelerations of the frame itself
@@ -160,16 +168,16 @@ def unprojected(
                 + 2.0 * work[5 * n + i] * c * d
             )
             carried_along = (
-                p[sums + i] * turned_velocity[0]
-                + p[sums + n + i] * turned_velocity[1]
-                + p[sums + 2 * n + i] * turned_velocity[2]
+                work[9 * n + i] * turned_velocity[0]
+                + work[10 * n + i] * turned_velocity[1]
+                + work[11 * n + i] * turned_velocity[2]
             )
             h = p[rest + n + i] * x[q + i] - 0.5 * centrifugal - carried_along
             for k2 in range(n):
                 h += p[rest + 2 * n + i * n + k2] * x[v + k2]
             if not fixed:
-                h += p[sums + i] * drift[0] + p[sums + n + i] * drift[1]
-                h += p[sums + 2 * n + i] * drift[2]
+                h += work[9 * n + i] * drift[0] + work[10 * n + i] * drift[1]
+                h += work[11 * n + i] * drift[2]
                 h += work[6 * n + i] * turn_drift[0] + work[7 * n + i] * turn_drift[1]
                 h += work[8 * n + i] * turn_drift[2]
             bias[row + i] += h
@@ -186,9 +194,9 @@ def unprojected(
             put(bias, 0, force)
             put(bias, 3, torque)
             for i in range(n):
-                coupling[0, first + i] = p[sums + i]
-                coupling[1, first + i] = p[sums + n + i]
-                coupling[2, first + i] = p[sums + 2 * n + i]
+                coupling[0, first + i] = work[9 * n + i]
+                coupling[1, first + i] = work[10 * n + i]
+                coupling[2, first + i] = work[11 * n + i]
                 coupling[3, first + i] = work[6 * n + i]
                 coupling[4, first + i] = work[7 * n + i]
                 coupling[5, first + i] = work[8 * n + i]
@@ -199,7 +207,7 @@ def unprojected(
         total = plus(at_body, scaled(m, place))
         add_point_mass_row(mass, total, inertia_about_body(e, j, at_body, place, m), m)
         for i in range(n):
-            along = apply_transposed(e, (p[sums + i], p[sums + n + i], p[sums + 2 * n + i]))
+            along = apply_transposed(e, (work[9 * n + i], work[10 * n + i], work[11 * n + i]))
             about = apply_transposed(e, (work[6 * n + i], work[7 * n + i], work[8 * n + i]))
             about = plus(about, cross(place, along))
             coupling[0, first + i], coupling[1, first + i], coupling[2, first + i] = along

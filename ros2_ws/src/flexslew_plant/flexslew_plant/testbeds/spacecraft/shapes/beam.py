@@ -1,21 +1,29 @@
 """Clamped beams that bend both ways and twist, with a rigid body at the tip.
 
 Local axes: z along the beam, deflections u along x and v along y, twist about z. A section turns
-by (-v', u', twist). Slender sections: their own inertia counts for the twist alone.
+by (-v', u', twist). Slender sections: their own inertia counts for the twist alone. A beam that
+bends does not stretch: its sections move towards the root by int (u'^2 + v'^2) ds / 2.
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import eigh
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.beam import ClampedFreeBeam
-from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, integrals_of, rigid_points
+from flexslew_plant.testbeds.spacecraft.shapes.integrals import (
+    Points,
+    integrals_of,
+    rigid_points,
+    turned_twice,
+)
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
 
 DOF = 5  # of a node: u, u', v, v', twist
 GAUSS = 4  # points of an element: exact for products of two cubics and for their moments
+BETWEEN = 4  # points between two of these, for what is summed along the beam
 DRAWN = 21  # points along a drawn beam
 
 
@@ -247,16 +255,22 @@ def _shape(
 ) -> FlexibleShape:
     """Sum over the mass points at the distances s, and over those of the tip body."""
     spots = [line.spot(float(at)) for at in s]
+    ends = np.append(s, beam.length)
+    shortening = _shortening(line, ends)
     points = Points(
         np.stack([spot.place for spot in spots]),
         weights,
         np.stack([spot.displacement for spot in spots]),
+        shortening[:-1],
     )
     end = line.spot(beam.length)
     if tip is not None:
         move = end.displacement - np.cross(tip.offset[:, None], end.turn, axis=0)
-        place = end.place + tip.offset
-        points = points.joined(rigid_points(tip.mass, place, tip.inertia, move, end.turn))
+        place, drawn_in = (
+            end.place + tip.offset,
+            shortening[-1] + turned_twice(end.turn, tip.offset),
+        )
+        points = points.joined(rigid_points(tip.mass, place, tip.inertia, move, end.turn, drawn_in))
     drawn = [line.spot(float(at)) for at in np.linspace(0.0, beam.length, DRAWN)]
     return FlexibleShape(
         integrals_of(points),
@@ -267,3 +281,23 @@ def _shape(
         np.stack([spot.displacement for spot in drawn]),
         line,
     )
+
+
+def _shortening(line: FiniteElementModes | ClosedFormModes, s: Vector) -> Matrix:
+    """Return s_ij of the displacement q^T s q / 2 at places along a beam, (places, 3, n, n).
+
+    s_ij = -int (u_i' u_j' + v_i' v_j') ds from the clamp, along the beam.
+
+    Args:
+        line: the modes.
+        s: rising distances from the clamp, shape (places,) [m].
+    """
+    x, w = np.polynomial.legendre.leggauss(BETWEEN)
+    edges = np.concatenate(([0.0], s))
+    total, rows = 0.0, []
+    for first, last in pairwise(edges):
+        for a, weight in zip(x, w, strict=True):
+            turn = line.spot(float(0.5 * (first + last) + 0.5 * (last - first) * a)).turn[:2]
+            total = total + 0.5 * (last - first) * weight * turn.T @ turn
+        rows.append(np.multiply.outer([0.0, 0.0, -1.0], total))
+    return np.stack(rows)

@@ -6,6 +6,7 @@ point is visited while the spacecraft flies.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,11 +23,14 @@ class Points:
         place: r_k, undeformed, shape (k, 3) [m].
         mass: m_k, shape (k,) [kg].
         shape: Phi_k, shape (k, 3, n) [-].
+        shortening: s_k of the displacement q^T s_k q / 2, symmetric in the modes, shape
+            (k, 3, n, n) [1/m].
     """
 
     place: Matrix
     mass: Vector
     shape: Matrix
+    shortening: Matrix
 
     def joined(self, other: "Points") -> "Points":
         """Return the points of both, which share their modes."""
@@ -34,7 +38,40 @@ class Points:
             np.concatenate((self.place, other.place)),
             np.concatenate((self.mass, other.mass)),
             np.concatenate((self.shape, other.shape)),
+            np.concatenate((self.shortening, other.shortening)),
         )
+
+
+class Shortening(NamedTuple):
+    """Sums over the displacements of second order, the geometric stiffness of a moving base.
+
+    `first` is the stiffness per acceleration of all points alike, `second` per acceleration that
+    grows with their place.
+    """
+
+    first: Matrix  # sum m s_ij, shape (n, n, 3) [kg/m]
+    second: Matrix  # sum m r s_ij^T, shape (n, n, 3, 3) [kg]
+
+    @property
+    def inertia(self) -> Matrix:
+        """What it adds to the moment of inertia's part of second order, shape (n, n, 3, 3)."""
+        return inertia_of(self.second + self.second.transpose(0, 1, 3, 2))
+
+    @property
+    def rotation(self) -> Matrix:
+        """R = sum m r x s_ij, shape (n, n, 3) [kg]."""
+        moment = self.second - self.second.transpose(0, 1, 3, 2)
+        return np.stack([moment[..., 1, 2], moment[..., 2, 0], moment[..., 0, 1]], axis=-1)
+
+    def seen_from(self, place: Vector, axes: Matrix) -> "Shortening":
+        """Return it about another origin, in its axes; see Integrals.seen_from."""
+        first = self.first @ axes
+        turned = np.einsum("ba,ijbc,cd->ijad", axes, self.second, axes)
+        return Shortening(first, turned + np.einsum("a,ijb->ijab", place, first))
+
+    def chosen(self, n: list[int]) -> "Shortening":
+        """Return it of some modes."""
+        return Shortening(self.first[np.ix_(n, n)], self.second[np.ix_(n, n)])
 
 
 @dataclass(frozen=True)
@@ -50,6 +87,7 @@ class Integrals:
         second_1: sum m (r phi_j^T + phi_j r^T), shape (n, 3, 3) [kg m].
         second_2: sum m (phi_i phi_j^T + phi_j phi_i^T), shape (n, n, 3, 3) [kg].
         gyroscopic: G_ij = sum m phi_i x phi_j, shape (n, n, 3) [kg].
+        shortening: of second order; none where it is not known or does not count.
     """
 
     mass: float
@@ -60,6 +98,7 @@ class Integrals:
     second_1: Matrix
     second_2: Matrix
     gyroscopic: Matrix
+    shortening: Shortening | None = None
 
     @property
     def modes(self) -> int:
@@ -77,6 +116,7 @@ class Integrals:
             self,
             second_2=np.zeros_like(self.second_2),
             gyroscopic=np.zeros_like(self.gyroscopic),
+            shortening=None,
         )
 
     def seen_from(self, place: Vector, axes: Matrix) -> "Integrals":
@@ -100,6 +140,7 @@ class Integrals:
             second_1 + arms + arms.transpose(0, 2, 1),
             np.einsum("ab,ijbc,dc->ijad", r, self.second_2, r),
             np.einsum("ab,ijb->ija", r, self.gyroscopic),
+            None if self.shortening is None else self.shortening.seen_from(place, axes),
         )
 
 
@@ -142,16 +183,25 @@ def integrals_of(points: Points) -> Integrals:
         arm + arm.transpose(0, 2, 1),
         pair + pair.transpose(0, 1, 3, 2),
         axial,
+        Shortening(
+            np.einsum("k,kaij->ija", m, points.shortening),
+            np.einsum("k,ka,kbij->ijab", m, r, points.shortening),
+        ),
     )
 
 
 def rigid_points(
-    mass: float, place: Vector, inertia: Matrix, modes_at: Matrix, turn_at: Matrix
+    mass: float,
+    place: Vector,
+    inertia: Matrix,
+    modes_at: Matrix,
+    turn_at: Matrix,
+    shortening_at: Matrix,
 ) -> Points:
     """Return six points that weigh and turn like a rigid body at the end of an appendage.
 
-    They move by Phi q + (Psi q) x d, so a turn stretches the body by its square, as the linear
-    displacements of all other points do.
+    They move by Phi q + (Psi q) x d, which stretches the body by the square of its turn; the
+    displacement of second order, (Psi q) x ((Psi q) x d) / 2, takes that back.
 
     Args:
         mass: of the body [kg].
@@ -159,10 +209,26 @@ def rigid_points(
         inertia: about its centre of mass, shape (3, 3) [kg m^2].
         modes_at: Phi of its centre, shape (3, n) [-].
         turn_at: Psi, the turn of each mode, shape (3, n) [rad/m].
+        shortening_at: of its centre, shape (3, n, n) [1/m].
     """
     moments, directions = np.linalg.eigh(second_of(inertia))
     # a plate has no moment across itself; rounding must not make it imaginary
     arms = np.sqrt(3.0 * np.maximum(moments, 0.0) / mass) * directions
     offsets = np.concatenate((arms.T, -arms.T))
     shape = modes_at[None] - np.cross(offsets[:, :, None], turn_at[None], axis=1)
-    return Points(place + offsets, np.full(6, mass / 6.0), shape)
+    drawn = np.stack([shortening_at + turned_twice(turn_at, d) for d in offsets])
+    return Points(place + offsets, np.full(6, mass / 6.0), shape, drawn)
+
+
+def turned_twice(turn: Matrix, arm: Vector) -> Matrix:
+    """Return (psi_i x (psi_j x d) + psi_j x (psi_i x d)) / 2, shape (3, n, n).
+
+    Args:
+        turn: Psi, shape (3, n).
+        arm: d, shape (3,).
+    """
+    along = arm @ turn
+    one_way = np.einsum("ai,j->aij", turn, along)
+    square: Matrix = 0.5 * (one_way + one_way.transpose(0, 2, 1))
+    square -= np.einsum("a,bi,bj->aij", arm, turn, turn)
+    return square

@@ -13,6 +13,10 @@ and either the shape itself
 or what it does to its hinge
     translation       3 x n, sum of m phi
     rotation          3 x n, sum of m r x phi
+optionally what a base that spins or accelerates adds to the modal stiffness
+    geometric_stiffness.uniform   3 x n x n, per acceleration of all points along x, y, z
+    geometric_stiffness.linear    3 x 3 x n x n, per acceleration along x, y, z (first index) that
+                                  grows by one per length along x, y, z (second index)
 and, needed with the second and compared with the first,
     rigid             mass, first_moment (3), inertia (3 x 3, about the hinge)
 A CSV has the numbers above as `# key: numbers` lines, then a row per point:
@@ -20,6 +24,7 @@ x,y,z,mass,mode_1_x,mode_1_y,mode_1_z,mode_2_x,...
 """
 
 import zipfile
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -32,6 +37,7 @@ from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import (
     Integrals,
     Points,
+    Shortening,
     integrals_of,
     second_of,
 )
@@ -57,6 +63,7 @@ _KEYS = {
     "translation",
     "rotation",
     "rigid",
+    "geometric_stiffness",
 }
 _SHIPPED = Path(str(resources.files("flexslew_plant.testbeds.spacecraft"))) / "data"
 
@@ -98,6 +105,7 @@ def modal_shape(path: Path) -> FlexibleShape:
     else:
         raise BadInput(f"{path}: points or translation: missing; give mode shapes or participation")
     omega = 2.0 * np.pi * frequencies
+    integrals = replace(integrals, shortening=_geometric(data, n, path))
     integrals = _converted(integrals, units.length, units.mass)
     damping = None if ratios is None else np.diag(2.0 * ratios * omega * mass * units.mass)
     return FlexibleShape(
@@ -187,7 +195,8 @@ def _from_points(
     if not (masses > 0.0).all():
         raise BadInput(f"{path}: masses: {masses.min():g} is not positive")
     shapes = array_of(data, "shapes", (n, k, 3), path).transpose(1, 2, 0)
-    integrals = integrals_of(Points(points, masses, shapes))
+    straight = np.zeros((k, 3, n, n))
+    integrals = integrals_of(Points(points, masses, shapes, straight))
     own = np.einsum("ijaa->ij", integrals.second_2) / 2.0
     lowest = float(np.linalg.eigvalsh(own).min())
     if lowest <= 1e-12 * float(abs(own).max()):
@@ -260,6 +269,21 @@ def _from_participation(
     ), mass
 
 
+def _geometric(data: dict[str, Any], n: int, path: Path) -> Shortening | None:
+    """Return what the file says of the geometric stiffness; none where it does not."""
+    given = data.get("geometric_stiffness")
+    if given is None:
+        return None
+    if not isinstance(given, dict) or set(given) != {"uniform", "linear"}:
+        raise BadInput(f"{path}: geometric_stiffness: must give uniform and linear")
+    uniform = array_of(given, "uniform", (3, n, n), path)
+    linear = array_of(given, "linear", (3, 3, n, n), path)
+    for key, matrices in (("uniform", uniform), ("linear", linear)):
+        if not np.allclose(matrices, matrices.swapaxes(-1, -2), rtol=1e-4, atol=1e-9):
+            raise BadInput(f"{path}: geometric_stiffness.{key}: is not symmetric in the modes")
+    return Shortening(uniform.transpose(1, 2, 0), linear.transpose(2, 3, 1, 0))
+
+
 def _converted(i: Integrals, length: float, mass: float) -> Integrals:
     """Return the sums in SI; displacements per modal coordinate have no unit."""
     return Integrals(
@@ -271,4 +295,7 @@ def _converted(i: Integrals, length: float, mass: float) -> Integrals:
         i.second_1 * mass * length,
         i.second_2 * mass,
         i.gyroscopic * mass,
+        None
+        if i.shortening is None
+        else Shortening(i.shortening.first * mass / length, i.shortening.second * mass),
     )

@@ -37,6 +37,7 @@ def chosen_modes(shape: FlexibleShape, n: list[int]) -> FlexibleShape:
             i.second_1[n],
             i.second_2[np.ix_(n, n)],
             i.gyroscopic[np.ix_(n, n)],
+            None if i.shortening is None else i.shortening.chosen(n),
         ),
         shape.mass[n],
         shape.stiffness[n],
