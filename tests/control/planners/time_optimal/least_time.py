@@ -35,7 +35,7 @@ def least_time(model: Model, distance: float, amplitude: float, nothing: float) 
             low = middle
         else:
             high = middle
-    return high
+    return float(high)
 
 
 def _needed(model: Model, distance: float, duration: float, nothing: float) -> float:

@@ -67,7 +67,7 @@ def craft(rng: np.random.Generator, alike: str, joint: str, modes: int) -> Space
     }
     panels["right"]["damping"] = panels["left"]["damping"]
     inertia = float(rng.uniform(15.0, 60.0))
-    return read_testbed(
+    testbed = read_testbed(
         {
             "kind": "spacecraft",
             "platform": {"mass": 100.0, "inertia": dict.fromkeys(("xx", "yy", "zz"), inertia)},
@@ -76,6 +76,8 @@ def craft(rng: np.random.Generator, alike: str, joint: str, modes: int) -> Space
         },
         "test",
     )
+    assert isinstance(testbed, SpacecraftTestbed)
+    return testbed
 
 
 @pytest.mark.parametrize("joint", AXES)

@@ -26,22 +26,20 @@ def craft(testbed: CsaTestbed, second_order: bool) -> Spacecraft:
     edges = np.linspace(0.0, p.length, 4 * modes + 1)
     h = np.diff(edges)[:, None]
     s = (edges[:-1, None] + h * (1.0 + x) / 2.0).ravel()
-    slopes = b.shape(s, 1).T
     drawn = np.zeros((s.size, 3, modes, modes))
     fine = np.linspace(0.0, p.length, 3001)
     steep = b.shape(fine, 1).T
     squares = steep[:, :, None] * steep[:, None, :]
     summed = np.cumsum(0.5 * (squares[1:] + squares[:-1]) * np.diff(fine)[:, None, None], axis=0)
-    for i in range(modes):
-        for j in range(modes):
-            drawn[:, 0, i, j] = -np.interp(s, fine[1:], summed[:, i, j])
-    assert slopes.shape == (s.size, modes)
+    for row in range(modes):
+        for column in range(modes):
+            drawn[:, 0, row, column] = -np.interp(s, fine[1:], summed[:, row, column])
     mass = (p.linear_density * h * w / 2.0).ravel()
     place, shape = np.zeros((s.size, 3)), np.zeros((s.size, 3, modes))
     place[:, 0], shape[:, 1] = p.hub_radius + s, b.shape(s).T
     both = Points(place, mass, shape, drawn).joined(Points(-place, mass, -shape, -drawn))
-    i = integrals_of(both)
-    i = i if second_order else i.first_order()
+    whole = integrals_of(both)
+    i = whole if second_order else whole.first_order()
     own = np.diag([p.hub_inertia_1, p.hub_inertia_2, p.hub_inertia_1])
     i = i.__class__(i.mass, i.first, i.second + second_of(own), *list(vars(i).values())[3:])
     hub = Appendage(
@@ -72,6 +70,7 @@ def flown(variant: str, second_order: bool) -> tuple[Matrix, Matrix, float]:
     """
     trial = shipped("m1")
     plan = make_plan(trial.plan, plant_of(trial), feedback_of(trial))
+    assert isinstance(trial.testbed, CsaTestbed)
     model = replace(trial.testbed, variant=variant).model()
     n = model.coordinates
     start = dict(zip(model.joint_names, plan.position[0].tolist(), strict=True))

@@ -90,7 +90,8 @@ def _places(hub: Hub, links: int, x: Matrix) -> Matrix:
     places = np.concatenate(found, axis=1)
     turn = x[:, None, 3:6]  # a small one, exact to second order
     once = np.cross(turn, places)
-    return x[:, None, :3] + places + once + 0.5 * np.cross(turn, once)
+    moved: Matrix = x[:, None, :3] + places + once + 0.5 * np.cross(turn, once)
+    return moved
 
 
 def _springs(hub: Hub, links: int, x: Matrix) -> Vector:
@@ -98,4 +99,5 @@ def _springs(hub: Hub, links: int, x: Matrix) -> Vector:
     stiffness = np.full(links, hub.stiffness * links / hub.length)
     stiffness[0] *= 2.0
     bent = np.diff(x[:, 6:].reshape(-1, 4, links), prepend=0.0, axis=2)
-    return 0.5 * (bent**2).sum(axis=1) @ stiffness
+    energy: Vector = 0.5 * (bent**2).sum(axis=1) @ stiffness
+    return energy

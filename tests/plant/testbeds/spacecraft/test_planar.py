@@ -27,7 +27,8 @@ def hub(hinge_axis: np.ndarray, extra: float) -> Appendage:
     phi = b.shape(s).T  # (k, modes)
     place, shape = np.zeros((s.size, 3)), np.zeros((s.size, 3, MODES))
     place[:, 0], shape[:, 1] = p.hub_radius + s, phi
-    both = Points(place, mass, shape).joined(Points(-place, mass, -shape))
+    straight = np.zeros((s.size, 3, MODES, MODES))
+    both = Points(place, mass, shape, straight).joined(Points(-place, mass, -shape, straight))
     i = integrals_of(both).first_order()  # the CSA model has no terms of second order
     own = np.diag([p.hub_inertia_1, p.hub_inertia_2, p.hub_inertia_1 + extra])
     i = i.__class__(i.mass, i.first, i.second + second_of(own), *list(vars(i).values())[3:])
