@@ -21,8 +21,8 @@ from flexslew_lab.trial.trial import (
     plan_of_trial,
 )
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.events import Event
 
 START = 10.0  # of the fault, in the middle of the slew [s]
 TRIAL = """

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from flexslew_plant.events import EVENTS
+
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "ros2_ws" / "src"
 ORDER = ("flexslew_plant", "flexslew_control", "flexslew_lab")
@@ -102,3 +104,18 @@ def test_a_node_is_under_150_lines() -> None:
     assert len(nodes) >= 6
     for path in nodes:
         assert len(path.read_text().splitlines()) < 150, path
+
+
+def test_no_kind_of_event_stands_as_a_text_outside_of_its_file() -> None:
+    words = {"started", "resumed", "paused", "step", "rate", "note", "late", "fault", "brake"}
+    words |= {"disturbance", "finished", "recording", "reset", "ready", "missed", "planned"}
+    words |= {"interrupted", "fallback"}
+    kinds = set(EVENTS) - words  # these mean other things as well: states, keys, services
+    wrong = [
+        f"{path.relative_to(SOURCE)}:{node.lineno}: {node.value}"
+        for path in FILES
+        if "events" not in path.relative_to(SOURCE).parts and path.name != "refusal.py"
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and node.value in kinds
+    ]
+    assert not wrong, "\n".join(wrong)

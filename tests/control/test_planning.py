@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from flexslew_control.planning import Planning, PlanRequest, Refusal, plan_request
+from flexslew_control.planning import Planning, PlanRequest, plan_request
+from flexslew_plant.refusal import Cause, Refusal
 
 GOAL = "{method: none}"
 
@@ -18,24 +19,24 @@ def test_a_request_that_can_be_used_is_passed_on_with_the_gains() -> None:
 def test_a_period_is_a_positive_number(period: float) -> None:
     made = plan_request(GOAL, "", period, [150.0])
     assert isinstance(made, Refusal)
-    assert made.bad_input
-    assert "period" in made.message
+    assert made.cause is Cause.NOT_ALLOWED
+    assert "period" in str(made)
 
 
 @pytest.mark.parametrize("limit", [[], [0.0], [150.0, math.nan], [math.inf]])
 def test_each_effort_limit_is_a_positive_number(limit: list[float]) -> None:
     made = plan_request(GOAL, "", 0.01, limit)
     assert isinstance(made, Refusal)
-    assert made.bad_input
-    assert "effort_limit" in made.message
-    assert "\n" not in made.message
+    assert made.cause is Cause.NOT_ALLOWED
+    assert "effort_limit" in str(made)
+    assert "\n" not in str(made)
 
 
 def test_what_is_no_yaml_is_refused_in_one_line() -> None:
     made = plan_request("{", "", 0.01, [150.0])
     assert isinstance(made, Refusal)
-    assert made.bad_input
-    assert "request" in made.message
+    assert made.cause is Cause.NOT_ALLOWED
+    assert "request" in str(made)
 
 
 def test_planning_that_nobody_has_asked_for_needs_no_process() -> None:

@@ -82,7 +82,7 @@ def test_a_killed_recorder_leaves_a_readable_log_and_the_run_goes_on(killed: Any
     flight = killed("recorder")
     assert flight.outcome.exit_code == 3
     assert "8000 ticks" in flight.log
-    assert "the recorder recorder sends no heartbeat" in flight.log
+    assert "heartbeat of the recorder recorder lost" in flight.log
     metrics = flight.metrics
     assert not metrics["log_complete"]
     assert metrics["ticks"] > 20

@@ -468,11 +468,11 @@ def test_a_dead_controller_is_not_ready_and_no_switch_to_it_is_taken(operator):
 
     def silent():
         told = [json.loads(e.data) for e in operator.events[before:] if e.kind == "not_ready"]
-        return {"controller": "second", "reason": "it sends no heartbeat"} in told
+        return ("second", "no_heartbeat") in {(t["controller"], t["cause"]) for t in told}
 
     operator.until(silent)
     reply = operator.call(srv.SwitchController, "switch_controller", controller="second")
-    assert reply.message == "second is not ready: it sends no heartbeat"
+    assert reply.message == "second is not ready: its heartbeat is lost"
     assert (reply.ok, reply.active) == (False, "pd_feedforward")
 
 

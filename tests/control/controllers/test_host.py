@@ -52,7 +52,7 @@ def effort(host: ControllerHost, tick: int, **more: Any) -> Vector:
 
 def test_before_a_testbed_is_announced_it_is_not_ready_and_says_nothing() -> None:
     host = ControllerHost("mine", {})
-    assert host.reason == "no testbed announced yet"
+    assert str(host.reason) == "no testbed announced yet"
     assert host.observe(question(0)) is None
     assert not host.tune({"kp": [1.0, 1.0]}).ok
 
@@ -65,13 +65,13 @@ def test_settings_that_fit_no_testbed_at_all_are_bad_input() -> None:
 def test_before_another_testbed_it_adapts_or_is_not_ready_with_the_reason() -> None:
     host = standing(kp=[400.0, 500.0])
     host.announce(builder("pd_feedforward", OSCILLATOR), 2)
-    assert host.reason.startswith("it does not fit this testbed: ")
+    assert str(host.reason).startswith("it does not fit this testbed: ")
     assert host.observe(question(0, joints=1)) is None
     host.announce(builder("pd_feedforward", CSA), 2)
-    assert host.reason == ""
+    assert host.reason is None
     free = standing(kp=[400.0])
     free.announce(builder("pd_feedforward", OSCILLATOR), 2)
-    assert free.reason == ""
+    assert free.reason is None
     assert free.observe(question(0)) is None  # of the testbed before
     assert effort(free, 0, joints=1).shape == (1,)
 
@@ -157,10 +157,12 @@ def test_a_plan_is_taken_from_the_next_question_on() -> None:
     assert (host.plans_taken, host.plan_hash, host.plan_from) == (1, plan_hash(plan), (0, 0))
     for epoch, tick in ((0, 0), (0, 41), (1, 3)):
         host.observe(question(tick, epoch))
-        assert host.adopt(plan) == ""
+        assert host.adopt(plan) is None
         assert host.plan_from == (epoch, tick + 1)
     late = make_plan(ReferenceOnly(start=0.02), CSA)
-    assert "the bench is at 0.03 s" in host.adopt(late)  # refused, so the other one is followed
+    assert "the bench is at 0.03 s" in str(
+        host.adopt(late)
+    )  # refused, so the other one is followed
     assert (host.plans_taken, host.plan_hash, host.plan_from) == (4, plan_hash(plan), (1, 4))
     host.announce(builder("pd_feedforward", CSA), 2)  # another plant, in its first epoch
     assert (host.plans_taken, host.plan_hash, host.plan_from) == (4, plan_hash(late), (0, 0))

@@ -14,6 +14,7 @@ from flexslew_plant import own_code
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import Level
 from flexslew_plant.own_code import LAWS
 from flexslew_plant.settings import load_yaml, validated
 
@@ -118,7 +119,7 @@ def test_the_documented_example_flies_as_the_built_in_law_to_the_bit() -> None:
     built_in, _ = flown(controller("mine", "pd_feedforward"), 5.0, schedule=entries)
     assert np.array_equal(mine.truth().position, built_in.truth().position)
     assert mine.truth().position[0] != 0.0
-    assert not [e for e in events if e.level]
+    assert not [e for e in events if e.level is not Level.INFO]
 
 
 def test_the_page_shows_the_example_as_it_is() -> None:
@@ -157,10 +158,10 @@ def test_a_broken_law_is_named_replaced_and_the_run_goes_on(how: Any) -> None:
     assert "Broken" in said.data["reason"]
     assert REASONS[how] in said.data["reason"]
     assert "\n" not in said.message
-    assert mine.reason == said.data["reason"]
+    assert str(mine.reason) == said.data["reason"]
     fallback = only(events, "fallback")
     assert fallback.tick == 20 + MAX_MISSED - 1
-    assert fallback.data == {"from": "mine", "to": "pd_feedforward"}
+    assert (fallback.data["from"], fallback.data["to"]) == ("mine", "pd_feedforward")
     assert bench.done
     assert mine.last_tick == 99  # it is still shown every tick
 
@@ -184,7 +185,7 @@ def test_a_law_is_silent_while_a_sensor_reads_nan_and_is_back_after_it(law: str)
     assert [e.tick for e in events if e.kind == "missed"] == [20, 21, 22]
     said = [e for e in events if e.data.get("controller") == "mine"]
     assert [e.tick for e in said if e.kind in ("not_ready", "ready")] == [20, 23]
-    assert mine.reason == ""
+    assert mine.reason is None
     assert bench.drive.active == "mine"
     assert np.isfinite(bench.truth().applied_effort).all()
 
@@ -194,7 +195,7 @@ def test_a_sensor_that_reads_nan_is_not_held_against_a_users_law() -> None:
     entries = [{"at": 0.2, "until": 0.23, "fault": fault}]
     mine = controller("mine", EXAMPLE)
     bench, _ = flown(mine, schedule=entries, faults_enabled=True)
-    assert (mine.reason, bench.drive.active) == ("", "mine")
+    assert (mine.reason, bench.drive.active) == (None, "mine")
 
 
 @pytest.mark.parametrize(
@@ -255,7 +256,7 @@ def test_a_controller_is_warm_without_having_moved(raises: bool) -> None:
     mine = controller("mine", HERE + "Counting", raises=raises)
     mine.warm(2)
     assert mine.law._built.update.__globals__["HEARD"]
-    assert (mine.reason, mine.last_tick) == ("", -1)
+    assert (mine.reason, mine.last_tick) == (None, -1)
     zero = np.zeros(2)
     answer = mine.observe(Measurement(0, 0, 0.0, "mine", zero, zero, zero, zero, zero))
     if raises:

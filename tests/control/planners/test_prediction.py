@@ -57,7 +57,7 @@ def flown(plan: Any, testbed: Any, period: Any) -> Any:
     bench = Bench(BenchSettings(testbed=testbed, period=period, duration=duration))
     described = plant(period, testbed=testbed)
     pd = build_controller("pd_feedforward", "pd_feedforward", {}, described, "here")
-    assert pd.adopt(plan) == ""
+    assert pd.adopt(plan) is None
     residual = Residual(plan)
     fly(bench, {"pd_feedforward": pd}, residual)
     return residual

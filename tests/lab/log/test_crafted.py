@@ -15,7 +15,8 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.info import log_info
 from flexslew_lab.log.messages.cdr import decode, encode, fields
-from flexslew_lab.log.messages.record_schema import EVENTS, RECORDS, check_record, logged_event
+from flexslew_lab.log.messages.logged_event import logged_event
+from flexslew_lab.log.messages.record_schema import RECORDS, check_record
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.log.recover import recover
 from flexslew_lab.metrics.from_bag import metrics_of
@@ -28,6 +29,7 @@ from flexslew_lab.report.run_data import read_run
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import BadInput, RunFault
+from flexslew_plant.events import EVENTS
 
 Message = tuple[str, bytes, int]
 pytestmark = pytest.mark.timeout(900)  # 2,000 cases, where many share the processors
@@ -129,7 +131,7 @@ def test_an_event_is_read_or_refused_in_one_line(event: tuple[str, str]) -> None
     coded = encode(TOPICS["/events"].type, message)
     accepted = []
     if one_line(lambda: accepted.append(logged_event(decode(TOPICS["/events"].type, coded), "x"))):
-        json.dumps(accepted[0]._asdict(), allow_nan=False)
+        json.dumps(accepted[0].plain(), allow_nan=False)
 
 
 @pytest.mark.parametrize("topic", RECORDS)

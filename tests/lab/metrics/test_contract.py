@@ -3,13 +3,11 @@
 import json
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.metrics import KEYS, METRICS, Metric
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.metrics.metric import Block, Ending, Manoeuvre, RunSetup
@@ -20,6 +18,15 @@ from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import (
+    AnswerMissed,
+    Event,
+    FallbackTookOver,
+    FaultChanged,
+    RunFinished,
+    Switched,
+    event_of,
+)
 from flexslew_plant.own_code import only_trusted
 from flexslew_plant.testbeds import initial_state
 
@@ -83,16 +90,16 @@ def cut(block: Block, where: list[int]) -> list[Block]:
     return [Block(*(part[a:b] for part in block)) for a, b in pairwise(where)]
 
 
-def events() -> list[LoggedEvent]:
-    data: list[tuple[str, str, Any]] = [
-        ("switched", "info", {"effort_step": [0.5, -0.7]}),
-        ("missed", "warning", {"ticks": 3}),
-        ("fault", "warning", {"on": True}),
-        ("fault", "warning", {"on": False}),
-        ("fallback", "fault", {}),
-        ("finished", "info", {"wall_time": 1.5}),
+def events() -> list[Event]:
+    facts = [
+        Switched("a", "b", [0.5, -0.7]),
+        AnswerMissed("b", ticks=3),
+        FaultChanged(on=True),
+        FaultChanged(on=False),
+        FallbackTookOver("a", "b"),
+        RunFinished(wall_time=1.5),
     ]
-    return [LoggedEvent(0.0, 0, 0, level, "plant", kind, "", d) for kind, level, d in data]
+    return [event_of(fact, 0, 0.0, 0, "plant") for fact in facts]
 
 
 @pytest.mark.parametrize("kind", ["m1", "time_optimal_oscillator", "scole_s_open", "antenna"])

@@ -3,6 +3,7 @@
 A few random sessions here; FLEXSLEW_SESSIONS=1000 makes a campaign.
 """
 
+import json
 import os
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,8 @@ from flexslew_lab.trial.trial import (
 from flexslew_plant.bench.bench import Bench, SwitchRequest
 from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import EVENTS, SwitchDropped, SwitchRequested
+from flexslew_plant.refusal import Cause, Refusal
 
 TRIAL = """
 name: by_hand
@@ -87,7 +90,7 @@ def record(
     bench.wishes = [*wishes, (taken - 1, lambda _: adopt())]
 
     def adopt() -> None:
-        assert {controller.adopt(plan) for controller in controllers.values()} == {""}
+        assert {controller.adopt(plan) for controller in controllers.values()} == {None}
 
     if taken == 0:
         adopt()
@@ -146,7 +149,7 @@ def any_wish(rng: np.random.Generator) -> Any:
         lambda bench: bench.brake(False),
         lambda bench: bench.request_switch(SwitchRequest(law, bench.tick + soon, strict, step)),
         lambda bench: bench.request_switch(SwitchRequest(law, 0, strict, step)),
-        lambda bench: bench.note_readiness(law, "" if strict else "it is elsewhere"),
+        lambda bench: bench.note_readiness(law, None if strict else Refusal("it is elsewhere")),
         lambda bench: bench.inject(fault, bench.tick + soon),
         lambda bench: bench.inject(f"{{kind: controller_silent, controller: {law}}}"),
         lambda bench: bench.end_fault(int(rng.integers(0, 4))),
@@ -167,6 +170,76 @@ def test_any_session_flies_again_with_the_same_bits(tmp_path: Path, seed: int) -
     assert again.first_difference is None
     assert again.identical
     assert again.missing == ""
+
+
+DROPS = [  # one switch for each cause for which it can be dropped
+    (95, switch("lqr", 100)),
+    (99, lambda bench: bench.note_readiness("lqr", Refusal("it is elsewhere"))),  # when due
+    (110, switch("output_feedback", 120)),
+    (111, switch("output_feedback", 130)),  # already in charge when due
+    (150, switch("pd_feedforward", 160)),
+    (158, lambda bench: bench.brake(True)),  # latched before it is due
+    (170, lambda bench: bench.brake(False)),
+    (175, switch("pd_feedforward", 180)),
+    (300, switch("output_feedback", 400)),
+    (350, lambda bench: setattr(bench, "again", True)),  # a reset before it is due
+    (360, switch("output_feedback", 1190)),
+    (361, lambda bench: bench.inject("{kind: command_lost, probability: 0.2, until: 7.0}")),
+]
+
+
+def reworded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every event and every refusal say something else."""
+    for kind in EVENTS.values():
+        monkeypatch.setattr(kind, "message", property(lambda self: "in other words"))
+    monkeypatch.setattr(Refusal, "__str__", lambda self: "for another reason")
+
+
+def dropped(bag: Path) -> set[Cause]:
+    events = BagReader(bag).overview.events
+    return {e.what.cause for e in events if isinstance(e.what, SwitchDropped)}
+
+
+def test_a_log_in_other_words_flies_again_with_the_same_bits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = record(tmp_path / "bag", DROPS)
+    known = {Cause.NOT_READY, Cause.ALREADY_IN_CHARGE, Cause.LATCHED, Cause.BENCH_RESET}
+    assert dropped(bag) == known
+    assert resim(bag).identical
+    reworded(monkeypatch)
+    other = record(tmp_path / "other", DROPS)
+    assert {event.message for event in BagReader(other).overview.events} == {"in other words"}
+    assert dropped(other) == known
+    again = resim(other)
+    assert again.identical
+    assert again.hash == resim(bag).hash
+
+
+def as_before(bag: Path, folder: Path) -> Path:
+    """Return a log as versions wrote it whose events said in words alone why."""
+    later = {"cause", "detail", "duration", "max_effort_step", "what"}
+    reader = BagReader(bag)
+    with BagWriter(folder, {"trial": reader.trial_text}) as writer:
+        for name, kind, stamp, _, data in reader.messages():
+            if name == "/events":
+                message = decode(kind, data)
+                if message.kind != SwitchRequested.kind:
+                    told = json.loads(message.data)
+                    kept = {key: value for key, value in told.items() if key not in later}
+                    message.data = json.dumps(kept)
+                data = encode(kind, message)
+            writer.write(name, kind, data, stamp)
+    return folder
+
+
+def test_a_log_of_before_that_says_causes_in_words_alone_flies_again(tmp_path: Path) -> None:
+    bag = record(tmp_path / "bag", DROPS)
+    older = as_before(bag, tmp_path / "older")
+    assert dropped(older) == dropped(bag)
+    again = resim(older)
+    assert again.identical
+    assert again.hash == resim(bag).hash
 
 
 def test_nothing_is_planned_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

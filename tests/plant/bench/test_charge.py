@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
+from flexslew_plant.bench.charge import RUN_OVER
 from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 
@@ -76,7 +78,7 @@ def test_a_fallback_serves_as_often_as_it_is_needed() -> None:
 
 def test_fallbacks_that_are_not_ready_are_passed_over() -> None:
     bed = bench(fallback=("b", "c"), max_missed=1)
-    bed.note_readiness("b", "no plan yet")
+    bed.note_readiness("b", Refusal("no plan yet"))
     assert asked(bed, 3, silent=("a",)) == ["a", "c", "c"]
 
 
@@ -88,14 +90,14 @@ def test_mute_fallbacks_do_not_take_turns_for_ever() -> None:
 def test_a_switch_is_checked_when_it_is_due() -> None:
     bed = bench()
     assert bed.request_switch(SwitchRequest("b", 3)) is None
-    bed.note_readiness("b", "it sends no heartbeat")
+    bed.note_readiness("b", Refusal("it sends no heartbeat"))
     assert asked(bed, 5) == ["a"] * 5
     (result,) = bed.switch_results
     assert (result.ok, result.tick) == (False, 3)
     assert result.message == "switch to b dropped: b is not ready: it sends no heartbeat"
     (event,) = [e for e in bed.events if e.kind == "switch_dropped"]
     assert event.tick == 3
-    bed.note_readiness("b", "")
+    bed.note_readiness("b", None)
     bed.request_switch(SwitchRequest("b", 6))
     assert asked(bed, 2) == ["a", "b"]
 
@@ -120,7 +122,7 @@ def test_a_switch_that_cannot_happen_any_more_is_dropped_with_the_reason(
     bed.request_switch(SwitchRequest("b", 9))
     asked(bed, 3)
     if act is not Bench.reset:
-        bed.charge.drop_all(reason)
+        bed.charge.drop_all(Refusal(reason))
     else:
         act(bed)
     assert {r.request.controller: r.message for r in bed.switch_results} == {
@@ -132,7 +134,7 @@ def test_a_switch_that_cannot_happen_any_more_is_dropped_with_the_reason(
 def test_a_switch_behind_the_end_is_refused() -> None:
     bed = bench(duration=0.1)
     assert bed.request_switch(SwitchRequest("b", 9)) is None
-    assert "ends at tick 10" in (bed.request_switch(SwitchRequest("b", 10)) or "")
+    assert "ends at tick 10" in str(bed.request_switch(SwitchRequest("b", 10)))
 
 
 def test_strict_with_zero_allows_no_step_at_all() -> None:
@@ -151,9 +153,11 @@ def test_the_latched_brake_holds_until_it_is_released_on_purpose() -> None:
     asked(bed, 3)
     bed.request_switch(SwitchRequest("b", 8))
     assert bed.brake(True, "me") is None
-    assert bed.brake(True) == "the brake is latched already"
+    assert str(bed.brake(True)) == "the brake is latched already"
     assert asked(bed, 3) == ["a", "", ""]  # from the next tick on
-    assert bed.request_switch(SwitchRequest("b", 9)) == "the brake is latched; release it first"
+    refused = bed.request_switch(SwitchRequest("b", 9))
+    assert refused.cause is Cause.LATCHED
+    assert str(refused) == "the brake is latched; release it first"
     assert [r.ok for r in bed.switch_results] == [False]
     bed.reset()
     assert asked(bed, 2) == ["", ""]  # a reset does not release it
@@ -207,7 +211,7 @@ def test_every_switch_gets_one_result_whatever_happens(seed: Any) -> None:
                 )
                 wanted += bed.request_switch(request) is None
             case 2:
-                bed.note_readiness(name, "" if rng.integers(2) else "ill")
+                bed.note_readiness(name, None if rng.integers(2) else Refusal("ill"))
             case 3:
                 silent ^= {name}
             case 4 if rng.integers(5) == 0:
@@ -218,8 +222,8 @@ def test_every_switch_gets_one_result_whatever_happens(seed: Any) -> None:
         tick(bed, silent, rng.normal(0.0, 1.0, 2))
         if bed.question.controller != before:
             assert not bed.charge.latched or bed.question.controller == ""
-    bed.charge.drop_all("the run is over")
+    bed.charge.drop_all(RUN_OVER)
     assert len(bed.switch_results) == wanted
     told = kinds(bed, "switched", "switch_refused", "switch_dropped")
-    never = [r for r in bed.switch_results if "never answered" in r.message]
+    never = [r for r in bed.switch_results if r.refused and r.refused.cause is Cause.NO_ANSWER]
     assert len(told) + len(never) == wanted

@@ -6,6 +6,7 @@ import numpy as np
 
 from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
+from flexslew_plant.refusal import Cause, Refusal
 
 # By how much the reference may jump where a plan begins in flight: its positions [rad or m], and
 # its rates [rad/s or m/s]
@@ -58,8 +59,8 @@ class Course:
         self._legs = tuple(leg for leg in self._legs if leg.first < 0)
 
 
-def jump(plan: Plan, before: Reference) -> str:
-    """Return by how much the reference would jump where a plan begins, if it is too much; or "".
+def jump(plan: Plan, before: Reference) -> Refusal | None:
+    """Return by how much the reference would jump where a plan begins, if it is too much.
 
     Args:
         plan: that begins.
@@ -72,9 +73,10 @@ def jump(plan: Plan, before: Reference) -> str:
         off = np.abs(there - here)
         worst = int(off.argmax())
         if off[worst] > LARGEST_JUMP:
-            return (
+            words = (
                 f"at its start, {plan.start:g} s, the reference of {plan.joint_names[worst]} "
                 f"{what} {here[worst]:.6g}, the plan begins with {there[worst]:.6g}; at most "
                 f"{LARGEST_JUMP:g} apart is allowed"
             )
-    return ""
+            return Refusal(words, cause=Cause.PLAN_MISMATCH)
+    return None

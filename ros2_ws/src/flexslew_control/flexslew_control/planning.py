@@ -14,6 +14,7 @@ import numpy as np
 from flexslew_control.law import PlantDescription, described
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import default_testbed
 
@@ -38,13 +39,6 @@ class Iteration(NamedTuple):
     objective: float
     norm_terminal_error: float
     norm_input: float
-
-
-class Refusal(NamedTuple):
-    """No plan came out."""
-
-    bad_input: bool  # the request cannot be used; else no such manoeuvre was found
-    message: str
 
 
 class Planning:
@@ -75,7 +69,8 @@ class Planning:
                 found.append(self._pipe.recv())
         except (EOFError, OSError):
             code = self._process.exitcode
-            found.append(Refusal(False, f"the planning process ended by itself (exit code {code})"))
+            words = f"the planning process ended by itself (exit code {code})"
+            found.append(Refusal(words, cause=Cause.NO_MANOEUVRE))
             self._start()
         return found
 
@@ -118,16 +113,14 @@ def plan_request(
         gains: kp and kd of the controller in charge, if it has such gains.
     """
     if not (math.isfinite(period) and period > 0.0):
-        words = f"period: {period} is not allowed: a positive number of seconds"
-        return Refusal(True, words)
+        return Refusal("a positive number of seconds", "period", period)
     limit = tuple(effort_limit)
     if not limit or not all(math.isfinite(value) and value > 0.0 for value in limit):
-        words = f"effort_limit: {[*limit]} is not allowed: one positive number per joint"
-        return Refusal(True, words)
+        return Refusal("one positive number per joint", "effort_limit", [*limit])
     try:
         return PlanRequest(load_yaml(text, "request"), bench, period, limit, *gains)
     except BadInput as error:
-        return Refusal(True, str(error))
+        return error.refusal
 
 
 def _work(pipe: Connection) -> None:
@@ -148,10 +141,13 @@ def _work(pipe: Connection) -> None:
                 _require_ticks(settings, request.period)
                 gains = Feedback(kp=request.kp, kd=request.kd) if request.kp else None
                 pipe.send(make_plan(settings, _plant(request), gains, progress))
-            except (BadInput, PlanFailed) as error:
-                pipe.send(Refusal(isinstance(error, BadInput), str(error)))
+            except BadInput as error:
+                pipe.send(Refusal(str(error)))  # its value may be one that no pipe can carry
+            except PlanFailed as error:
+                pipe.send(Refusal(str(error), cause=Cause.NO_MANOEUVRE))
             except (ArithmeticError, ValueError, MemoryError) as error:
-                pipe.send(Refusal(False, f"{type(error).__name__}: {error}"))
+                words = f"{type(error).__name__}: {error}"
+                pipe.send(Refusal(words, cause=Cause.NO_MANOEUVRE))
     except (EOFError, OSError):
         return
 
@@ -165,7 +161,7 @@ def _require_ticks(settings: Any, period: float) -> None:
     longest = MOST_TICKS * period
     duration = getattr(settings, "duration", None) or 0.0
     if duration > longest:
-        raise BadInput(f"plan: duration: {duration:g} is not allowed: at most {longest:g} s")
+        raise BadInput(Refusal(f"at most {longest:g} s", "duration", duration, "plan"))
 
 
 def _plant(request: PlanRequest) -> PlantDescription:

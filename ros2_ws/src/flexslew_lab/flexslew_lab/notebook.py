@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.report.signals import read_signals
 from flexslew_lab.trial.overrides import overridden
@@ -27,6 +26,7 @@ from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import Trial, parse_trial, plant_of, text_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import Event
 from flexslew_plant.settings import load_yaml, yaml_text
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Flight:
 
     trial: dict[str, Any]  # the keys of the trial with every default written out
     metrics: dict[str, Any]  # the content of metrics.json
-    events: tuple[LoggedEvent, ...]
+    events: tuple[Event, ...]
     time: Vector  # simulated, of every tick, (ticks,) [s]
     signals: dict[str, Vector]  # by name, each (ticks,)
     units: dict[str, str]  # by name

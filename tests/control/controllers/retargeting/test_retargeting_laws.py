@@ -121,6 +121,6 @@ def test_planned_gains_wait_for_a_plan_that_has_some() -> None:
     assert "planned_gains" in CONTROLLERS
     controller = build_controller("a", "planned_gains", {}, plant(0.01, [1e3], testbed), "trial")
     assert (
-        controller.reason
+        str(controller.reason)
         == "its plan has no gains; set plan.gains to constant, perturbation or adiabatic"
     )

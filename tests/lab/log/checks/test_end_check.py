@@ -1,13 +1,11 @@
 from typing import Any
 
-from flexslew_lab.log.bag_reader import LoggedEvent
 from flexslew_lab.log.checks.end_check import check_ends
+from flexslew_plant.events import Event, event_of, fact_of
 
 
-def event(kind: Any, tick: Any, epoch: int = 0, source: str = "plant", **data: Any) -> LoggedEvent:
-    known = {"tick": tick, "epoch": epoch, "source": source, "kind": kind, "data": data}
-    values = {name: known.get(name, 0) for name in LoggedEvent._fields}
-    return LoggedEvent(**values)
+def event(kind: str, tick: int, epoch: int = 0, source: str = "plant", **data: Any) -> Event:
+    return event_of(fact_of(kind, data), tick, 0.0, epoch, source)
 
 
 def wrong(first: Any, last: Any, *events: Any) -> list[Any]:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
-from flexslew_plant.bench.events import Level
 from flexslew_plant.bench.measurement import EffortCommand
+from flexslew_plant.events import Level
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 GOOD = np.array([20.0, -10.0])

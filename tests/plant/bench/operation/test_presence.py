@@ -24,19 +24,19 @@ def test_of_two_with_one_name_the_younger_steps_back() -> None:
     presence = Presence()
     presence.hear(OLD, 0.0)
     presence.hear(YOUNG, 0.0)
-    assert presence.elder(YOUNG, 0.5) == OLD
-    assert presence.elder(OLD, 0.5) is None
+    assert presence.older(YOUNG, 0.5) == OLD
+    assert presence.older(OLD, 0.5) is None
     assert presence.younger(OLD, 0.5) == [YOUNG]
     assert presence.alive(0.5) == {"a": OLD}
-    assert presence.elder(YOUNG, 5.0) is None  # the older one has gone
+    assert presence.older(YOUNG, 5.0) is None  # the older one has gone
 
 
 def test_two_plants_are_rivals_under_any_name() -> None:
     presence = Presence()
     first, second = Beat("plant", "plant", 1, 1), Beat("testbed", "plant", 2, 2)
     presence.hear(first, 0.0)
-    assert presence.elder(second, 0.1) == first
-    assert presence.elder(Beat("b", "controller", 3, 3), 0.1) is None
+    assert presence.older(second, 0.1) == first
+    assert presence.older(Beat("b", "controller", 3, 3), 0.1) is None
 
 
 def test_who_is_silent_for_long_is_lost_and_a_stranger_is_not() -> None:

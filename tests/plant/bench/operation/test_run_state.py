@@ -18,11 +18,11 @@ def test_it_waits_or_rests_at_the_start() -> None:
 
 def test_what_is_refused_says_the_state_and_changes_nothing() -> None:
     run = running()
-    assert run.start() == (False, "already running")
-    assert run.step(3) == (False, "not paused but running; call pause first")
+    assert str(run.start().refused) == "already running"
+    assert str(run.step(3).refused) == "not paused but running; call pause first"
     run.finish(12.0)
-    assert run.start() == (False, "the run is over; call reset first")
-    assert run.pause(13.0) == (False, "not running but finished")
+    assert str(run.start().refused) == "the run is over; call reset first"
+    assert str(run.pause(13.0).refused) == "not running but finished"
     assert run.state == FINISHED
 
 

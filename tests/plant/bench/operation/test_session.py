@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest, Truth
-from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat
 from flexslew_plant.bench.operation.session import Session
+from flexslew_plant.events import Event
+from flexslew_plant.refusal import Cause
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 ZERO = np.zeros(2)
@@ -31,7 +32,7 @@ class Lab:
         self.it = Session(bench, (), rate, 2.0, True, lambda: [], self.arrived)
         self.names, self.next_beat = controllers, 0.0
         for name in controllers:
-            self.it.reasons[name] = ""
+            self.it.reasons[name] = None
 
     def arrived(self) -> Any:
         waiting, self.waiting = self.waiting, []
@@ -105,9 +106,9 @@ def test_a_dead_controller_is_not_ready_within_a_second_and_a_switch_to_it_is_re
     assert event.tick <= 110
     assert event.data["controller"] == "b"
     assert lab.now - died < 1.1
-    assert lab.it.switch(SwitchRequest("b", lab.it.bench.tick + 5), lab.now) == (
-        "b is not ready: it sends no heartbeat"
-    )
+    refused = lab.it.switch(SwitchRequest("b", lab.it.bench.tick + 5), lab.now)
+    assert refused.cause is Cause.NO_HEARTBEAT
+    assert str(refused) == "b is not ready: its heartbeat is lost"
     lab.dead.clear()
     lab.until(170)
     assert lab.it.switch(SwitchRequest("b", lab.it.bench.tick + 5), lab.now) is None
@@ -230,7 +231,7 @@ def test_as_fast_as_it_goes_a_starved_recorder_is_waited_for_and_not_for_ever() 
 def test_as_fast_as_it_goes_one_that_has_just_fallen_silent_may_be_switched_in() -> None:
     lab = Lab().until(10)
     lab.die("b")
-    assert lab.it.reason("b", lab.now) == "it sends no heartbeat"
+    assert lab.it.reason("b", lab.now).cause is Cause.NO_HEARTBEAT
     assert lab.it.switch(SwitchRequest("b", lab.it.bench.tick + 5), lab.now) is None
     lab.dead.clear()
     lab.until(100)
@@ -240,13 +241,13 @@ def test_as_fast_as_it_goes_one_that_has_just_fallen_silent_may_be_switched_in()
     while lab.now < end:
         lab.poll()
     wish = SwitchRequest("a", lab.it.bench.tick + 5)
-    assert lab.it.switch(wish, lab.now) == "a is not ready: it sends no heartbeat"
+    assert lab.it.switch(wish, lab.now).cause is Cause.NO_HEARTBEAT
 
 
 def test_what_an_operator_does_is_an_event_with_its_tick_and_who_asked() -> None:
     lab = Lab(rate=1.0, faults_enabled=True).until(10)
     it = lab.it
-    assert it.note(" the beam rings ", "ann") == (True, f"noted at tick {it.bench.tick}")
+    assert it.note(" the beam rings ", "ann").message == f"noted at tick {it.bench.tick}"
     it.set_rate(2.0, lab.now, "bob")
     it.brake(True, "ann")
     lab.until(12)

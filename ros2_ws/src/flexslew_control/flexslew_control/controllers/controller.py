@@ -22,8 +22,9 @@ from flexslew_control.law import (
 )
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import NOTHING, Vector, handed_out, kept
-from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
+from flexslew_plant.events import EstimateDoubted, Event, event_of
+from flexslew_plant.refusal import Cause, Refusal
 
 _NONE = -2  # tick of a measurement that has not come: not even the one before tick 0
 
@@ -78,10 +79,12 @@ class Controller:
         self._handover_tick = 0
         self._hold = self._at_rest(np.zeros(len(joint_names)))
         self._predecessor: Estimator | None = None  # whose state is taken over
-        self._failure = ""  # why the law or its estimator gave up
+        self._failure: Refusal | None = None  # why the law or its estimator gave up
         self._blind = False  # the estimate is not finite
         self._monitor = monitor
-        self._doubt = ""  # why the estimate is not to be trusted, until the next epoch
+        self._doubt: Refusal | None = (
+            None  # why the estimate is not to be trusted, until the next epoch
+        )
         self.events: deque[Event] = deque()  # what it has to say
 
     @property
@@ -112,39 +115,43 @@ class Controller:
             self._key = epoch, _NONE
 
     @property
-    def reason(self) -> str:
-        """Why it could not take charge now; empty when it could."""
+    def reason(self) -> Refusal | None:
+        """Why it could not take charge now; None when it could."""
         if self._requires_plan and self.plan is None:
-            return "no plan yet"
+            return Refusal("no plan yet", cause=Cause.NO_PLAN)
         if self._objection is not None and (objection := self._objection(self.plan)):
-            return objection
+            return Refusal(objection, cause=Cause.PLAN_MISMATCH)
         if self._failure or self._doubt:
             return self._failure or self._doubt
-        return "its estimate is not finite" if self._blind else ""
+        return (
+            Refusal("its estimate is not finite", cause=Cause.NOT_FINITE) if self._blind else None
+        )
 
-    def adopt(self, plan: Plan) -> str:
-        """Follow this plan from its start, and hold until then; return why not, or an empty text.
+    def adopt(self, plan: Plan) -> Refusal | None:
+        """Follow this plan from its start, and hold until then; return why not, or None.
 
         A plan that starts at or before a tick that has been seen is refused: which tick would be
         the first to follow it would depend on the moment of its arrival. So is one in flight that
         does not begin where the reference is then, see course.LARGEST_JUMP.
         """
         if plan.joint_names != self.joint_names:
-            return f"the plan moves {plan.joint_names}, the bench has {self.joint_names}"
+            return _mismatch(f"the plan moves {plan.joint_names}, the bench has {self.joint_names}")
         if abs(plan.period - self.period) > 1e-9 * self.period:
-            return f"the period of the plan is {plan.period} s, that of the bench {self.period} s"
+            return _mismatch(
+                f"the period of the plan is {plan.period} s, that of the bench {self.period} s"
+            )
         if self.last_tick <= 0:
             self._course.begin_with(plan)
-            return ""
+            return None
         if plan.first_tick <= self.last_tick:
-            return (
+            return _mismatch(
                 f"the plan starts at {plan.start} s, the bench is at "
                 f"{self.last_tick * self.period:.2f} s"
             )
         if far := jump(plan, self.reference(plan.first_tick)):
             return far
         self._course.add(plan)
-        return ""
+        return None
 
     def succeed(self, other: "Controller") -> None:
         """Take the place of another design of the same controller from the next measurement on.
@@ -168,7 +175,7 @@ class Controller:
         try:
             return self._observed(measurement)
         except LawFailed as failure:
-            self._failure = str(failure)
+            self._failure = Refusal(str(failure), cause=Cause.LAW_FAILED)
             return None
 
     def _observed(self, measurement: Measurement) -> Answer | None:
@@ -186,7 +193,7 @@ class Controller:
             if not follows:
                 self._estimator.reset(measurement)
                 self._hold = self._at_rest(measurement.joint_position)
-                self._answered, self._doubt = -1, ""
+                self._answered, self._doubt = -1, None
                 if self._monitor is not None:
                     self._monitor.reset()
             if self._predecessor is not None:
@@ -215,17 +222,10 @@ class Controller:
         if doubt is None:
             return
         channel = channel_name(doubt.channel, self.joint_names)
-        times = doubt.statistic / doubt.limit
-        self._doubt = (
-            f"the innovation of {channel} over {doubt.ticks} ticks is {times:.3g} times its limit"
-        )
-        data = doubt._asdict() | {"controller": self.name, "channel": channel}
-        self.events.append(
-            Event(
-                measurement.tick, measurement.time, measurement.epoch, Level.FAULT, self.name,
-                "doubted", f"{self.name} does not trust its estimate: {self._doubt}", data,
-            )
-        )  # fmt: skip
+        what = EstimateDoubted(self.name, channel, doubt.ticks, doubt.statistic, doubt.limit)
+        self._doubt = Refusal(what.reason, cause=Cause.DOUBTED)
+        m = measurement
+        self.events.append(event_of(what, m.tick, m.time, m.epoch, self.name))
 
     def _compute_answer(self, measurement: Measurement, estimate: Estimate) -> Answer:
         reference = self.reference(measurement.tick)
@@ -282,6 +282,10 @@ def _inherit(estimator: Estimator, other: Estimator) -> None:
     if all(getattr(estimator, n).shape == getattr(other, n).shape for n in arrays):
         for name in names:
             setattr(estimator, name, getattr(other, name))
+
+
+def _mismatch(words: str) -> Refusal:
+    return Refusal(words, cause=Cause.PLAN_MISMATCH)
 
 
 def _finite(estimate: Estimate) -> bool:

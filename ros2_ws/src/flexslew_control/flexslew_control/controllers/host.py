@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 from flexslew_control.controllers.controller import Answer, Controller
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
-from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import UNNAMED, ControllerTuned, Event, PlanRefused, event_of
+from flexslew_plant.refusal import Cause, Refusal
 
 Build = Callable[[dict[str, Any]], Controller]  # from the settings of the law
 
@@ -22,9 +23,19 @@ Build = Callable[[dict[str, Any]], Controller]  # from the settings of the law
 class Tuned(NamedTuple):
     """What became of a request to change settings."""
 
-    ok: bool
-    message: str
     tick: int  # first tick with the new settings
+    done: str = ""  # what changes, for people
+    refused: Refusal | None = None
+
+    @property
+    def ok(self) -> bool:
+        """It was granted."""
+        return self.refused is None
+
+    @property
+    def message(self) -> str:
+        """What changes or why nothing does, for people."""
+        return str(self.refused or self.done)
 
 
 class _Tuning(NamedTuple):
@@ -52,14 +63,14 @@ class ControllerHost:
         self.plan_from = 0, 0  # epoch and tick of the first question answered with it
         self.events: deque[Event] = deque()
         self._build: Build | None = None
-        self._unfit = "no testbed announced yet"
+        self._unfit = Refusal("no testbed announced yet", cause=Cause.NO_TESTBED)
         self._appendages = 0  # of the testbed
-        self._plan_refused = ""
+        self._plan_refused: Refusal | None = None
         self._tunings: list[_Tuning] = []
 
     @property
-    def reason(self) -> str:
-        """Why it could not take charge now; empty when it could."""
+    def reason(self) -> Refusal | None:
+        """Why it could not take charge now; None when it could."""
         if self.controller is None:
             return self._unfit
         return self._plan_refused or self.controller.reason
@@ -86,7 +97,8 @@ class ControllerHost:
         except BadInput as error:
             if first:
                 raise
-            self.controller, self._unfit = None, f"it does not fit this testbed: {error}"
+            words = f"it does not fit this testbed: {error}"
+            self.controller, self._unfit = None, Refusal(words, cause=Cause.NO_TESTBED)
             return
         self.controller.warm(appendages)
         if self.plan is not None:
@@ -94,7 +106,7 @@ class ControllerHost:
 
     def begin_epoch(self, epoch: int) -> None:
         """Know that the bench was reset, whether a question of the new epoch has come or not."""
-        self.epoch, self._tunings, self._plan_refused = epoch, [], ""
+        self.epoch, self._tunings, self._plan_refused = epoch, [], None
         if self.controller is None:
             return
         before = self.controller.plan
@@ -105,33 +117,31 @@ class ControllerHost:
             self.plan_hash = plan_hash(plan) if plan is not None else ""
             self.plans_taken += plan is not None
 
-    def adopt(self, plan: Plan) -> str:
-        """Follow a plan as soon as there is a testbed; return why not, or an empty text."""
+    def adopt(self, plan: Plan) -> Refusal | None:
+        """Follow a plan as soon as there is a testbed; return why not, or None."""
         self.plan = plan
         refused = self._follow(plan)
-        if not refused:
+        if refused is None:
             self.plans_taken += 1
         return refused
 
-    def _follow(self, plan: Plan) -> str:
+    def _follow(self, plan: Plan) -> Refusal | None:
         first = self.epoch, (self.controller.last_tick if self.controller else -1) + 1
-        self._plan_refused = ""
+        self._plan_refused = None
         if self.controller is not None:
             self._plan_refused = self.controller.adopt(plan)
             if self.controller.last_tick < 0:
                 self.controller.warm(self._appendages)  # on the plan that it will follow
-        if not self._plan_refused:
+        if self._plan_refused is None:
             self.plan_hash, self.plan_from = plan_hash(plan), first
         return self._plan_refused
 
     def plan_refused(self, digest: str) -> Event:
         """Return what the log says of a plan with this hash, which was just refused."""
         tick, period = self.last_tick, self.controller.period if self.controller else 0.0
-        words = f"{self.name} refuses the plan: {self._plan_refused}"
-        data = {"controller": self.name, "hash": digest}
-        return Event(
-            tick, tick * period, self.epoch, Level.WARNING, self.name, "plan_refused", words, data
-        )
+        reason = str(self._plan_refused or "")
+        what = PlanRefused(digest, controller=self.name, reason=reason)
+        return event_of(what, tick, tick * period, self.epoch, self.name)
 
     def observe(self, question: Measurement) -> Answer | None:
         """Return the answer if the question names this controller; see Controller.observe."""
@@ -157,47 +167,32 @@ class ControllerHost:
             who: asks.
         """
         if self._build is None or self.controller is None:
-            return Tuned(False, f"{self.name} cannot be tuned: {self.reason}", 0)
+            why = Refusal(f"{self.name} cannot be tuned: {self.reason}", cause=Cause.NO_TESTBED)
+            return Tuned(0, refused=why)
         tick = max(tick, self.controller.last_tick + 1)
         values = merged(self._tunings[-1].values if self._tunings else self.values, changes)
         if not changes:
-            return Tuned(False, "nothing changes; give at least one setting", tick)
+            return Tuned(tick, refused=Refusal("nothing changes; give at least one setting"))
         try:
             json.dumps([changes, self.values], allow_nan=False)
         except (TypeError, ValueError):
             words = "a setting is not plain data or not a finite number: the log could not hold it"
-            return Tuned(False, words, tick)
+            return Tuned(tick, refused=Refusal(words))
         try:
             controller = self._build(values)
         except BadInput as error:
-            return Tuned(False, str(error), tick)
+            return Tuned(tick, refused=error.refusal)
         self._tunings.append(_Tuning(tick, dict(changes), values, controller, who))
         self._tunings.sort(key=lambda tuning: tuning.tick)
         words = ", ".join(f"{key}: {value}" for key, value in changes.items())
-        return Tuned(True, f"{words} from tick {tick} on", tick)
+        return Tuned(tick, f"{words} from tick {tick} on")
 
     def _take(self, tuning: _Tuning, question: Measurement) -> None:
         assert self.controller is not None
         tuning.controller.succeed(self.controller)
         before, self.controller, self.values = self.values, tuning.controller, tuning.values
-        words = ", ".join(f"{key}: {value}" for key, value in tuning.changes.items())
-        self.events.append(
-            Event(
-                question.tick,
-                question.time,
-                question.epoch,
-                Level.INFO,
-                self.name,
-                "tuned",
-                f"{self.name} tuned: {words}",
-                {
-                    "controller": self.name,
-                    "settings": tuning.changes,
-                    "before": before,
-                    "who": tuning.who or "unnamed",
-                },
-            )
-        )
+        what = ControllerTuned(self.name, tuning.changes, before, tuning.who or UNNAMED)
+        self.events.append(event_of(what, question.tick, question.time, question.epoch, self.name))
 
 
 def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

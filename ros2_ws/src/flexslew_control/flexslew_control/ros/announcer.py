@@ -11,6 +11,7 @@ from rclpy.subscription import Subscription
 from flexslew_control.controllers import settings_text
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
+from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.graph import publishers_of, unmatched
 from flexslew_plant.ros.messages import stamp
@@ -45,8 +46,9 @@ class Announcer:
         self._node, self._host, self._law, self._alive = node, host, law, alive
         self._said, self._heard, self._listeners = said, heard, listeners
         self._status = publisher(node, topics.CONTROLLER_STATUS)
-        self.elder = ""  # why this one is silent for another one of its name
-        self.reason: str | None = None  # as announced; None: nothing yet
+        self.older: Refusal | None = None  # why this one is silent for another one of its name
+        self.announced = False
+        self.reason: Refusal | None = None  # as announced
         self._is_heard = False
         self._settings = ""
         self._tick = 0  # of the last status
@@ -57,9 +59,9 @@ class Announcer:
         While an older node of the same name is alive this one says nothing: the bench could not
         tell whom it hears.
         """
-        elder, self.elder = self.elder, self._alive.elder
-        if self.elder and not elder:
-            self._node.get_logger().error(f"{self.elder}; this one is silent")
+        before, self.older = self.older, self._alive.older
+        if self.older and not before:
+            self._node.get_logger().error(f"{self.older}; this one is silent")
         self.announce()
 
     def describe(self, another_bench: bool = False) -> None:
@@ -78,18 +80,18 @@ class Announcer:
     def announce(self, always: bool = False) -> None:
         """Publish the status if it is another one than the last, or always."""
         reason = self._reason()
-        if (reason == self.reason and not always) or self.elder:
+        if (self.announced and reason == self.reason and not always) or self.older:
             return
         host = self._host
-        self.reason, self._tick = reason, host.last_tick
+        self.announced, self.reason, self._tick = True, reason, host.last_tick
         period = host.controller.period if host.controller else 0.0
         self._status.publish(
             msg.ControllerStatus(
                 stamp=stamp(host.last_tick * period),
                 controller=host.name,
                 law=self._law,
-                ready=not reason,
-                reason=reason,
+                ready=reason is None,
+                reason=str(reason or ""),
                 last_tick=host.last_tick,
                 epoch=host.epoch,
                 plan_hash=host.plan_hash,
@@ -100,14 +102,16 @@ class Announcer:
             )
         )
 
-    def _reason(self) -> str:
-        if self.elder or self._host.reason:
-            return self.elder or self._host.reason
-        if self._is_heard:
-            return ""
+    def _reason(self) -> Refusal | None:
+        """Return why the controller could not take charge now, as far as its node knows."""
+        why = self.older or self._host.reason
+        if why is not None or self._is_heard:
+            return why
         plant = publishers_of(self._node, self._heard)
         missing = unmatched(self._node, self._said[:1], [*plant, *self._listeners])
         missing += unmatched(self._node, self._said[1:], self._listeners)
         self._is_heard = bool(plant) and not missing
         unheard = ", ".join(sorted(set(missing))) or "a plant"
-        return "" if self._is_heard else f"not heard by {unheard}"
+        if self._is_heard:
+            return None
+        return Refusal(f"not heard by {unheard}", cause=Cause.NOT_HEARD)

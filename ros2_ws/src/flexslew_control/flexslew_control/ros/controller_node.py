@@ -91,7 +91,7 @@ class ControllerNode:
         except BadInput as error:
             self.node.get_logger().warning(str(error))
             return
-        if refused:
+        if refused is not None:
             self._events.tell(self._host.plan_refused(message.hash))
         self._announcer.announce(always=True)
 
@@ -105,7 +105,7 @@ class ControllerNode:
         host = self._host
         question, at = measurement_from(data, self._period)
         answer = host.observe(question)
-        if answer is not None and not self._announcer.elder:
+        if answer is not None and not self._announcer.older:
             self._command.publish(command_bytes(answer.command, at))
             self._state.publish(state_bytes(answer, at))
         if host.events:

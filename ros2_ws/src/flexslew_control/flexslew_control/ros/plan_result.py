@@ -1,13 +1,20 @@
-"""What is said of a plan: the answer of the action plan_slew, and the event."""
+"""The answer of the action plan_slew."""
 
 from flexslew_msgs import action, msg
 from rclpy.action.server import ServerGoalHandle
 
 from flexslew_control.plan import Plan
-from flexslew_control.planning import Refusal
-from flexslew_plant.bench.events import Event, Level
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.refusal import Cause, Refusal
 
-CANCELED = Refusal(False, "canceled by the client")
+CANCELED = Refusal("canceled by the client", cause=Cause.CANCELED)
+BUSY = Refusal("another plan is being made; cancel it, or wait", cause=Cause.NO_MANOEUVRE)
+
+
+def failure(why: Refusal) -> BadInput | PlanFailed:
+    """Return why there is no plan of the parameters, as the error that ends the node."""
+    kind = PlanFailed if why.cause is Cause.NO_MANOEUVRE else BadInput
+    return kind(f"parameter plan: {why}")
 
 
 def plan_result(
@@ -25,35 +32,12 @@ def plan_result(
         result.plan = plan
         goal.succeed()
         return result
-    result.message = outcome.message
-    if outcome is CANCELED:
+    result.message = str(outcome)
+    if outcome.cause is Cause.CANCELED:
         result.error_code = result.CANCELED
         goal.canceled()
     else:
-        result.error_code = result.BAD_INPUT if outcome.bad_input else result.FAILED
+        failed = outcome.cause is Cause.NO_MANOEUVRE
+        result.error_code = result.FAILED if failed else result.BAD_INPUT
         goal.abort()
     return result
-
-
-_WORDS = {
-    "planned": "planned",
-    "plan_drafted": "drafted, to be adopted or refused",
-    "plan_refused": "refused by the operator",
-}
-
-
-def plan_event(kind: str, plan: Plan, digest: str, who: str, now: float, epoch: int) -> Event:
-    """Return what the log says of a plan.
-
-    Args:
-        kind: planned (it is published), plan_drafted or plan_refused.
-        plan: the plan.
-        digest: its hash.
-        who: asked for it; empty: nobody by name.
-        now: simulated time [s].
-        epoch: counts resets.
-    """
-    words = f"{plan.method}: {plan.duration:g} s {_WORDS[kind]}, hash {digest[:12]}"
-    data = {"hash": digest, "method": plan.method, "who": who or "unnamed"}
-    tick = round(now / plan.period)
-    return Event(tick, now, epoch, Level.INFO, "planner", kind, words, data)

@@ -15,12 +15,12 @@ from rclpy.task import Future
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
-from flexslew_control.planning import Iteration, Planning, PlanRequest, Refusal, plan_request
+from flexslew_control.planning import Iteration, Planning, PlanRequest, plan_request
 from flexslew_control.ros.plan_release import PlanRelease
-from flexslew_control.ros.plan_result import CANCELED, plan_result
+from flexslew_control.ros.plan_result import BUSY, CANCELED, failure, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_plant import topics
-from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node
@@ -106,7 +106,7 @@ class Planner:
         if done is not None:
             done.set_result(news)
         if self._goal is None and isinstance(news, Refusal):
-            raise (BadInput if news.bad_input else PlanFailed)(f"parameter plan: {news.message}")
+            raise failure(news)
         if self._goal is None and isinstance(news, Plan):
             self._release.publish(news, "")
 
@@ -134,7 +134,7 @@ class Planner:
         """Return what comes of a goal."""
         request = goal.request
         if self._done is not None:
-            return Refusal(False, "another plan is being made; cancel it, or wait")
+            return BUSY
         wanted = self._request(request.request, request.period, request.effort_limit)
         made: Plan | Refusal = await self._ask(wanted, goal)
         return made

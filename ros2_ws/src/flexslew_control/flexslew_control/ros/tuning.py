@@ -56,7 +56,8 @@ class Tuning:
             reply.message = "settings: give YAML keys, for example {kp: [500.0, 500.0]}"
             return reply
         tick = round(seconds_of(request.at) / controller.period) if controller else 0
-        reply.ok, reply.message, reply.tick = self._host.tune(changes, tick, request.who)
+        done = self._host.tune(changes, tick, request.who)
+        reply.ok, reply.message, reply.tick = done.ok, done.message, done.tick
         if reply.ok:
             self._keep(changes)
         return reply

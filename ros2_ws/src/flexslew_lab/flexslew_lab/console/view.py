@@ -12,10 +12,11 @@ from flexslew_lab.log.bag_columns import blocks_of
 from flexslew_lab.log.files.mcap_scan import RawMessage
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr_layout import Layout
-from flexslew_lab.log.messages.record_schema import LoggedEvent, logged_event
+from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_plant import topics
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import Event, RunFinished
 from flexslew_plant.testbeds import Testbed
 
 EVENTS = 2000  # that are kept
@@ -74,7 +75,7 @@ class BenchView:
         self.joints: Joints | None = None
         self.testbed: Testbed | None = None  # None also where it is the user's own class
         self.controllers: dict[str, Controller] = {}
-        self.events: deque[LoggedEvent] = deque(maxlen=EVENTS)
+        self.events: deque[Event] = deque(maxlen=EVENTS)
         self.heard = 0  # events so far
         self.plan: Any = None  # the last flexslew_msgs/Plan
         self.truth, self.controller_state = Track(), Track()
@@ -156,5 +157,7 @@ class BenchView:
         event = logged_event(m, "the bench")
         self.events.append(event)
         self.heard += 1
-        if event.kind == "finished":  # the plant may leave before it shows its state again
+        if isinstance(
+            event.what, RunFinished
+        ):  # the plant may leave before it shows its state again
             self.now = self.now._replace(state="finished", tick=event.tick)

@@ -35,16 +35,16 @@ from flexslew_lab.log.files.mcap_scan import (
 from flexslew_lab.log.files.read_limits import check_size
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr_layout import Layout
+from flexslew_lab.log.messages.logged_event import logged_event
 from flexslew_lab.log.messages.record_schema import (
-    LoggedEvent,
     Sizes,
     check_record,
     check_run_record,
     check_truth,
-    logged_event,
 )
 from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import Event
 
 RARE = ("/events", "/plan", "/testbed", "/controller_status")
 # What a decoded event takes in memory [B], at most, and each byte of its JSON
@@ -69,7 +69,7 @@ class Overview(NamedTuple):
     types: dict[str, str]  # by topic
     first: int  # log time [ns]
     last: int  # log time [ns]
-    events: tuple[LoggedEvent, ...]
+    events: tuple[Event, ...]
     plans: tuple[Any, ...]  # decoded flexslew_msgs/msg/Plan, oldest first
     testbed: Any  # decoded flexslew_msgs/msg/Testbed, the last one; None without
     statuses: dict[str, Any]  # the last ControllerStatus of every controller
@@ -182,7 +182,7 @@ class BagReader:
         """All that is rare, from one pass."""
         counts: dict[str, int] = {}
         types: dict[str, str] = {}
-        events: list[LoggedEvent] = []
+        events: list[Event] = []
         plans: dict[str, Any] = {}
         statuses: dict[str, Any] = {}
         testbed = None

@@ -48,7 +48,7 @@ def log_info(path: Path) -> dict[str, Any]:
             for p in overview.plans
         ],
         "controllers": {name: s.law for name, s in sorted(overview.statuses.items())},
-        "events": [event._asdict() for event in overview.events],
+        "events": [event.plain() for event in overview.events],
         "recorded": {k: v for k, v in bag.metadata.items() if k not in _SEALS},
         "ended": {
             k: v for k, v in overview.metadata.get(RUN_RECORD, {}).items() if k not in _SEALS

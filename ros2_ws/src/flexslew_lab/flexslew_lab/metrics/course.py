@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup
+from flexslew_plant.events import RunFinished
 
 
 class Course:
@@ -50,7 +51,7 @@ class Course:
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the eight values."""
         first, last = self.ticks or (0, 0)
-        finished = [e.data for e in ending.events if e.kind == "finished"]
+        finished = [e.what for e in ending.events if isinstance(e.what, RunFinished)]
         wall = [float(d["wall_time"]) for d in finished if isinstance(d, dict) and "wall_time" in d]
         wall += ending.wall_times
         return {

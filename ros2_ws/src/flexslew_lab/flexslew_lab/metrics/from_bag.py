@@ -16,6 +16,7 @@ from flexslew_lab.metrics.own import own_metrics
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.retarget import with_requests
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import TargetRequested
 from flexslew_plant.testbeds import Testbed
 
 
@@ -95,12 +96,11 @@ def flown_testbed(overview: Overview, epoch: int) -> Testbed | None:
     if overview.testbed is None:
         return None
     requests = [
-        e.data for e in overview.events
-        if e.kind == "retargeted" and e.epoch == epoch and isinstance(e.data, dict)
-    ]  # fmt: skip
+        e.what for e in overview.events if isinstance(e.what, TargetRequested) and e.epoch == epoch
+    ]
     try:
         plant = described(overview.testbed.settings, "the log")
-        turns = [(str(w["text"]), float(w["start"]) * plant.period) for w in requests]
+        turns = [(request.text, request.start * plant.period) for request in requests]
         return with_requests(plant.testbed, turns)
     except (BadInput, KeyError, TypeError, ValueError):
         return None

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.events import Event
 from flexslew_plant.testbeds import Testbed
 
 
@@ -55,7 +56,7 @@ class Block(NamedTuple):
 class Ending(NamedTuple):
     """What the truth does not say of a run."""
 
-    events: Sequence[Any]  # of the epoch, each with kind, level as a word, and data
+    events: Sequence[Event]  # of the epoch
     wall_times: Sequence[float]  # recorded besides the events [s]
     complete: bool  # the log was finished
     warnings: tuple[str, ...] = ()  # why the numbers may not be those of the run

@@ -7,14 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_control.plan import Plan
-from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.metrics.epoch import Epoch
 from flexslew_lab.metrics.from_bag import manoeuvre_of
 from flexslew_lab.metrics.metric import Ending, Manoeuvre, Metric, RunSetup
 from flexslew_lab.trial.in_process import Observer
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.wire import stamp_of
+from flexslew_plant.events import Event
 
 _BLOCK = 1024  # ticks that are measured at once
 
@@ -48,7 +47,7 @@ class MetricsObserver(Observer):
             "applied_effort": np.empty((_BLOCK, joints)),
             "tip_deflection": np.empty((_BLOCK, bench.truth().tip_deflection.size)),
         }
-        self._events: list[LoggedEvent] = []
+        self._events: list[Event] = []
 
     def truth(self, truth: Truth) -> None:
         """Take the state at a tick."""
@@ -64,19 +63,7 @@ class MetricsObserver(Observer):
 
     def event(self, event: Event) -> None:
         """Take an event."""
-        level = event.level.name.lower()
-        self._events.append(
-            LoggedEvent(
-                event.time,
-                event.tick,
-                event.epoch,
-                level,
-                event.source,
-                event.kind,
-                event.message,
-                event.data,
-            )
-        )
+        self._events.append(event)
 
     def result(self) -> dict[str, Any]:
         """Return the content of metrics.json for what has been seen."""

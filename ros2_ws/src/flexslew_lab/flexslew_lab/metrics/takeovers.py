@@ -3,9 +3,16 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-import numpy as np
-
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup
+from flexslew_plant.events import (
+    AnswerMissed,
+    BrakeTookOver,
+    FallbackTookOver,
+    FaultChanged,
+    Level,
+    Switched,
+    largest,
+)
 
 
 class Takeovers:
@@ -34,27 +41,16 @@ class Takeovers:
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the five values."""
-        events = [(e.kind, e.level, _data(e)) for e in ending.events]
-        steps = [_step(data) for kind, _, data in events if kind == "switched"]
+        facts = [event.what for event in ending.events]
+        steps = [largest(what.effort_step) for what in facts if isinstance(what, Switched)]
+        began = sum(isinstance(what, FaultChanged) and what.on for what in facts)
         return {
-            "missed_ticks": sum(int(d.get("ticks", 1)) for k, _, d in events if k == "missed"),
+            "missed_ticks": sum(w.ticks or 1 for w in facts if isinstance(w, AnswerMissed)),
             "switches": len(steps),
             "largest_effort_step": max(steps, default=None),
-            "faults": sum(
-                level == "fault" or (kind == "fault" and bool(data.get("on")))
-                for kind, level, data in events
-            ),
-            "fallbacks": sum(kind in ("fallback", "brake") for kind, _, _ in events),
+            "faults": began + sum(event.level is Level.FAULT for event in ending.events),
+            "fallbacks": sum(isinstance(w, FallbackTookOver | BrakeTookOver) for w in facts),
         }
-
-
-def _data(event: Any) -> dict[str, Any]:
-    return event.data if isinstance(event.data, dict) else {}
-
-
-def _step(data: dict[str, Any]) -> float:
-    step = np.asarray(data.get("effort_step", 0.0), dtype=float)
-    return float(np.abs(np.atleast_1d(step)).max(initial=0.0))
 
 
 TAKEOVERS = MetricEntry("takeovers", Takeovers)

@@ -3,8 +3,9 @@
 from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.trial.trial import Trial
+from flexslew_plant.events import Interrupted, RunFinished, StateLost
 
-_LAST_WORDS = ("finished", "interrupted", "not_finite")  # events with which the plant ends
+_ENDS = (RunFinished, Interrupted, StateLost)  # with which the plant ends
 
 
 def missing_part(bag: BagReader, trial: Trial, first: int, last: int, gaps: int) -> str:
@@ -25,7 +26,7 @@ def missing_part(bag: BagReader, trial: Trial, first: int, last: int, gaps: int)
         why.append(f"{gaps} ticks in between are missing")
     if first > 0:
         why.append(f"the log begins at tick {first}")
-    ended = any(event.kind in _LAST_WORDS for event in overview.events)
+    ended = any(isinstance(event.what, _ENDS) for event in overview.events)
     recorded = overview.metadata.get(RUN_RECORD, {})
     if overview.cut is None and not ended and ("recovered" in recorded or not recorded):
         why.append("the log does not hold the end of the run")

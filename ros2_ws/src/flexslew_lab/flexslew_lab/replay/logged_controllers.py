@@ -16,10 +16,10 @@ from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode
 from flexslew_lab.log.messages.logged_text import logged_yaml
-from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import ControllerTuned
 
 Key = tuple[int, int]  # epoch and tick
 
@@ -83,9 +83,9 @@ class LoggedControllers:
         self._due = [a for a in adoptions(bag) if a.controller in self.by_name]
         flown = logged_laws(bag)  # settings of one law say nothing to another
         self._tunings = [
-            event
-            for event in _tunings(bag)
-            if (name := event.data["controller"]) in self._laws
+            (key, what)
+            for key, what in _tunings(bag)
+            if (name := what.controller) in self._laws
             and name in flown
             and self._laws[name][0] == flown[name][0]
         ]
@@ -102,11 +102,11 @@ class LoggedControllers:
             controller.begin_epoch(adoption.first[0])
             controller.adopt(adoption.plan)
         tuned = 0
-        while self._tunings and (self._tunings[0].epoch, self._tunings[0].tick) <= key:
-            data = self._tunings.pop(0).data
-            name = data["controller"]
+        while self._tunings and self._tunings[0][0] <= key:
+            what = self._tunings.pop(0)[1]
+            name = what.controller
             law, values = self._laws[name]
-            self._laws[name] = law, merged(values, data["settings"])
+            self._laws[name] = law, merged(values, what.settings)
             successor = self._built(name)
             successor.succeed(self.by_name[name])
             self.by_name[name] = successor
@@ -126,10 +126,14 @@ class LoggedControllers:
         )
 
 
-def _tunings(bag: BagReader) -> list[LoggedEvent]:
+def _tunings(bag: BagReader) -> list[tuple[Key, ControllerTuned]]:
     """Return the changes of settings in flight, in their order."""
-    tuned = (event for event in bag.overview.events if event.kind == "tuned")
-    return sorted(tuned, key=lambda event: (event.epoch, event.tick))
+    tuned = [
+        ((event.epoch, event.tick), event.what)
+        for event in bag.overview.events
+        if isinstance(event.what, ControllerTuned)
+    ]
+    return sorted(tuned, key=lambda pair: pair[0])
 
 
 def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
@@ -142,10 +146,9 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
             if status.law == OUTPUT_FEEDBACK.name:  # older logs: when it had no other one
                 values.setdefault("observer", "steady")
             laws[name] = status.law, values
-    for event in reversed(_tunings(bag)):  # what a status says last is what was tuned last
-        name = event.data["controller"]
-        if name in laws:
-            laws[name] = laws[name][0], event.data["before"]
+    for _, what in reversed(_tunings(bag)):  # what a status says last is what was tuned last
+        if what.controller in laws:
+            laws[what.controller] = laws[what.controller][0], what.before
     return laws
 
 

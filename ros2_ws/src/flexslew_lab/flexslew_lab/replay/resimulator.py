@@ -4,14 +4,35 @@ from collections import defaultdict
 from typing import Any
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.replay.logged_controllers import Key, LoggedControllers, trial_of
 from flexslew_lab.trial.trial import Trial, bench_settings, law_of
 from flexslew_plant.bench.bench import Bench, SwitchRequest
 from flexslew_plant.errors import BadInput, RunFault
+from flexslew_plant.events import (
+    AnswerMissed,
+    BrakeRequested,
+    BrakeTookOver,
+    ControllerTuned,
+    Fact,
+    FallbackTookOver,
+    FaultEndRequested,
+    InjectionRequested,
+    SwitchDropped,
+    SwitchRefused,
+    SwitchRequested,
+    TargetRequested,
+)
+from flexslew_plant.refusal import Cause, Refusal
 
 _LATEST = 1 << 40  # tick of a run without an end
-REQUESTS = ("switch_requested", "injected", "fault_ended", "brake_requested", "retargeted")
+REQUESTS = (
+    SwitchRequested,
+    InjectionRequested,
+    FaultEndRequested,
+    BrakeRequested,
+    TargetRequested,
+)
+_UNREADY = Refusal("the log says so", cause=Cause.NOT_READY)
 
 
 class Resimulator:
@@ -31,28 +52,34 @@ class Resimulator:
             if values != recorded.controllers.get(name)
         }
         self._controllers = LoggedControllers(bag, replaced=other, trial=trial)
-        self._requests: dict[Key, list[LoggedEvent]] = defaultdict(list)
-        self._afterwards: dict[Key, list[LoggedEvent]] = defaultdict(list)  # a step was refused
+        self._requests: dict[Key, list[Fact]] = defaultdict(list)
+        self._afterwards: dict[Key, list[Fact]] = defaultdict(list)  # a step was refused
         self._missed: set[Key] = set()
         self._refused: set[Key] = set()
         self._asked: Key | None = None  # the newest question of the log that is out
         self._dropped: dict[Key, set[str]] = defaultdict(set)  # not ready when they were due
         self._successors: dict[Key, str] = {}  # who took over from one that was silent
-        self.replayed = dict.fromkeys((*REQUESTS, "tuned", "missed"), 0)
+        self.replayed = dict.fromkeys(
+            (what.kind for what in (*REQUESTS, ControllerTuned, AnswerMissed)), 0
+        )
         self._epochs = len(bag.overview.events)  # each reset is one of them
         for event in bag.overview.events:
-            key = event.epoch, event.tick
-            if event.kind in REQUESTS:
-                requests = self._afterwards if key in self._refused else self._requests
-                requests[key].append(event)
-            elif event.kind == "missed":
+            self._note((event.epoch, event.tick), event.what)
+
+    def _note(self, key: Key, what: Fact) -> None:
+        """Keep what the log says of a tick."""
+        match what:
+            case AnswerMissed():
                 self._missed.add(key)
-            elif event.kind == "switch_refused":
+            case SwitchRefused():
                 self._refused.add(key)
-            elif event.kind == "switch_dropped" and "is not ready" in event.data.get("reason", ""):
-                self._dropped[key].add(event.data["controller"])
-            elif event.kind in ("fallback", "brake"):
-                self._successors[key] = event.data["to"]
+            case SwitchDropped(controller=name, cause=Cause.NOT_READY):
+                self._dropped[key].add(name)
+            case FallbackTookOver(to=successor) | BrakeTookOver(to=successor):
+                self._successors[key] = successor
+            case _ if isinstance(what, REQUESTS):
+                requests = self._afterwards if key in self._refused else self._requests
+                requests[key].append(what)
 
     def truth(self, key: Key) -> dict[str, Any]:
         """Fly to this tick; return the state there."""
@@ -85,7 +112,7 @@ class Resimulator:
 
     def _begin(self, key: Key) -> None:
         """Let happen what was wanted of the controllers and of the bench at this tick."""
-        self.replayed["tuned"] += self._controllers.until(key)
+        self.replayed[ControllerTuned.kind] += self._controllers.until(key)
         for request in self._requests.pop(key, ()):
             self._grant(request)
 
@@ -94,7 +121,7 @@ class Resimulator:
         key = question.epoch, question.tick
         self._begin(key)
         missed = key in self._missed
-        self.replayed["missed"] += missed
+        self.replayed[AnswerMissed.kind] += missed
         for controller in self._controllers.by_name.values():
             answer = controller.observe(question)  # heard it, even where nobody heard the answer
             if answer is not None and (not missed or key in self._refused):
@@ -108,10 +135,10 @@ class Resimulator:
             self._grant(request)
         unready = self._unready(key)
         for name in unready:
-            bench.note_readiness(name, "the log says so")
+            bench.note_readiness(name, _UNREADY)
         bench.advance()
         for name in unready:
-            bench.note_readiness(name, "")
+            bench.note_readiness(name, None)
         if bench.failure:
             raise RunFault(bench.failure)
 
@@ -124,19 +151,19 @@ class Resimulator:
             unready |= possible - ready
         return unready
 
-    def _grant(self, request: LoggedEvent) -> None:
-        self.replayed[request.kind] += 1
-        data = request.data
-        if request.kind == "injected":
-            self.bench.inject(data["text"], data["start"])
-        elif request.kind == "retargeted":
-            self.bench.retarget(data["text"], data["start"])
-        elif request.kind == "fault_ended":
-            self.bench.end_fault(data["number"])
-        elif request.kind == "brake_requested":
-            self.bench.brake(data["on"])
-        else:
-            step = data["max_effort_step"]
-            self.bench.request_switch(
-                SwitchRequest(data["controller"], data["tick"], data["strict"], step)
-            )
+    def _grant(self, what: Fact) -> None:
+        """Let an operator ask again."""
+        self.replayed[what.kind] += 1
+        match what:
+            case SwitchRequested():
+                self.bench.request_switch(
+                    SwitchRequest(what.controller, what.tick, what.strict, what.max_effort_step)
+                )
+            case InjectionRequested():
+                self.bench.inject(what.text, what.start)
+            case TargetRequested():
+                self.bench.retarget(what.text, what.start)
+            case FaultEndRequested():
+                self.bench.end_fault(what.number)
+            case BrakeRequested():
+                self.bench.brake(what.on)

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import yaml
 
 from flexslew_control.plan import Plan
@@ -18,6 +17,7 @@ from flexslew_lab.report.page import embedded, render
 from flexslew_lab.report.panels import COLOURS, PALE, Group
 from flexslew_lab.report.run_data import RunData, read_run
 from flexslew_lab.report.scene_data import scene_of
+from flexslew_plant.events import IN_CHARGE, Switched, largest
 
 EVENTS = 300  # of a run that the table shows
 HEADLINES = (
@@ -158,14 +158,13 @@ def _groups(runs: Sequence[RunData], other: RunData | None) -> Iterator[Group]:
 def _charge(run: RunData) -> dict[str, Any]:
     """Return who was in charge when, how that came, and the step of the effort."""
     names = list(dict.fromkeys(phase.controller for phase in run.phases if phase.controller))
-    changes = [e for e in run.overview.events if e.kind in ("switched", "fallback", "brake")]
+    changes = [e for e in run.overview.events if isinstance(e.what, IN_CHARGE)]
     total = max(run.phases[-1].end - run.phases[0].start, 1e-9)
     phases = []
     for number, phase in enumerate(run.phases):
         before = [e for e in changes if abs(e.time - phase.start) < 1e-6 or e.time < phase.start]
         event = before[-1] if before and number else None
-        data = event.data if event is not None and isinstance(event.data, dict) else {}
-        step = np.abs(np.atleast_1d(data.get("effort_step", []))).max(initial=-1.0)
+        step = event.what.effort_step if event and isinstance(event.what, Switched) else None
         known = phase.controller in names
         phases.append(
             {
@@ -175,7 +174,7 @@ def _charge(run: RunData) -> dict[str, Any]:
                 "share": f"{(phase.end - phase.start) / total:.6f}",
                 "colour": COLOURS[names.index(phase.controller) % len(COLOURS)] if known else PALE,
                 "how": event.kind if event is not None else "from the start",
-                "step": f"{step:.3g}" if step >= 0.0 else "",
+                "step": "" if step is None else f"{largest(step):.3g}",
             }
         )
     return {"label": run.label, "phases": phases, "unit": unit_of("peak_effort", run.joint_units)}

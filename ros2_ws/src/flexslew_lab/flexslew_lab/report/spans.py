@@ -1,9 +1,11 @@
 """Faults and disturbances of a run, from their beginning to their end."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from flexslew_lab.log.bag_reader import Overview
+from flexslew_plant.events import DisturbanceChanged, FaultChanged
 
 
 class Span(NamedTuple):
@@ -20,34 +22,26 @@ def spans_of(overview: Overview, end: float) -> Iterator[Span]:
     testbed = overview.testbed
     units = dict(zip(testbed.joint_names, testbed.joint_units, strict=True)) if testbed else {}
     known = [
-        e
-        for e in overview.events
-        if e.kind in ("fault", "disturbance") and isinstance(e.data, dict)
+        (event.time, event.what)
+        for event in overview.events
+        if isinstance(event.what, FaultChanged | DisturbanceChanged)
     ]
-    for k, event in enumerate(known):
-        data = {key: value for key, value in event.data.items() if key != "on"}
-        if not event.data.get("on"):
+    for k, (time, what) in enumerate(known):
+        if not what.on:
             continue
-        over = (
-            e.time
-            for e in known[k + 1 :]
-            if e.kind == event.kind and not e.data.get("on")
-            and {key: value for key, value in e.data.items() if key != "on"} == data
-        )  # fmt: skip
-        until = next(over, max(end, event.time))
-        yield Span(event.kind, _words(event.kind, data, units), event.time, until)
+        over = (at for at, other in known[k + 1 :] if other == replace(what, on=False))
+        yield Span(what.kind, _words(what, units), time, next(over, max(end, time)))
 
 
-def _words(kind: str, data: Mapping[str, Any], units: Mapping[str, str]) -> str:
+def _words(what: FaultChanged | DisturbanceChanged, units: Mapping[str, str]) -> str:
     """Return a fault or a disturbance in words, as its settings have it."""
-    if kind == "fault":
-        settings = dict(data.get("fault") or {})
-        name = settings.pop("kind", "fault")
-        said = [f"{key} {value}" for key, value in settings.items() if value is not None]
-        return f"{name} ({', '.join(said)})" if said else str(name)
+    if isinstance(what, FaultChanged):
+        settings = {k: v for k, v in (what.fault or {}).items() if k != "kind" and v is not None}
+        values = ", ".join(f"{key} {value}" for key, value in settings.items())
+        return f"{what.name} ({values})" if values else what.name
     shapes = [
         f"{_shape(shape)} {'N' if units.get(joint) == 'm' else 'N m'} on {joint}"
-        for joint, shape in data.items()
+        for joint, shape in what.shapes.items()
     ]
     return f"disturbance of {' and '.join(shapes)}"
 

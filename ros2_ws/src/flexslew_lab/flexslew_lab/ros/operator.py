@@ -20,6 +20,7 @@ from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import Reply
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.network import demand_loopback
+from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.start import start_ros
 
 PATIENCE = 5.0  # for the plant to be found and to answer [wall s]
@@ -88,7 +89,7 @@ class Operator:
             who=self._who,
         )
         reply = self._call(srv.SwitchController, topics.SWITCH_CONTROLLER, request)
-        return Reply(reply.ok or reply.scheduled, reply.message)
+        return _reply(reply, reply.ok or reply.scheduled)
 
     def close(self) -> None:
         """Leave the graph."""
@@ -177,8 +178,9 @@ def connected(domain: int, namespace: str = "", patience: float = PATIENCE) -> I
         operator.close()
 
 
-def _reply(reply: Any) -> Reply:
-    return Reply(bool(reply.ok), str(reply.message))
+def _reply(reply: Any, granted: bool | None = None) -> Reply:
+    ok = reply.ok if granted is None else granted
+    return Reply(reply.message) if ok else Reply(refused=Refusal(reply.message))
 
 
 def _stamp(seconds: float) -> Time:

@@ -14,7 +14,7 @@ from flexslew_lab.log.recording.recording_order import RecordingOrder, of_namesp
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_lab.ros.rebroadcast import Rebroadcast
 from flexslew_plant import topics
-from flexslew_plant.bench.events import Event, Level
+from flexslew_plant.events import Fact, RecordingEnded, RecordingStarted, event_of
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
@@ -27,7 +27,7 @@ from flexslew_plant.settings import section
 _AFTER_PLANT = ("/effort_command", "/controller_state", "/plan")  # who leaves after the plant
 _TAKE_EVERY = 0.005  # [wall s]
 _SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
-_LAST_WORDS = 3.0  # of a plant that is interrupted together with the recorder [wall s]
+_ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
 
 
 @section
@@ -62,7 +62,7 @@ class Recorder:
         measurement = self._listener.subscriptions["/measurement"]
         serve_changes(node, lambda changes: "")
         self._watch = PlantWatch(loop, measurement, self._settings.exit_with_plant)
-        self._say(Level.INFO, "recording", f"recording into {self._settings.folder}")
+        self._tell(RecordingStarted(self._settings.folder))
 
     def poll(self) -> float:
         """Take what has come and look for the plant; return when to do so again [wall s]."""
@@ -79,7 +79,7 @@ class Recorder:
         """Return whether to stay: a plant that is interrupted too still has something to say."""
         if self._leave_at is not None or not self._watch.here:
             return False
-        self._leave_at = monotonic() + _LAST_WORDS
+        self._leave_at = monotonic() + _ENDING
         return True
 
     def close(self) -> None:
@@ -128,12 +128,11 @@ class Recorder:
         )
 
     def _failed(self, words: str) -> None:
-        self._say(Level.FAULT, "recording_stopped", words)
+        self._tell(RecordingEnded(words))
 
-    def _say(self, level: Level, kind: str, words: str) -> None:
+    def _tell(self, what: Fact) -> None:
         epoch, at = self._order.newest
-        name = self.node.get_name()
-        self._events.tell(Event(self._order.tick, at * 1e-9, epoch, level, name, kind, words, {}))
+        self._events.tell(event_of(what, self._order.tick, at * 1e-9, epoch, self.node.get_name()))
 
 
 def main() -> None:

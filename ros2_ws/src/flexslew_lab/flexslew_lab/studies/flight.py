@@ -138,9 +138,9 @@ def _flown(
     controllers = build_controllers(trial, bench, source)
     plan = plans.of(trial)
     for controller in controllers.values():
-        refused = controller.adopt(plan) if plan is not None else ""
-        if refused:
-            return {}, None, refused
+        refused = controller.adopt(plan) if plan is not None else None
+        if refused is not None:
+            return {}, None, str(refused)
     own = own_metrics(trial.metrics, f"{source}: metrics")
     observer = MetricsObserver(bench, plan, own)
     fly(bench, controllers, observer)

@@ -6,8 +6,8 @@ from typing import Protocol
 
 from flexslew_control.controllers.controller import Answer, Controller
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.events import Event, Started
 
 
 class Observer(Protocol):
@@ -45,7 +45,7 @@ def fly(
         progress: called with the tick, once every 1000.
     """
     started = monotonic()
-    bench.say(Level.INFO, "started", "started at tick 0", {})
+    bench.tell(Started())
     while not bench.done:
         _tick(bench, controllers, observer)
         if progress is not None and bench.tick % 1000 == 0:

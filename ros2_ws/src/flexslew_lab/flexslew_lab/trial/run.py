@@ -14,7 +14,6 @@ from flexslew_control.planners.feedforward.optimized_feedforward import Optimize
 from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.messages.record_schema import LoggedEvent
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_from
@@ -37,6 +36,7 @@ from flexslew_lab.trial.trial import (
 )
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.events import BecameUnready, BrakeTookOver, Event, FallbackTookOver
 
 Progress = Callable[[int, int], None]  # tick, last tick
 
@@ -148,8 +148,8 @@ def _prepared(trial: Trial, source: str) -> _Prepared:
     except (BadInput, PlanFailed) as error:
         raise type(error)(f"{source}: plan: {error}") from None
     for controller in controllers.values():
-        refused = controller.adopt(plan) if plan is not None else ""
-        if refused:
+        refused = controller.adopt(plan) if plan is not None else None
+        if refused is not None:
             raise BadInput(f"{source}: plan: {refused}")
     return _Prepared(bench, controllers, plan)
 
@@ -221,14 +221,14 @@ def _finished(folder: Path, bag: Path, outcome: Outcome) -> tuple[Result, BagRea
     return Result(folder, outcome.exit_code, message, metrics, {}), reader
 
 
-def _takeovers(events: Sequence[LoggedEvent]) -> list[str]:
+def _takeovers(events: Sequence[Event]) -> list[str]:
     """Return who fell silent when, who took over, and why where the bench knows."""
     words, reasons = [], {}
     for event in events:
-        data = event.data if isinstance(event.data, dict) else {}
-        if event.kind == "not_ready":
-            reasons[data.get("controller")] = str(data.get("reason", ""))
-        elif event.kind in ("fallback", "brake"):
-            reason = reasons.get(data.get("from"), "")
-            words.append(f"{event.time:.2f} s: {event.message}" + f" ({reason})" * bool(reason))
+        match event.what:
+            case BecameUnready(controller=name, reason=reason):
+                reasons[name] = reason
+            case FallbackTookOver(from_=name) | BrakeTookOver(from_=name):
+                why = f" ({reasons[name]})" if reasons.get(name) else ""
+                words.append(f"{event.time:.2f} s: {event.message}{why}")
     return words

@@ -5,14 +5,12 @@ then `advance`. Advancing without an answer is a missed tick.
 """
 
 from collections import deque
-from typing import Any
 
 import numpy as np
 
 from flexslew_plant.arrays import Vector, kept
-from flexslew_plant.bench.charge import Charge
+from flexslew_plant.bench.charge import RUN_OVER, Charge
 from flexslew_plant.bench.divergence import diagnosis, is_lost
-from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.hardware.actuator import Actuator
 from flexslew_plant.bench.hardware.drive import Drive
 from flexslew_plant.bench.hardware.friction import friction_of
@@ -29,8 +27,20 @@ from flexslew_plant.bench.records import Truth as Truth
 from flexslew_plant.bench.retarget import requested_turn, retargeted, with_schedule
 from flexslew_plant.bench.schedule import injected_entry, require_allowed
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import (
+    CommandRejected,
+    Event,
+    Fact,
+    FaultEndRequested,
+    InjectionRequested,
+    RunFinished,
+    StateLost,
+    TargetRequested,
+    event_of,
+)
 from flexslew_plant.faults import Names
 from flexslew_plant.faults.effects import Fate
+from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds import Testbed, initial_state
 
 _RIGID_FREQUENCY = 0.1  # of the brake on what has no mode [rad/s]
@@ -60,7 +70,7 @@ class Bench:
         slowest = min(free.frequencies, default=_RIGID_FREQUENCY)
         brake = settings.brake_damping_ratio * slowest * self.model.inertias(self._start)
         self.drive = Drive(settings.active, settings.max_missed, brake)
-        self.charge = Charge(self.drive, settings.fallback, self.say)
+        self.charge = Charge(self.drive, settings.fallback, self.tell)
         self.actuator = Actuator(settings.actuator, self.limit, settings.period)
         chosen = settings.plausibility
         self._plausibility = Plausibility(chosen, settings.period) if chosen else None
@@ -110,7 +120,7 @@ class Bench:
         self._answer: Vector | None = None
         self._lost = False  # the answer of this tick was given, and did not arrive
         seed, period = self.settings.seed, self.settings.period
-        self._injections = Injections(self._names, period, seed, self.epoch, self._known, self.say)
+        self._injections = Injections(self._names, period, seed, self.epoch, self._known, self.tell)
         self._faults = self._injections.faults
         self._ask()
 
@@ -207,7 +217,7 @@ class Bench:
         self.saturated_ticks += self.actuator.saturated
         self.tick += 1
         if self.tick == self.last_tick:
-            self.charge.drop_all("the run is over")
+            self.charge.drop_all(RUN_OVER)
         self._ask()
 
     def _moved(self, effort: Vector) -> Vector:
@@ -220,7 +230,7 @@ class Bench:
             x, effort, mobility, lambda total: model.advance(x, total, period, t=now)
         )
 
-    def request_switch(self, request: SwitchRequest) -> str | None:
+    def request_switch(self, request: SwitchRequest) -> Refusal | None:
         """Schedule a switch at a tick (0: the next); return why it is refused, or None."""
         if 0 < request.tick < self.tick:
             return self._over(request.tick)
@@ -228,11 +238,11 @@ class Bench:
             request = request._replace(tick=self.tick + 1)
         return self.charge.request(request, self.tick, self.last_tick)
 
-    def note_readiness(self, controller: str, reason: str) -> None:
-        """Take that a controller could not take charge, with the reason, or could again ("")."""
-        self.charge.note_readiness(controller, reason)
+    def note_readiness(self, controller: str, why: Refusal | None) -> None:
+        """Take that a controller could not take charge, and why, or could again (None)."""
+        self.charge.note_readiness(controller, why)
 
-    def brake(self, on: bool, who: str = "") -> str | None:
+    def brake(self, on: bool, who: str = "") -> Refusal | None:
         """Latch or release the drive's own brake from the next tick on; return why not, or None."""
         return self.charge.brake(on, self.tick + 1, who)
 
@@ -246,21 +256,19 @@ class Bench:
         """
         start = max(tick, self.tick + 1)
         if 0 < tick < self.tick:
-            return InjectResult(False, self._over(tick), self.tick)
+            return InjectResult(self.tick, refused=self._over(tick))
         if not self.settings.faults_enabled:
-            return InjectResult(
-                False, "faults are off in this trial; set allow_faults: true", self.tick
-            )
+            words = "faults are off in this trial; set allow_faults: true"
+            return InjectResult(self.tick, refused=Refusal(words, cause=Cause.FAULTS_OFF))
         try:
             entry = injected_entry(text, start * self.settings.period)
             period = self.settings.period
             injection = injection_of(entry, self._names, period, "fault")
         except BadInput as error:
-            return InjectResult(False, str(error), self.tick)
+            return InjectResult(self.tick, refused=error.refusal)
         word, number = self._injections.add(injection)
-        data = {"text": text, "start": start, "number": number, "who": who}
-        self.say(Level.INFO, "injected", f"{word} requested at tick {start}", data)
-        return InjectResult(True, f"{word} {number} at tick {start}", start, number)
+        self.tell(InjectionRequested(text, start, number, who, word))
+        return InjectResult(start, f"{word} {number} at tick {start}", number)
 
     def retarget(self, text: str, tick: int = 0, who: str = "") -> InjectResult:
         """Return whether an appendage gets a new target, or why not.
@@ -272,16 +280,16 @@ class Bench:
         """
         start = max(tick, self.tick + 1)
         if 0 < tick < self.tick:
-            return InjectResult(False, self._over(tick), self.tick)
+            return InjectResult(self.tick, refused=self._over(tick))
         try:
             at = start * self.settings.period
             turned = retargeted(self._turned, requested_turn(text), at, "target")
         except BadInput as error:
-            return InjectResult(False, str(error), self.tick)
+            return InjectResult(self.tick, refused=error.refusal)
         self._turned, self.model = turned, turned.model()
-        words = f"a new target from tick {start} on: {text.strip()}"
-        self.say(Level.INFO, "retargeted", words, {"text": text, "start": start, "who": who})
-        return InjectResult(True, words, start)
+        what = TargetRequested(text, start, who)
+        self.tell(what)
+        return InjectResult(start, what.message)
 
     def end_fault(self, number: int, who: str = "") -> InjectResult:
         """Return whether a fault or disturbance ends with the next tick, or why not.
@@ -294,19 +302,20 @@ class Bench:
         if number not in here:
             known = ", ".join(map(str, sorted(here))) or "none"
             words = f"no fault or disturbance {number}; active or due: {known}"
-            return InjectResult(False, words, self.tick)
+            return InjectResult(self.tick, refused=Refusal(words, cause=Cause.UNKNOWN))
         end = self.tick + 1
         self._injections.end(number, end)
-        words = f"fault or disturbance {number} ends at tick {end}"
-        self.say(Level.INFO, "fault_ended", words, {"number": number, "who": who})
-        return InjectResult(True, words, end, number)
+        what = FaultEndRequested(number, end, who)
+        self.tell(what)
+        return InjectResult(end, what.message, number)
 
     def active_faults(self) -> list[ActiveFault]:
         """Return what disturbs or breaks now, or will."""
         return self._injections.active(self.tick)
 
-    def _over(self, tick: int) -> str:
-        return f"{tick * self.settings.period:g} s is past: the bench is at {self.time:g} s"
+    def _over(self, tick: int) -> Refusal:
+        words = f"{tick * self.settings.period:g} s is past: the bench is at {self.time:g} s"
+        return Refusal(words, cause=Cause.PAST)
 
     def _fail(self, after: Vector, disturbance: Vector) -> None:
         """End the run at this tick: the state a tick later is not finite."""
@@ -319,12 +328,10 @@ class Bench:
             self.drive.active,
             self.settings.period,
         )
-        self.failure = (
-            f"the state is not finite after tick {self.tick} ({self.time:.6g} s), {where}; "
-            f"likely cause: {cause}"
-        )
-        self.say(Level.FAULT, "not_finite", self.failure, {"state": where, "cause": cause})
-        self.charge.drop_all("the run is over")
+        what = StateLost(self.tick, self.time, where, cause)
+        self.failure = what.message
+        self.tell(what)
+        self.charge.drop_all(RUN_OVER)
 
     def _tick_of(self, time: float) -> int:
         return round(time / self.settings.period)
@@ -365,27 +372,17 @@ class Bench:
         found = plausibility.look(readings.joint_position, readings.joint_velocity)
         if found is None or not self.drive.active:
             return
-        joint = self._names.joints[found.joint]
-        words = (
-            f"the sensors of {joint} contradict each other: it moves by {found.difference:.3g} "
-            "per second more than its rate sensor says"
-        )
-        self.charge.distrusted(words, {"joint": joint, "difference": found.difference})
+        self.charge.distrust(self._names.joints[found.joint], found.difference)
 
     def _objected(self, command: EffortCommand) -> bool:
         """Return whether the drive rejects the command, and say so."""
-        objection = self.drive.objection(self.question, command)
-        if objection is None:
+        found = self.drive.objection(self.question, command)
+        if found is None:
             return False
-        kind, words = objection
-        count = self.drive.rejected[kind]
+        objection, words = found
+        count = self.drive.rejected[objection]
         if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th, ...: a flood stays readable
-            self.say(
-                Level.WARNING,
-                "rejected",
-                f"effort command rejected ({kind}): {words}; {count} so far",
-                {"reason": kind, "count": count, "controller": command.controller},
-            )
+            self.tell(CommandRejected(objection, count, command.controller, words))
         return True
 
     def finish(self, wall_time: float) -> None:
@@ -394,18 +391,10 @@ class Bench:
         Args:
             wall_time: during which ticks have passed [s].
         """
-        words = f"{self.tick} ticks in {wall_time:.2f} s wall, {self.drive.missed} missed"
-        data = {
-            "wall_time": wall_time,
-            "ticks": self.tick,
-            "missed_ticks": self.drive.missed,
-            "saturated_time": self.saturated_ticks * self.settings.period,
-            "rejected": dict(self.drive.rejected),
-        }
-        self.say(Level.INFO, "finished", words, data)
+        saturated = self.saturated_ticks * self.settings.period
+        rejected = {str(objection): count for objection, count in self.drive.rejected.items()}
+        self.tell(RunFinished(wall_time, self.tick, self.drive.missed, saturated, rejected))
 
-    def say(self, level: Level, kind: str, message: str, data: dict[str, Any]) -> None:
+    def tell(self, what: Fact) -> None:
         """Note an event of the present tick."""
-        self.events.append(
-            Event(self.tick, self.time, self.epoch, level, "plant", kind, message, dict(data))
-        )
+        self.events.append(event_of(what, self.tick, self.time, self.epoch, "plant"))

@@ -8,19 +8,34 @@ the newcomer never answered.
 from collections import deque
 from collections.abc import Callable, Iterable
 from math import isnan
-from typing import Any
 
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.events import Level
 from flexslew_plant.bench.hardware.drive import Drive
 from flexslew_plant.bench.records import SwitchRequest, SwitchResult
-
-Say = Callable[[Level, str, str, dict[str, Any]], None]  # level, kind, message, data
+from flexslew_plant.events import (
+    AnswerMissed,
+    BecameReady,
+    BecameUnready,
+    BrakeLatched,
+    BrakeReleased,
+    BrakeRequested,
+    BrakeTookOver,
+    Fact,
+    FallbackTookOver,
+    SensorsImplausible,
+    SwitchDropped,
+    Switched,
+    SwitchRefused,
+    SwitchRequested,
+)
+from flexslew_plant.refusal import Cause, Refusal
 
 _LARGEST = float(np.finfo(np.float64).max)
-LATCHED = "the brake is latched; release it first"
+_LATCHED = Refusal("the brake is latched; release it first", cause=Cause.LATCHED)
+RUN_OVER = Refusal("the run is over", cause=Cause.RUN_OVER)
+_RESET = Refusal("the bench was reset", cause=Cause.BENCH_RESET)
 
 
 class Charge:
@@ -29,34 +44,36 @@ class Charge:
     Args:
         drive: that obeys the one in charge.
         fallback: who takes over in turn when answers fail to come.
-        say: takes what becomes of everything as an event of the present tick.
+        tell: takes what becomes of everything as an event of the present tick.
     """
 
-    def __init__(self, drive: Drive, fallback: tuple[str, ...], say: Say) -> None:
-        self._drive, self._fallback, self._say = drive, fallback, say
+    def __init__(
+        self, drive: Drive, fallback: tuple[str, ...], tell: Callable[[Fact], None]
+    ) -> None:
+        self._drive, self._fallback, self._tell = drive, fallback, tell
         self.results: deque[SwitchResult] = deque()
         self._tick = 0  # that has begun
         self.latched = False  # the brake, until it is released on purpose; a reset keeps it
         self.faulted = False  # a controller had to be replaced
         self._queue: list[SwitchRequest] = []
         self._handover: tuple[SwitchRequest, str] | None = None  # under way, with the predecessor
-        self._brake_wanted: list[tuple[int, bool]] = []  # from which tick on, and whether
-        self._unready: dict[str, str] = {}
+        self._brake_requests: list[tuple[int, bool]] = []  # from which tick on, and whether
+        self._unready: dict[str, Refusal] = {}
         self._fallen: set[str] = set()  # fell silent since the last valid answer of anybody
         self._misled: set[str] = set()  # lost the bench to implausible sensors in this epoch
 
     def reset(self, scheduled: Iterable[SwitchRequest]) -> None:
         """Begin an epoch with the switches of the schedule; those that wait are dropped."""
-        self.drop_all("the bench was reset")
+        self.drop_all(_RESET)
         self._drive.reset()
         self.faulted = False
-        self._queue, self._handover, self._brake_wanted = list(scheduled), None, []
+        self._queue, self._handover, self._brake_requests = list(scheduled), None, []
         self._fallen.clear()
         self._misled.clear()
         if self.latched:
             self._drive.hand_over("")
 
-    def drop_all(self, why: str) -> None:
+    def drop_all(self, why: Refusal) -> None:
         """Give up every switch that has not happened."""
         waiting = [self._handover[0]] if self._handover else []
         self._handover = None
@@ -64,7 +81,7 @@ class Charge:
             self._drop(request, self._tick, why)
         self._queue = []
 
-    def request(self, request: SwitchRequest, tick: int, last_tick: int | None) -> str | None:
+    def request(self, request: SwitchRequest, tick: int, last_tick: int | None) -> Refusal | None:
         """Queue a switch; return why it is refused, or None.
 
         Args:
@@ -73,31 +90,32 @@ class Charge:
             last_tick: of the run; None: no end.
         """
         if isnan(request.max_effort_step):
-            return "max_effort_step: nan is not allowed: 0 or more"
+            return Refusal("0 or more", "max_effort_step", request.max_effort_step)
         if self.latched:
-            return LATCHED
+            return _LATCHED
         if last_tick is not None and request.tick >= last_tick:
-            return f"tick {request.tick} is too late: the run ends at tick {last_tick}"
+            words = f"tick {request.tick} is too late: the run ends at tick {last_tick}"
+            return Refusal(words, cause=Cause.RUN_OVER)
         if any(other.tick == request.tick for other in self._queue):
-            return f"another switch is already due at tick {request.tick}"
+            words = f"another switch is already due at tick {request.tick}"
+            return Refusal(words, cause=Cause.ALREADY_DUE)
         earlier = any(other.tick < request.tick for other in self._queue)
         if request.controller == self._drive.active and not earlier:
-            return f"{request.controller} is already in charge"
+            return _in_charge(request.controller)
         self._queue.append(request)
-        data = request._asdict()
-        data["max_effort_step"] = min(request.max_effort_step, _LARGEST)  # JSON has no infinity
-        words = f"{request.controller} requested from tick {request.tick} on"
-        self._say(Level.INFO, "switch_requested", words, data)
+        step = min(request.max_effort_step, _LARGEST)  # JSON has no infinity
+        self._tell(SwitchRequested(**{**request._asdict(), "max_effort_step": step}))
         return None
 
-    def brake(self, on: bool, tick: int, who: str) -> str | None:
+    def brake(self, on: bool, tick: int, who: str) -> Refusal | None:
         """Latch or release the brake from this tick on; return why not, or None."""
-        wanted = self._brake_wanted[-1][1] if self._brake_wanted else self.latched
-        if wanted == on:
-            return "the brake is latched already" if on else "the brake is not latched"
-        self._brake_wanted.append((tick, on))
-        words = f"{'brake' if on else 'release of the brake'} requested from tick {tick} on"
-        self._say(Level.INFO, "brake_requested", words, {"on": on, "tick": tick, "who": who})
+        latched = self._brake_requests[-1][1] if self._brake_requests else self.latched
+        if latched == on:
+            if on:
+                return Refusal("the brake is latched already", cause=Cause.LATCHED)
+            return Refusal("the brake is not latched", cause=Cause.NOT_LATCHED)
+        self._brake_requests.append((tick, on))
+        self._tell(BrakeRequested(on, tick, who))
         return None
 
     def due(self, tick: int) -> list[str]:
@@ -107,27 +125,33 @@ class Charge:
     def begin(self, tick: int) -> None:
         """Let happen what is due at the tick that begins."""
         self._tick = tick
-        while self._brake_wanted and self._brake_wanted[0][0] <= tick:
-            self._latch(self._brake_wanted.pop(0)[1])  # one that is released at once acts, too
+        while self._brake_requests and self._brake_requests[0][0] <= tick:
+            self._latch(self._brake_requests.pop(0)[1])  # one that is released at once acts, too
         if not self._queue:
             return
         due = [request for request in self._queue if request.tick <= tick]
         for request in sorted(due, key=lambda request: request.tick):
             self._queue.remove(request)
-            why = LATCHED if self.latched else self._unready.get(request.controller, "")
-            if request.controller == self._drive.active:
-                why = f"{request.controller} is already in charge"
-            elif why and not self.latched:
-                why = f"{request.controller} is not ready: {why}"
-            if why:
+            why = self._objection(request.controller)
+            if why is not None:
                 self._drop(request, tick, why)
-            else:
-                before = self._drive.active
-                if self._handover is not None:
-                    mute, before = self._handover
-                    self._drop(mute, tick, f"{request.controller} took over before it answered")
-                self._handover = request, before
-                self._drive.hand_over(request.controller)
+                continue
+            before = self._drive.active
+            if self._handover is not None:
+                mute, before = self._handover
+                words = f"{request.controller} took over before it answered"
+                self._drop(mute, tick, Refusal(words, cause=Cause.TOOK_OVER))
+            self._handover = request, before
+            self._drive.hand_over(request.controller)
+
+    def _objection(self, controller: str) -> Refusal | None:
+        """Return why this one cannot take over at the tick that begins, or None."""
+        if controller == self._drive.active:
+            return _in_charge(controller)
+        if self.latched:
+            return _LATCHED
+        why = self._unready.get(controller)
+        return why and Refusal(f"{controller} is not ready: {why}", cause=Cause.NOT_READY)
 
     def answered(self, effort: Vector, applied: Vector) -> bool:
         """Take a valid answer; return False if it ends a handover whose step is too large.
@@ -141,23 +165,18 @@ class Charge:
             return True
         (request, outgoing), self._handover = self._handover, None
         step = effort - applied
-        largest = float(np.abs(step).max())
-        data = {"from": outgoing, "to": request.controller, "effort_step": step.tolist()}
-        ok = not (request.strict and largest > request.max_effort_step)
+        limit = request.max_effort_step
+        ok = not (request.strict and float(np.abs(step).max()) > limit)
         if ok:
-            words = f"{outgoing or 'brake'} -> {request.controller}, effort step {largest:.3g}"
-            self._say(Level.INFO, "switched", words, data)
-        else:
-            words = (
-                f"switch to {request.controller} refused: its effort would step by {largest:.3g}, "
-                f"max_effort_step is {request.max_effort_step:.3g}; "
-                f"{outgoing or 'the brake'} stays in charge"
-            )
-            self._say(Level.WARNING, "switch_refused", words, data)
-            self._drive.hand_over(outgoing)
-            step = np.zeros_like(step)
-        self.results.append(SwitchResult(request, ok, words, self._tick, step))
-        return ok
+            done = Switched(outgoing, request.controller, step.tolist())
+            self._tell(done)
+            self.results.append(SwitchResult(request, self._tick, step, done.message))
+            return True
+        refused = SwitchRefused(outgoing, request.controller, step.tolist(), limit)
+        self._tell(refused)
+        self._drive.hand_over(outgoing)
+        self._fail(request, self._tick, Refusal(refused.message, cause=Cause.STEP_TOO_LARGE))
+        return False
 
     def missed(self) -> None:
         """Take a tick without a valid answer; somebody else takes over when it is one too many.
@@ -167,25 +186,23 @@ class Charge:
         """
         silent = self._drive.active
         over = self._drive.miss()
-        row = self._drive.missed_in_a_row
-        words = f"no valid answer from {silent}, last effort held ({row} in a row)"
-        self._say(Level.WARNING, "missed", words, {"controller": silent, "in_a_row": row})
+        self._tell(AnswerMissed(silent, self._drive.missed_in_a_row))
         if over:
-            self._replace(silent, "is silent")
+            self._replace(silent, Cause.NO_ANSWER)
 
-    def distrusted(self, words: str, data: dict[str, Any]) -> None:
+    def distrust(self, joint: str, difference: float) -> None:
         """Take the bench from the one in charge, who flies on sensors that cannot be right.
 
         Args:
-            words: what is wrong with them.
-            data: the same for programs.
+            joint: whose sensors contradict each other.
+            difference: between its motion and its rate sensor [rad/s or m/s].
         """
         misled = self._drive.active
         self._misled.add(misled)
-        self._say(Level.FAULT, "implausible", words, {"controller": misled, **data})
-        self._replace(misled, "uses implausible sensors")
+        self._tell(SensorsImplausible(misled, joint, difference))
+        self._replace(misled, Cause.DOUBTED)
 
-    def _replace(self, controller: str, why: str) -> None:
+    def _replace(self, controller: str, cause: Cause) -> None:
         """Let the next one take over: the predecessor of a newcomer, a fallback, or the brake."""
         self._fallen.add(controller)
         chain = list(self._fallback)
@@ -197,49 +214,46 @@ class Charge:
         successor = next((name for name in chain if name not in unfit), "")
         self._drive.hand_over(successor)
         self.faulted = True
-        words = f"{controller} {why}: {successor or 'the brake'} takes over"
-        data = {"from": controller, "to": successor}
-        self._say(Level.FAULT, "fallback" if successor else "brake", words, data)
+        self._tell((FallbackTookOver if successor else BrakeTookOver)(successor, controller, cause))
         if request is not None:
             words = f"{controller} never answered; {successor or 'the brake'} is in charge"
-            self._result(request, self._tick, words)
+            self._fail(request, self._tick, Refusal(words, cause=Cause.NO_ANSWER))
 
-    def note_readiness(self, controller: str, reason: str) -> None:
+    def note_readiness(self, controller: str, why: Refusal | None) -> None:
         """Say it as an event when a controller can no longer take charge, or can again.
 
         Args:
             controller: whose.
-            reason: why it could not; empty if it could.
+            why: it could not; None if it could.
         """
-        before = self._unready.get(controller, "")
-        if before == reason:
+        if self._unready.get(controller) == why:
             return
-        data: dict[str, object] = {"controller": controller, "reason": reason}
-        if reason:
-            self._unready[controller] = reason
-            self._say(Level.WARNING, "not_ready", f"{controller} is not ready: {reason}", data)
+        if why is not None:
+            self._unready[controller] = why
+            self._tell(BecameUnready(controller, str(why), why.cause))
         else:
             del self._unready[controller]
-            self._say(Level.INFO, "ready", f"{controller} is ready again", data)
+            self._tell(BecameReady(controller))
 
     def _latch(self, on: bool) -> None:
         self.latched = on
         outgoing = self._drive.active
         if on:
-            self.drop_all(LATCHED)
+            self.drop_all(_LATCHED)
             self._drive.hand_over("")
-            words = f"brake latched; {outgoing or 'nobody'} was in charge"
-            self._say(Level.WARNING, "brake_latched", words, {"from": outgoing, "to": ""})
+            self._tell(BrakeLatched(outgoing))
         else:
-            words = "brake released; it stays on until somebody is switched in"
-            self._say(Level.INFO, "brake_released", words, {})
+            self._tell(BrakeReleased())
 
-    def _drop(self, request: SwitchRequest, tick: int, why: str) -> None:
-        words = f"switch to {request.controller} dropped: {why}"
-        data = {"controller": request.controller, "reason": why, "due": request.tick}
-        self._say(Level.WARNING, "switch_dropped", words, data)
-        self._result(request, tick, words)
+    def _drop(self, request: SwitchRequest, tick: int, why: Refusal) -> None:
+        what = SwitchDropped(request.controller, why.cause, str(why), request.tick)
+        self._tell(what)
+        self._fail(request, tick, Refusal(what.message, cause=why.cause))
 
-    def _result(self, request: SwitchRequest, tick: int, words: str) -> None:
+    def _fail(self, request: SwitchRequest, tick: int, why: Refusal) -> None:
         nothing = np.zeros(self._drive.demand.size)
-        self.results.append(SwitchResult(request, False, words, tick, nothing))
+        self.results.append(SwitchResult(request, tick, nothing, refused=why))
+
+
+def _in_charge(controller: str) -> Refusal:
+    return Refusal(f"{controller} is already in charge", cause=Cause.ALREADY_IN_CHARGE)

@@ -7,7 +7,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.events import Level
 from flexslew_plant.bench.hardware.disturbances import (
     TimedDisturbance,
     check_disturbance,
@@ -15,12 +14,13 @@ from flexslew_plant.bench.hardware.disturbances import (
 )
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.events import DisturbanceChanged, Fact, FaultChanged
 from flexslew_plant.faults import Names, Timed, check_fault
 from flexslew_plant.faults.injection import Faults
 from flexslew_plant.settings import plain, yaml_text
 
 Injection: TypeAlias = TimedDisturbance | Timed
-Say: TypeAlias = Callable[[Level, str, str, dict[str, Any]], None]
+Tell: TypeAlias = Callable[[Fact], None]  # notes what happened
 
 
 def injection_of(entry: ScheduleEntry, names: Names, period: float, place: str) -> Injection:
@@ -54,7 +54,7 @@ class Injections:
         seed: of the trial.
         epoch: counts resets.
         known: those of the schedule.
-        say: notes an event.
+        tell: notes what begins and ends.
     """
 
     def __init__(
@@ -64,9 +64,9 @@ class Injections:
         seed: int,
         epoch: int,
         known: Sequence[Injection],
-        say: Say,
+        tell: Tell,
     ) -> None:
-        self._names, self._period, self._say = names, period, say
+        self._names, self._period, self._tell = names, period, tell
         self._all = list(known)
         self._disturbances = [one for one in known if isinstance(one, TimedDisturbance)]
         self._ended: set[int] = set()  # by an operator
@@ -106,10 +106,8 @@ class Injections:
     def begin(self, tick: int) -> None:
         """Let faults set in and end at this tick, and say so."""
         for timed, on in self.faults.begin(tick):
-            data = {"on": on, "fault": plain(timed.fault), "start": timed.start}
-            data |= {"end": int(timed.end)} if timed.end < inf else {}
-            words = f"{timed.fault.kind} {'on' if on else 'off'}"
-            self._say(Level.WARNING if on else Level.INFO, "fault", words, data)
+            end = int(timed.end) if timed.end < inf else None
+            self._tell(FaultChanged(on, plain(timed.fault), timed.start, end))
 
     def disturbance(self, tick: int) -> Vector:
         """Return the effort on the joints over this tick, and say what begins and ends."""
@@ -118,10 +116,7 @@ class Injections:
             if timed.start <= tick < timed.end:
                 total = total + disturbance_effort(timed, tick, self._names.joints, self._period)
             if tick in (timed.start, timed.end):
-                word = "on" if tick == timed.start else "off"
-                shapes = _plain_shapes(timed)
-                words = f"disturbance {word}: {shapes}"
-                self._say(Level.INFO, "disturbance", words, {**shapes, "on": word == "on"})
+                self._tell(DisturbanceChanged(_plain_shapes(timed), tick == timed.start))
         return total
 
 

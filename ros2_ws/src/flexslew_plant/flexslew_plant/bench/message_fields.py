@@ -4,15 +4,22 @@ import json
 from typing import Any
 
 from flexslew_plant.bench.bench import Bench
-from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.wire import stamp_of
+from flexslew_plant.events import Event
 
 
 def event_fields(event: Event) -> dict[str, Any]:
     """Return the fields of flexslew_msgs/Event; the stamp is a wire.Stamp."""
-    fields = event._asdict()
-    at = stamp_of(fields.pop("time"))
-    return {"stamp": at, **fields, "level": int(event.level), "data": json.dumps(event.data)}
+    return {
+        "stamp": stamp_of(event.time),
+        "tick": event.tick,
+        "epoch": event.epoch,
+        "level": event.level.number,
+        "source": event.source,
+        "kind": event.kind,
+        "message": event.message,
+        "data": json.dumps(event.data),
+    }
 
 
 def testbed_fields(bench: Bench, settings: str) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from flexslew_plant.bench.hardware.actuator import ActuatorSettings
 from flexslew_plant.bench.hardware.plausibility import PlausibilitySettings
 from flexslew_plant.bench.hardware.sensors import SensorSettings
 from flexslew_plant.bench.schedule import Schedule
+from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds import TestbedSettings, default_testbed
 
@@ -61,19 +62,39 @@ class SwitchResult(NamedTuple):
     """What became of a request."""
 
     request: SwitchRequest
-    ok: bool
-    message: str
     tick: int
     effort_step: Vector  # (joints,) [N m or N]; zero if refused
+    done: str = ""  # what was done, for people
+    refused: Refusal | None = None
+
+    @property
+    def ok(self) -> bool:
+        """It happened."""
+        return self.refused is None
+
+    @property
+    def message(self) -> str:
+        """What was done or why not, for people."""
+        return str(self.refused or self.done)
 
 
 class InjectResult(NamedTuple):
-    """What became of a request to break something."""
+    """What became of a request to break something, or to end or turn it."""
 
-    ok: bool
-    message: str
     tick: int  # at which it takes effect
+    done: str = ""  # what is done, for people
     number: int = -1  # by which it can be ended; -1: nothing was broken
+    refused: Refusal | None = None
+
+    @property
+    def ok(self) -> bool:
+        """It happens."""
+        return self.refused is None
+
+    @property
+    def message(self) -> str:
+        """What is done or why not, for people."""
+        return str(self.refused or self.done)
 
 
 class ActiveFault(NamedTuple):

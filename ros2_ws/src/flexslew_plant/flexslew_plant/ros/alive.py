@@ -9,6 +9,7 @@ from rclpy.node import Node
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat, Presence
 from flexslew_plant.process_identity import own_identity
+from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.offers import publisher, subscription
 
 
@@ -29,10 +30,13 @@ class Alive:
         self._next = 0.0
 
     @property
-    def elder(self) -> str:
-        """Who was here before under the same name, or as a plant of this namespace; or ""."""
-        found = self.presence.elder(self.beat, monotonic())
-        return f"another {found.role} called {found.node} is on the graph already" if found else ""
+    def older(self) -> Refusal | None:
+        """Who was here before under the same name, or as a plant of this namespace, if any."""
+        found = self.presence.older(self.beat, monotonic())
+        if found is None:
+            return None
+        words = f"another {found.role} called {found.node} is on the graph already"
+        return Refusal(words, cause=Cause.DUPLICATE)
 
     def poll(self, now: float) -> float:
         """Beat if it is time; return when it is time again [wall s]."""

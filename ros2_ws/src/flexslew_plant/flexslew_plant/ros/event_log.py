@@ -3,7 +3,7 @@
 from rclpy.node import Node
 
 from flexslew_plant import topics
-from flexslew_plant.bench.events import Event, Level
+from flexslew_plant.events import Event, Level
 from flexslew_plant.ros.messages import event_message
 from flexslew_plant.ros.offers import publisher
 

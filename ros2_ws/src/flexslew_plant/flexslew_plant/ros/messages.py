@@ -9,9 +9,9 @@ from builtin_interfaces.msg import Time
 from flexslew_msgs import msg
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.message_fields import event_fields
 from flexslew_plant.bench.wire import Stamp, stamp_of
+from flexslew_plant.events import Event
 
 
 def message_of(kind: Any, fields: Mapping[str, Any]) -> Any:

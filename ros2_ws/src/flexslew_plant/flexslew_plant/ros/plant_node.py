@@ -132,7 +132,7 @@ class Plant:
 
     def _on_status(self, message: msg.ControllerStatus) -> None:
         self.statuses[message.controller] = message
-        self.session.reasons[message.controller] = message.reason
+        self.session.hear(message.controller, message.ready, message.reason)
         self.session.backlog.heard(message.controller, message.last_tick, message.epoch)
 
     def _on_recorder(self, message: msg.RecorderStatus) -> None:

@@ -10,12 +10,13 @@ from flexslew_lab.console import quantities
 from flexslew_lab.console.desk import Desk
 from flexslew_lab.console.history import Curve, marked, thinned
 from flexslew_plant.arrays import Vector
+from flexslew_plant.events import AnswerMissed, BecameReady, BecameUnready, FellBehind
 
 _SHOWN = (quantities.POSITION, quantities.ERROR, quantities.EFFORT, quantities.TIPS)
 _WINDOWS = {"10 s": 10.0, "30 s": 30.0, "100 s": 100.0, "300 s": 300.0, "whole run": 0.0}
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555", "#8a2be2")
 _EVENTS = "events"
-_QUIET = frozenset({"missed", "late", "ready", "not_ready"})  # too many for lines
+_QUIET = (AnswerMissed, FellBehind, BecameReady, BecameUnready)  # too many for lines
 _NONE = "nothing"
 
 
@@ -46,7 +47,7 @@ class ChartsPanel:
                 [
                     e.time
                     for e in self._view.events
-                    if start <= e.time <= end and e.kind not in _QUIET
+                    if start <= e.time <= end and not isinstance(e.what, _QUIET)
                 ]
             )
         for chart in self._charts:

@@ -12,6 +12,7 @@ from flexslew_lab.log.files.mcap_scan import RecordStream
 from flexslew_lab.log.files.mcap_summary import STATISTICS, find_summary, summary_records
 from flexslew_lab.log.messages.logged_text import LONGEST, logged_yaml
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import RecordingEnded
 
 _DATA_END = 9 + 4  # bytes of the record that ends the data section
 
@@ -59,7 +60,7 @@ def check_log(path: Path) -> list[Finding]:
         findings += check_ticks(bag)
     except BadInput as error:
         findings.append(Finding(False, "ticks", _after(error, bag.path)))
-    drops = [e for e in overview.events if e.kind in ("dropped", "recording_stopped")]
+    drops = [e for e in overview.events if isinstance(e.what, RecordingEnded)]
     words = "; ".join(f"{e.time:g} s: {e.message}" for e in drops[:5]) or "none reported"
     findings.append(Finding(not drops, "drops", words))
     return findings

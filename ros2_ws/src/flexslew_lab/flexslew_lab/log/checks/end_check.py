@@ -3,13 +3,13 @@
 from collections.abc import Iterable, Iterator, Mapping
 
 from flexslew_lab.log.checks.finding import Finding
-from flexslew_lab.log.messages.record_schema import LoggedEvent
+from flexslew_plant.events import Event, Interrupted, RunFinished, StateLost, WasReset
 
-_LAST = ("finished", "interrupted", "not_finite")
+_ENDS = (RunFinished, Interrupted, StateLost)
 
 
 def check_ends(
-    first: Mapping[int, int], last: Mapping[int, int], events: Iterable[LoggedEvent]
+    first: Mapping[int, int], last: Mapping[int, int], events: Iterable[Event]
 ) -> Iterator[Finding]:
     """Yield what is missing of the truth before its first tick and behind its last one.
 
@@ -38,14 +38,14 @@ def check_ends(
     yield Finding(not wrong, "end of the ticks", "; ".join(wrong) or "as the plant says")
 
 
-def _ends(events: Iterable[LoggedEvent]) -> dict[int, int]:
+def _ends(events: Iterable[Event]) -> dict[int, int]:
     """Return the last tick of each epoch whose end the plant tells."""
     ends = {}
     for event in events:
         if event.source != "plant":
             continue
-        if event.kind in _LAST:
+        if isinstance(event.what, _ENDS):
             ends[event.epoch] = event.tick
-        elif event.kind == "reset" and isinstance(event.data, dict) and "from_tick" in event.data:
-            ends[event.epoch - 1] = int(event.data["from_tick"])
+        elif isinstance(event.what, WasReset) and event.what.from_tick is not None:
+            ends[event.epoch - 1] = event.what.from_tick
     return ends

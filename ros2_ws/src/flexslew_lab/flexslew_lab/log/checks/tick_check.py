@@ -9,6 +9,7 @@ from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.end_check import check_ends
 from flexslew_lab.log.checks.finding import Finding as Finding
+from flexslew_plant.events import Started, SwitchRefused
 
 TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
 _ANSWERS = ("/effort_command", "/controller_state")
@@ -139,7 +140,7 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
 
 def check_ticks(bag: BagReader) -> Iterator[Finding]:
     """Yield what there is to say of log times, of /clock, and of each topic of every tick."""
-    refused = {(e.epoch, e.tick) for e in bag.overview.events if e.kind == "switch_refused"}
+    refused = {(e.epoch, e.tick) for e in bag.overview.events if isinstance(e.what, SwitchRefused)}
     topics = {name: _Topic(name, refused) for name in TICKED}
     rising, last = True, -1
     clock = _Clock()
@@ -160,7 +161,7 @@ def check_ticks(bag: BagReader) -> Iterator[Finding]:
             yield topic.finding()
     ended = bag.overview.metadata.get(RUN_RECORD, {})
     truth, events = topics["/truth"], bag.overview.events
-    told = any((event.source, event.kind) == ("plant", "started") for event in events)
+    told = any(e.source == "plant" and isinstance(e.what, Started) for e in events)
     if told and truth.messages and ended and "recovered" not in ended:
         yield from check_ends(truth.first, truth.last, events)
 

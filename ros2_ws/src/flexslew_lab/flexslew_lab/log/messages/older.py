@@ -1,7 +1,12 @@
-"""Messages of an older definition as those of this version: fields that came later are empty."""
+"""Messages and events of an older version as those of this one.
+
+Fields of a message that came later are empty. Events said in words alone why a switch was dropped:
+this file, and no other, knows those words.
+"""
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -9,6 +14,32 @@ from rosbags.typesys.store import Typestore
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.schemas import store
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import SwitchDropped
+from flexslew_plant.refusal import Cause
+
+_DROPPED = {  # how a reason began or ended, before its cause stood beside it
+    " is not ready": Cause.NOT_READY,
+    "the brake is latched": Cause.LATCHED,
+    " is already in charge": Cause.ALREADY_IN_CHARGE,
+    " took over before it answered": Cause.TOOK_OVER,
+    "the bench was reset": Cause.BENCH_RESET,
+    "the run is over": Cause.RUN_OVER,
+}
+
+
+def completed(kind: str, tick: int, data: dict[str, Any]) -> dict[str, Any]:
+    """Return the data of an event with what later versions say besides.
+
+    Args:
+        kind: of the event.
+        tick: of the event.
+        data: as the log has it.
+    """
+    if kind == SwitchDropped.kind and "cause" not in data:
+        reason = str(data.get("reason", ""))
+        cause = next((c for words, c in _DROPPED.items() if words in reason), Cause.NOT_ALLOWED)
+        data = {**data, "cause": cause}
+    return {"tick": int(tick), **data}
 
 
 @lru_cache(maxsize=32)

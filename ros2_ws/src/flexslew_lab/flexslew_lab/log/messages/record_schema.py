@@ -1,16 +1,14 @@
 """What every record of a log must look like, checked when it is read: a bag may be crafted."""
 
-from typing import Annotated, Any, NamedTuple, NotRequired
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError, with_config
-from typing_extensions import TypedDict
+from pydantic import AfterValidator, Field
 
-from flexslew_lab.log.messages.logged_text import logged_json, logged_yaml
+from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, section, validated
 
-LEVELS = ("info", "warning", "fault")
 JOINTS, MODES = 64, 256  # at most, on any testbed
 
 Count = Annotated[int, Field(ge=0, lt=1 << 63)]
@@ -28,159 +26,6 @@ def _yaml(text: str) -> str:
     except BadInput as error:
         raise ValueError(str(error)) from None  # the schema says whose text it is
     return text
-
-
-_more_keys = with_config(ConfigDict(extra="allow", strict=True))
-
-
-@_more_keys
-class Finished(TypedDict, total=False):
-    """The plant has flown the last tick."""
-
-    wall_time: Seconds
-    ticks: Count
-    missed_ticks: Count
-    saturated_time: Seconds
-    rejected: dict[str, Count]
-
-
-@_more_keys
-class Switched(TypedDict, total=False):
-    """Another controller has taken over, or was refused."""
-
-    effort_step: Annotated[list[Finite], Field(max_length=JOINTS)] | Finite
-
-
-@_more_keys
-class Missed(TypedDict, total=False):
-    """A tick without a valid answer."""
-
-    controller: Text
-    in_a_row: Count
-    ticks: Count
-
-
-@_more_keys
-class Injected(TypedDict):
-    """An operator wants something to break, or an antenna to turn."""
-
-    text: Annotated[str, AfterValidator(_yaml)]
-    start: Count
-
-
-@_more_keys
-class SwitchRequested(TypedDict):
-    """An operator wants another controller."""
-
-    controller: Text
-    tick: Count
-    max_effort_step: Finite
-    strict: bool
-
-
-@_more_keys
-class Reset(TypedDict, total=False):
-    """The bench is back at tick 0, in another epoch."""
-
-    from_tick: Count
-
-
-@_more_keys
-class FaultEnded(TypedDict):
-    """An operator wants a fault to end."""
-
-    number: Count
-
-
-@_more_keys
-class BrakeRequested(TypedDict):
-    """An operator wants the brake, or no longer."""
-
-    on: bool
-
-
-@_more_keys
-class Tuned(TypedDict):
-    """A controller has other settings from this tick on."""
-
-    controller: Text
-    settings: dict[str, Any]
-    before: dict[str, Any]
-
-
-@_more_keys
-class Dropped(TypedDict):
-    """A switch did not take place, for its controller was not ready."""
-
-    controller: Text
-    reason: NotRequired[Text]
-
-
-@_more_keys
-class Replaced(TypedDict):
-    """Another one, or the brake, has taken over from a controller that was silent."""
-
-    to: Text
-
-
-# data of an event by its kind; data of other kinds is any JSON object
-EVENTS: dict[str, TypeAdapter[Any]] = {
-    "finished": TypeAdapter(Finished),
-    "switched": TypeAdapter(Switched),
-    "switch_refused": TypeAdapter(Switched),
-    "missed": TypeAdapter(Missed),
-    "injected": TypeAdapter(Injected),
-    "retargeted": TypeAdapter(Injected),
-    "switch_requested": TypeAdapter(SwitchRequested),
-    "switch_dropped": TypeAdapter(Dropped),
-    "reset": TypeAdapter(Reset),
-    "fault_ended": TypeAdapter(FaultEnded),
-    "brake_requested": TypeAdapter(BrakeRequested),
-    "tuned": TypeAdapter(Tuned),
-    "fallback": TypeAdapter(Replaced),
-    "brake": TypeAdapter(Replaced),
-}
-
-
-class LoggedEvent(NamedTuple):
-    """An entry of `events`."""
-
-    time: float  # simulated [s]
-    tick: int
-    epoch: int
-    level: str  # info, warning or fault
-    source: str
-    kind: str
-    message: str
-    data: dict[str, Any]  # what its JSON holds
-
-
-def logged_event(message: Any, source: str) -> LoggedEvent:
-    """Return a decoded flexslew_msgs/Event, checked.
-
-    Args:
-        message: with the fields of the type as attributes.
-        source: the log, for the error.
-
-    Raises:
-        BadInput: its data is not what an event of its kind holds.
-    """
-    where = f"{source}: event {message.kind!r:.40} at tick {message.tick}: data"
-    data = logged_json(message.data, where)
-    known = EVENTS.get(message.kind)
-    if known is not None:
-        try:
-            known.validate_python(data)
-        except ValidationError as error:
-            first = error.errors()[0]
-            key = ".".join(map(str, first["loc"]))
-            value = repr(first["input"])[:60]
-            raise BadInput(f"{where}: {key}: {value} is not allowed: {first['msg']}") from None
-    level = LEVELS[message.level] if message.level < len(LEVELS) else str(message.level)
-    return LoggedEvent(
-        message.stamp.sec + message.stamp.nanosec * 1e-9, message.tick, message.epoch, level,
-        message.source, message.kind, message.message, data,
-    )  # fmt: skip
 
 
 @section

@@ -11,7 +11,6 @@ from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.trial.trial import Trial, bench_settings, law_of
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.message_fields import event_fields, testbed_fields
 from flexslew_plant.bench.wire import (
@@ -21,6 +20,7 @@ from flexslew_plant.bench.wire import (
     stamp_of,
     truth_bytes,
 )
+from flexslew_plant.events import Event
 from flexslew_plant.settings import plain, yaml_text
 
 
@@ -57,8 +57,8 @@ class BagObserver:
                 stamp=self._now,
                 controller=name,
                 law=law,
-                ready=not controller.reason,
-                reason=controller.reason,
+                ready=controller.reason is None,
+                reason=str(controller.reason or ""),
                 last_tick=0,
                 epoch=bench.epoch,
                 plan_hash=digest,

@@ -5,11 +5,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from flexslew_lab.log.messages import cdr
+from flexslew_plant.events import AnswerMissed
 
 PATIENCE = 1.0  # that an answer is waited for [wall s]
 _TICK_EPOCH_NAME = struct.Struct("<QII")  # the name's length last
 _PLACES = {"/measurement": 20, "/controller_state": 20, "/effort_command": 12}  # of these three
 _ANSWERS = frozenset({"/effort_command", "/controller_state"})
+_MISSED = AnswerMissed.kind.encode() + b"\0"  # quicker than to decode every event
 _KEPT = 512  # ticks whose end is remembered
 
 Key = tuple[int, int]  # epoch and tick
@@ -47,9 +49,9 @@ class OpenTicks:
             now: wall clock [s].
         """
         if topic == "/events":
-            if b"missed\x00" in data:
+            if _MISSED in data:
                 event = cdr.decode("flexslew_msgs/msg/Event", data)
-                if event.kind == "missed":
+                if event.kind == AnswerMissed.kind:
                     self._close((int(event.epoch), int(event.tick)))
             return
         if topic not in _PLACES:

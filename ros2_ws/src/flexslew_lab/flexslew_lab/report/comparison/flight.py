@@ -55,7 +55,7 @@ def flown(
     for controller in controllers.values():
         refused = controller.adopt(plan)
         if refused:
-            return refused, None
+            return str(refused), None
     truth_log = TruthLog()
     fly(bench, controllers, truth_log)
     # a step has no end of its own

@@ -25,8 +25,8 @@ from flexslew_lab.trial.trial import (
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.events import Event
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.events import Event
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.contract import ScalableInertia
@@ -231,9 +231,9 @@ def _flight(
     bench = Bench(bench_settings(replace(trial, testbed=other.testbed)))
     controllers = build_controllers(trial, bench, source)
     controller = controllers[name]
-    refused = controller.adopt(plan) if plan is not None else ""
-    if refused or controller.reason:
-        raise BadInput(refused or controller.reason)
+    refused = controller.adopt(plan) if plan is not None else None
+    if (why := refused or controller.reason) is not None:
+        raise BadInput(why)
     goes = plan is not None and not np.allclose(plan.position, bench.question.joint_position)
     if goes and not getattr(controller.law, "follows_reference", True):
         raise BadInput("it only regulates at rest; this plan moves")

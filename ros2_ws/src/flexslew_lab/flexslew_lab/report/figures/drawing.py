@@ -18,6 +18,7 @@ from flexslew_lab.report.panels import (
 from flexslew_lab.report.run_data import RunData
 from flexslew_lab.report.thinning import Trace
 from flexslew_plant.arrays import Vector
+from flexslew_plant.events import IN_CHARGE, FaultChanged, Level
 
 MARKS = 20  # at most, of a report
 TIME = "time [s]"
@@ -31,13 +32,23 @@ def marks(runs: Sequence[RunData]) -> tuple[Mark, ...]:
         start, end = run.metrics["manoeuvre_start"], run.metrics["manoeuvre_end"]
         own = [Mark("manoeuvre", start, end, MANOEUVRE)] if end > start else []
         own += [
-            Mark(span.words, span.start, span.end, BROKEN if span.kind == "fault" else DISTURBED)
+            Mark(
+                span.words,
+                span.start,
+                span.end,
+                BROKEN if span.kind == FaultChanged.kind else DISTURBED,
+            )
             for span in run.spans
         ]
         own += [
-            Mark(event.message, event.time, event.time, BROKEN if event.level == "fault" else PALE)
+            Mark(
+                event.message,
+                event.time,
+                event.time,
+                BROKEN if event.level is Level.FAULT else PALE,
+            )
             for event in run.overview.events
-            if event.kind in ("switched", "fallback", "brake")
+            if isinstance(event.what, IN_CHARGE)
         ]
         for mark in own:
             found.setdefault(mark, []).append(run.label)

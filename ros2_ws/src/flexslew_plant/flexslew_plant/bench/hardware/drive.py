@@ -7,6 +7,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
+from flexslew_plant.events.run import Objection
 
 _REMEMBERED = 64  # answers; a question that was repeated is answered more than once
 
@@ -31,7 +32,7 @@ class Drive:
         self.demand: Vector = np.zeros(self._brake.size)  # last effort asked [N m or N]
         self.missed_in_a_row = 0
         self.missed = 0
-        self.rejected: Counter[str] = Counter()
+        self.rejected: Counter[Objection] = Counter()
         self._heard: deque[EffortCommand] = deque(maxlen=_REMEMBERED)
 
     def heard_before(self, command: EffortCommand) -> bool:
@@ -41,23 +42,24 @@ class Drive:
             for other in self._heard
         )
 
-    def objection(self, question: Measurement, command: EffortCommand) -> tuple[str, str] | None:
-        """Return why the command is not an answer to the question (kind, words), or None."""
-        kind, words = "", ""
+    def objection(
+        self, question: Measurement, command: EffortCommand
+    ) -> tuple[Objection, str] | None:
+        """Return why the command is not an answer to the question, also in words, or None."""
         if command.controller != question.controller:
             asked = question.controller or "nobody, the brake is on"
-            kind, words = "sender", f"{command.controller} answered, expected {asked}"
+            kind, words = Objection.SENDER, f"{command.controller} answered, expected {asked}"
         elif command.epoch != question.epoch or command.tick != question.tick:
-            kind = "stale"
+            kind = Objection.STALE
             words = (
                 f"answer to tick {command.tick} of epoch {command.epoch}, "
                 f"expected tick {question.tick} of epoch {question.epoch}"
             )
         elif command.effort.shape != self._brake.shape:
-            kind = "size"
+            kind = Objection.SIZE
             words = f"{command.effort.size} efforts for {self._brake.size} joints"
         elif not all(map(isfinite, command.effort.tolist())):
-            kind, words = "finite", f"effort {command.effort.tolist()} is not finite"
+            kind, words = Objection.FINITE, f"effort {command.effort.tolist()} is not finite"
         else:
             self._heard.append(command)
             return None

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from flexslew_plant.refusal import Cause, Refusal
+
 # How far ahead of the disk the plant may be, not paced: what the kill of a recorder may cost
 RECORDED_WITHIN = 100  # [ticks]; one second at the default period
 
@@ -78,12 +80,13 @@ class Backlog:
             return None
         return tick - (heard.tick if heard.epoch == epoch else 0)
 
-    def reason(self, controller: str, tick: int, epoch: int) -> str:
-        """Return why a controller cannot take charge at this tick for its being behind, or ""."""
+    def reason(self, controller: str, tick: int, epoch: int) -> Refusal | None:
+        """Return why a controller that is too far behind at this tick cannot take charge."""
         heard = self._heard.get(controller)
         if heard is None or not self._behind(heard, tick, epoch):
-            return ""
-        return f"it has seen tick {heard.tick}, the bench is at {tick}"
+            return None
+        words = f"it has seen tick {heard.tick}, the bench is at {tick}"
+        return Refusal(words, cause=Cause.BEHIND)
 
     def _behind(self, heard: _Heard, tick: int, epoch: int) -> bool:
         seen = heard.tick if heard.epoch == epoch else 0

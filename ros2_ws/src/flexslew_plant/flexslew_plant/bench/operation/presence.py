@@ -67,7 +67,7 @@ class Presence:
         """Return all names with this role that were ever heard."""
         return sorted(name for name, had in self._known.items() if had == role)
 
-    def elder(self, beat: Beat, now: float) -> Beat | None:
+    def older(self, beat: Beat, now: float) -> Beat | None:
         """Return the older one that is alive under the same name, or as another plant, if any."""
         rivals = [other for other in self._rivals(beat, now) if other.age < beat.age]
         return min(rivals, key=lambda other: other.age, default=None)

@@ -2,14 +2,30 @@
 
 from typing import NamedTuple
 
+from flexslew_plant.refusal import Cause, Refusal
+
 WAITING, RUNNING, PAUSED, FINISHED = "waiting", "running", "paused", "finished"
 
 
 class Reply(NamedTuple):
     """What became of a request."""
 
-    ok: bool
-    message: str
+    done: str = ""  # what was done, for people
+    refused: Refusal | None = None
+
+    @property
+    def ok(self) -> bool:
+        """It was granted."""
+        return self.refused is None
+
+    @property
+    def message(self) -> str:
+        """What was done or why not, for people."""
+        return str(self.refused or self.done)
+
+
+def _not_now(why: str) -> Reply:
+    return Reply(refused=Refusal(why, cause=Cause.NOT_NOW))
 
 
 class RunState:
@@ -42,26 +58,26 @@ class RunState:
         """Run on without an end, as soon as all are there."""
         refused = {FINISHED: "the run is over; call reset first", RUNNING: "already running"}
         if self.state in refused and not self._steps_left:
-            return Reply(False, refused[self.state])
+            return _not_now(refused[self.state])
         self._steps_left = 0
         if self.state == PAUSED:
             self.state = WAITING
-        return Reply(True, "starting")
+        return Reply("starting")
 
     def pause(self, now: float) -> Reply:
         """Rest between two ticks."""
         if self.state not in (RUNNING, WAITING):
-            return Reply(False, f"not running but {self.state}")
+            return _not_now(f"not running but {self.state}")
         self._rest(PAUSED, now)
-        return Reply(True, "paused")
+        return Reply("paused")
 
     def step(self, ticks: int) -> Reply:
         """Run for some ticks, then rest again."""
         if self.state != PAUSED:
-            return Reply(False, f"not paused but {self.state}; call pause first")
+            return _not_now(f"not paused but {self.state}; call pause first")
         self._steps_left = max(1, ticks)
         self.state = WAITING
-        return Reply(True, f"flying {self._steps_left} ticks")
+        return Reply(f"flying {self._steps_left} ticks")
 
     def reset(self) -> None:
         """Rest at tick 0; nothing is left of what was under way."""

@@ -6,19 +6,36 @@ it to `poll`, and sends on what lies in `outbox`.
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from flexslew_plant.bench.bench import Bench, SwitchRequest, Truth
-from flexslew_plant.bench.events import Event, Level
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.operation.backlog import Backlog
 from flexslew_plant.bench.operation.pacing import Pacing
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, Presence
 from flexslew_plant.bench.operation.run_state import PAUSED, WAITING, Reply, RunState
+from flexslew_plant.events import (
+    UNNAMED,
+    Event,
+    Fact,
+    FellBehind,
+    Interrupted,
+    Noted,
+    Paused,
+    RateChanged,
+    RecorderBack,
+    RecorderLost,
+    Resumed,
+    Started,
+    Stepped,
+    WasReset,
+)
+from flexslew_plant.refusal import Cause, Refusal
 
 Outgoing: TypeAlias = Measurement | Truth | Event
 
-SILENT = "it sends no heartbeat"
+_SILENT = Refusal("its heartbeat is lost", cause=Cause.NO_HEARTBEAT)
+_ABSENT = Refusal("it is not on the graph", cause=Cause.ABSENT)
 _LOOK = 0.02  # between two looks at who is missing [wall s]
 
 
@@ -50,7 +67,7 @@ class Session:
         self.pacing = Pacing(bench.settings.period, rate_factor, answer_timeout)
         self.backlog = Backlog(patience=answer_timeout, paced=self.pacing.paced)
         self.presence = Presence()
-        self.reasons: dict[str, str] = {}  # why not ready, as the controllers say themselves
+        self.reasons: dict[str, Refusal | None] = {}  # why not ready, as the controllers say
         self.waiting_for: list[str] = []
         self.outbox: deque[Outgoing] = deque()
         self._wanted = controllers
@@ -108,12 +125,16 @@ class Session:
         self._flush()
         return bool(bench.charge.results) or bench.answered
 
-    def reason(self, controller: str, now: float) -> str:
-        """Return why a controller could not take charge now; empty if it could."""
+    def hear(self, controller: str, ready: bool, reason: str) -> None:
+        """Take what a controller says of itself: whether it could take charge, and why not."""
+        self.reasons[controller] = None if ready else Refusal(reason, cause=Cause.NOT_READY)
+
+    def reason(self, controller: str, now: float) -> Refusal | None:
+        """Return why a controller could not take charge now; None if it could."""
         if controller not in self.reasons:
-            return "it is not on the graph"
+            return _ABSENT
         if self.presence.silent(controller, now):
-            return SILENT
+            return _SILENT
         bench = self.bench
         behind = self.backlog.reason(controller, bench.tick, bench.epoch)
         return self.reasons[controller] or behind
@@ -124,53 +145,49 @@ class Session:
         if not reply.ok:
             return reply
         self._who = who
-        return Reply(True, f"starting at tick {self.bench.tick}")
+        return Reply(f"starting at tick {self.bench.tick}")
 
     def pause(self, now: float, who: str = "") -> Reply:
         """Rest between two ticks."""
         reply = self.run.pause(now)
-        return self._said(reply, "paused", f"paused at tick {self.bench.tick}", who)
+        return self._told(reply, Paused(self.bench.tick, who or UNNAMED))
 
     def step(self, ticks: int, who: str = "") -> Reply:
         """Fly some ticks of a paused bench."""
         reply = self.run.step(ticks)
-        words = f"{max(1, ticks)} ticks from tick {self.bench.tick} on"
         self._who = who
-        return self._said(reply, "step", words, who, ticks=max(1, ticks))
+        return self._told(reply, Stepped(self.bench.tick, max(1, ticks), who or UNNAMED))
 
     def reset(self, who: str = "") -> Reply:
         """Return to tick 0 in a new epoch and rest there."""
         tick = self.bench.tick
         self.bench.reset()
         self.run.reset()
-        words = f"reset, epoch {self.bench.epoch}; call start"
-        return self._said(Reply(True, words), "reset", words, who, from_tick=tick)
+        return self._told(Reply(), WasReset(tick, self.bench.epoch, who or UNNAMED))
 
     def brake(self, on: bool, who: str = "") -> Reply:
         """Latch or release the drive's own brake from the next tick on."""
         refused = self.bench.brake(on, who)
         self._flush()
         words = f"{'brake latched' if on else 'brake released'} from tick {self.bench.tick + 1} on"
-        return Reply(not refused, refused or words)
+        return Reply(words, refused)
 
     def set_rate(self, rate_factor: float, now: float, who: str = "") -> Reply:
         """Go on at another rate from the next tick on; nothing of the trajectory changes."""
         if not 0.0 <= rate_factor < float("inf"):
-            return Reply(False, f"rate_factor: {rate_factor} is not allowed: 0 (fast) or more")
+            return Reply(refused=Refusal("0 (fast) or more", "rate_factor", rate_factor))
         self.pacing.set_rate(rate_factor, now)
         self.backlog.paced = self.pacing.paced
-        words = f"rate {rate_factor:g}" if rate_factor else "as fast as possible"
-        return self._said(Reply(True, words), "rate", words, who, rate_factor=rate_factor)
+        return self._told(Reply(), RateChanged(rate_factor, who or UNNAMED))
 
     def note(self, text: str, who: str = "") -> Reply:
         """Keep an operator's remark in the log."""
         if not text.strip():
-            return Reply(False, "text: is empty; write something")
-        reply = Reply(True, f"noted at tick {self.bench.tick}")
-        self._said(reply, "note", text.strip(), who)
-        return reply
+            return Reply(refused=Refusal("is empty; write something", "text"))
+        self._told(Reply(), Noted(text.strip(), who or UNNAMED))
+        return Reply(f"noted at tick {self.bench.tick}")
 
-    def switch(self, request: SwitchRequest, now: float) -> str | None:
+    def switch(self, request: SwitchRequest, now: float) -> Refusal | None:
         """Queue a switch; return why it is refused, or None. See Bench.request_switch.
 
         Not paced, one who has just fallen silent may be starved of processor time: he is waited for
@@ -178,16 +195,17 @@ class Session:
         """
         if request.controller not in self.reasons:
             known = ", ".join(sorted(self.reasons)) or "none"
-            return f"unknown controller {request.controller}; on the graph: {known}"
+            words = f"unknown controller {request.controller}; on the graph: {known}"
+            return Refusal(words, cause=Cause.UNKNOWN)
         name = request.controller
         reason = self.reason(name, now)
         starved = not self.pacing.paced and not self.presence.lost(
             [name], self.backlog.patience, now
         )
-        if reason == SILENT and starved:
+        if reason is _SILENT and starved:
             reason = self.reasons[name]
-        if reason:
-            return f"{name} is not ready: {reason}"
+        if reason is not None:
+            return Refusal(f"{name} is not ready: {reason}", cause=reason.cause)
         refused = self.bench.request_switch(request)
         self._flush()
         return refused
@@ -195,8 +213,7 @@ class Session:
     def interrupted(self) -> None:
         """Say that the run ends before its time, if it does."""
         if self.run.state in ("running", PAUSED) and self.bench.tick:
-            words = f"stopped at tick {self.bench.tick}"
-            self.bench.say(Level.WARNING, "interrupted", words, {})
+            self.bench.tell(Interrupted(self.bench.tick))
         self._flush()
 
     def _try_begin(self, now: float) -> None:
@@ -211,8 +228,7 @@ class Session:
             return
         self.run.begin(now)
         self.pacing.start(now)
-        word = "started" if bench.tick == 0 else "resumed"
-        self.bench.say(Level.INFO, word, f"{word} at tick {bench.tick}", _named(self._who))
+        bench.tell((Started if bench.tick == 0 else Resumed)(bench.tick, self._who or UNNAMED))
         self._look_around(now)
         self._tell_tick()
 
@@ -244,9 +260,7 @@ class Session:
         count, total = self._late[0] + 1, self._late[1] + behind
         self._late = count, total
         if count & (count - 1) == 0:  # the 1st, 2nd, 4th, 8th, ...: a slow machine stays readable
-            words = f"{behind:.3f} s behind the schedule, which is shifted; {total:.3f} s in all"
-            data = {"late": behind, "total": total, "count": count}
-            self.bench.say(Level.WARNING, "late", words, data)
+            self.bench.tell(FellBehind(behind, total, count))
 
     def _finish(self, now: float) -> None:
         self.run.finish(now)
@@ -293,25 +307,19 @@ class Session:
             silent = self.presence.silent(name, now)
             if silent and name not in self._gone:
                 self._gone.add(name)
-                words = f"the recorder {name} sends no heartbeat; later data may be lost"
-                self.bench.say(Level.FAULT, "recorder_lost", words, {"recorder": name})
+                self.bench.tell(RecorderLost(name))
             elif not silent and name in self._gone:
                 self._gone.discard(name)
-                words = f"the recorder {name} is back"
-                self.bench.say(Level.WARNING, "recorder_back", words, {"recorder": name})
+                self.bench.tell(RecorderBack(name))
 
-    def _said(self, reply: Reply, kind: str, words: str, who: str, **data: Any) -> Reply:
-        """Note a request that was granted as an event."""
+    def _told(self, reply: Reply, what: Fact) -> Reply:
+        """Note a request that was granted as an event; return the reply in its words."""
         if reply.ok:
-            self.bench.say(Level.INFO, kind, words, {**data, **_named(who)})
+            self.bench.tell(what)
         self._flush()
-        return Reply(reply.ok, words if reply.ok else reply.message)
+        return reply._replace(done=what.message)
 
     def _flush(self) -> None:
         """Hand out the events of the bench."""
         while self.bench.events:
             self.outbox.append(self.bench.events.popleft())
-
-
-def _named(who: str) -> dict[str, str]:
-    return {"who": who or "unnamed"}

@@ -53,11 +53,11 @@ class Diagnostics:
         for name in sorted(session.reasons):
             reason = session.reason(name, now)
             level = DiagnosticStatus.WARN if reason else DiagnosticStatus.OK
-            statuses.append(self._status(name, level, reason or "ready", self._lag(name)))
+            statuses.append(self._status(name, level, str(reason or "ready"), self._lag(name)))
         for name in session.presence.of_role("recorder"):
             silent = session.presence.silent(name, now)
             level = DiagnosticStatus.ERROR if silent else DiagnosticStatus.OK
-            words = "it sends no heartbeat" if silent else "recording"
+            words = "heartbeat lost" if silent else "recording"
             statuses.append(self._status(name, level, words, self._lag(name)))
         message = DiagnosticArray(status=statuses)
         message.header.stamp = stamp(bench.time)

@@ -6,9 +6,9 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from flexslew_plant.bench.events import Level
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
+from flexslew_plant.events import SecondPlant
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.dead_nodes import DeadNodes
 from flexslew_plant.ros.graph import incompatible
@@ -49,11 +49,11 @@ class PlantReport:
         Raises:
             BadInput: it has had the time to.
         """
-        elder = self._alive.elder
-        self._met = now if elder and not self._met else self._met
-        if elder and now - self._met > NOTICE:
-            raise BadInput(f"{elder}; give this bench a namespace or a ROS_DOMAIN_ID of its own")
-        return bool(elder)
+        older = self._alive.older
+        self._met = now if older and not self._met else self._met
+        if older and now - self._met > NOTICE:
+            raise BadInput(f"{older}; give this bench a namespace or a ROS_DOMAIN_ID of its own")
+        return older is not None
 
     def poll(self, now: float) -> None:
         """Print the progress, log who is missing or one too many; let go of the dead."""
@@ -64,8 +64,7 @@ class PlantReport:
             self._next = now + 0.5
         rivals = {beat.node for beat in self._alive.presence.younger(self._alive.beat, now)}
         for name in sorted(rivals - self._rivals):
-            words = f"a second plant has joined this bench and must exit: {name}"
-            session.bench.say(Level.WARNING, "rival", words, {"node": name})
+            session.bench.tell(SecondPlant(name))
         self._rivals = rivals
         if session.waiting_for != self._told:
             self._told = session.waiting_for

@@ -10,6 +10,7 @@ from std_srvs.srv import Trigger
 
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import Reply
+from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import publisher
@@ -101,7 +102,7 @@ class Services:
 
     def _done(self, reply: Any, outcome: Reply) -> Any:
         """Fill in what most services answer."""
-        reply.ok, reply.message = outcome
+        reply.ok, reply.message = outcome.ok, outcome.message
         reply.tick = self._bench.tick
         self._loop.hurry()
         return reply
@@ -109,8 +110,8 @@ class Services:
     def _on_operate(self, request: Any, reply: Any) -> Any:
         act = self._actions.get(request.action)
         if act is None:
-            words = f"action: {request.action!r} is not allowed: {', '.join(self._actions)}"
-            return self._done(reply, Reply(False, words))
+            refused = Refusal(", ".join(self._actions), "action", request.action)
+            return self._done(reply, Reply(refused=refused))
         return self._done(reply, act(request.who))
 
     def _on_step(self, request: Any, reply: Any) -> Any:
@@ -132,7 +133,7 @@ class Services:
     def _on_list(self, _: Any, reply: Any) -> Any:
         for name, status in sorted(self._plant.statuses.items()):
             reason = self._session.reason(name, monotonic())
-            status.ready, status.reason = not reason, reason
+            status.ready, status.reason = reason is None, str(reason or "")
             reply.controllers.append(status)
         reply.active = self._bench.drive.active
         return reply
@@ -141,18 +142,19 @@ class Services:
         tick = round(seconds_of(request.at) / self._bench.settings.period)
         result = self._bench.inject(request.fault, tick, request.who)
         self._loop.hurry()
-        reply.ok, reply.message, reply.tick, reply.number = result
+        reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick
+        reply.number = result.number
         return reply
 
     def _on_retarget(self, request: Any, reply: Any) -> Any:
         tick = round(seconds_of(request.at) / self._bench.settings.period)
         result = self._bench.retarget(request.target, tick, request.who)
         self._loop.hurry()
-        reply.ok, reply.message, reply.tick, _ = result
+        reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick
         return reply
 
     def _on_end_fault(self, request: Any, reply: Any) -> Any:
         result = self._bench.end_fault(request.number, request.who)
         self._loop.hurry()
-        reply.ok, reply.message, reply.tick, _ = result
+        reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick
         return reply

@@ -11,6 +11,7 @@ from rclpy.task import Future
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.records import SwitchRequest, SwitchResult
+from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import doubles, seconds_of
 
@@ -59,12 +60,15 @@ class SwitchService:
         tick = reply.tick = wanted if 0 < wanted < bench.tick else max(wanted, bench.tick + 1)
         limit = request.max_effort_step if request.strict else inf
         asked = SwitchRequest(request.controller, tick, request.strict, limit, request.who)
-        if limit < 0.0:
-            reply.message = f"max_effort_step: {limit:g} is not allowed: 0 or more"
-        else:
-            reply.message = self._session.switch(asked, monotonic()) or ""
+        refused = (
+            Refusal("0 or more", "max_effort_step", limit)
+            if limit < 0.0
+            else self._session.switch(asked, monotonic())
+        )
         self._loop.hurry()
-        if not reply.message:
+        if refused is not None:
+            reply.message = str(refused)
+        else:
             future = self._loop.future()
             deadline = monotonic() + (request.timeout if request.timeout > 0.0 else inf)
             self._pending.append(_Pending(asked, deadline, future))

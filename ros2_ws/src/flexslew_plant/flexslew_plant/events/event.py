@@ -1,0 +1,160 @@
+"""Events: what took effect at a tick, the same in process, on the topic and in a log."""
+
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from functools import cache
+from typing import Annotated, Any, NamedTuple, Protocol, TypeVar, dataclass_transform
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from flexslew_plant.errors import BadInput
+from flexslew_plant.refusal import Refusal
+
+JOINTS = 64  # at most, on any testbed
+
+Count = Annotated[int, Field(ge=0, lt=1 << 63, strict=True)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+Seconds = Annotated[float, Field(ge=0.0, le=1e12, strict=True)]
+Text = Annotated[str, Field(max_length=1 << 16, strict=True)]
+Flag = Annotated[bool, Field(strict=True)]
+Efforts = Annotated[list[Finite], Field(max_length=JOINTS)]  # one per joint [N m or N]
+
+_T = TypeVar("_T")
+UNNAMED = "unnamed"  # somebody who does not say who asks
+
+
+def _key(name: str) -> str:
+    return name.rstrip("_")
+
+
+@dataclass_transform(frozen_default=True)
+def fact(cls: type[_T]) -> type[_T]:
+    """Return cls as a frozen dataclass that data of a log can be checked against."""
+    cls.__pydantic_config__ = ConfigDict(alias_generator=_key, extra="ignore")  # type: ignore[attr-defined]
+    return dataclass(frozen=True)(cls)
+
+
+class Level(StrEnum):
+    """How bad it is."""
+
+    INFO = "info"
+    WARNING = "warning"
+    FAULT = "fault"
+
+    @property
+    def number(self) -> int:
+        """That of flexslew_msgs/Event."""
+        return list(Level).index(self)
+
+
+class Fact(Protocol):
+    """What happened: a frozen dataclass per kind, whose fields are the keys of the event's data.
+
+    A field whose key is a word of Python ends in an underscore: from_ is `from`. A field that is
+    None is left out.
+    """
+
+    @property
+    def kind(self) -> str:
+        """Its name on the topic and in the log; the same for all of a class."""
+
+    @property
+    def level(self) -> Level:
+        """How bad it is."""
+
+    @property
+    def message(self) -> str:
+        """One line for a person, made of the fields."""
+
+
+class Event(NamedTuple):
+    """A fact with the place and the moment at which it took effect."""
+
+    tick: int
+    time: float  # simulated [s]
+    epoch: int
+    level: Level
+    source: str  # the node
+    what: Fact
+    message: str  # one line for a person; of a log: in the words of that day
+
+    @property
+    def kind(self) -> str:
+        """The name of the fact on the topic and in the log."""
+        return self.what.kind
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The fact as plain data."""
+        return data_of(self.what)
+
+    def plain(self) -> dict[str, Any]:
+        """Return it ready for JSON."""
+        return {
+            "time": self.time,
+            "tick": self.tick,
+            "epoch": self.epoch,
+            "level": str(self.level),
+            "source": self.source,
+            "kind": self.kind,
+            "message": self.message,
+            "data": self.data,
+        }
+
+
+class Other(NamedTuple):
+    """A fact of a kind that this version does not know, of a newer log or somebody else's node."""
+
+    kind: str
+    content: dict[str, Any]
+
+    @property
+    def level(self) -> Level:
+        """Nobody here can tell."""
+        return Level.INFO
+
+    @property
+    def message(self) -> str:
+        """Its kind."""
+        return self.kind
+
+
+def event_of(what: Fact, tick: int, time: float, epoch: int, source: str) -> Event:
+    """Return a fact as the event of a tick.
+
+    Args:
+        what: has happened.
+        tick: at which it takes effect.
+        time: of the tick [simulated s].
+        epoch: counts resets.
+        source: the node that says so.
+    """
+    return Event(tick, time, epoch, what.level, source, what, what.message)
+
+
+def data_of(what: Fact) -> dict[str, Any]:
+    """Return a fact as plain data by the keys that stand in a log."""
+    own = getattr(what, "content", None)
+    if own is not None:
+        return dict(own)
+    found = {_key(item.name): getattr(what, item.name) for item in fields(what)}  # type: ignore[arg-type]
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def checked(kind: type[Fact], data: dict[str, Any]) -> Fact:
+    """Return data as a fact of this kind; keys that it does not know are left out.
+
+    Raises:
+        BadInput: a key is missing or its value is none that the kind can have.
+    """
+    try:
+        return _adapter(kind).validate_python(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        raise BadInput(Refusal(first["msg"], key, first["input"])) from None
+
+
+@cache
+def _adapter(kind: type[Fact]) -> TypeAdapter[Fact]:
+    return TypeAdapter(kind)

@@ -1,0 +1,99 @@
+"""Why something was not done: one record for values, requests and readiness."""
+
+from dataclasses import dataclass, replace
+from enum import Enum, StrEnum, auto
+from typing import Any, Final
+
+
+class Cause(StrEnum):
+    """What a program needs to know of a refusal; the words are for people."""
+
+    NOT_ALLOWED = "not_allowed"  # a value
+    PAST = "past"  # the tick is over
+    RUN_OVER = "run_over"
+    NOT_NOW = "not_now"  # the state of the run does not permit it
+    FAULTS_OFF = "faults_off"
+    UNKNOWN = "unknown"  # nobody or nothing of this name or number
+    LATCHED = "latched"  # the brake
+    NOT_LATCHED = "not_latched"
+    ALREADY_DUE = "already_due"  # another switch at that tick
+    ALREADY_IN_CHARGE = "already_in_charge"
+    TOOK_OVER = "took_over"  # another controller, before this one had answered
+    STEP_TOO_LARGE = "step_too_large"  # of the effort, under strict
+    NO_ANSWER = "no_answer"  # in time, or at all
+    BENCH_RESET = "bench_reset"
+    NOT_READY = "not_ready"  # and it gives no cause that the bench knows
+    NO_HEARTBEAT = "no_heartbeat"
+    ABSENT = "absent"  # not on the graph
+    BEHIND = "behind"  # it has not seen the newest ticks
+    NO_TESTBED = "no_testbed"
+    NO_PLAN = "no_plan"
+    PLAN_MISMATCH = "plan_mismatch"  # joints, period or start of a plan
+    LAW_FAILED = "law_failed"
+    DOUBTED = "doubted"  # the estimate, by its innovations
+    NOT_FINITE = "not_finite"
+    NOT_HEARD = "not_heard"  # by those who must hear it
+    DUPLICATE = "duplicate"  # another node of this name is on the graph
+    NO_MANOEUVRE = "no_manoeuvre"  # the planner found none
+    CANCELED = "canceled"
+
+
+class _Nothing(Enum):
+    """The value of a refusal that is about none; an enum, for it goes from process to process."""
+
+    NOTHING = auto()
+
+
+NOTHING: Final = _Nothing.NOTHING
+_LONGEST = 60  # characters of a value
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why not, for a program and in one line for a person.
+
+    Args:
+        why: what is allowed, or why not and what to do; without the parts that follow.
+        key: the value's place in its source, for example plan.duration.
+        value: that is not allowed; left out where the refusal is about none.
+        source: the file, node or option.
+        cause: for programs.
+    """
+
+    why: str
+    key: str = ""
+    value: Any = NOTHING
+    source: str = ""
+    cause: Cause = Cause.NOT_ALLOWED
+
+    def __str__(self) -> str:
+        """Return `source: key: value is not allowed: why`, without the parts that there are not."""
+        why = self.why
+        if self.value is not NOTHING:
+            why = f"{_shown(self.value)} is not allowed: {why}"
+        return one_line(": ".join(part for part in (self.source, self.key, why) if part))
+
+    def within(self, key: str = "", source: str = "") -> "Refusal":
+        """Return it as part of a larger input.
+
+        Args:
+            key: put in front of its own.
+            source: in place of its own.
+        """
+        whole = ".".join(part for part in (key, self.key) if part)
+        return replace(self, key=whole, source=source or self.source)
+
+
+def one_line(text: str) -> str:
+    """Return a text in which what would break its line, or does not show, is escaped."""
+    return text if text.isprintable() else "".join(map(_escaped, text))
+
+
+def _escaped(letter: str) -> str:
+    return letter if letter.isprintable() else ascii(letter)[1:-1]
+
+
+def _shown(value: Any) -> str:
+    """Return a value as Python writes it, at most 60 characters of it."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
