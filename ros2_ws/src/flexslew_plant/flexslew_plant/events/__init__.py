@@ -155,7 +155,7 @@ _KINDS: tuple[Any, ...] = (
 )
 # after which somebody else is in charge
 IN_CHARGE = (Switched, FallbackTookOver, BrakeTookOver)
-EVENTS: dict[str, type[Fact]] = {fact.kind: fact for fact in _KINDS}
+EVENTS: dict[str, type[Any]] = {fact.kind: fact for fact in _KINDS}
 
 
 def fact_of(kind: str, data: dict[str, Any]) -> Fact:

@@ -5,6 +5,7 @@ this file, and no other, knows those words.
 """
 
 from collections.abc import Callable
+from dataclasses import fields
 from functools import lru_cache
 from typing import Any
 
@@ -14,7 +15,7 @@ from rosbags.typesys.store import Typestore
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.schemas import store
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import SwitchDropped
+from flexslew_plant.events import EVENTS, SwitchDropped
 from flexslew_plant.refusal import Cause
 
 _DROPPED = {  # how a reason began or ended, before its cause stood beside it
@@ -39,7 +40,8 @@ def completed(kind: str, tick: int, data: dict[str, Any]) -> dict[str, Any]:
         reason = str(data.get("reason", ""))
         cause = next((c for words, c in _DROPPED.items() if words in reason), Cause.NOT_ALLOWED)
         data = {**data, "cause": cause}
-    return {"tick": int(tick), **data}
+    dated = kind in EVENTS and any(item.name == "tick" for item in fields(EVENTS[kind]))
+    return {"tick": int(tick), **data} if dated else data
 
 
 @lru_cache(maxsize=32)
