@@ -40,7 +40,7 @@ class Operated(WireBench):
         for host in self.hosts.values():
             here = host.controller.reference(self.bench.tick) if host.controller else None
             assert here is not None
-            assert host.adopt(move(here.position, start, self.plant.joint_names)) == ""
+            assert host.adopt(move(here.position, start, self.plant.joint_names)) is None
 
     def switch(self) -> None:
         other = "pd_feedforward" if self.bench.drive.active == self.law else self.law
@@ -102,7 +102,7 @@ def test_any_two_requests_at_one_tick_leave_a_bench_that_flies(law: str, moment:
             assert bench.session.start().ok, words
         bench.fly(bench.bench.tick + LATER)
         for name, host in bench.hosts.items():
-            assert host.reason == "", (words, name, host.reason)
+            assert host.reason is None, (words, name, host.reason)
             assert host.last_tick >= bench.bench.tick - 1, (words, name)
         if not bench.bench.charge.latched and bench.bench.drive.active == "":
             bench.session.switch(SwitchRequest(law, 0), bench.now)  # after a release
