@@ -28,8 +28,7 @@ def per_joint(name: str, given: tuple[float, ...], joints: tuple[str, ...]) -> V
     """
     if len(given) not in (1, len(joints)):
         raise BadInput(
-            f"{name}: {list(given)} is not allowed: give 1 or {len(joints)} numbers "
-            f"({', '.join(joints)})"
+            f"give 1 or {len(joints)} numbers ({', '.join(joints)})", key=name, value=list(given)
         )
     return np.array(given, dtype=np.float64) * np.ones(len(joints))
 
@@ -82,10 +81,10 @@ def described(settings: str, source: str) -> PlantDescription:
     values = load_yaml(settings, source)
     bench = values.get("bench", values) if isinstance(values, dict) else {}
     if not isinstance(bench, dict) or "testbed" not in bench:
-        raise BadInput(f"{source}: does not say what stands on the bench (no testbed)")
+        raise BadInput("does not say what stands on the bench (no testbed)", source)
     period = bench.get("period")
     if not isinstance(period, int | float) or not 0.0 < period < np.inf:
-        raise BadInput(f"{source}: period: {period!r:.40} is not allowed: give seconds above 0")
+        raise BadInput("give seconds above 0", source, "period", period)
     testbed = read_testbed(bench["testbed"], f"{source}: testbed")
     schedule = validated(Schedule, bench.get("schedule") or (), f"{source}: schedule")
     testbed = with_schedule(testbed, schedule)  # what turns when is known beforehand

@@ -105,7 +105,7 @@ def plan_of(message: Any, source: str) -> Plan:
             raise ValueError("its references are not one per joint")
         found = plan_hash(plan)
     except (ValueError, TypeError) as error:
-        raise BadInput(f"{source}: the plan is damaged: {error}") from None
+        raise BadInput(f"the plan is damaged: {error}", source) from None
     if found != message.hash:
-        raise BadInput(f"{source}: the plan is damaged: its hash does not fit its content")
+        raise BadInput("the plan is damaged: its hash does not fit its content", source)
     return plan

@@ -79,26 +79,28 @@ def load_plan(path: Path | str) -> Plan:
         text = Path(path).read_text(encoding="utf-8")
         content = bounded(yaml.load(text, Loader=_Loader), str(path), len(text))
     except OSError as error:
-        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
+        raise BadInput(f"cannot be read: {error.strerror}", path) from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
-        raise BadInput(f"{path}: is damaged: not YAML; plan again") from None
+        raise BadInput("is damaged: not YAML; plan again", path) from None
     if not isinstance(content, dict) or "flexslew_plan" not in content:
-        raise BadInput(f"{path}: is not a plan: the key flexslew_plan is missing")
+        raise BadInput("is not a plan: the key flexslew_plan is missing", path)
     if content["flexslew_plan"] != VERSION:
         raise BadInput(
-            f"{path}: flexslew_plan: {content['flexslew_plan']!r} is not allowed: "
-            f"only version {VERSION} is known; plan again"
+            f"only version {VERSION} is known; plan again",
+            path,
+            "flexslew_plan",
+            content["flexslew_plan"],
         )
     missing = [name for name in ("hash", *_names()) if name not in content]
     if missing:
-        raise BadInput(f"{path}: is damaged: missing {', '.join(missing)}; plan again")
+        raise BadInput(f"is damaged: missing {', '.join(missing)}; plan again", path)
     try:
         plan = _read(content)
         found = plan_hash(plan)
     except (TypeError, ValueError):
-        raise BadInput(f"{path}: is damaged: wrong kinds of values; plan again") from None
+        raise BadInput("is damaged: wrong kinds of values; plan again", path) from None
     if found != content["hash"]:
-        raise BadInput(f"{path}: is damaged: its hash does not fit its content; plan again")
+        raise BadInput("is damaged: its hash does not fit its content; plan again", path)
     return plan
 
 

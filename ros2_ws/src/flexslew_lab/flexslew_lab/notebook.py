@@ -202,5 +202,5 @@ def _keys(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     path = trial_path(source)
     values = load_yaml(text_of(path), str(path))
     if not isinstance(values, dict):
-        raise BadInput(f"{path}: holds no keys")
+        raise BadInput("holds no keys", path)
     return str(path), values

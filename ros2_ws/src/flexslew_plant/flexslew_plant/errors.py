@@ -1,6 +1,8 @@
 """Errors for the user: each message is one line with cause and remedy."""
 
-from flexslew_plant.refusal import Refusal, one_line
+from typing import Any
+
+from flexslew_plant.refusal import NOTHING, Refusal, one_line
 
 
 class FlexslewError(Exception):
@@ -15,17 +17,22 @@ class BadInput(FlexslewError):
     """A value from a person is not usable; nothing was changed. Exit code 2.
 
     Args:
-        why: the refusal, or a sentence that names what is wrong.
+        why: the refusal; or what is allowed, or what is wrong and what to do.
+        source: the file, node or option.
+        key: the value's place in it.
+        value: that is not allowed; left out where it is about none.
     """
 
-    def __init__(self, why: Refusal | str = "") -> None:
-        super().__init__(why)
+    def __init__(
+        self, why: Refusal | str = "", source: object = "", key: str = "", value: Any = NOTHING
+    ) -> None:
+        super().__init__(why if isinstance(why, Refusal) else Refusal(why, key, value, str(source)))
 
     @property
     def refusal(self) -> Refusal:
         """What is not allowed, part by part."""
-        (why,) = self.args
-        return why if isinstance(why, Refusal) else Refusal(why)
+        refusal: Refusal = self.args[0]
+        return refusal
 
 
 class PlanFailed(FlexslewError):

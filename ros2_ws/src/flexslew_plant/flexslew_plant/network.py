@@ -31,7 +31,7 @@ def on_network(environment: Mapping[str, str]) -> bool:
     """
     value = environment.get(SETTING, "") or "0"
     if value not in ("0", "1"):
-        raise BadInput(f"{SETTING}: {value!r} is not allowed: 0 (this machine alone) or 1")
+        raise BadInput("0 (this machine alone) or 1", key=SETTING, value=value)
     return value == "1"
 
 

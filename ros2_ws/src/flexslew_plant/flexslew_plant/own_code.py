@@ -122,15 +122,16 @@ def find_class(name: str, group: str, what: str, source: str, known: tuple[str, 
             allowed = ", ".join(sorted({*known, *installed}))
             kind = what.title().replace(" ", "")
             raise BadInput(
-                f"{source}: {name} is not a {what}; allowed: {allowed}, my_{what}.py:My{kind}, "
-                f"package.module.My{kind}"
+                f"{name} is not a {what}; allowed: {allowed}, my_{what}.py:My{kind}, "
+                f"package.module.My{kind}",
+                source,
             )
     except BadInput:
         raise
     except Exception as error:  # a user's module may do anything
-        raise BadInput(f"{source}: {name} cannot be loaded: {one_line(error)}") from error
+        raise BadInput(f"{name} cannot be loaded: {one_line(error)}", source) from error
     if not isinstance(found, type):
-        raise BadInput(f"{source}: {name} is a {type(found).__name__}; a class is needed")
+        raise BadInput(f"{name} is a {type(found).__name__}; a class is needed", source)
     return found
 
 

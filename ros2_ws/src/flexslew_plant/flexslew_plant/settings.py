@@ -87,7 +87,7 @@ def load_yaml(text: str, source: str) -> Any:
         words = problem if isinstance(error, _DuplicateKeyError) else f"is not YAML: {problem}"
         raise BadInput(f"{source}:{line} {' '.join(words.split())}") from None
     except (ValueError, OverflowError, RecursionError) as error:  # no such date, 9**9**9, [[[
-        raise BadInput(f"{source}: is not YAML: {error}") from None
+        raise BadInput(f"is not YAML: {error}", source) from None
 
 
 def _require_flat(text: str, source: str) -> None:
@@ -97,7 +97,7 @@ def _require_flat(text: str, source: str) -> None:
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > DEEPEST:
-            raise BadInput(f"{source}: is nested more than {DEEPEST} deep")
+            raise BadInput(f"is nested more than {DEEPEST} deep", source)
 
 
 def bounded(value: Any, source: str, length: int) -> Any:
@@ -128,9 +128,9 @@ def bounded(value: Any, source: str, length: int) -> Any:
 
     size, depth = measure(value)
     if depth > DEEPEST:
-        raise BadInput(f"{source}: is nested more than {DEEPEST} deep, or is recursive")
+        raise BadInput(f"is nested more than {DEEPEST} deep, or is recursive", source)
     if size > max(_MOST, length):
-        raise BadInput(f"{source}: holds more than {_MOST} values, aliases written out")
+        raise BadInput(f"holds more than {_MOST} values, aliases written out", source)
     return value
 
 

@@ -24,12 +24,12 @@ def save_model(system: Lti, path: Path) -> None:
     """
     write = _WRITERS.get(path.suffix)
     if write is None:
-        raise BadInput(f"{path}: give a name that ends in {', '.join(_WRITERS)}")
+        raise BadInput(f"give a name that ends in {', '.join(_WRITERS)}", path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write(system, path)
     except OSError as error:
-        raise BadInput(f"{path}: cannot be written: {error.strerror}") from None
+        raise BadInput(f"cannot be written: {error.strerror}", path) from None
 
 
 def _mat(system: Lti, path: Path) -> None:

@@ -81,7 +81,7 @@ def build_controller(
         try:
             estimator, built = kind.build(settings, plant)
         except BadInput as error:
-            raise BadInput(f"{source}: {error}") from None
+            raise BadInput(str(error), source) from None
     else:
         found = find_law(law, source, tuple(CONTROLLERS))
         estimator, built = build_user_law(found, law, own, plant, source)
@@ -89,8 +89,9 @@ def build_controller(
     if common.monitor is not None:
         if not isinstance(estimator, Monitored):
             raise BadInput(
-                f"{source}: monitor: {law} has no innovations to look at; the drive can compare "
-                "its sensors: set plausibility"
+                f"monitor: {law} has no innovations to look at; the drive can compare its "
+                "sensors: set plausibility",
+                source,
             )
         monitor = Monitor(common.monitor, plant.period)
     return Controller(

@@ -59,9 +59,9 @@ def build_user_law(
     try:
         built = found(own, plant.period, plant.effort_limit.copy())
     except Exception as error:
-        raise BadInput(f"{source}: {law} cannot be built: {one_line(error)}") from error
+        raise BadInput(f"{law} cannot be built: {one_line(error)}", source) from error
     if not callable(getattr(built, "update", None)):
-        raise BadInput(f"{source}: {law} has no method update(measurement, estimate, reference)")
+        raise BadInput(f"{law} has no method update(measurement, estimate, reference)", source)
     estimator = getattr(built, "estimator", None)
     return (
         UserEstimator(estimator if estimator is not None else MeasuredJoints(), law),

@@ -132,12 +132,9 @@ def other_method(settings: PlanSettings, method: str, source: str, **more: Any) 
     if method == settings.method:
         return plan_settings({**asked, **more}, source)
     if method not in PLANNERS:
-        raise BadInput(f"{source}: method: {method} is not allowed: {', '.join(PLANNERS)}")
+        raise BadInput(", ".join(PLANNERS), source, "method", method)
     if PLANNERS[method].slews != planner_of(settings).slews:
-        raise BadInput(
-            f"{source}: method: {method} is not allowed: it does not plan what {settings.method} "
-            "does"
-        )
+        raise BadInput(f"it does not plan what {settings.method} does", source, "method", method)
     known = {field.name for field in fields(PLANNERS[method].settings)}
     values = {key: asked[key] for key in _MANOEUVRE if key in known and asked.get(key) is not None}
     return plan_settings({**values, **more, "method": method}, source)
@@ -166,9 +163,9 @@ def make_plan(
     """
     period, limit = plant.period, plant.effort_limit
     if not (np.isfinite(period) and period > 0.0):
-        raise BadInput(f"period: {period!r} is not allowed: a positive number of seconds")
+        raise BadInput("a positive number of seconds", key="period", value=period)
     if limit.ndim != 1 or not limit.size or not np.all(limit > 0.0):
-        raise BadInput(f"effort_limit: {limit.tolist()} is not allowed: positive, one per actuator")
+        raise BadInput("positive, one per actuator", key="effort_limit", value=limit.tolist())
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
     plan = planner_of(settings).make(settings, plant, feedback, progress or unheard)
     return replace(plan, versions=software_versions())

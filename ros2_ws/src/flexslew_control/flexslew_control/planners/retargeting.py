@@ -95,7 +95,7 @@ def plan_retargeting(
     until = last_turn(testbed)
     duration = settings.duration or until - settings.start
     if not duration > 0.0:
-        raise BadInput("plan: duration: null is not allowed: no hinge turns after the start")
+        raise BadInput("no hinge turns after the start", "plan", "duration", "null")
     times = settings.start + tick_times(settings.start, duration, plant.period)
     motion = small_motion(testbed, max(until, float(times[-1])))
     ticks = len(times) - 1
@@ -168,8 +168,11 @@ def changing_gains(settings: Retargeting, ticks: _Ticks) -> tuple[Matrix, dict[s
     k, m = before.input_matrix.shape
     if k != m:
         raise BadInput(
-            f"plan: gains: {settings.gains} is not allowed: it needs one effort for each motion, "
-            f"and {m} efforts move {k} coordinates ({', '.join(motion.names)})"
+            f"it needs one effort for each motion, and {m} efforts move {k} coordinates "
+            f"({', '.join(motion.names)})",
+            "plan",
+            "gains",
+            settings.gains,
         )
     require_balancing(before, motion)
     weight = np.diag([w.state] * (2 * k) + [w.force] * k)

@@ -137,7 +137,7 @@ def tick_times(start: float, duration: float, period: float) -> Vector:
         BadInput: the start is not on a tick.
     """
     if abs(start / period - round(start / period)) > 1e-6:
-        raise BadInput(f"plan: start: {start!r} is not allowed: not a multiple of {period!r} s")
+        raise BadInput(f"not a multiple of {period!r} s", "plan", "start", start)
     return np.asarray(
         period * np.arange(int(np.ceil(duration / period - 1e-9)) + 1, dtype=np.float64)
     )

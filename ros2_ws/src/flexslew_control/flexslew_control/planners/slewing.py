@@ -65,8 +65,9 @@ class Slewing:
         limit = plant.effort_limit
         if limit.size != slew.goal.size:
             raise BadInput(
-                f"effort_limit: {limit.tolist()} is not allowed: {slew.goal.size} numbers, one "
-                f"for each of {', '.join(slew.model.joint_names)}"
+                f"{slew.goal.size} numbers, one for each of {', '.join(slew.model.joint_names)}",
+                key="effort_limit",
+                value=limit.tolist(),
             )
         try:
             plan = self.plan(settings, slew, progress)

@@ -51,7 +51,7 @@ def point_of(
     """
     time = 0.0 if at is None else at
     if not 0.0 <= time < np.inf:
-        raise BadInput(f"--at: {time} is not allowed: simulated seconds, 0 or more")
+        raise BadInput("simulated seconds, 0 or more", key="--at", value=time)
     plant = plant_of(trial)
     if at is not None and not joints:
         plan = plan or plan_of_trial(trial)

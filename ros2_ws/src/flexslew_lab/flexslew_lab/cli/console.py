@@ -53,9 +53,9 @@ def console(
     Example: `./flexslew console swap_demo`
     """
     if not 0 <= port <= 65535:
-        raise BadInput(f"--port: {port} is not allowed: 0 to 65535")
+        raise BadInput("0 to 65535", key="--port", value=port)
     if not 0.0 <= rate < float("inf"):
-        raise BadInput(f"--rate: {rate} is not allowed: 0 is as fast as possible, 1 real time")
+        raise BadInput("0 is as fast as possible, 1 real time", key="--rate", value=rate)
     if sum((file is not None, attach, replay is not None)) > 1:
         raise BadInput("console: give one of a trial, --attach and --replay")
     if replay is not None:

@@ -72,7 +72,7 @@ def trial(
     wanted, source = read_trial(file, sets)
     if rate is not None:
         if not 0.0 <= rate < math.inf:
-            raise BadInput(f"--rate: {rate} is not allowed: 0 is as fast as possible, 1 real time")
+            raise BadInput("0 is as fast as possible, 1 real time", key="--rate", value=rate)
         wanted = replace(wanted, rate_factor=rate)
     with progress(wanted.name) as advance, patient(SOON if in_process else NODES):
         result = run_trial(wanted, source, out, in_process, not no_report, advance, say)
@@ -136,7 +136,7 @@ def plan(
         else:
             settings = other_method(settings, method, f"{source}: plan")
     if settings is None:
-        raise BadInput(f"{source}: plan: is missing; add one or give --method")
+        raise BadInput("plan: is missing; add one or give --method", source)
 
     def iteration(update: Any) -> None:
         size = f"  |Y| {update.norm_terminal_error:.3e}  |U| {update.norm_input:.4f}"
@@ -182,7 +182,7 @@ def report(
 
     for path in bags:
         if not path.exists():
-            raise BadInput(f"{path}: no such run")
+            raise BadInput("no such run", path)
     beside = bags[0] if bags[0].is_dir() else bags[0].parent
     beside = beside.parent if beside.name == "bag" else beside
     target = out or (beside / "report.html" if len(bags) == 1 else new_file("overlay.html"))

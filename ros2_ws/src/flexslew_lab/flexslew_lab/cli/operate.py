@@ -47,7 +47,7 @@ def step(
     Example: `./flexslew step 100`
     """
     if not 1 <= ticks < 2**32:
-        raise BadInput(f"ticks: {ticks} is not allowed: at least 1")
+        raise BadInput("at least 1", key="ticks", value=ticks)
     _done(namespace, lambda bench: bench.step(ticks))
 
 
@@ -154,4 +154,4 @@ def _done(namespace: str, ask: Callable[["Operator"], "Reply"]) -> None:
 
 def _require(option: str, value: float) -> None:
     if not 0.0 <= value < math.inf:
-        raise BadInput(f"{option}: {value} is not allowed: at least 0, finite")
+        raise BadInput("at least 0, finite", key=option, value=value)

@@ -214,7 +214,7 @@ def live(
     from flexslew_lab.trial.domain import bench_domain
 
     if not 0 <= port <= 65535:
-        raise BadInput(f"--port: {port} is not allowed: 0 to 65535")
+        raise BadInput("0 to 65535", key="--port", value=port)
     domain, _ = bench_domain()
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     say(f"ROS_DOMAIN_ID {domain}")

@@ -53,7 +53,7 @@ def run(
     from flexslew_lab.studies.study import load_study, study_path
 
     if retry not in (None, "failed"):
-        raise BadInput(f"--retry: {retry} is not allowed: failed")
+        raise BadInput("failed", key="--retry", value=retry)
     if workers is not None and dask is not None:
         raise BadInput("--workers and --dask: choose one of them")
     part = _shard(shard)
@@ -227,12 +227,12 @@ def _opened(place: str, out: Path | None) -> tuple["Study", "Store"]:
     if Path(place).is_dir():
         store = Store(Path(place))
         if not store.exists:
-            raise BadInput(f"{place}: holds no study")
+            raise BadInput("holds no study", place)
         return load_study(store.folder / "study.yaml"), store
     wanted = load_study(study_path(place))
     store = Store(out or default_folder(wanted))
     if not store.exists:
-        raise BadInput(f"{store.folder}: holds no study; run it first, or name its folder")
+        raise BadInput("holds no study; run it first, or name its folder", store.folder)
     return wanted, store
 
 
@@ -265,5 +265,5 @@ def _shard(text: str | None) -> "Shard":
         return Shard()
     number, slash, of = text.partition("/")
     if not (slash and number.isdigit() and of.isdigit() and 1 <= int(number) <= int(of)):
-        raise BadInput(f"--shard: {text} is not allowed: I/N with I from 1 to N, such as 1/4")
+        raise BadInput("I/N with I from 1 to N, such as 1/4", key="--shard", value=text)
     return Shard(int(number), int(of))

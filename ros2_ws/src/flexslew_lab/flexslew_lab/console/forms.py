@@ -91,7 +91,7 @@ def not_negative(name: str, value: Any, below: float = inf) -> float:
     number = number_of(name, value)
     if not 0.0 <= number < below:
         limit = f", below {below:g}" if below < inf else ""
-        raise BadInput(f"{name}: {number:g} is not allowed: at least 0{limit}")
+        raise BadInput(f"at least 0{limit}", key=name, value=number)
     return number
 
 
@@ -102,7 +102,7 @@ def one_of(name: str, value: Any, known: Mapping[str, float]) -> float:
         BadInput: it is none of them.
     """
     if str(value) not in known:
-        raise BadInput(f"{name}: {value!r:.40} is not allowed: {', '.join(known)}")
+        raise BadInput(", ".join(known), key=name, value=value)
     return known[str(value)]
 
 
@@ -201,8 +201,8 @@ def _value(key: Key, text: str) -> Any:
     """
     if key.options:
         if text not in key.options:
-            raise BadInput(f"{key.name}: {text!r:.40} is not allowed: {', '.join(key.options)}")
+            raise BadInput(", ".join(key.options), key=key.name, value=text)
         return text
     if len(text) > _LONGEST:
-        raise BadInput(f"{key.name}: {len(text)} characters are too many: at most {_LONGEST}")
+        raise BadInput(f"{len(text)} characters are too many: at most {_LONGEST}", key.name)
     return load_yaml(text, key.name)

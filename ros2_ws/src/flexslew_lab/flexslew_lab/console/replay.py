@@ -36,7 +36,7 @@ class Replay:
         there = Player(PlaySettings(bag=str(bag))).topics
         shown = tuple(f"/{name}" for name in _SHOWN if f"/{name}" in there)
         if f"/{topics.TRUTH}" not in shown:
-            raise BadInput(f"{bag}: holds no truth")
+            raise BadInput("holds no truth", bag)
         self._player = Player(PlaySettings(bag=str(bag), topics=shown, paused=True))
         self.view, self.folder = BenchView(), str(bag.parent if bag.name == "bag" else bag)
         self.command = f"./flexslew resim {self.folder}"

@@ -74,8 +74,9 @@ class BagIndex:
             kinds.append(self._sets.setdefault(place.channels, len(self._sets)))
             if len(kinds) > most_chunks() or len(self._sets) > SETS:
                 raise BadInput(
-                    f"{self.path}: an index of more than {len(kinds) - 1} chunks or of "
-                    f"{SETS} groups of topics, which no bag has"
+                    f"an index of more than {len(kinds) - 1} chunks or of {SETS} groups of "
+                    "topics, which no bag has",
+                    self.path,
                 )
         self._rows = np.frombuffer(rows, dtype=_ROWS)
         self._kinds = np.frombuffer(kinds, dtype=np.uint16)
@@ -130,7 +131,7 @@ class BagIndex:
         with open(self.path, "rb") as file:
             record = _record(file, at, self.path)
         if record.opcode != CHUNK or len(record.body) + _HEAD.size != length:
-            raise BadInput(f"{self.path}: damaged at byte {at}: its index names another record")
+            raise BadInput(f"damaged at byte {at}: its index names another record", self.path)
         for m in chunk_records(
             chunk_content(record.body, f"{self.path}: byte {at}"), str(self.path)
         ):
@@ -150,10 +151,10 @@ class BagIndex:
                     held = np.frombuffer(record.body, _CHANNELS, count, _CHUNK.size)["channel"]
                 except (struct.error, ValueError):
                     raise BadInput(
-                        f"{self.path}: damaged at byte {record.offset}: its index is cut"
+                        f"damaged at byte {record.offset}: its index is cut", self.path
                     ) from None
                 if max(start, end, place, size) > _LATEST:
-                    raise BadInput(f"{self.path}: damaged: its index names an impossible place")
+                    raise BadInput("damaged: its index names an impossible place", self.path)
                 channels = frozenset(held[: CHANNELS + 1].tolist())
                 yield _Place(start, end, place, size, channels)
 

@@ -244,7 +244,7 @@ class BagReader:
                 break
         if self._foreign:
             return {}
-        raise BadInput(f"{self.path}: not a flexslew bag (it holds no {TRIAL_RECORD!r} record)")
+        raise BadInput(f"not a flexslew bag (it holds no {TRIAL_RECORD!r} record)", self.path)
 
     def _chunks(self) -> Iterator[tuple[bytes, Lookup]]:
         stream = RecordStream(self.path)
@@ -268,25 +268,21 @@ class BagReader:
         try:
             profile, _ = read_header(body)
         except ValueError as error:
-            raise BadInput(f"{self.path}: damaged header: {error}") from None
+            raise BadInput(f"damaged header: {error}", self.path) from None
         if profile != "ros2":
-            raise BadInput(f"{self.path}: profile {profile!r}, not 'ros2': a foreign bag")
+            raise BadInput(f"profile {profile!r}, not 'ros2': a foreign bag", self.path)
 
     def _metadata(self, body: bytes) -> tuple[str, dict[str, str]]:
         try:
             name, data = read_metadata(body)
         except ValueError as error:
-            raise BadInput(f"{self.path}: damaged metadata: {error}") from None
+            raise BadInput(f"damaged metadata: {error}", self.path) from None
         if name in (TRIAL_RECORD, RUN_RECORD):
             if data.get("checksum") != checksum(data):
-                raise BadInput(
-                    f"{self.path}: damaged metadata {name!r}: its checksum does not match"
-                )
+                raise BadInput(f"damaged metadata {name!r}: its checksum does not match", self.path)
             form = data.get("format")
             if form != FORMAT:
-                raise BadInput(
-                    f"{self.path}: written in format {form}, this version reads {FORMAT}"
-                )
+                raise BadInput(f"written in format {form}, this version reads {FORMAT}", self.path)
         if name == RUN_RECORD:
             check_run_record(data, str(self.path))
         return name, data
@@ -305,10 +301,10 @@ def find_mcap(path: Path) -> Path:
     if path.is_file():
         return path
     if not path.is_dir():
-        raise BadInput(f"{path}: no such bag")
+        raise BadInput("no such bag", path)
     files = sorted(path.glob("*.mcap")) or sorted(path.glob("*/*.mcap"))
     if len(files) != 1:
         found = ", ".join(f.name for f in files) or "none"
         what = METADATA_FILE if (path / METADATA_FILE).exists() else "no metadata.yaml"
-        raise BadInput(f"{path}: needs one .mcap file, has {found} (and {what})")
+        raise BadInput(f"needs one .mcap file, has {found} (and {what})", path)
     return files[0]

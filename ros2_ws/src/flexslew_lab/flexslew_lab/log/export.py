@@ -70,7 +70,7 @@ def export_log(
     unknown = [t for t in topics or () if t not in overview.counts]
     if unknown:
         there = ", ".join(sorted(overview.counts))
-        raise BadInput(f"{bag.path}: no topic {unknown[0]}; it has {there}")
+        raise BadInput(f"no topic {unknown[0]}; it has {there}", bag.path)
     wanted = list(topics or sorted(overview.counts))
     skipped = {t: why for t in wanted if (why := _objection(overview.types[t]))}
     wanted = [t for t in wanted if t not in skipped]
@@ -79,7 +79,7 @@ def export_log(
     columns = {t: _columns(overview, t, widths[t], kind) for t in wanted}
     files = {t: out / f"{_file_name(t)}.{kind}" for t in wanted}
     if len({*files.values()}) < len(files):
-        raise BadInput(f"{bag.path}: two topics would be written to one file")
+        raise BadInput("two topics would be written to one file", bag.path)
     rows = dict.fromkeys(wanted, 0)
     with ExitStack() as stack:
         sinks = {}

@@ -172,7 +172,7 @@ def _copy(path: Path, target: Path) -> Recovery:
     if stream.cut:
         reason, bytes_lost = stream.cut.reason, stream.cut.lost
     if writer is None:
-        raise BadInput(f"{path}: nothing to recover: {reason or 'it holds no message'}")
+        raise BadInput(f"nothing to recover: {reason or 'it holds no message'}", path)
     result = Recovery(
         path, target, dict(tally.kept), dict(+tally.lost), reason, bytes_lost, chunks_lost,
         tally.time, tally.tick, tally.missing, 0 if stream.sealed else bare,

@@ -62,7 +62,7 @@ def _measured(bag: BagReader) -> dict[str, Any]:
                 epoch = Epoch(int(number), _run_setup(overview, joints, int(number)), own)
             epoch.add(columns)
     if epoch is None:
-        raise BadInput(f"{bag.path}: holds no truth, so there is nothing to measure")
+        raise BadInput("holds no truth, so there is nothing to measure", bag.path)
     wall = overview.metadata.get(RUN_RECORD, {}).get("wall_time")
     unprotected = (f"changes go undetected: {part}" for part in overview.unprotected)
     ending = Ending(

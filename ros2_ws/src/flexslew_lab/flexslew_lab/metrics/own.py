@@ -26,13 +26,13 @@ def own_metrics(names: Sequence[str], source: str) -> list[type[Metric]]:
         kind = find_class(name, GROUP, "metric", source, tuple(METRICS))
         keys = getattr(kind, "KEYS", None)
         if not isinstance(keys, dict) or not all(isinstance(k, Key) for k in keys.values()):
-            raise BadInput(f"{source}: {name} is no metric: it needs KEYS, a dict of Key by name")
+            raise BadInput(f"{name} is no metric: it needs KEYS, a dict of Key by name", source)
         lacking = [part for part in ("add", "result") if not callable(getattr(kind, part, None))]
         if lacking:
-            raise BadInput(f"{source}: {name} is no metric: it has no {' and no '.join(lacking)}")
+            raise BadInput(f"{name} is no metric: it has no {' and no '.join(lacking)}", source)
         for key in keys:
             if key in taken:
-                raise BadInput(f"{source}: {name}: the key {key} is taken by {taken[key]}")
+                raise BadInput(f"{name}: the key {key} is taken by {taken[key]}", source)
         taken |= dict.fromkeys(keys, name)
         found.append(kind)
     return found

@@ -73,7 +73,7 @@ def _checked(
 ) -> Check:
     laws = logged_laws(reader)
     if controller not in laws:
-        raise BadInput(f"{reader.path}: no controller {controller}; it has {', '.join(laws)}")
+        raise BadInput(f"no controller {controller}; it has {', '.join(laws)}", reader.path)
     recorded_law, values = laws[controller]
     own = {} if law is not None and law != recorded_law else values
     chosen = law or recorded_law, {**own, **settings}
@@ -94,7 +94,7 @@ def _checked(
         question = _question(message, answers.period)
         misfit = question.misfit(len(testbed.joint_names), len(testbed.appendage_names))
         if misfit:
-            raise BadInput(f"{reader.path}: /measurement of tick {question.tick}: {misfit}")
+            raise BadInput(f"/measurement of tick {question.tick}: {misfit}", reader.path)
         answer = logged.by_name[controller].observe(question)
         if answer is not None:
             answers.ours(key, answer_fields(answer))
@@ -102,7 +102,7 @@ def _checked(
             progress(int(message.tick), last)
     answers.finish()
     if not answers.ticks and not answers.only_recorded:
-        raise BadInput(f"{reader.path}: {controller} has not answered in this log")
+        raise BadInput(f"{controller} has not answered in this log", reader.path)
     rows = tuple(answers.rows[name].row() for name in FIELDS)
     curves = {n: answers.rows[n].curve.points() for n in FIELDS if answers.rows[n].ticks}
     return Check(

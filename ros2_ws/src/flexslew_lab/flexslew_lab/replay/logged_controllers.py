@@ -43,7 +43,7 @@ def trial_of(bag: BagReader, changes: Mapping[str, Any] | None = None) -> Trial:
         BadInput: the bag holds none, or none that this version reads.
     """
     if not bag.trial_text:
-        raise BadInput(f"{bag.path}: holds no trial")
+        raise BadInput("holds no trial", bag.path)
     source = f"{bag.path}: trial"
     values = logged_yaml(bag.trial_text, source)
     if changes:
@@ -74,7 +74,7 @@ class LoggedControllers:
         overview = bag.overview
         testbed = overview.testbed
         if testbed is None:
-            raise BadInput(f"{bag.path}: does not name its testbed (no /testbed)")
+            raise BadInput("does not name its testbed (no /testbed)", bag.path)
         laws = logged_laws(bag) | dict(replaced or {})
         self._source = str(bag.path)
         self._plant = plant_of(trial or trial_of(bag))
@@ -170,9 +170,7 @@ def adoptions(bag: BagReader) -> list[Adoption]:
         if not wanted or following.get(name) == (wanted, status.plan_number):
             continue
         if wanted not in plans:
-            raise BadInput(
-                f"{bag.path}: {name} follows plan {wanted[:12]}, which is not in the log"
-            )
+            raise BadInput(f"{name} follows plan {wanted[:12]}, which is not in the log", bag.path)
         following[name] = wanted, status.plan_number
         first = int(status.plan_epoch), int(status.plan_tick)
         if not status.plan_number:  # of an older log: what it had seen when it said so

@@ -204,7 +204,7 @@ def _chosen(wanted: Collection[str], types: Mapping[str, str], path: str) -> set
     names = [name if name.startswith("/") else f"/{name}" for name in wanted]
     for name in names:
         if name not in types:
-            raise BadInput(f"{path}: no topic {name}; it has {', '.join(sorted(types))}")
+            raise BadInput(f"no topic {name}; it has {', '.join(sorted(types))}", path)
     return set(names or types)
 
 

@@ -100,13 +100,13 @@ def _flown_again(
                 for name in FIELDS
             }
             if any(theirs[name].shape != mine[name].shape for name in FIELDS):
-                raise BadInput(f"{reader.path}: the truth is not of the testbed of its trial")
+                raise BadInput("the truth is not of the testbed of its trial", reader.path)
             recorded.update_many(tick, theirs["position"], theirs["velocity"])
             ours.update_many(tick, mine["position"], mine["velocity"])
             same.add(int(number), tick, theirs, mine)
         progress(again.bench.tick, again.bench.last_tick or 0)
     if not same.ticks:
-        raise BadInput(f"{reader.path}: holds no truth, so there is nothing to compare with")
+        raise BadInput("holds no truth, so there is nothing to compare with", reader.path)
     return Resimulation(
         recorded.hexdigest(),
         ours.hexdigest(),

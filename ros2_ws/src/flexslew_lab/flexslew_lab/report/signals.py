@@ -42,7 +42,7 @@ def read_signals(bag: BagReader) -> Signals:
     columns = _columns(bag)
     truth = columns.get("/truth", {})
     if not truth:
-        raise BadInput(f"{bag.path}: holds no truth")
+        raise BadInput("holds no truth", bag.path)
     ticks = _keys_of_ticks(truth)
     labels = _labels(bag.overview, truth["applied_effort"].shape[1])
     values: dict[str, Vector] = {}

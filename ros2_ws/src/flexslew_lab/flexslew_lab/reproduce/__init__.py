@@ -104,4 +104,4 @@ def write_figures(name: str, path: Path) -> None:
     try:
         path.write_text(page)
     except OSError as error:
-        raise BadInput(f"{path}: cannot be written: {error}") from None
+        raise BadInput(f"cannot be written: {error}", path) from None

@@ -51,4 +51,4 @@ def _field(key: str, of: str, value: Any) -> Any:
     if of == "sequence<double>" and isinstance(value, list):
         return [_field(f"{key}.{k}", "double", one) for k, one in enumerate(value)]
     allowed = "a time in seconds, at least 0, below 1e9" if of == _TIME else f"of type {of}"
-    raise BadInput(f"{key}: {value!r:.60} is not allowed: {allowed}")
+    raise BadInput(allowed, key=key, value=value)

@@ -59,7 +59,7 @@ def case_of(study: Study, samples: pa.Table, index: int) -> Case:
     """
     last = samples.num_rows * len(study.variants)
     if not 0 <= index < last:
-        raise BadInput(f"{study.source}: trial {index} is not one of 0 to {last - 1}")
+        raise BadInput(f"trial {index} is not one of 0 to {last - 1}", study.source)
     sample, variant = divmod(index, len(study.variants))
     draws = tuple(samples[varied.name][sample].as_py() for varied in study.varied)
     return Case(index, sample, variant, samples["seed"][sample].as_py(), draws)

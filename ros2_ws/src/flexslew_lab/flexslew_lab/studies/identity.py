@@ -66,8 +66,9 @@ def require_same(there: dict[str, Any], here: dict[str, Any], place: Path) -> No
     if differences:
         more = f" (and {len(differences) - 1} more)" if len(differences) > 1 else ""
         raise BadInput(
-            f"{place}: holds another study, {differences[0]}{more}; restore its settings, or "
-            "choose another folder with --out"
+            f"holds another study, {differences[0]}{more}; restore its settings, or "
+            "choose another folder with --out",
+            place,
         )
 
 

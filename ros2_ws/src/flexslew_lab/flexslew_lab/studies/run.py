@@ -123,11 +123,11 @@ def run_study(
     """
     study, store = ready.study, Store(folder)
     if shard.of > 1 and study.settings.stop is not None:
-        raise BadInput(f"{study.source}: stop: is not allowed for a shard, which sees a part only")
+        raise BadInput("stop: is not allowed for a shard, which sees a part only", study.source)
     if store.exists:
         require_same(store.identity, ready.identity, folder)
     elif store.strangers:
-        raise BadInput(f"{folder}: is not empty and holds no study; choose another --out")
+        raise BadInput("is not empty and holds no study; choose another --out", folder)
     with store.locked():
         store.clean()
         if not store.exists:

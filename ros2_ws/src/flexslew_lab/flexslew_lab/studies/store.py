@@ -63,7 +63,7 @@ class Store:
             try:
                 self._identity = json.loads((self.folder / _IDENTITY).read_text())
             except (OSError, ValueError):
-                raise BadInput(f"{self.folder}: holds no study") from None
+                raise BadInput("holds no study", self.folder) from None
         return self._identity
 
     @property
@@ -98,8 +98,9 @@ class Store:
             handle = lock_file(self.folder / _LOCK)
         if handle is None:
             raise BadInput(
-                f"{self.folder}: another run of a study writes here; end it first or choose "
-                "another folder with --out"
+                "another run of a study writes here; end it first or choose another folder "
+                "with --out",
+                self.folder,
             )
         try:
             yield
@@ -170,7 +171,7 @@ class Store:
         parts = self._parts()
         spans = [_span(part) for part in parts]
         if not spans:
-            raise BadInput(f"{self.folder}: no trial has been flown yet")
+            raise BadInput("no trial has been flown yet", self.folder)
 
         def write(path: Path) -> None:
             writer: pq.ParquetWriter | None = None
@@ -265,7 +266,7 @@ def _told(place: Path) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise BadInput(f"{place}: cannot be written: {error}") from None
+            raise BadInput(f"cannot be written: {error}", place) from None
         raise RunFault(
             f"{place.parent}: no space left on the disk; all results up to the last part "
             "is there; make room and run the study again"

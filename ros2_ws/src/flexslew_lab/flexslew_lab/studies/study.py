@@ -128,7 +128,7 @@ def study_path(name: str) -> Path:
     if shipped.is_file():
         return shipped
     known = ", ".join(shipped_names())
-    raise BadInput(f"{name}: is neither a study file nor a shipped study; shipped: {known}")
+    raise BadInput(f"is neither a study file nor a shipped study; shipped: {known}", name)
 
 
 def shipped_names() -> list[str]:
@@ -145,7 +145,7 @@ def load_study(path: Path) -> Study:
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: cannot be read: {error}") from None
+        raise BadInput(f"cannot be read: {error}", path) from None
     return parse_study(text, str(path), path.parent)
 
 
@@ -162,7 +162,7 @@ def parse_study(text: str, source: str, folder: Path) -> Study:
     """
     values = load_yaml(text, source)
     if not isinstance(values, dict):
-        raise BadInput(f"{source}: holds no keys; it needs at least study, trial and vary")
+        raise BadInput("holds no keys; it needs at least study, trial and vary", source)
     settings: StudySettings = validated(StudySettings, values, source)
     trial_path = _trial_path(settings.trial, folder, source)
     base = plain(load_trial(trial_path))
@@ -171,14 +171,15 @@ def parse_study(text: str, source: str, folder: Path) -> Study:
     variants = _variants(settings, base, source)
     for name, criterion in settings.criteria.items():
         if (criterion.below is None) == (criterion.above is None):
-            raise BadInput(f"{source}: criteria.{name}: give either below or above")
+            raise BadInput(f"criteria.{name}: give either below or above", source)
     if settings.stop is not None and not (
         METHODS[settings.sampling.method].independent
         or METHODS[settings.sampling.method].replicated
     ):
         raise BadInput(
-            f"{source}: stop: is not allowed with method {settings.sampling.method}, whose "
-            "samples give no bounds; use random, lhs or sobol"
+            f"stop: is not allowed with method {settings.sampling.method}, whose samples "
+            "give no bounds; use random, lhs or sobol",
+            source,
         )
     return Study(settings, source, str(trial_path), base, varied, variants, listed, {})
 
@@ -193,7 +194,7 @@ def known_metric(name: str, known: list[str], place: str) -> str:
         return name
     close = difflib.get_close_matches(name, known, n=1)
     hint = f"did you mean {close[0]}? " if close else ""
-    raise BadInput(f"{place}: {name} is not a metric; {hint}allowed: {', '.join(known)}")
+    raise BadInput(f"{name} is not a metric; {hint}allowed: {', '.join(known)}", place)
 
 
 def _trial_path(name: str, folder: Path, source: str) -> Path:
@@ -203,7 +204,7 @@ def _trial_path(name: str, folder: Path, source: str) -> Path:
     try:
         return trial_path(name)
     except BadInput as error:
-        raise BadInput(f"{source}: trial: {error}") from None
+        raise BadInput(f"trial: {error}", source) from None
 
 
 def _varied(
@@ -211,7 +212,7 @@ def _varied(
 ) -> tuple[tuple[Varied, ...], tuple[NDArray[np.float64], ...]]:
     if settings.sampling.method == "list" and settings.sampling.file is not None:
         if settings.vary:
-            raise BadInput(f"{source}: vary: is not allowed with a list, whose first row names all")
+            raise BadInput("vary: is not allowed with a list, whose first row names all", source)
         place = f"{source}: sampling.file"
         keys, columns = list_of(folder / settings.sampling.file, place)
         varied = tuple(Varied(key, (key,), "absolute", None) for key in keys)
@@ -219,7 +220,7 @@ def _varied(
             nominal_value(base, key, place)
         return varied, columns
     if not settings.vary:
-        raise BadInput(f"{source}: vary: is missing; name at least one value of the trial")
+        raise BadInput("vary: is missing; name at least one value of the trial", source)
     return tuple(_one(name, v, base, source) for name, v in settings.vary.items()), ()
 
 
@@ -228,18 +229,18 @@ def _one(name: str, values: dict[str, Any], base: dict[str, Any], source: str) -
     own = dict(values)
     keys = own.pop("keys", [name])
     if not isinstance(keys, list) or not keys or not all(isinstance(k, str) for k in keys):
-        raise BadInput(f"{place}.keys: {keys!r} is not allowed: a list of keys of the trial")
+        raise BadInput("a list of keys of the trial", key=f"{place}.keys", value=keys)
     reference = "absolute"
     if len(own) == 1 and next(iter(own)) in ("relative", "offset"):
         reference, inner = next(iter(own.items()))
         place, own = f"{place}.{reference}", inner
     if name in _TAKEN:
-        raise BadInput(f"{place}: is not allowed: the tables have a column of that name already")
+        raise BadInput("is not allowed: the tables have a column of that name already", place)
     varied = Varied(name, tuple(keys), reference, distribution_of(own, place))
     for key in keys:
         nominal = nominal_value(base, key, f"{source}: vary")
         if reference != "absolute" and not _numeric(nominal):
-            raise BadInput(f"{place}: {key} is {nominal!r} in the trial; {reference} needs numbers")
+            raise BadInput(f"{key} is {nominal!r} in the trial; {reference} needs numbers", place)
     return varied
 
 
@@ -256,7 +257,7 @@ def nominal_value(base: dict[str, Any], key: str, place: str) -> Any:
     known = sorted(_paths(base))
     close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
     hint = f"; did you mean {close[0]}?" if close else ""
-    raise BadInput(f"{place}: {key} is not a key of the trial{hint}")
+    raise BadInput(f"{key} is not a key of the trial{hint}", place)
 
 
 def _paths(values: Any, prefix: str = "") -> list[str]:
@@ -279,9 +280,9 @@ def _variants(settings: StudySettings, base: dict[str, Any], source: str) -> tup
             nominal_value(base, key, f"{source}: compare")
         named = given if isinstance(given, dict) else {_label(v): v for v in given}
         if len(named) != len(given):
-            raise BadInput(f"{source}: compare.{key}: two entries read the same; give them names")
+            raise BadInput(f"compare.{key}: two entries read the same; give them names", source)
         if not named:
-            raise BadInput(f"{source}: compare.{key}: is empty; name what is to be compared")
+            raise BadInput(f"compare.{key}: is empty; name what is to be compared", source)
         shown = len(named) > 1  # one choice tells nothing apart
         axes.append([(label if shown else "", {key: v}) for label, v in named.items()])
     variants = []

@@ -57,7 +57,7 @@ def chosen_domain() -> int | None:
     if not wanted:
         return None
     if not (wanted.isdigit() and int(wanted) <= _LAST):
-        raise BadInput(f"ROS_DOMAIN_ID: {wanted!r} is not allowed: a number from 0 to {_LAST}")
+        raise BadInput(f"a number from 0 to {_LAST}", key="ROS_DOMAIN_ID", value=wanted)
     return int(wanted)
 
 

@@ -72,5 +72,5 @@ def _rate(text: str) -> float | None:
 
 def _truth(name: str, text: str) -> bool:
     if text.lower() not in ("true", "false"):
-        raise BadInput(f"launch: {name}: {text} is not allowed: true or false")
+        raise BadInput("true or false", "launch", name, text)
     return text.lower() == "true"

@@ -35,7 +35,7 @@ def value_at(values: dict[str, Any], path: str) -> Any:
     found: Any = values
     for place, key in _steps(values, path):
         if not _holds(place, key):
-            raise BadInput(f"{path}: {key} is not there")
+            raise BadInput(f"{key} is not there", path)
         found = place[key]
     return found
 
@@ -70,7 +70,7 @@ def _steps(values: Any, path: str, make: bool = False) -> Iterator[tuple[Any, An
         if make and (not _holds(place, key) or place[key] is None):
             place[key] = {}
         if not _holds(place, key):
-            raise BadInput(f"{path}: {walked} is not there")
+            raise BadInput(f"{walked} is not there", path)
         place = place[key]
 
 
@@ -85,8 +85,8 @@ def _next_key(place: Any, rest: list[str], path: str, walked: str) -> tuple[Any,
     if isinstance(place, list):
         if rest[0].isdigit() and int(rest[0]) < len(place):
             return int(rest[0]), rest[1:]
-        raise BadInput(f"{path}: {walked} has the entries 0 to {len(place) - 1}, not {rest[0]}")
-    raise BadInput(f"{path}: {walked} is the scalar {place!r}; it has no keys")
+        raise BadInput(f"{walked} has the entries 0 to {len(place) - 1}, not {rest[0]}", path)
+    raise BadInput(f"{walked} is the scalar {place!r}; it has no keys", path)
 
 
 def _holds(place: Any, key: Any) -> bool:

@@ -150,7 +150,7 @@ def _prepared(trial: Trial, source: str) -> _Prepared:
     for controller in controllers.values():
         refused = controller.adopt(plan) if plan is not None else None
         if refused is not None:
-            raise BadInput(f"{source}: plan: {refused}")
+            raise BadInput(f"plan: {refused}", source)
     return _Prepared(bench, controllers, plan)
 
 

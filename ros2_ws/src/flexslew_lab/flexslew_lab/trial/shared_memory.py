@@ -27,6 +27,7 @@ def require_shared_memory(folder: Path = FOLDER) -> None:
     free = state.f_bavail * state.f_frsize
     if free < LEAST:
         raise BadInput(
-            f"{folder}: {free} bytes are free, and nodes need {LEAST}: remove what is left there, "
-            "give a container more (--shm-size 64m), or fly with --in-process"
+            f"{free} bytes are free, and nodes need {LEAST}: remove what is left there, "
+            "give a container more (--shm-size 64m), or fly with --in-process",
+            folder,
         )

@@ -100,7 +100,7 @@ def text_of(path: Path) -> str:
         return path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "it is not a text file"
-        raise BadInput(f"{path}: cannot be read: {why}") from None
+        raise BadInput(f"cannot be read: {why}", path) from None
 
 
 def checked_trial(trial: Trial, source: str) -> Trial:
@@ -112,8 +112,11 @@ def checked_trial(trial: Trial, source: str) -> Trial:
     for i, entry in enumerate(trial.schedule):
         if round(entry.at / trial.period) >= round(trial.duration / trial.period):
             raise BadInput(
-                f"{source}: schedule.{i}.at: {entry.at:g} is not allowed: the run ends at "
-                f"{trial.duration:g} s; choose an earlier time or a longer duration"
+                f"the run ends at {trial.duration:g} s; choose an earlier time or a longer "
+                "duration",
+                source,
+                f"schedule.{i}.at",
+                entry.at,
             )
     return trial
 
@@ -126,14 +129,14 @@ def parse_trial(text: str, source: str) -> Trial:
 def trial_of_values(values: Any, source: str) -> Trial:
     """Return the trial that plain data describe; see load_trial."""
     if not isinstance(values, dict):
-        raise BadInput(f"{source}: holds no keys; `flexslew trials` lists examples")
+        raise BadInput("holds no keys; `flexslew trials` lists examples", source)
     trial: Trial = validated(Trial, values, source)
     wanted = {"active": trial.active} | {f"fallback.{i}": c for i, c in enumerate(trial.fallback)}
     wanted |= {f"schedule.{i}.switch": e.switch for i, e in enumerate(trial.schedule) if e.switch}
     for key, controller in wanted.items():
         if controller not in trial.controllers:
             known = ", ".join(trial.controllers)
-            raise BadInput(f"{source}: {key}: {controller} is not in controllers; allowed: {known}")
+            raise BadInput(f"{key}: {controller} is not in controllers; allowed: {known}", source)
     require_allowed(trial.schedule, trial.allow_faults, source)
     return trial
 

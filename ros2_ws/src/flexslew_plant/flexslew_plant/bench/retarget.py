@@ -24,10 +24,10 @@ def retargeted(testbed: Testbed, wanted: Any, at: float, place: str) -> Testbed:
             last one has ended.
     """
     if not isinstance(testbed, Retargeting):
-        raise BadInput(f"{place}: {testbed.kind} has no appendages that turn")
+        raise BadInput(f"{testbed.kind} has no appendages that turn", place)
     if not isinstance(wanted, dict):
         raise BadInput(
-            f"{place}: give YAML keys, for example {{appendage: left, to: 0.3, duration: 2.0}}"
+            "give YAML keys, for example {appendage: left, to: 0.3, duration: 2.0}", place
         )
     try:
         changes = testbed.retargeted(wanted, at)

@@ -47,8 +47,9 @@ def require_allowed(schedule: Schedule, allowed: bool, source: str = "trial") ->
     for i, entry in enumerate(schedule):
         if entry.fault is not None and not allowed:
             raise BadInput(
-                f"{source}: schedule.{i}.fault: {entry.fault.kind} is refused because faults are "
-                "off; set allow_faults: true"
+                f"schedule.{i}.fault: {entry.fault.kind} is refused because faults are off; "
+                "set allow_faults: true",
+                source,
             )
 
 

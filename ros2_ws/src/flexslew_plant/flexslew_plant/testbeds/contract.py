@@ -202,4 +202,4 @@ def refuse_payload(kind: str, payload: float) -> None:
         BadInput: another payload is asked for.
     """
     if payload != 1.0:
-        raise BadInput(f"payload: {payload:g} is not allowed: {kind} carries none")
+        raise BadInput(f"{kind} carries none", key="payload", value=payload)

@@ -100,8 +100,10 @@ def joint_range(settings: RobustFeedforward, slew: Slew) -> Matrix | None:
         j = names.index(name)
         if not low < min(slew.start[j], slew.goal[j]) <= max(slew.start[j], slew.goal[j]) < high:
             raise BadInput(
-                f"plan: joint_range.{name}: [{low:g}, {high:g}] is not allowed: the joint goes "
-                f"from {slew.start[j]:g} to {slew.goal[j]:g}, which must lie inside"
+                f"the joint goes from {slew.start[j]:g} to {slew.goal[j]:g}, which must lie inside",
+                "plan",
+                f"joint_range.{name}",
+                f"[{low:g}, {high:g}]",
             )
         found[:, j] = low, high
     return found

@@ -99,11 +99,11 @@ def make_shaper(
             being asked for.
     """
     if not (np.isfinite(frequency) and frequency > 0.0):
-        raise BadInput(f"shaper: frequency: {frequency!r} is not allowed: above 0 rad/s")
+        raise BadInput("above 0 rad/s", "shaper", "frequency", frequency)
     if not 0.0 <= damping < 1.0:
-        raise BadInput(f"shaper: damping: {damping!r} is not allowed: at least 0, below 1")
+        raise BadInput("at least 0, below 1", "shaper", "damping", damping)
     if not 0.0 < tolerance < 0.5:
-        raise BadInput(f"shaper: tolerance: {tolerance!r} is not allowed: above 0, below 0.5")
+        raise BadInput("above 0, below 0.5", "shaper", "tolerance", tolerance)
     if name == "none":
         return Shaper(np.zeros(1), np.ones(1))
     root = np.sqrt(1.0 - damping**2)

@@ -169,7 +169,7 @@ def _transcription(
         ) from None
     if not isinstance(testbed, Symbolic):
         raise BadInput(
-            "plan: drives: all is not allowed: this testbed does not give its energies in symbols"
+            "this testbed does not give its energies in symbols", "plan", "drives", "all"
         )
     model = testbed.model()
     n, m = model.coordinates, model.joints

@@ -123,11 +123,13 @@ def found_slew(
     start = np.concatenate((first, rest))
     if settings.drives == "all" or moving.size > 1 or moving[0] != 0 or not _alone(model, start):
         if model.joints == 1:
-            raise BadInput("plan: drives: all is not allowed: there is one; use moving")
+            raise BadInput("there is one; use moving", "plan", "drives", "all")
         if settings.robust:
             raise BadInput(
-                "plan: robust: true is not allowed: a slew by all drives is not made robust; use "
-                "robust_feedforward"
+                "a slew by all drives is not made robust; use robust_feedforward",
+                "plan",
+                "robust",
+                "true",
             )
         goal = np.concatenate((last, rest))
         return fastest_slew(asked.testbed, start, goal, amplitude, progress)

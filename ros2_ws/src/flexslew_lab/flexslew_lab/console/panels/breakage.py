@@ -134,7 +134,7 @@ class BreakPanel:
     def _made(self, given: dict[str, Any]) -> dict[str, Any]:
         kind = self._injection.choice.value
         if kind not in FAULTS:
-            raise BadInput(f"Fault: {kind!r:.40} is not allowed: {', '.join(FAULTS)}")
+            raise BadInput(", ".join(FAULTS), key="Fault", value=kind)
         return {"fault": {"kind": kind, **given}}
 
 

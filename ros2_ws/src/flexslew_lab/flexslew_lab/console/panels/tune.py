@@ -100,7 +100,7 @@ def _check(law: str, text: str, changes: dict[str, object]) -> None:
     values = overridden(_settings(text), changes)
     handover = values.pop(_HANDOVER, 1.0)
     if number_of(_HANDOVER, handover) < 0.0:
-        raise BadInput(f"{_HANDOVER}: {handover} is not allowed: at least 0")
+        raise BadInput("at least 0", key=_HANDOVER, value=handover)
     try:
         validated(CONTROLLERS[law].settings, values, "")
     except BadInput as error:

@@ -20,11 +20,11 @@ def lock_folder(folder: Path) -> int:
         handle = lock_file(folder / LOCK_FILE)
     except OSError as error:
         if error.errno in (errno.ELOOP, errno.EISDIR):
-            raise BadInput(f"{folder / LOCK_FILE}: is not a lock file; remove it") from None
+            raise BadInput("is not a lock file; remove it", folder / LOCK_FILE) from None
         raise
     if handle is None:
         raise BadInput(
-            f"{folder}: another recorder writes here; choose another folder or end it first"
+            "another recorder writes here; choose another folder or end it first", folder
         )
     return handle
 

@@ -64,7 +64,7 @@ class RecordStream:
         try:
             self._file: BinaryIO = open(path, "rb")  # noqa: SIM115
         except OSError as error:
-            raise BadInput(f"{path}: {error.strerror}") from None
+            raise BadInput(str(error.strerror), path) from None
         self._size = path.stat().st_size
 
     def __iter__(self) -> Iterator[Record]:
@@ -75,7 +75,7 @@ class RecordStream:
             file.seek(0)
             magic = file.read(len(MAGIC))
             if magic != MAGIC:
-                raise BadInput(f"{self.path}: not an MCAP file")
+                raise BadInput("not an MCAP file", self.path)
             at, crc = len(magic), zlib.crc32(magic)
             while True:
                 head = file.read(_HEAD.size)
@@ -111,9 +111,7 @@ class RecordStream:
         self.sealed = expected != 0
 
     def _damaged(self, at: int, why: str) -> BadInput:
-        return BadInput(
-            f"{self.path}: damaged at byte {at}: {why}; take a copy or `log recover` it"
-        )
+        return BadInput(f"damaged at byte {at}: {why}; take a copy or `log recover` it", self.path)
 
     @staticmethod
     def _why(head: bytes, opcode: int, length: int, room: int) -> str:
@@ -153,7 +151,7 @@ def chunk_content(body: bytes, where: str) -> bytes:
         if len(data) != size or (crc and zlib.crc32(data) != crc):
             raise ValueError("its checksum does not match")
     except (struct.error, ValueError, UnicodeDecodeError, zstandard.ZstdError) as error:
-        raise BadInput(f"{where}: damaged chunk: {error}") from None
+        raise BadInput(f"damaged chunk: {error}", where) from None
     return data
 
 
@@ -181,12 +179,12 @@ def chunk_records(data: bytes, where: str) -> Iterator[Record | RawMessage]:
             opcode, length, channel, sequence, stamp, _ = unpack(data, at)
         except struct.error:  # a short record at the very end
             if at + head > end:
-                raise BadInput(f"{where}: damaged chunk: a record is cut") from None
+                raise BadInput("damaged chunk: a record is cut", where) from None
             opcode, length = _HEAD.unpack_from(data, at)
             channel = sequence = stamp = 0
         stop = at + head + length
         if stop > end or (opcode == MESSAGE and length < message - head):
-            raise BadInput(f"{where}: damaged chunk: a record is cut")
+            raise BadInput("damaged chunk: a record is cut", where)
         if opcode == MESSAGE:
             yield RawMessage(channel, sequence, stamp, data[at + message : stop])
         elif opcode in _SCHEMA_LIKE:

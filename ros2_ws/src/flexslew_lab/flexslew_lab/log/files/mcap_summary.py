@@ -40,11 +40,11 @@ def find_summary(path: Path) -> Summary | None:
             return None
         opcode, length, start, _, crc = _FOOTER.unpack_from(foot)
         if opcode != FOOTER or length != _FOOTER.size - _HEAD.size or not 0 < start <= end:
-            raise BadInput(f"{path}: damaged: no footer; `log recover` makes it again")
+            raise BadInput("damaged: no footer; `log recover` makes it again", path)
         if crc and _crc(file, start, end + _FOOTER.size - 4) != crc:
             raise BadInput(
-                f"{path}: damaged: the checksum of the summary does not match; "
-                "`log recover` makes it again"
+                "damaged: the checksum of the summary does not match; `log recover` makes it again",
+                path,
             )
     return Summary(path, start, end, crc)
 
@@ -62,7 +62,7 @@ def summary_records(summary: Summary) -> Iterator[Record]:
             head = file.read(_HEAD.size)
             opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, summary.end)
             if at + _HEAD.size + length > summary.end:
-                raise BadInput(f"{summary.path}: damaged at byte {at}: a record is cut")
+                raise BadInput(f"damaged at byte {at}: a record is cut", summary.path)
             check_size("a record", length, f"{summary.path}: byte {at}")
             yield Record(opcode, file.read(length), at)
             at += _HEAD.size + length

@@ -39,8 +39,9 @@ def check_size(what: str, size: int, source: str) -> None:
     allowed = _largest.get() // _PARTS[what]
     if size > allowed:
         raise BadInput(
-            f"{source}: {what} of {size / MIB:.1f} MiB, the limit is {allowed / MIB:.3g}; "
-            "if you trust this log, raise the limit with --largest-chunk"
+            f"{what} of {size / MIB:.1f} MiB, the limit is {allowed / MIB:.3g}; if you "
+            "trust this log, raise the limit with --largest-chunk",
+            source,
         )
 
 

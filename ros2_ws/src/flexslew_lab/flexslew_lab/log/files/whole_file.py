@@ -15,7 +15,7 @@ def write_whole(path: Path, text: str) -> None:
         OSError: the system takes no more bytes.
     """
     if path.is_dir() and not path.is_symlink():
-        raise BadInput(f"{path}: is a folder, not a file; move it away")
+        raise BadInput("is a folder, not a file; move it away", path)
     handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:

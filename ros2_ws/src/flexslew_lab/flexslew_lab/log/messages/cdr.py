@@ -79,7 +79,7 @@ def encode(type_name: str, message: Any) -> bytes:
         _collect(type_name, message, values, lengths)
         return _packer(type_name, tuple(lengths)).pack(*values)
     except (struct.error, TypeError, ValueError, AttributeError) as error:
-        raise BadInput(f"{type_name}: this does not fit the message: {error}") from None
+        raise BadInput(f"this does not fit the message: {error}", type_name) from None
 
 
 def decode(type_name: str, data: bytes) -> Any:

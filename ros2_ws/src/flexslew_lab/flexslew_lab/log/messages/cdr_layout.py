@@ -41,7 +41,7 @@ def layout(type_name: str, data: bytes) -> Layout:
 
     """
     if data[:2] != HEADER[:2]:
-        raise BadInput(f"{type_name}: the bytes are not little-endian CDR")
+        raise BadInput("the bytes are not little-endian CDR", type_name)
     shape = list(range(4))
     columns: list[Column] = []
     try:

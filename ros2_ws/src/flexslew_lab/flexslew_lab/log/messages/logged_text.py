@@ -23,14 +23,14 @@ def logged_yaml(text: str, source: str) -> dict[str, Any]:
     try:
         for event in yaml.parse(text, Loader=yaml.CSafeLoader):
             if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-                raise BadInput(f"{source}: has a YAML anchor, which no log of this project has")
+                raise BadInput("has a YAML anchor, which no log of this project has", source)
     except yaml.YAMLError:
         pass  # load_yaml names the place
     found = load_yaml(text, source)
     if found is None:
         return {}
     if not isinstance(found, dict):
-        raise BadInput(f"{source}: is a {type(found).__name__}, not a mapping")
+        raise BadInput(f"is a {type(found).__name__}, not a mapping", source)
     return {str(key): value for key, value in found.items()}
 
 
@@ -44,23 +44,23 @@ def logged_json(text: str, source: str) -> dict[str, Any]:
     try:
         found = from_json(text, allow_inf_nan=False) if text else {}
     except ValueError as error:
-        raise BadInput(f"{source}: is not JSON: {error}") from None
+        raise BadInput(f"is not JSON: {error}", source) from None
     if not isinstance(found, dict):
-        raise BadInput(f"{source}: is a {type(found).__name__}, not an object")
+        raise BadInput(f"is a {type(found).__name__}, not an object", source)
     _demand_finite(found, source)
     return found
 
 
 def _demand_length(text: str, source: str) -> None:
     if len(text) > LONGEST:
-        raise BadInput(f"{source}: has {len(text)} characters, at most {LONGEST} are allowed")
+        raise BadInput(f"has {len(text)} characters, at most {LONGEST} are allowed", source)
 
 
 def _demand_finite(value: Any, source: str, depth: int = 0) -> None:
     if depth > DEEPEST:
-        raise BadInput(f"{source}: is nested more than {DEEPEST} deep")
+        raise BadInput(f"is nested more than {DEEPEST} deep", source)
     if isinstance(value, float) and not isfinite(value):
-        raise BadInput(f"{source}: {value} is not a number")
+        raise BadInput(f"{value} is not a number", source)
     inner = value.values() if isinstance(value, dict) else value
     if isinstance(value, dict | list):
         for part in inner:

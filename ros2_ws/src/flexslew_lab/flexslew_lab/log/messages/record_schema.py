@@ -93,11 +93,11 @@ def check_record(topic: str, message: Any, source: str) -> None:
     if topic == "/testbed":
         joints = len(record.joint_names)
         if not joints == len(record.joint_units) == len(record.effort_limit) > 0:
-            raise BadInput(f"{where}: names, units and effort limits are not one per joint")
+            raise BadInput("names, units and effort limits are not one per joint", where)
     elif topic == "/plan":
         for name in _PLAN_ARRAYS:
             if not np.isfinite(getattr(message, name)).all():
-                raise BadInput(f"{where}: {name}: a number is not finite")
+                raise BadInput(f"{name}: a number is not finite", where)
 
 
 def check_truth(columns: dict[str, Any], source: str, before: Sizes) -> Sizes:
@@ -120,18 +120,18 @@ def check_truth(columns: dict[str, Any], source: str, before: Sizes) -> Sizes:
     extra = position.shape[1] - velocity.shape[1]  # one where q holds a quaternion
     shapes = len(position) == len(velocity) and columns["disturbance"].shape[1] == joints
     if not (shapes and extra in (0, 1) and joints > 0):
-        raise BadInput(f"{source}: /truth: the lengths of its fields contradict each other")
+        raise BadInput("/truth: the lengths of its fields contradict each other", source)
     for name, column in columns.items():
         if column.dtype.kind != "f":
             continue
         bad = ~np.isfinite(column.reshape(len(column), -1)).all(axis=1)
         if bad.any():
             tick = columns["tick"][int(np.argmax(bad))]
-            raise BadInput(f"{source}: /truth: {name} is not finite at tick {tick}")
+            raise BadInput(f"/truth: {name} is not finite at tick {tick}", source)
     sizes = {name: column.shape[1:] for name, column in columns.items()}
     if before and sizes != before:
         tick = columns["tick"][0]
-        raise BadInput(f"{source}: /truth: tick {tick} has arrays of other sizes than those before")
+        raise BadInput(f"/truth: tick {tick} has arrays of other sizes than those before", source)
     return sizes
 
 

@@ -36,7 +36,7 @@ class Lookup:
         """Take a schema or a channel."""
         check_size("a message definition", len(record.body), str(self.path))
         if max(len(self.schemas), len(self.channels)) > CHANNELS:
-            raise BadInput(f"{self.path}: more than {CHANNELS} topics; no bag has so many")
+            raise BadInput(f"more than {CHANNELS} topics; no bag has so many", self.path)
         try:
             if record.opcode == SCHEMA:
                 schema = read_schema(record.body)
@@ -45,7 +45,7 @@ class Lookup:
                 channel = read_channel(record.body)
                 self.channels[channel.id] = channel
         except ValueError as error:
-            raise BadInput(f"{self.path}: damaged schema or channel: {error}") from None
+            raise BadInput(f"damaged schema or channel: {error}", self.path) from None
 
     def topic(self, number: int) -> tuple[str, str]:
         """Return topic and type of a channel, once its definition is known to be ours."""
@@ -63,8 +63,9 @@ class Lookup:
         before = self.sequence.get(channel, 0)
         if self.counted and (first != before + 1 or last != before + count):
             raise BadInput(
-                f"{self.path}: damaged: messages of {self.topic(channel)[0]} are missing after "
-                f"number {before}; `log recover` keeps what is whole"
+                f"damaged: messages of {self.topic(channel)[0]} are missing after number "
+                f"{before}; `log recover` keeps what is whole",
+                self.path,
             )
         self.sequence[channel] = last
 
@@ -72,16 +73,17 @@ class Lookup:
         channel = self.channels.get(number)
         schema = self.schemas.get(channel.schema) if channel else None
         if channel is None or schema is None:
-            raise BadInput(f"{self.path}: damaged: a message of an unknown channel {number}")
+            raise BadInput(f"damaged: a message of an unknown channel {number}", self.path)
         where = f"{self.path}: {channel.topic}"
         if channel.encoding != "cdr" or schema.encoding != "ros2msg":
             raise BadInput(
-                f"{where}: {channel.encoding!r} messages with a {schema.encoding!r} schema; "
-                "only cdr with ros2msg is read"
+                f"{channel.encoding!r} messages with a {schema.encoding!r} schema; only cdr "
+                "with ros2msg is read",
+                where,
             )
         known = TOPICS.get(channel.topic)
         if known and known.type != schema.name:
-            raise BadInput(f"{where}: is a {schema.name}, not a {known.type}: a foreign bag")
+            raise BadInput(f"is a {schema.name}, not a {known.type}: a foreign bag", where)
         if schema.name.startswith(f"{MESSAGES}/"):
             recorded, ours = hash_of_schema(schema.name, schema.text), type_hash(schema.name)
             stated = channel.metadata.get("topic_type_hash", recorded)
@@ -90,7 +92,8 @@ class Lookup:
                 self.older[number] = turn
             elif recorded != ours or stated != ours:
                 raise BadInput(
-                    f"{where}: recorded with another definition of {schema.name} "
-                    f"({recorded[:15]}, here {ours[:15]}); read it with the version that wrote it"
+                    f"recorded with another definition of {schema.name} ({recorded[:15]}, here "
+                    f"{ours[:15]}); read it with the version that wrote it",
+                    where,
                 )
         return channel.topic, schema.name

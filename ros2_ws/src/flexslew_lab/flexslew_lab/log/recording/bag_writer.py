@@ -84,7 +84,7 @@ class BagWriter:
             self._lock = lock_folder(self.folder)
             if self.path.exists() or (self.folder / METADATA_FILE).exists():
                 unlock_folder(self._lock, self.folder)
-                raise BadInput(f"{self.folder}: holds a bag already; choose another folder")
+                raise BadInput("holds a bag already; choose another folder", self.folder)
             self._file = McapFile(self.path)
         except OSError as error:
             raise RecordingStopped(f"{self.folder}: cannot be written: {error.strerror}") from None

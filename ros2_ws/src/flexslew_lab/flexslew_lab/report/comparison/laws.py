@@ -132,7 +132,7 @@ def compared_laws(
         BadInput: an error is not allowed.
     """
     if min(errors, default=0.0) <= -1.0:
-        raise BadInput(f"errors: {list(errors)} is not allowed: each above -1")
+        raise BadInput("each above -1", key="errors", value=list(errors))
     schedule = tuple(entry for entry in trial.schedule if entry.switch is None)
     trial = replace(trial, fallback=(), schedule=schedule, plan=plan_section_of(trial, source))
     benches = _benches(trial, errors)

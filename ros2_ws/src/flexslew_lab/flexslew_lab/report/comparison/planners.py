@@ -129,10 +129,10 @@ def compared(
     """
     section = plan_section_of(trial, source)
     if section is None:
-        raise BadInput(f"{source}: plan: is missing; add the manoeuvre to compare")
+        raise BadInput("plan: is missing; add the manoeuvre to compare", source)
     trial = replace(trial, plan=section)
     if not errors or min(errors) <= -1.0:
-        raise BadInput(f"errors: {list(errors)} is not allowed: one or more, each above -1")
+        raise BadInput("one or more, each above -1", key="errors", value=list(errors))
     entries = [_planned(trial, source, *candidate) for candidate in _candidates(trial)]
     plans = [entry.plan for entry in entries if entry.plan is not None]
     longest = max((plan.end for plan in plans), default=0.0)

@@ -105,12 +105,12 @@ def distribution_of(values: Any, place: str) -> Distribution:
         BadInput: an unknown family, wrong numbers, or no spread.
     """
     if not isinstance(values, dict) or len(values) != 1:
-        raise BadInput(f"{place}: {values!r} is not allowed: give one of {', '.join(FAMILIES)}")
+        raise BadInput(f"give one of {', '.join(FAMILIES)}", key=place, value=values)
     family, numbers = next(iter(values.items()))
     if family not in FAMILIES:
         close = difflib.get_close_matches(str(family), FAMILIES, n=1)
         hint = f"did you mean {close[0]}? " if close else ""
-        raise BadInput(f"{place}: {family}: unknown key; {hint}allowed: {', '.join(FAMILIES)}")
+        raise BadInput(f"{family}: unknown key; {hint}allowed: {', '.join(FAMILIES)}", place)
     wanted = FAMILIES[family]
     words = f"{place}.{family}: {numbers!r} is not allowed: give {wanted.arguments}"
     if not isinstance(numbers, list) or (wanted.length and len(numbers) != wanted.length):

@@ -136,18 +136,19 @@ def check_sampling(s: Sampling, values: int, place: str) -> None:
     if s.method == "list":
         for key, given in (("n", s.n), ("replicates", s.replicates)):
             if given is not None:
-                raise BadInput(f"{place}.{key}: {given} is not allowed: a list has its own length")
+                raise BadInput("a list has its own length", key=f"{place}.{key}", value=given)
         if s.file is None:
             raise BadInput(f"{place}.file: is missing; name the CSV file of the list")
         return
     if s.file is not None:
-        raise BadInput(f"{place}.file: {s.file} is not allowed: only method list reads a file")
+        raise BadInput("only method list reads a file", key=f"{place}.file", value=s.file)
     n = _n(s)
     if s.method in ("sobol", "saltelli") and n & (n - 1):
         below = 1 << (n.bit_length() - 1)
         raise BadInput(
-            f"{place}.n: {n} is not allowed: {s.method} is balanced for powers of two only, "
-            f"such as {below} and {2 * below}"
+            f"{s.method} is balanced for powers of two only, such as {below} and {2 * below}",
+            key=f"{place}.n",
+            value=n,
         )
     if s.method == "saltelli" and values > MOST_FOR_SALTELLI:
         raise BadInput(
@@ -160,13 +161,12 @@ def check_sampling(s: Sampling, values: int, place: str) -> None:
 
 def _check_replicates(s: Sampling, count: int, place: str) -> None:
     if not METHODS[s.method].replicated:
-        raise BadInput(f"{place}.replicates: {count} is not allowed: only lhs and sobol have some")
+        raise BadInput("only lhs and sobol have some", key=f"{place}.replicates", value=count)
     if count > _n(s):
-        raise BadInput(f"{place}.replicates: {count} is not allowed: at most n, {_n(s)}")
+        raise BadInput(f"at most n, {_n(s)}", key=f"{place}.replicates", value=count)
     if s.method == "sobol" and count & (count - 1):
         raise BadInput(
-            f"{place}.replicates: {count} is not allowed: a power of two, so that each part is "
-            "balanced"
+            "a power of two, so that each part is balanced", key=f"{place}.replicates", value=count
         )
 
 
@@ -180,21 +180,21 @@ def list_of(path: Path, place: str) -> tuple[tuple[str, ...], tuple[NDArray[np.f
         with path.open(newline="") as file:
             rows = [row for row in csv.reader(file) if row]
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{place}: {path}: cannot be read: {error}") from None
+        raise BadInput(f"{path}: cannot be read: {error}", place) from None
     if len(rows) < 2:
-        raise BadInput(f"{place}: {path}: holds no samples; give a row of keys and rows of numbers")
+        raise BadInput(f"{path}: holds no samples; give a row of keys and rows of numbers", place)
     keys = tuple(key.strip() for key in rows[0])
     columns: list[list[float]] = [[] for _ in keys]
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(keys):
-            raise BadInput(f"{place}: {path}: row {number} has {len(row)} of {len(keys)} entries")
+            raise BadInput(f"{path}: row {number} has {len(row)} of {len(keys)} entries", place)
         for key, entry, column in zip(keys, row, columns, strict=True):
             try:
                 value = float(entry)
             except ValueError:
                 value = np.nan
             if not np.isfinite(value):
-                raise BadInput(f"{place}: {path}: row {number}: {key}: {entry!r} is no number")
+                raise BadInput(f"{path}: row {number}: {key}: {entry!r} is no number", place)
             column.append(value)
     return keys, tuple(np.array(column) for column in columns)
 

@@ -78,7 +78,7 @@ def check_disturbance(wanted: Disturbance, joints: tuple[str, ...], place: str) 
     for name in wanted:
         if name not in joints:
             raise BadInput(
-                f"{place}: {name} is not a joint of the testbed; allowed: {', '.join(joints)}"
+                f"{name} is not a joint of the testbed; allowed: {', '.join(joints)}", place
             )
 
 

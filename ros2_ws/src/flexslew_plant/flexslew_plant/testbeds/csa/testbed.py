@@ -107,8 +107,10 @@ class CsaTestbed:
         for at in (first[1], last[1]):
             if not abs(at) <= _STEEPEST:
                 raise BadInput(
-                    f"hub_pitch: {at:g} is not allowed: a shaped slew keeps within -{_STEEPEST:g} "
-                    f"and {_STEEPEST:g} rad, where yaw moves the appendages"
+                    f"a shaped slew keeps within -{_STEEPEST:g} and {_STEEPEST:g} rad, where yaw "
+                    "moves the appendages",
+                    key="hub_pitch",
+                    value=at,
                 )
         span = last - first
         pitch, pitching = first[1] + span[1] * path, span[1] * rate

@@ -35,7 +35,7 @@ def placed(craft: Spacecraft, positions: Mapping[str, float]) -> Vector:
         elif d.what == at.HINGE:
             q[own + hinge] = value
         elif value:
-            raise BadInput(f"initial: {d.name}: {value:g} is not allowed: appendages start at rest")
+            raise BadInput("appendages start at rest", "initial", d.name, value)
         hinge += d.what == at.HINGE
     if craft.motion == at.PIVOT:
         q[0] = turn @ craft.pivot_axis

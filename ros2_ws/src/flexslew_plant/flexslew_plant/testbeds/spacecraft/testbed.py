@@ -130,7 +130,7 @@ class SpacecraftTestbed:
         }
         carries = any(isinstance(a.shape, Beam) and a.shape.tip_body for a in changed.values())
         if payload != 1.0 and not carries:
-            raise BadInput(f"payload: {payload:g} is not allowed: no appendage has a tip_body")
+            raise BadInput("no appendage has a tip_body", key="payload", value=payload)
         return replace(self, appendages=changed)
 
     def heavier(self, factor: float) -> "SpacecraftTestbed":

@@ -39,9 +39,7 @@ def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> App
     shape = None if a.shape is None else flexible_shape(a.shape, units, key)
     if shape is not None and a.only_modes is not None:
         if max(a.only_modes, default=0) > shape.modes:
-            raise BadInput(
-                f"{key}.only_modes: {max(a.only_modes)} is not allowed: 1 to {shape.modes}"
-            )
+            raise BadInput(f"1 to {shape.modes}", key=f"{key}.only_modes", value=max(a.only_modes))
         shape = chosen_modes(shape, [k - 1 for k in a.only_modes])
     n = 0 if shape is None else shape.modes
     integrals = _nothing(n) if shape is None else shape.integrals
@@ -179,8 +177,10 @@ def _target(m: Motion, axis: Vector, axes: Matrix, key: str) -> float:
     away = float(np.arccos(np.clip(turn(axis, angle).T @ z @ wanted, -1.0, 1.0)))
     if away > _SIGHT:
         raise BadInput(
-            f"{key}.line_of_sight: {list(m.line_of_sight)} is not allowed: the hinge turns about "
-            f"{axis.round(6).tolist()} and comes within {away:.4g} rad of it at best"
+            f"the hinge turns about {axis.round(6).tolist()} and comes within {away:.4g} "
+            "rad of it at best",
+            key=f"{key}.line_of_sight",
+            value=list(m.line_of_sight),
         )
     return angle
 

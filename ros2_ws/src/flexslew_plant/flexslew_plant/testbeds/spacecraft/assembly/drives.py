@@ -28,7 +28,7 @@ def drives_of(
             found.append(_modal(name, d, parts, units, key))
             continue
         if d.mode is not None:
-            raise BadInput(f"{key}.mode: {d.mode} is not allowed: kind modal alone has a mode")
+            raise BadInput("kind modal alone has a mode", key=f"{key}.mode", value=d.mode)
         direction = unit_direction(d.direction, f"{key}.direction")
         limit = d.limit * (units.force if d.kind == "force" else units.torque)
         if d.appendage is None:
@@ -71,7 +71,7 @@ def _modal(
     if parts[index].hinge == at.DRIVEN:
         raise BadInput(f"{key}.appendage: {d.appendage} is on a driven hinge; give a force")
     if d.mode is None or d.mode > n:
-        raise BadInput(f"{key}.mode: {d.mode} is not allowed: 1 to {n}")
+        raise BadInput(f"1 to {n}", key=f"{key}.mode", value=d.mode)
     chosen, none = np.zeros((3, n)), np.zeros((3, n))
     chosen[0, d.mode - 1] = 1.0
     spot = Spot(np.zeros(3), chosen, none, none)

@@ -44,7 +44,7 @@ def flexible_shape(shape: object, units: Units, key: str) -> FlexibleShape:
     found = modal_shape(shape.file)  # type: ignore[attr-defined]
     kept = shape.modes  # type: ignore[attr-defined]
     if kept is not None and kept > found.modes:
-        raise BadInput(f"{key}.shape.modes: {kept} is not allowed: the file has {found.modes}")
+        raise BadInput(f"the file has {found.modes}", key=f"{key}.shape.modes", value=kept)
     return found if kept is None else chosen_modes(found, list(range(kept)))
 
 
@@ -76,7 +76,7 @@ def _beam(b: BeamSettings, units: Units, key: str) -> FlexibleShape:
     else:
         largest = b.elements * (5 if b.torsion_stiffness else 4)
         if not 1 <= b.modes <= largest:
-            raise BadInput(f"{key}.modes: {b.modes} is not allowed: 1 to {largest}")
+            raise BadInput(f"1 to {largest}", key=f"{key}.modes", value=b.modes)
         tip = None if b.tip_body is None else _tip(b.tip_body, units, r, f"{key}.tip_body")
         shape = finite_element_beam(numbers, tip, b.elements, b.modes)
     return FlexibleShape(

@@ -17,19 +17,19 @@ _ORTHOGONAL = 1e-3  # of the modal masses
 def array_of(data: dict[str, Any], key: str, shape: tuple[int | None, ...], path: Path) -> Vector:
     """Return a key as numbers of the shape asked for; None: any length."""
     if key not in data:
-        raise BadInput(f"{path}: {key}: missing")
+        raise BadInput(f"{key}: missing", path)
     try:
         values = np.array(data[key], dtype=float)
     except (TypeError, ValueError):
-        raise BadInput(f"{path}: {key}: is not an array of numbers") from None
+        raise BadInput(f"{key}: is not an array of numbers", path) from None
     fits = values.ndim == len(shape) and all(
         b is None or a == b for a, b in zip(values.shape, shape, strict=True)
     )
     if not fits:
         asked = " x ".join("any" if b is None else str(b) for b in shape)
-        raise BadInput(f"{path}: {key}: has shape {values.shape}; it must be {asked}")
+        raise BadInput(f"{key}: has shape {values.shape}; it must be {asked}", path)
     if not np.isfinite(values).all():
-        raise BadInput(f"{path}: {key}: holds a number that is not finite")
+        raise BadInput(f"{key}: holds a number that is not finite", path)
     return values
 
 
@@ -41,10 +41,10 @@ def modal_masses(data: dict[str, Any], n: int, path: Path) -> Vector | None:
     matrix = np.diag(values) if values.shape == (n,) else array_of(data, "modal_mass", (n, n), path)
     worst = float(abs(matrix - matrix.T).max(initial=0.0))
     if worst > 1e-6 * float(abs(matrix).max()):
-        raise BadInput(f"{path}: modal_mass: is not symmetric: entries differ by {worst:.3g}")
+        raise BadInput(f"modal_mass: is not symmetric: entries differ by {worst:.3g}", path)
     lowest = float(np.linalg.eigvalsh(matrix).min())
     if lowest <= 0.0:
-        raise BadInput(f"{path}: modal_mass: is not positive definite: eigenvalue {lowest:.3g}")
+        raise BadInput(f"modal_mass: is not positive definite: eigenvalue {lowest:.3g}", path)
     require_orthogonal(matrix, "modal_mass", path)
     return np.diag(matrix).copy()
 
@@ -58,8 +58,9 @@ def require_orthogonal(matrix: Matrix, key: str, path: Path) -> None:
     if off.max(initial=0.0) > _ORTHOGONAL:
         i, j = (int(k) + 1 for k in worst)
         raise BadInput(
-            f"{path}: {key}: modes {i} and {j} are not orthogonal in mass: "
-            f"{off.max():.3g} of their modal masses; allowed: {_ORTHOGONAL:g}"
+            f"{key}: modes {i} and {j} are not orthogonal in mass: {off.max():.3g} of "
+            f"their modal masses; allowed: {_ORTHOGONAL:g}",
+            path,
         )
 
 
@@ -68,21 +69,23 @@ def compare_rigid(integrals: Integrals, rigid: tuple[float, Vector, Matrix], pat
     mass, first, inertia = rigid
     if abs(integrals.mass / mass - 1.0) > MASS_TOLERANCE:
         raise BadInput(
-            f"{path}: rigid.mass: {mass:.6g} is given, the points weigh {integrals.mass:.6g}"
-            f"{hint(mass / integrals.mass, 'mass')}"
+            f"rigid.mass: {mass:.6g} is given, the points weigh "
+            f"{integrals.mass:.6g}{hint(mass / integrals.mass, 'mass')}",
+            path,
         )
     size = np.sqrt(np.trace(inertia) / mass)
     found = np.sqrt(np.trace(integrals.inertia) / integrals.mass)
     if abs(found / size - 1.0) > MASS_TOLERANCE:
         raise BadInput(
-            f"{path}: rigid.inertia: radius of gyration {size:.6g} is given, that of the points is "
-            f"{found:.6g}{hint(size / found, 'length')}"
+            f"rigid.inertia: radius of gyration {size:.6g} is given, that of the points "
+            f"is {found:.6g}{hint(size / found, 'length')}",
+            path,
         )
     worst = float(np.linalg.norm(integrals.first - first))
     if worst > MASS_TOLERANCE * mass * size:
         raise BadInput(
-            f"{path}: rigid.first_moment: {first} is given, that of the points is {integrals.first}"
+            f"rigid.first_moment: {first} is given, that of the points is {integrals.first}", path
         )
     off = float(abs(integrals.inertia - inertia).max())
     if off > 2.0 * MASS_TOLERANCE * float(np.trace(inertia)):
-        raise BadInput(f"{path}: rigid.inertia: differs by {off:.6g} from that of the points")
+        raise BadInput(f"rigid.inertia: differs by {off:.6g} from that of the points", path)

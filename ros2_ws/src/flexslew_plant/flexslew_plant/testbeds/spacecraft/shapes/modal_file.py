@@ -80,20 +80,18 @@ def modal_shape(path: Path) -> FlexibleShape:
     data = _read(path)
     unknown = sorted(set(data) - _KEYS)
     if unknown:
-        raise BadInput(
-            f"{path}: {unknown[0]}: unknown key; allowed here: {', '.join(sorted(_KEYS))}"
-        )
+        raise BadInput(f"{unknown[0]}: unknown key; allowed here: {', '.join(sorted(_KEYS))}", path)
     system = str(data.get("units", "si"))
     if system not in UNITS:
-        raise BadInput(f"{path}: units: {system!r} is not allowed: {', '.join(UNITS)}")
+        raise BadInput(", ".join(UNITS), path, "units", system)
     units = UNITS[system]
     frequencies = array_of(data, "frequencies_hz", (None,), path)
     n = len(frequencies)
     if not (frequencies > 0.0).all():
-        raise BadInput(f"{path}: frequencies_hz: {frequencies.min():g} is not positive")
+        raise BadInput(f"frequencies_hz: {frequencies.min():g} is not positive", path)
     ratios = array_of(data, "damping_ratios", (n,), path) if "damping_ratios" in data else None
     if ratios is not None and not ((ratios >= 0.0) & (ratios < 1.0)).all():
-        raise BadInput(f"{path}: damping_ratios: {ratios} are not all in 0 to 1")
+        raise BadInput(f"damping_ratios: {ratios} are not all in 0 to 1", path)
     mass = modal_masses(data, n, path)
     rigid = _rigid(data, path)
     if "points" in data:
@@ -103,7 +101,7 @@ def modal_shape(path: Path) -> FlexibleShape:
         tip = Spot(np.zeros(3), np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n)))
         line, line_shape = np.zeros((2, 3)), np.zeros((2, 3, n))
     else:
-        raise BadInput(f"{path}: points or translation: missing; give mode shapes or participation")
+        raise BadInput("points or translation: missing; give mode shapes or participation", path)
     omega = 2.0 * np.pi * frequencies
     integrals = replace(integrals, shortening=_geometric(data, n, path))
     integrals = _converted(integrals, units.length, units.mass)
@@ -136,12 +134,12 @@ def _read(path: Path) -> dict[str, Any]:
             return {k: v.item() if getattr(v, "shape", 1) == () else v for k, v in data.items()}
         text = path.read_text(encoding="utf-8")
     except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise BadInput(f"{path}: cannot be read as modal data: {error}") from None
+        raise BadInput(f"cannot be read as modal data: {error}", path) from None
     if path.suffix == ".csv":
         return _read_csv(text, path)
     data = load_yaml(text, str(path))
     if not isinstance(data, dict):
-        raise BadInput(f"{path}: modal data must be a mapping of keys")
+        raise BadInput("modal data must be a mapping of keys", path)
     return data
 
 
@@ -154,11 +152,11 @@ def _read_csv(text: str, path: Path) -> dict[str, Any]:
     try:
         table = np.array([[float(entry) for entry in row] for row in rows[1:]])
     except ValueError as error:
-        raise BadInput(f"{path}: the table must be rows of numbers: {error}") from None
+        raise BadInput(f"the table must be rows of numbers: {error}", path) from None
     if table.ndim != 2 or table.shape[1] < 7 or (table.shape[1] - 4) % 3:
         raise BadInput(
-            f"{path}: the table has shape {table.shape}; allowed: x, y, z, mass and three columns "
-            "per mode"
+            f"the table has shape {table.shape}; allowed: x, y, z, mass and three columns per mode",
+            path,
         )
     shapes = table[:, 4:].reshape(len(table), -1, 3).transpose(1, 0, 2)
     return {**data, "points": table[:, :3], "masses": table[:, 3], "shapes": shapes}
@@ -170,10 +168,10 @@ def _rigid(data: dict[str, Any], path: Path) -> tuple[float, Vector, Matrix] | N
     if given is None:
         return None
     if not isinstance(given, dict):
-        raise BadInput(f"{path}: rigid: must give mass, first_moment and inertia")
+        raise BadInput("rigid: must give mass, first_moment and inertia", path)
     mass = float(array_of(given, "mass", (), path))
     if not mass > 0.0:
-        raise BadInput(f"{path}: rigid.mass: {mass:g} is not positive")
+        raise BadInput(f"rigid.mass: {mass:g} is not positive", path)
     first, inertia = (
         array_of(given, "first_moment", (3,), path),
         array_of(given, "inertia", (3, 3), path),
@@ -193,7 +191,7 @@ def _from_points(
     k = len(points)
     masses = array_of(data, "masses", (k,), path)
     if not (masses > 0.0).all():
-        raise BadInput(f"{path}: masses: {masses.min():g} is not positive")
+        raise BadInput(f"masses: {masses.min():g} is not positive", path)
     shapes = array_of(data, "shapes", (n, k, 3), path).transpose(1, 2, 0)
     straight = np.zeros((k, 3, n, n))
     integrals = integrals_of(Points(points, masses, shapes, straight))
@@ -201,7 +199,7 @@ def _from_points(
     lowest = float(np.linalg.eigvalsh(own).min())
     if lowest <= 1e-12 * float(abs(own).max()):
         raise BadInput(
-            f"{path}: shapes: are not independent: their mass matrix has eigenvalue {lowest:.3g}"
+            f"shapes: are not independent: their mass matrix has eigenvalue {lowest:.3g}", path
         )
     if mass is None:
         require_orthogonal(own, "shapes", path)
@@ -210,14 +208,15 @@ def _from_points(
         worst = int(np.argmax(abs(np.diag(own) / mass - 1.0)))
         ratio = float(mass[worst] / own[worst, worst])
         raise BadInput(
-            f"{path}: modal_mass: mode {worst + 1} has {mass[worst]:.6g}, its points sum to "
-            f"{own[worst, worst]:.6g}{hint(ratio, 'mass')}"
+            f"modal_mass: mode {worst + 1} has {mass[worst]:.6g}, its points sum to "
+            f"{own[worst, worst]:.6g}{hint(ratio, 'mass')}",
+            path,
         )
     if rigid is not None:
         compare_rigid(integrals, rigid, path)
     at = int(data.get("tip", int(np.argmax(np.linalg.norm(points, axis=1)))))
     if not 0 <= at < k:
-        raise BadInput(f"{path}: tip: {at} is not allowed: 0 to {k - 1}")
+        raise BadInput(f"0 to {k - 1}", path, "tip", at)
     tip = Spot(points[at], shapes[at], np.zeros((3, n)), np.zeros((3, n)))
     line, line_shape = _centre_line(points, masses, shapes)
     return integrals, mass, tip, line, line_shape
@@ -251,7 +250,7 @@ def _from_participation(
 ) -> tuple[Integrals, Vector]:
     """Return sums from participation factors; what needs shapes is left out."""
     if rigid is None:
-        raise BadInput(f"{path}: rigid: missing; participation factors need the rigid sums")
+        raise BadInput("rigid: missing; participation factors need the rigid sums", path)
     weight, first, inertia = rigid
     mass = np.ones(n) if mass is None else mass
     translation, rotation = (
