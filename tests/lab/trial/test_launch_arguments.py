@@ -27,7 +27,7 @@ def test_what_is_given_is_taken() -> None:
     [
         ({"rate": "-1"}, "rate: -1 is not allowed"),
         ({"rate": "fast"}, "rate: fast is not allowed"),
-        ({"record": "maybe"}, "record: maybe is not allowed: true or false"),
+        ({"record": "maybe"}, "record: 'maybe' is not allowed: true or false"),
     ],
 )
 def test_a_wrong_value_is_told_in_one_line(given: Any, words: str) -> None:

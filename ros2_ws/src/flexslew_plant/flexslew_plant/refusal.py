@@ -95,5 +95,5 @@ def _escaped(letter: str) -> str:
 
 def _shown(value: Any) -> str:
     """Return a value as Python writes it, at most 60 characters of it."""
-    text = repr(value)
+    text = repr(value.tolist() if hasattr(value, "tolist") else value)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
