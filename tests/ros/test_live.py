@@ -3,12 +3,14 @@
 import base64
 import json
 import os
+import re
 import socket
 import struct
 from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -27,21 +29,23 @@ pytest.importorskip("foxglove")
 class Client:
     """A WebSocket client that speaks as little as it can."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, address: str, host: str = "", origin: str = "") -> None:
+        where = urlsplit(address)
         self.services: dict[str, int] = {}  # ids of what is offered, by name
         self.channels: dict[str, Any] = {}  # by topic
         self.complaints: list[str] = []
-        self._socket = socket.create_connection(("127.0.0.1", port), timeout=20.0)
+        self._socket = socket.create_connection((where.hostname, where.port), timeout=20.0)
         key = base64.b64encode(os.urandom(16)).decode()
         self._socket.sendall(
-            f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
+            f"GET /?{where.query} HTTP/1.1\r\nHost: {host or where.netloc}\r\n{origin}"
+            "Upgrade: websocket\r\n"
             f"Connection: Upgrade\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n"
             "Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n".encode()
         )
         reply = b""
         while b"\r\n\r\n" not in reply:
             reply += self._read(1)
-        assert b" 101 " in reply, reply
+        assert b" 101 " in reply, reply.decode("latin-1")
 
     def receive(self) -> Any:
         """Return the next message: JSON or binary."""
@@ -83,32 +87,35 @@ class Client:
         return data
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def connected(port: int, supervisor: Supervisor) -> Client:
+def opened(log: Path, supervisor: Supervisor, what: str) -> str:
+    """Return the address of the server that says that its clients do `what`."""
     end = monotonic() + 60.0
     while monotonic() < end:
         supervisor._serve(0.05)
-        try:
-            return Client(port)
-        except ConnectionRefusedError:
-            continue
+        for address, does in re.findall(
+            r"open (ws://\S+) in Foxglove, which (.+?) the", log.read_text()
+        ):
+            if does == what:
+                return str(address)
     raise AssertionError("the server never opened")
 
 
+class Servers(NamedTuple):
+    operated: str  # address
+    watched: str
+    bag: Path
+
+
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Client, Path]]:
-    """Yield a client of a server beside a controller, a planner and a log that plays; its bag."""
+def servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Servers]:
+    """Two servers beside a controller, a planner and a log that plays: one may command."""
     folder = tmp_path_factory.mktemp("live")
     run_trial(slew(duration=6.0), "test", folder / "run", in_process=True, report=False)
-    port, bag = free_port(), folder / "run" / "bag"
+    bag = folder / "run" / "bag"
     played = {"bag": str(bag), "topics": ["/truth", "/testbed"], "rate": 0.05}
     processes = [
-        NodeProcess("live", "flexslew_lab", "live", {"port": port}),
+        NodeProcess("live", "flexslew_lab", "live", {"port": 0, "operate": True}),
+        NodeProcess("watch", "flexslew_lab", "live", {"port": 0}),
         NodeProcess("pd_feedforward", "flexslew_control", "controller", {}),
         NodeProcess("planner", "flexslew_control", "planner", {}),
         NodeProcess("plant", "flexslew_lab", "play", played),
@@ -121,12 +128,60 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Client, Pa
             processes, parameters, log, domain, lambda tick, last: None, fork_server()
         )
         try:
-            client = connected(port, supervisor)
-            offered = ["time", "services", "parameters", "parametersSubscribe"]
-            assert client.receive()["capabilities"] == offered
-            yield client, bag
+            operated = opened(log, supervisor, "watches and commands")
+            yield Servers(operated, opened(log, supervisor, "watches"), bag)
         finally:
             supervisor._end()
+
+
+@pytest.fixture(scope="module")
+def bench(servers: Servers) -> tuple[Client, Path]:
+    """Return a client that may command, and the bag that plays."""
+    client = Client(servers.operated)
+    offered = ["time", "parameters", "parametersSubscribe", "services"]
+    assert client.receive()["capabilities"] == offered
+    return client, servers.bag
+
+
+def test_without_operate_a_client_only_watches(servers: Servers) -> None:
+    client = Client(servers.watched)
+    assert client.receive()["capabilities"] == ["time", "parameters", "parametersSubscribe"]
+    while "/truth" not in client.channels:
+        client.receive()
+    assert not client.services
+    name = "/pd_feedforward.kd"
+    before = told(client, {"op": "getParameters", "parameterNames": [name]})
+    while name not in before:  # the node is still being met
+        before = told(client, {"op": "getParameters", "parameterNames": [name]})
+    wanted = {"op": "setParameters", "parameters": [{"name": name, "value": [1.0, 1.0]}]}
+    assert told(client, wanted) == before
+    client.send({"op": "advertise", "channels": [
+        {"id": 1, "topic": "/effort_command", "encoding": "json", "schemaName": "x"}]})  # fmt: skip
+    client.send_binary(struct.pack("<BI", 1, 1) + b"{}")
+    for service in range(40):
+        client.send_binary(struct.pack("<BIII4s", 2, service, 9, 4, b"json") + b"{}")
+    failures = 0
+    while failures < 40:
+        message = client.receive()
+        failures += isinstance(message, dict) and message["op"] == "serviceCallFailure"
+        assert not (isinstance(message, bytes) and message[0] == 3)  # an answer
+    assert any("read-only" in words for words in client.complaints)
+    assert told(client, {"op": "getParameters", "parameterNames": [name]}) == before
+
+
+@pytest.mark.parametrize("who", ["operated", "watched"])
+def test_a_foreign_page_a_wrong_host_or_no_token_is_not_let_in(servers: Servers, who: str) -> None:
+    address = getattr(servers, who)
+    where = urlsplit(address)
+    for path, host, origin in (
+        ("/", where.netloc, ""),
+        ("/?token=wrong", where.netloc, ""),
+        (f"/?{where.query}", where.netloc, "Origin: https://evil.example\r\n"),
+        (f"/?{where.query}", f"evil.example:{where.port}", ""),
+    ):
+        with pytest.raises(AssertionError, match="403 Forbidden"):
+            Client(f"ws://{where.netloc}{path}", host, origin)
+    Client(address)
 
 
 def test_a_client_gets_schemas_and_messages_byte_for_byte(bench: tuple[Client, Path]) -> None:
@@ -174,25 +229,27 @@ def test_a_client_calls_the_services_of_the_bench_and_plans(bench: tuple[Client,
 def test_a_client_reads_and_sets_parameters(bench: tuple[Client, Path]) -> None:
     client, _ = bench
 
-    def told(request: dict[str, Any]) -> dict[str, Any]:
-        client.send({**request, "id": "a"})
-        while True:
-            message = client.receive()
-            if isinstance(message, dict) and message.get("id") == "a":
-                return {p["name"]: p.get("value") for p in message["parameters"]}
-
     every: dict[str, Any] = {}
     while not {"/pd_feedforward.kp", "/plant.rate"} <= {*every}:
-        every = told({"op": "getParameters", "parameterNames": []})
+        every = told(client, {"op": "getParameters", "parameterNames": []})
     assert every["/plant.rate"] == 0.05
     name = "/pd_feedforward.kd"
     for value in ([900.0, 900.0], [800, 800]):
         set_to = {"op": "setParameters", "parameters": [{"name": name, "value": value}]}
-        assert told(set_to) == {name: value}
+        assert told(client, set_to) == {name: value}
     set_to["parameters"] = [{"name": name, "value": [-1.0, 1.0]}]
-    assert told(set_to) == {name: [800, 800]}
+    assert told(client, set_to) == {name: [800, 800]}
     [words] = client.complaints
     assert "-1.0 is not allowed" in words
+
+
+def told(client: Client, request: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters that the answer to a request names."""
+    client.send({**request, "id": "a"})
+    while True:
+        message = client.receive()
+        if isinstance(message, dict) and message.get("id") == "a":
+            return {p["name"]: p.get("value") for p in message["parameters"]}
 
 
 def binary(client: Client, kind: int) -> bytes:

@@ -205,11 +205,19 @@ def play(
 def live(
     port: Annotated[int, typer.Option(help="Port on 127.0.0.1; 0: any free one.")] = 8765,
     namespace: Annotated[str, typer.Option(help="Of the bench, if it runs in one.")] = "",
+    operate: Annotated[
+        bool, typer.Option("--operate", help="Clients may command the bench, too.")
+    ] = False,
+    origin: Annotated[
+        list[str] | None,
+        typer.Option(help="Of a page that may connect, besides Foxglove's; may be repeated."),
+    ] = None,
 ) -> None:
     """Show a running bench in the Foxglove app, over a WebSocket server on this machine only.
 
-    Example: `./flexslew live`, then open ws://127.0.0.1:8765 in Foxglove
+    Example: `./flexslew live`, then open the address that it prints in Foxglove
     """
+    from flexslew_lab.ros.live_node import LiveSettings
     from flexslew_lab.ros.live_node import live as run
     from flexslew_lab.trial.domain import bench_domain
 
@@ -218,7 +226,8 @@ def live(
     domain, _ = bench_domain()
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     say(f"ROS_DOMAIN_ID {domain}")
-    run(port, say, namespace)
+    settings = LiveSettings(port=port, operate=operate, origins=tuple(origin or ()))
+    run(settings, say, namespace)
 
 
 def _tell(missing: str, changed: dict[str, tuple[str, str]]) -> None:

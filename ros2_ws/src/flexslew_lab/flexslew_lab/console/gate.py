@@ -36,8 +36,13 @@ _SCRIPT = b"</head>"
 Inner = Callable[[Any, Request], Response | None]
 
 
-def listening(host: str, port: int) -> socket.socket:
+def listening(host: str, port: int, what: str = "console") -> socket.socket:
     """Return a socket that listens on this port and on no other one; 0 takes any.
+
+    Args:
+        host: address.
+        port: of it.
+        what: listens, for the error.
 
     Raises:
         BadInput: it cannot be had.
@@ -51,7 +56,7 @@ def listening(host: str, port: int) -> socket.socket:
     except (OSError, OverflowError) as error:
         found.close()
         why = getattr(error, "strerror", None) or str(error)
-        raise BadInput(f"console: {host} port {port} cannot be opened: {why}") from None
+        raise BadInput(f"{what}: {host} port {port} cannot be opened: {why}") from None
     return found
 
 
@@ -79,14 +84,13 @@ class Gate:
             request: the first of its connection.
         """
         url = urlsplit(request.path)
-        asked = parse_qs(url.query).get("token", [""])[0]
-        by_address = secrets.compare_digest(asked.encode(), self.token.encode())
+        by_address = address_knows(request.path, self.token)
         if request.headers.get("Upgrade", "").lower() == "websocket":
             if not _same_origin(request.headers):
-                return _refused("this page comes from another origin")
-            return None if by_address or self._knows(request.headers) else _refused(_WORDS)
+                return refused("this page comes from another origin")
+            return None if by_address or self._knows(request.headers) else refused(WORDS)
         if not (by_address or self._knows(request.headers)):
-            return _refused(_WORDS)
+            return refused(WORDS)
         if url.path.startswith(FILES):
             answer = self._file(url.path.removeprefix(FILES))
         else:
@@ -122,7 +126,7 @@ class Gate:
         return _answer(http.HTTPStatus.OK, f"{kind}; charset=utf-8", body)
 
 
-_WORDS = "open this page by the address that the console printed: it contains a token"
+WORDS = "use the address that was printed at the start: it contains a token"
 
 
 @contextmanager
@@ -149,10 +153,25 @@ def guarded_by(gate: Gate, sock: socket.socket) -> Iterator[None]:
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
 
 
+def address_knows(path: str, token: str) -> bool:
+    """Return whether the path of a request names the token."""
+    asked = parse_qs(urlsplit(path).query).get("token", [""])[0]
+    return secrets.compare_digest(asked.encode(), token.encode())
+
+
+def given(headers: Headers, name: str) -> str | None:
+    """Return the value of a header, or None.
+
+    Raises:
+        LookupError: it is given twice.
+    """
+    return headers.get(name)
+
+
 def _same_origin(headers: Headers) -> bool:
     """Return whether a browser says that the page of this very address asks."""
     try:
-        origin, host = headers.get("Origin"), headers.get("Host")
+        origin, host = given(headers, "Origin"), given(headers, "Host")
     except LookupError:  # given twice
         return False
     return origin is not None and host is not None and urlsplit(origin).netloc == host
@@ -166,7 +185,8 @@ def _plainly(request: Request) -> Request:
     return Request(request.path, headers)
 
 
-def _refused(words: str) -> Response:
+def refused(words: str) -> Response:
+    """Return the answer to those who are not let in."""
     return _sealed(_answer(http.HTTPStatus.FORBIDDEN, "text/plain; charset=utf-8", words.encode()))
 
 

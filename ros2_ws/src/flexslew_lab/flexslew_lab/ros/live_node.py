@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from flexslew_lab.console.live_gate import LiveGate
 from flexslew_lab.ros.live_channels import LiveChannels
 from flexslew_lab.ros.live_parameters import LiveParameters
 from flexslew_lab.ros.live_services import LiveServices
@@ -18,7 +19,7 @@ from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.settings import section
 
 _REFRESH = 0.05  # how often clients hear the simulated time [wall s]
-HOST = "127.0.0.1"  # never another one: nobody is asked for a password
+READ_ONLY = "this server is read-only; start ./flexslew live --operate to command the bench"
 
 
 @section
@@ -26,6 +27,8 @@ class LiveSettings:
     """The parameters of the node."""
 
     port: Annotated[int, Field(ge=0, le=65535)] = 8765  # 0: any free one
+    operate: bool = False  # clients may command the bench, else they only watch
+    origins: tuple[str, ...] = ()  # of pages that may connect, besides Foxglove's own
 
 
 class _Listener:
@@ -48,6 +51,9 @@ class _Listener:
     def on_set_parameters(self, client: Any, wanted: list[Any], request: str | None) -> list[Any]:
         """Set parameters; what is refused is told as a status, and what holds is returned."""
         for parameter in wanted:
+            if not self._live.operate:
+                self._live.refuse(READ_ONLY)
+                break
             refused = self._live.parameters.set(parameter.name, parameter.get_value())
             if refused:
                 self._live.refuse(refused)
@@ -82,6 +88,8 @@ class LiveNode:
         self.node = node = new_node("live")
         loop.live(node, "live")
         chosen: LiveSettings = settings or settings_of(node, LiveSettings)
+        self._say, self.operate = say, chosen.operate
+        self._gate = LiveGate(chosen.port, chosen.origins)
         self._websocket = foxglove.websocket
         self._context = context = foxglove.Context()  # its channels close with it
         self.newcomers: deque[str] = deque()  # topics that somebody has begun to listen to
@@ -91,24 +99,29 @@ class LiveNode:
         try:
             self._server = foxglove.start_server(
                 name="flexslew",
-                host=HOST,
-                port=chosen.port,
-                capabilities=[capability.Time, capability.Services, capability.Parameters],
+                host=self._gate.server_host,
+                port=0,
+                capabilities=[capability.Time, capability.Parameters]
+                + [capability.Services] * chosen.operate,
                 supported_encodings=["json"],
-                services=self._services.offered(),
+                services=self._services.offered() if chosen.operate else [],
                 context=context,
                 server_listener=_Listener(self),
             )
         except Exception as error:  # a type of its own below the binding
-            raise BadInput(f"live: port {chosen.port} cannot be opened: {error}") from None
+            raise BadInput(f"live: the server does not start: {error}") from None
         self._channels = LiveChannels(node, foxglove, context)
         self._told = -1  # what the clients think the simulated time is [ns]
-        say(f"open ws://{HOST}:{self._server.port} in Foxglove; Ctrl-C ends it")
+        self._gate.open(self._server.port)
+        may = "watches and commands" if chosen.operate else "watches"
+        say(f"open {self._gate.address} in Foxglove, which {may} the bench; Ctrl-C ends it")
 
     def poll(self) -> float:
         """Tell the time and what has changed; return when to look again [wall s]."""
         now = monotonic()
-        self._services.poll(now, self._server.add_services)
+        self._services.poll(now, self._server.add_services if self.operate else None)
+        for origin in self._gate.refused_origins():
+            self._say(f"refused a page of {origin!r:.100}; --origin lets its origin in")
         changed = self.parameters.poll(now)
         if changed:
             self._server.publish_parameter_values(self.shown(changed))
@@ -121,6 +134,7 @@ class LiveNode:
 
     def close(self) -> None:
         """End the server."""
+        self._gate.close()
         self._server.stop()
         self._services.close()
 
@@ -133,14 +147,14 @@ class LiveNode:
         self._server.publish_status(words, self._websocket.StatusLevel.Error, "parameters")
 
 
-def live(port: int, say: Callable[[str], None], namespace: str = "") -> None:
+def live(settings: LiveSettings, say: Callable[[str], None], namespace: str = "") -> None:
     """Serve the bench of a namespace from this process until it is interrupted, then exit."""
-    run_node(partial(LiveNode, LiveSettings(port=port), say), args=within(namespace))
+    run_node(partial(LiveNode, settings, say), args=within(namespace))
 
 
 def main() -> None:
     """Run the node with the parameters of LiveSettings."""
-    run_node(partial(LiveNode, None, print))
+    run_node(partial(LiveNode, None, partial(print, flush=True)))
 
 
 if __name__ == "__main__":

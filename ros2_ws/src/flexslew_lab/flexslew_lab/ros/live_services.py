@@ -47,12 +47,12 @@ class LiveServices:
         plans = [self._service(name, action.PlanSlew.Goal) for name in _PLANS]
         return plans + [self._service(name, kind.Request) for name, kind in SERVICES.items()]
 
-    def poll(self, now: float, add: Callable[[list[Any]], None]) -> None:
+    def poll(self, now: float, add: Callable[[list[Any]], None] | None) -> None:
         """Ask the bench for what clients have called, and deliver its answers.
 
         Args:
             now: [wall s].
-            add: takes services of controllers that have come.
+            add: takes services of controllers that have come; None: nothing is offered.
         """
         while self._calls:
             name, values, answer = self._calls.popleft()
@@ -61,7 +61,7 @@ class LiveServices:
             else:
                 self._client.ask(name, values, answer.set_result)
         self._client.poll(now)
-        if now >= self._next_look:
+        if add is not None and now >= self._next_look:
             self._next_look = now + _LOOK
             found = [self._service(name, srv.Tune.Request) for name in self._new_controllers()]
             if found:

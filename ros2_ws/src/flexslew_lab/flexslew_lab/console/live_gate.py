@@ -1,0 +1,133 @@
+"""The gate before the Foxglove server: who may talk to it at all.
+
+The server's library has no check of its own: any page that a browser of this machine shows could
+open it. It therefore listens where no page finds it, at one of 2^24 addresses of the loopback, and
+the gate, where clients expect it, passes on those that it has let in.
+"""
+
+import asyncio
+import logging
+import secrets
+from collections.abc import Collection
+from contextlib import suppress
+from threading import Thread
+from typing import Any
+
+from websockets.asyncio.client import connect
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from flexslew_lab.console.gate import WORDS, address_knows, given, listening, refused
+from flexslew_plant.errors import BadInput
+
+HOST = "127.0.0.1"  # never another one
+ORIGINS = ("https://app.foxglove.dev",)  # pages of Foxglove's own
+_PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+_TOLD = 16  # foreign origins that are named, of a page that may invent as many as it likes
+
+
+def hidden_address() -> str:
+    """Return an address of the loopback that nobody guesses."""
+    return ".".join(map(str, (127, *secrets.token_bytes(2), 1 + secrets.randbelow(254))))
+
+
+class LiveGate:
+    """Passes clients on that know the token and come from no foreign page.
+
+    Args:
+        port: on 127.0.0.1 to listen on; 0: any free one.
+        origins: of pages that are let in besides Foxglove's own.
+
+    Attributes:
+        address: what a person gives to Foxglove.
+        server_host: where the server is to listen.
+
+    Raises:
+        BadInput: the port cannot be opened, or an origin is none.
+    """
+
+    def __init__(self, port: int, origins: Collection[str] = ()) -> None:
+        for origin in origins:
+            scheme, mark, rest = origin.partition("://")
+            if not (scheme and mark and rest) or "/" in rest:
+                raise BadInput(f"--origin: {origin!r} is not allowed: for example https://HOST")
+        self._origins = {*ORIGINS, *origins}
+        self._sock = listening(HOST, port, "live")
+        self._port = int(self._sock.getsockname()[1])
+        self._token = secrets.token_urlsafe(24)
+        self.address = f"ws://{HOST}:{self._port}/?token={self._token}"
+        self.server_host = hidden_address()
+        self._foreign: list[str] = []
+        self._told = 0
+        self._loop = asyncio.new_event_loop()
+        self._thread = Thread(target=self._loop.run_forever, daemon=True)
+
+    def open(self, server_port: int) -> None:
+        """Let clients in, to the server at this port of its host."""
+        self._server_address = f"ws://{self.server_host}:{server_port}"
+        self._thread.start()
+        asyncio.run_coroutine_threadsafe(self._serve(), self._loop).result()
+
+    def refused_origins(self) -> list[str]:
+        """Return the origins of pages that were refused since the last call, each once."""
+        found, self._told = self._foreign[self._told :], len(self._foreign)
+        return found
+
+    def close(self) -> None:
+        """End all connections."""
+        if self._thread.is_alive():
+            asyncio.run_coroutine_threadsafe(self._end(), self._loop).result()
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            self._thread.join()
+        self._loop.close()
+        self._sock.close()
+
+    async def _serve(self) -> None:
+        # who is refused is told so; the log would hold a traceback for each
+        quiet = logging.getLogger("websockets.server")
+        quiet.setLevel(logging.CRITICAL)
+        self._server = await serve(
+            self._pass_on, sock=self._sock, process_request=self._admit,
+            subprotocols=_PROTOCOLS, compression=None, max_size=None, logger=quiet,  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    async def _end(self) -> None:
+        self._server.close()
+        await self._server.wait_closed()
+
+    def _admit(self, connection: Any, request: Request) -> Response | None:
+        """Return why a client is refused; None lets it in."""
+        try:
+            host, origin = given(request.headers, "Host"), given(request.headers, "Origin")
+        except LookupError:
+            return refused("a header is given twice")
+        if host not in (f"{HOST}:{self._port}", f"localhost:{self._port}"):
+            return refused("another host is asked for")  # a name that a stranger's DNS led here
+        if origin is not None and origin not in self._origins:
+            if origin not in self._foreign and len(self._foreign) < _TOLD:
+                self._foreign.append(origin)
+            return refused("this page comes from another origin")
+        return None if address_knows(request.path, self._token) else refused(WORDS)
+
+    async def _pass_on(self, client: ServerConnection) -> None:
+        protocols: Any = [client.subprotocol] if client.subprotocol else None
+        with suppress(ConnectionClosed, OSError):
+            async with connect(
+                self._server_address, subprotocols=protocols, compression=None, max_size=None,
+                proxy=None,
+            ) as server:  # fmt: skip
+                ways = {
+                    asyncio.ensure_future(_copy(client, server)),
+                    asyncio.ensure_future(_copy(server, client)),
+                }
+                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+                for way in ways:
+                    way.cancel()
+                await asyncio.gather(*ways, return_exceptions=True)
+
+
+async def _copy(source: Any, target: Any) -> None:
+    with suppress(ConnectionClosed):
+        async for message in source:
+            await target.send(message)
