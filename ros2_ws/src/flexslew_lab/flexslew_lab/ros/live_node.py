@@ -10,6 +10,7 @@ from pydantic import Field
 
 from flexslew_lab.console.live_gate import LiveGate
 from flexslew_lab.ros.live_channels import LiveChannels
+from flexslew_lab.ros.live_listener import LiveListener
 from flexslew_lab.ros.live_parameters import LiveParameters
 from flexslew_lab.ros.live_services import LiveServices
 from flexslew_plant.errors import BadInput
@@ -19,7 +20,6 @@ from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.settings import section
 
 _REFRESH = 0.05  # how often clients hear the simulated time [wall s]
-READ_ONLY = "this server is read-only; start ./flexslew live --operate to command the bench"
 
 
 @section
@@ -29,41 +29,6 @@ class LiveSettings:
     port: Annotated[int, Field(ge=0, le=65535)] = 8765  # 0: any free one
     operate: bool = False  # clients may command the bench, else they only watch
     origins: tuple[str, ...] = ()  # of pages that may connect, besides Foxglove's own
-
-
-class _Listener:
-    """What clients begin to listen to, and their parameters; called from the server's threads."""
-
-    def __init__(self, live: "LiveNode") -> None:
-        self._live = live
-
-    def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Take the topic of the channel."""
-        self._live.newcomers.append(channel.topic)
-
-    def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        """Nothing to do."""
-
-    def on_get_parameters(self, client: Any, names: list[str], request: str | None) -> list[Any]:
-        """Return parameters by name; no names: all."""
-        return self._live.shown(self._live.parameters.values(names))
-
-    def on_set_parameters(self, client: Any, wanted: list[Any], request: str | None) -> list[Any]:
-        """Set parameters; what is refused is told as a status, and what holds is returned."""
-        for parameter in wanted:
-            if not self._live.operate:
-                self._live.refuse(READ_ONLY)
-                break
-            refused = self._live.parameters.set(parameter.name, parameter.get_value())
-            if refused:
-                self._live.refuse(refused)
-        return self._live.shown(self._live.parameters.values([p.name for p in wanted]))
-
-    def on_parameters_subscribe(self, names: list[str]) -> None:
-        """Nothing to do: changes are told to all."""
-
-    def on_parameters_unsubscribe(self, names: list[str]) -> None:
-        """Nothing to do."""
 
 
 class LiveNode:
@@ -106,7 +71,7 @@ class LiveNode:
                 supported_encodings=["json"],
                 services=self._services.offered() if chosen.operate else [],
                 context=context,
-                server_listener=_Listener(self),
+                server_listener=LiveListener(self),
             )
         except Exception as error:  # a type of its own below the binding
             raise BadInput(f"live: the server does not start: {error}") from None

@@ -1,0 +1,61 @@
+"""What clients of the `live` node begin to listen to, and their parameters."""
+
+from collections import deque
+from typing import Any, Protocol
+
+from flexslew_lab.ros.live_parameters import LiveParameters
+
+READ_ONLY = "this server is read-only; start ./flexslew live --operate to command the bench"
+
+
+class Served(Protocol):
+    """The node, as far as its server's threads may use it."""
+
+    newcomers: deque[str]  # topics that somebody has begun to listen to
+    parameters: LiveParameters
+    operate: bool  # clients may set parameters
+
+    def shown(self, values: dict[str, Any]) -> list[Any]:
+        """Return parameters as the server's library takes them."""
+
+    def refuse(self, words: str) -> None:
+        """Tell all clients why a parameter was not set."""
+
+
+class LiveListener:
+    """Answers for a server; called from its threads.
+
+    Args:
+        live: the node that the server belongs to.
+    """
+
+    def __init__(self, live: Served) -> None:
+        self._live = live
+
+    def on_subscribe(self, client: Any, channel: Any) -> None:
+        """Take the topic of the channel."""
+        self._live.newcomers.append(channel.topic)
+
+    def on_unsubscribe(self, client: Any, channel: Any) -> None:
+        """Nothing to do."""
+
+    def on_get_parameters(self, client: Any, names: list[str], request: str | None) -> list[Any]:
+        """Return parameters by name; no names: all."""
+        return self._live.shown(self._live.parameters.values(names))
+
+    def on_set_parameters(self, client: Any, wanted: list[Any], request: str | None) -> list[Any]:
+        """Set parameters; what is refused is told as a status, and what holds is returned."""
+        for parameter in wanted:
+            if not self._live.operate:
+                self._live.refuse(READ_ONLY)
+                break
+            refused = self._live.parameters.set(parameter.name, parameter.get_value())
+            if refused:
+                self._live.refuse(refused)
+        return self._live.shown(self._live.parameters.values([p.name for p in wanted]))
+
+    def on_parameters_subscribe(self, names: list[str]) -> None:
+        """Nothing to do: changes are told to all."""
+
+    def on_parameters_unsubscribe(self, names: list[str]) -> None:
+        """Nothing to do."""
