@@ -119,3 +119,42 @@ def test_no_kind_of_event_stands_as_a_text_outside_of_its_file() -> None:
         if isinstance(node, ast.Constant) and node.value in kinds
     ]
     assert not wrong, "\n".join(wrong)
+
+
+# a key of a table that other files may write as a string: where, and why
+STATED = {
+    ("flexslew_plant/bench/records.py", "pd_feedforward"): "the default of who is in charge",
+    ("flexslew_control/planners/retargeting.py", "disturbance_minimisation"): "an option of a plan",
+}
+WORDS = {"none"}  # of English: they stand for other things too
+
+
+def test_no_key_of_a_table_stands_as_a_string_outside_of_its_file() -> None:
+    from flexslew_control.controllers import CONTROLLERS
+    from flexslew_control.planners import PLANNERS
+    from flexslew_plant.faults import FAULTS
+    from flexslew_plant.testbeds import TESTBEDS
+
+    tables: list[Any] = [CONTROLLERS, PLANNERS, FAULTS, TESTBEDS]
+    homes = {
+        name: entry.settings.__module__.replace(".", "/").removesuffix("/testbed")
+        for table in tables
+        for name, entry in table.items()
+        if name not in WORDS
+    }
+    assert len(homes) > 25
+    wrong, stated = [], set()
+    for path in FILES:
+        place = "/".join(path.relative_to(SOURCE).parts[1:])
+        if "reproduce/" in place:  # names the trials of papers
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            key = node.value if isinstance(node, ast.Constant) else None
+            if not isinstance(key, str) or key not in homes or place.startswith(homes[key]):
+                continue
+            if (place, key) in STATED:
+                stated.add((place, key))
+            else:
+                wrong.append(f"{place}: {key}")
+    assert not wrong, "\n".join(wrong)
+    assert stated == set(STATED)

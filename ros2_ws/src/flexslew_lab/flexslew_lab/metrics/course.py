@@ -66,4 +66,4 @@ class Course:
         }
 
 
-COURSE = MetricEntry("course", Course)
+COURSE = MetricEntry(Course)

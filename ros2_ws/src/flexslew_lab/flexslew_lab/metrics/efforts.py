@@ -54,4 +54,4 @@ class Efforts:
         }
 
 
-EFFORTS = MetricEntry("efforts", Efforts)
+EFFORTS = MetricEntry(Efforts)

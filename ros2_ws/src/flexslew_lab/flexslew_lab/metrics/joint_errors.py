@@ -61,4 +61,4 @@ class JointErrors:
         }
 
 
-JOINT_ERRORS = MetricEntry("joint_errors", JointErrors)
+JOINT_ERRORS = MetricEntry(JointErrors)

@@ -65,4 +65,4 @@ class LineOfSight:
         }
 
 
-LINE_OF_SIGHT = MetricEntry("line_of_sight", LineOfSight)
+LINE_OF_SIGHT = MetricEntry(LineOfSight)

@@ -85,12 +85,15 @@ class MetricEntry:
     """A metric, as the rest of the bench knows it.
 
     Args:
-        name: for errors and tests; what it measures is named by its keys.
-        metric: the class.
+        metric: the class; its keys name what it measures.
     """
 
-    name: str
     metric: type[Metric]
+
+    @property
+    def name(self) -> str:
+        """What errors call it."""
+        return self.metric.__name__
 
 
 def goal_by_joint(setup: RunSetup) -> dict[str, float]:

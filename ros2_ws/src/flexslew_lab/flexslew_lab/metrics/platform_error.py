@@ -71,4 +71,4 @@ class PlatformError:
         }
 
 
-PLATFORM_ERROR = MetricEntry("platform_error", PlatformError)
+PLATFORM_ERROR = MetricEntry(PlatformError)

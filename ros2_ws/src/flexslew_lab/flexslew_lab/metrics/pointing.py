@@ -105,4 +105,4 @@ class Pointing:
         }
 
 
-POINTING = MetricEntry("pointing", Pointing)
+POINTING = MetricEntry(Pointing)

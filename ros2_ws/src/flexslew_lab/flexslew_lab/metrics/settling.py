@@ -72,4 +72,4 @@ class Settling:
         }
 
 
-SETTLING = MetricEntry("settling", Settling)
+SETTLING = MetricEntry(Settling)

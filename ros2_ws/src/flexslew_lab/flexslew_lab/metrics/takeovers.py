@@ -53,4 +53,4 @@ class Takeovers:
         }
 
 
-TAKEOVERS = MetricEntry("takeovers", Takeovers)
+TAKEOVERS = MetricEntry(Takeovers)

@@ -39,4 +39,4 @@ class TipDeflection:
         return {"residual_tip_deflection": self.residual, "peak_tip_deflection": self.peak}
 
 
-TIP_DEFLECTION = MetricEntry("tip_deflection", TipDeflection)
+TIP_DEFLECTION = MetricEntry(TipDeflection)

@@ -56,4 +56,4 @@ class Trajectory:
         return {"trajectory_hash": self._hash.hexdigest()}
 
 
-TRAJECTORY = MetricEntry("trajectory", Trajectory)
+TRAJECTORY = MetricEntry(Trajectory)

@@ -65,4 +65,4 @@ class Vibration:
         return {"vibration_settling_time": settled}
 
 
-VIBRATION = MetricEntry("vibration", Vibration)
+VIBRATION = MetricEntry(Vibration)
