@@ -66,6 +66,12 @@ class SmallMotion:
         return self.at(float(np.nextafter(start, -np.inf)))
 
     @property
+    def resting_joints(self) -> Vector:
+        """Positions of the joints at rest, shape (m,) [rad or m]."""
+        still = np.zeros(self.model.coordinates)
+        return self.model.joint_state(np.concatenate((self.rest, still)))[0]
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Of the coordinates that are kept."""
         rates = self.model.state_names[self.model.positions :]

@@ -2,7 +2,8 @@
 
 The class needs `__init__(settings, period, effort_limit)` and
 `update(measurement, estimate, reference) -> efforts`. It may have `reset(measurement, estimate,
-reference, effort)`, an `estimator` (see law.Estimator) and `terms`.
+reference, effort)`, an `estimator` (see law.Estimator), `terms`, and `follows_reference = False`
+where it only holds the testbed at rest: then it is not ready under a plan that moves.
 """
 
 from time import perf_counter
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from flexslew_control.controllers.at_rest import moves
 from flexslew_control.law import (
     Estimate,
     Estimator,
@@ -18,11 +20,13 @@ from flexslew_control.law import (
     PlantDescription,
     Reference,
 )
+from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import LAWS, find_class, one_line
 from flexslew_plant.settings import Positive, validated
+from flexslew_plant.testbeds import initial_positions
 
 
 def find_law(law: str, source: str, known: tuple[str, ...] = ()) -> type[Any]:
@@ -63,9 +67,11 @@ def build_user_law(
     if not callable(getattr(built, "update", None)):
         raise BadInput(f"{law} has no method update(measurement, estimate, reference)", source)
     estimator = getattr(built, "estimator", None)
+    resting = initial_positions(plant.testbed)
+    rest = np.array([resting[name] for name in plant.joint_names])
     return (
         UserEstimator(estimator if estimator is not None else MeasuredJoints(), law),
-        UserLaw(built, law, plant.effort_limit.size, limit),
+        UserLaw(built, law, plant.effort_limit.size, limit, rest),
     )
 
 
@@ -114,12 +120,25 @@ class UserLaw:
         law: what it was found by.
         joints: how many efforts it must give.
         time_limit: of one update [wall s]; None: none, which keeps a run the same everywhere.
+        rest: where the joints rest at the start, shape (joints,); None: it follows any plan.
     """
 
-    def __init__(self, built: Any, law: str, joints: int, time_limit: float | None) -> None:
+    def __init__(
+        self,
+        built: Any,
+        law: str,
+        joints: int,
+        time_limit: float | None,
+        rest: Vector | None = None,
+    ) -> None:
         self._built, self._law, self._joints = built, law, joints
+        self._rest = None if getattr(built, "follows_reference", True) else rest
         self._limit = time_limit
         self.terms: dict[str, Vector] = {}
+
+    def objection(self, plan: Plan | None) -> str:
+        """Return why it cannot fly this plan; empty if it can."""
+        return "" if self._rest is None else moves(plan, self._rest)
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector

@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
+from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_loop, radius
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.held_efforts import exact_on_ticks
@@ -19,6 +21,7 @@ from flexslew_plant.settings import plain
 
 _EXACT = 1e-5  # residual above which efforts are made exact for their hold [m]
 _MOST_FUNCTIONS = 200  # that a section may ask for
+_GROWS = 1e-6  # beyond 1, of the spectral radius of one tick: rounding of a rigid body's
 _LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
 
 
@@ -71,8 +74,11 @@ class Slewing:
             )
         try:
             plan = self.plan(settings, slew, progress)
-        except TooMuchTorque as error:
-            raise PlanFailed(f"{error}; {self._enough_time(settings, slew)}") from None
+        except (PlanFailed, LinAlgError) as error:
+            _require_holding(slew)
+            if isinstance(error, TooMuchTorque):
+                raise PlanFailed(f"{error}; {self._enough_time(settings, slew)}") from None
+            raise PlanFailed(str(error)) from None
         promised = predicted(plan, slew)
         exact = self.exact is not None and self.exact(settings)
         if exact and promised.tip_deflection > _EXACT:
@@ -149,3 +155,21 @@ class Slewing:
                 f"{lasts:.3g} s and hardly moves the mode whose period is {fastest:.3g} s"
             )
         return ""
+
+
+def _require_holding(slew: Slew) -> None:
+    """Check that the feedback with which a plan counts holds the testbed at the plan's start.
+
+    Raises:
+        PlanFailed: it does not, so no trajectory under it can be told.
+    """
+    rest = slew.model.rest(slew.named(slew.start))
+    loop = collocated_loop(LinearPlant(slew.model, rest), slew.kp, slew.kd, slew.period)
+    found = radius(loop)
+    if found > 1.0 + _GROWS:
+        raise PlanFailed(
+            f"the feedback that the plan counts with, kp {slew.kp.tolist()} and kd "
+            f"{slew.kd.tolist()}, is not stable on this testbed with a period of "
+            f"{slew.period:g} s (spectral radius of one tick {found:.4g}); give plan.feedback the "
+            "gains of a controller that flies it"
+        )

@@ -83,7 +83,7 @@ def trial(
         print(json.dumps(result.metrics, indent=2))
     else:
         print_table(("metric", "value", "unit"), metric_rows(result.metrics, _joint_units(wanted)))
-        say(headline(result.metrics, result.bare_metrics), "bold")
+        say(headline(result.metrics, result.bare_metrics, wanted.goal_tolerance), "bold")
     page = result.folder / "report.html"
     say(f"{link(page)}" if page.exists() else str(result.folder))
     if result.exit_code:

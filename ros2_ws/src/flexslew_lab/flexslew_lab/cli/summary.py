@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from flexslew_lab.cli.terminal import short
+from flexslew_lab.metrics.goal import missed_goal
 from flexslew_lab.metrics.rows import flat, unit_of
 
 
@@ -20,13 +21,19 @@ def metric_rows(metrics: Mapping[str, Any], units: Mapping[str, str]) -> list[tu
     ]
 
 
-def headline(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:
-    """Return the one thing that a person wants to know of a run.
+def headline(metrics: Mapping[str, Any], bare: Mapping[str, Any], tolerance: float) -> str:
+    """Return the one thing that a person wants to know of a run; a missed goal comes first.
 
     Args:
         metrics: content of metrics.json.
         bare: the same of the run without feedforward; empty where there is none.
+        tolerance: `goal_tolerance` of the trial [-].
     """
+    missed = missed_goal(metrics, tolerance)
+    return f"{missed}; {_vibration(metrics, bare)}" if missed else _vibration(metrics, bare)
+
+
+def _vibration(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:
     left = metrics.get("residual_tip_deflection")
     if left is None:
         peak = short(metrics.get("peak_tip_deflection"))

@@ -8,6 +8,8 @@ import numpy as np
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, by_joint
 from flexslew_plant.arrays import Vector
 
+_NOWHERE = 1e-9  # moves below this are rounding [rad or m]
+
 
 class JointErrors:
     """Implements Metric; None where there is no goal, or where the log ends too early."""
@@ -17,6 +19,12 @@ class JointErrors:
             "rad or m", True, "largest |joint position - goal| after the end of the manoeuvre"
         ),
         "final_error": Key("rad or m", True, "joint position - goal at the last tick"),
+        "goal_error": Key(
+            "-",
+            False,
+            "largest |final error| of a joint that moves, as a share of its commanded move; "
+            "null: none moves, or the manoeuvre has not ended",
+        ),
         "terminal_error_norm": Key(
             "mixed SI",
             False,
@@ -27,13 +35,15 @@ class JointErrors:
     def __init__(self, setup: RunSetup) -> None:
         self._setup = setup
         self.residual = np.full(len(setup.joint_names), np.nan)
-        self.final = self.residual.copy()
+        self.first, self.final = self.residual.copy(), self.residual.copy()
         self.terminal: float | None = None
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
         if block.error is None:
             return
+        if np.isnan(self.first).all():
+            self.first = block.error[0].copy()
         if block.over.any():
             largest = abs(block.error[block.over]).max(axis=0)
             self.residual = np.fmax(self.residual, largest)
@@ -52,11 +62,21 @@ class JointErrors:
         modes, modal_rates = model.modal_state(x)
         return np.concatenate((modes, model.joint_state(x)[1], modal_rates))
 
+    def _goal_error(self) -> float | None:
+        planned = self._setup.manoeuvre.displacement
+        move = np.where(planned == 0.0, -self.first, planned)  # of a step, from where it began
+        going = np.abs(move) > _NOWHERE
+        if not going.any() or not np.isfinite(self.residual).any():
+            return None
+        error = float(np.abs(self.final[going] / move[going]).max())
+        return error if np.isfinite(error) else None
+
     def result(self, ending: Ending) -> dict[str, Any]:
-        """Return the three values."""
+        """Return the four values."""
         return {
             "residual_attitude_error": by_joint(self._setup, self.residual),
             "final_error": by_joint(self._setup, self.final),
+            "goal_error": self._goal_error(),
             "terminal_error_norm": self.terminal,
         }
 

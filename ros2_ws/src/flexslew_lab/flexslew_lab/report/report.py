@@ -11,12 +11,14 @@ from flexslew_lab.log.bag_layout import RUN_RECORD, TRIAL_RECORD
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.metrics import KEYS
+from flexslew_lab.metrics.goal import missed_goal
 from flexslew_lab.metrics.rows import flat, key_of, unit_of
 from flexslew_lab.report import figures
 from flexslew_lab.report.page import embedded, render
 from flexslew_lab.report.panels import COLOURS, PALE, Group
 from flexslew_lab.report.run_data import RunData, read_run
 from flexslew_lab.report.scene_data import scene_of
+from flexslew_lab.trial.trial import Trial
 from flexslew_plant.events import IN_CHARGE, Switched, largest
 
 EVENTS = 300  # of a run that the table shows
@@ -183,7 +185,9 @@ def _charge(run: RunData) -> dict[str, Any]:
 def _cards(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
     """Return (name, unit, [(value, joint)]) for the numbers on top."""
     cards = []
-    for key in HEADLINES:
+    tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
+    missed = ("goal_error", "final_error") if missed_goal(run.metrics, tolerance) else ()
+    for key in (*missed, *HEADLINES):
         value, unit = run.metrics[key], unit_of(key, run.joint_units)
         named = value.items() if isinstance(value, dict) else [("", value)]
         parts = [(_short(part), str(name)) for name, part in named]

@@ -20,6 +20,7 @@ from flexslew_lab.trial.trial import (
     bench_settings,
     build_controllers,
     feedback_of,
+    follow,
     plan_of_trial,
 )
 from flexslew_plant.bench.bench import Bench
@@ -137,10 +138,8 @@ def _flown(
     bench = Bench(bench_settings(trial))
     controllers = build_controllers(trial, bench, source)
     plan = plans.of(trial)
-    for controller in controllers.values():
-        refused = controller.adopt(plan) if plan is not None else None
-        if refused is not None:
-            return {}, None, str(refused)
+    if (refused := follow(controllers, trial.active, plan)) is not None:
+        return {}, None, str(refused)
     own = own_metrics(trial.metrics, f"{source}: metrics")
     observer = MetricsObserver(bench, plan, own)
     fly(bench, controllers, observer)

@@ -17,6 +17,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_from
+from flexslew_lab.metrics.goal import missed_goal
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.report.report import write_report
 from flexslew_lab.trial.domain import own_domain
@@ -31,6 +32,7 @@ from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
     build_controllers,
+    follow,
     plan_of_trial,
     trial_text,
 )
@@ -39,6 +41,7 @@ from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.events import BecameUnready, BrakeTookOver, Event, FallbackTookOver
 
 Progress = Callable[[int, int], None]  # tick, last tick
+CHECK_FAILED = 1  # exit code of a run that is done and has missed its goal
 
 
 class Result(NamedTuple):
@@ -114,6 +117,9 @@ def run_trial(
     words = prediction_gap(trial, prepared.plan, result.metrics)
     if words:
         say(words)
+    missed = missed_goal(result.metrics, trial.goal_tolerance)
+    if missed and not result.exit_code:
+        result = result._replace(exit_code=CHECK_FAILED, message=missed)
     if report and reader is not None and result.metrics and outcome.exit_code != 130:
         bare = _without_feedforward(trial, source, folder)
         write_report([reader], folder / "report.html", bare)
@@ -147,10 +153,8 @@ def _prepared(trial: Trial, source: str) -> _Prepared:
         plan = plan_of_trial(trial)
     except (BadInput, PlanFailed) as error:
         raise type(error)(f"{source}: plan: {error}") from None
-    for controller in controllers.values():
-        refused = controller.adopt(plan) if plan is not None else None
-        if refused is not None:
-            raise BadInput(f"plan: {refused}", source)
+    if (refused := follow(controllers, trial.active, plan)) is not None:
+        raise BadInput(f"{trial.active} is not ready: {refused}", source, "plan")
     return _Prepared(bench, controllers, plan)
 
 

@@ -20,6 +20,7 @@ from flexslew_plant.bench.hardware.sensors import SensorSettings
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import Schedule, require_allowed
 from flexslew_plant.errors import BadInput
+from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import (
     NonNegative,
     Positive,
@@ -77,6 +78,7 @@ class Trial:
     display_rate: NonNegative = 50.0  # of joint states, tf, markers [1/simulated s]; 0: none
     plausibility: PlausibilitySettings | None = None  # of the joint sensors; null: off
     schedule: Schedule = ()
+    goal_tolerance: Positive = 0.1  # on metric goal_error; above it the run fails its check [-]
     metrics: tuple[str, ...] = ()  # of your own, besides the bench's
     allow_faults: bool = False  # whether anything may be broken, by schedule or by inject_fault
 
@@ -189,6 +191,17 @@ def build_controllers(trial: Trial, bench: Bench, source: str) -> dict[str, Cont
             f"{source}: controllers.{name}",
         )
     return built
+
+
+def follow(controllers: dict[str, Controller], active: str, plan: Plan | None) -> Refusal | None:
+    """Let controllers follow a plan; return why the one in charge cannot, or None.
+
+    Another one that cannot is not ready.
+    """
+    if plan is None:
+        return None
+    refused = {name: controller.adopt(plan) for name, controller in controllers.items()}
+    return refused[active] or controllers[active].reason
 
 
 def plan_of_trial(trial: Trial) -> Plan | None:

@@ -83,7 +83,9 @@ def build(
     names = (*motion.names, *(f"{name} rate" for name in motion.names))
     require_controllable(before.state_matrix, before.state_input_matrix, names)
     gains = motion.gains(integral_gains(before, settings.weights))
-    law = IntegralFeedback(gains, plant.effort_limit, settings.tracking_time, plant.period)
+    law = IntegralFeedback(
+        gains, motion.resting_joints, plant.effort_limit, settings.tracking_time, plant.period
+    )
     return observer(motion, settings.observer, plant.period), law
 
 

@@ -52,7 +52,9 @@ def build(
     w = settings.weights
     q, r = w.state * np.eye(len(a)), w.effort * np.eye(b.shape[1])
     gain = held_regulator(a, b, q, r, plant.period, settings.design)
-    return observer(motion, settings.observer, plant.period), StateFeedback(motion.gains(gain))
+    return observer(motion, settings.observer, plant.period), StateFeedback(
+        motion.gains(gain), motion.resting_joints
+    )
 
 
 DISTURBANCE_MINIMISATION = LawEntry(

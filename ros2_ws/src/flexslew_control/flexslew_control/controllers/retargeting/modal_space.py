@@ -75,7 +75,9 @@ def build(settings: ModalSpace, plant: PlantDescription) -> tuple[Estimator, Sta
     before = motion.before()
     require_balancing(before, motion)
     gain = space_gains(before, settings.weight, settings.rate_gain)
-    return observer(motion, settings.observer, plant.period), StateFeedback(motion.gains(gain))
+    return observer(motion, settings.observer, plant.period), StateFeedback(
+        motion.gains(gain), motion.resting_joints
+    )
 
 
 MODAL_SPACE = LawEntry("modal_space", ModalSpace, build, follows_reference=False)

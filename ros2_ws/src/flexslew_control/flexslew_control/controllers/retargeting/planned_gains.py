@@ -37,7 +37,12 @@ def build(settings: PlannedGains, plant: PlantDescription) -> tuple[Estimator, I
     motion = moving(plant, settings.model)
     gains = motion.gains(integral_gains(motion.before(), settings.weights))
     law = IntegralFeedback(
-        gains, plant.effort_limit, settings.tracking_time, plant.period, planned=True
+        gains,
+        motion.resting_joints,
+        plant.effort_limit,
+        settings.tracking_time,
+        plant.period,
+        planned=True,
     )
     return observer(motion, settings.observer, plant.period), law
 

@@ -1,10 +1,10 @@
 """Laws on the small motions of a platform with retargeting appendages, as gains on the estimate."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
+from flexslew_control.controllers.at_rest import moves
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Matrix, Vector
@@ -19,11 +19,16 @@ class StateFeedback:
 
     Args:
         gain: K on all coordinates and their rates, SI, shape (m, 2 n).
+        rest: joint positions that it holds, shape (m,) [rad or m].
     """
 
     gain: Matrix
-    follows_reference: ClassVar[bool] = False  # it holds the rest
+    rest: Vector
     terms: dict[str, Vector] = field(init=False, default_factory=dict)
+
+    def objection(self, plan: Plan | None) -> str:
+        """Return why it cannot fly without a plan, or with this one; empty if it can."""
+        return moves(plan, self.rest)
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
@@ -45,6 +50,7 @@ class IntegralFeedback:
 
     Args:
         gains: [Kp, Kd, Ki] on all coordinates, SI, shape (m, 3 n).
+        rest: joint positions that it holds, shape (m,) [rad or m].
         limit: of the efforts, shape (m,) [N m or N].
         tracking_time: T_t [s]; None: the integral winds up.
         period: one tick [s].
@@ -52,18 +58,19 @@ class IntegralFeedback:
     """
 
     gains: Matrix
+    rest: Vector
     limit: Vector
     tracking_time: float | None
     period: float
     planned: bool = False
-    follows_reference: ClassVar[bool] = False  # it holds the rest
     terms: dict[str, Vector] = field(init=False, default_factory=dict)
     _z: Vector = field(init=False, default_factory=lambda: np.zeros(0))
     _before: Vector = field(init=False, default_factory=lambda: np.zeros(0))
 
     def objection(self, plan: Plan | None) -> str:
         """Return why it cannot fly without a plan, or with this one; empty if it can."""
-        return NO_GAINS if self.planned and not (plan and plan.gains.size) else ""
+        lacking = self.planned and not (plan and plan.gains.size)
+        return NO_GAINS * lacking or moves(plan, self.rest)
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector

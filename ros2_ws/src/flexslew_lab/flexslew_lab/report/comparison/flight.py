@@ -7,7 +7,7 @@ import numpy as np
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.settling import BAND
 from flexslew_lab.trial.in_process import Observer, fly
-from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers
+from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, follow
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, Truth
 
@@ -52,10 +52,8 @@ def flown(
     other = replace(trial, testbed=flown)
     bench = Bench(bench_settings(other))
     controllers = build_controllers(other, bench, source)
-    for controller in controllers.values():
-        refused = controller.adopt(plan)
-        if refused:
-            return str(refused), None
+    if (refused := follow(controllers, other.active, plan)) is not None:
+        return str(refused), None
     truth_log = TruthLog()
     fly(bench, controllers, truth_log)
     # a step has no end of its own

@@ -19,6 +19,7 @@ from flexslew_lab.trial.trial import (
     bench_settings,
     build_controllers,
     feedback_of,
+    follow,
     law_of,
     plan_section_of,
     plant_of,
@@ -230,13 +231,9 @@ def _flight(
     trial = replace(trial, controllers={name: candidate.values}, active=name)
     bench = Bench(bench_settings(replace(trial, testbed=other.testbed)))
     controllers = build_controllers(trial, bench, source)
-    controller = controllers[name]
-    refused = controller.adopt(plan) if plan is not None else None
-    if (why := refused or controller.reason) is not None:
-        raise BadInput(why)
-    goes = plan is not None and not np.allclose(plan.position, bench.question.joint_position)
-    if goes and not getattr(controller.law, "follows_reference", True):
-        raise BadInput("it only regulates at rest; this plan moves")
+    refused = follow(controllers, name, plan) or controllers[name].reason
+    if refused is not None:
+        raise BadInput(refused)
     observer = _Measured(MetricsObserver(bench, plan), TruthLog())
     fly(bench, controllers, observer)
     metrics = observer.metrics.result()

@@ -107,7 +107,7 @@ class Lanes:
         )
         results, lost = [], []
         far = np.abs(w[: at_rest.size].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
-        found = LaneMetrics(first, rows, schedule, prepared.goal)
+        found = LaneMetrics(first, rows, schedule, prepared.goal, at_rest[:m])
         for k, lane in enumerate(group):
             if far[k] < _FAR:
                 metrics = found.metrics(w, k)

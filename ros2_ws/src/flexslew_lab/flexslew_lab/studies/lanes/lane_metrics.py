@@ -14,7 +14,7 @@ from flexslew_lab.studies.flight import columns_of
 from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.studies.lanes.rows import Rows, of_lane
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 
 _ENDING = Ending([], [], True)
 
@@ -27,11 +27,19 @@ class LaneMetrics:
         rows: of the array.
         schedule: that all followed.
         aim: of the manoeuvre.
+        at_rest: joint positions at the start, shape (joints, lanes) [rad or m].
     """
 
-    def __init__(self, lane: LaneTrial, rows: Rows, schedule: Schedule, aim: Manoeuvre) -> None:
+    def __init__(
+        self,
+        lane: LaneTrial,
+        rows: Rows,
+        schedule: Schedule,
+        aim: Manoeuvre,
+        at_rest: Matrix,
+    ) -> None:
         assert aim.goal is not None
-        self._rows, self._goal = rows, aim.goal
+        self._rows, self._goal, self._at_rest = rows, aim.goal, at_rest
         self._ended = bool(schedule.over.any())
         testbed, time = lane.trial.testbed, schedule.time
         limit = np.array(testbed.effort_limit)
@@ -53,6 +61,7 @@ class LaneMetrics:
         tip.peak = float(w[rows.peak_tip + k])
         settling.outside = of_lane(w, rows.outside, m, k)
         settling.beyond = of_lane(w, rows.beyond, m, k)
+        errors.first = self._at_rest[:, k] - self._goal
         errors.final = of_lane(w, 0, m, k) - self._goal
         if self._ended:
             tip.residual = float(w[rows.residual_tip + k])

@@ -1,0 +1,18 @@
+"""What a law that only holds a rest says of a plan."""
+
+import numpy as np
+
+from flexslew_control.plan import Plan
+from flexslew_plant.arrays import Vector
+
+
+def moves(plan: Plan | None, rest: Vector) -> str:
+    """Return why a law that holds a rest does not fly a plan, or an empty text.
+
+    Args:
+        plan: None: none, so nothing moves.
+        rest: joint positions, shape (m,) [rad or m].
+    """
+    if plan is None or np.allclose(plan.position, rest):
+        return ""
+    return "it cannot follow a moving reference: it holds the testbed at rest"

@@ -1,0 +1,22 @@
+"""Whether a run has reached the goal of its manoeuvre, in words for a person."""
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def missed_goal(metrics: Mapping[str, Any], tolerance: float) -> str:
+    """Return by how much a run has missed its goal; empty where it has not, or had none.
+
+    Args:
+        metrics: content of metrics.json.
+        tolerance: `goal_tolerance` of the trial [-].
+    """
+    error = metrics.get("goal_error")
+    if error is None or error <= tolerance:
+        return ""
+    finals = metrics.get("final_error") or {}
+    each = ", ".join(f"{name} {value:.3g}" for name, value in finals.items() if value)
+    return (
+        f"goal missed by {100.0 * error:.3g} % of the commanded move "
+        f"(goal_tolerance {100.0 * tolerance:g} %); final error: {each}"
+    )
