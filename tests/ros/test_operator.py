@@ -160,9 +160,13 @@ def test_pause_step_start_and_reset(operator):
 
 
 def test_the_planner_reports_every_iteration_and_publishes_the_plan(operator):
-    request = "{method: optimized_feedforward, model: {modes: 1}, goal: {base_yaw: 0.2}}"
-    result, heard = operator.plan(request)
-    assert result.error_code == result.DONE
+    request = "{method: optimized_feedforward, model: {modes: 1}, goal: {base_yaw: 0.2}"
+    refused, _ = operator.plan(request + "}")  # from 0 s on
+    assert refused.error_code == refused.FAILED
+    assert refused.message.startswith("the plan starts at 0 s, the bench is at ")
+    result, heard = operator.plan(request + ", start: 6000}")
+    assert result.error_code == result.DONE, result.message
+    assert result.message == "taken by pd_feedforward, second"
     assert [f.iteration for f in heard] == list(range(1, len(heard) + 1))
     assert heard[-1].norm_terminal_error < 1e-6
     assert len(result.plan.hash) == 64
@@ -299,7 +303,7 @@ def test_planning_is_cancelled_in_any_method_and_bad_goals_have_words(operator):
     assert client.wait_for_server(timeout_sec=WAIT)
     plans = []
     operator.node.create_subscription(msg.Plan, "plan", plans.append, qos(TOPICS[PLAN]))
-    newest = operator.plan("{method: none}")[0].plan
+    newest = operator.plan("{method: none, start: 9500}")[0].plan
     operator.until(lambda: plans and plans[-1].hash == newest.hash)
     known = len(plans)
     for request in (

@@ -2,7 +2,7 @@
 
 import math
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -30,6 +30,7 @@ class PlanRequest(NamedTuple):
     effort_limit: tuple[float, ...]  # of the drives, one per actuator [N m or N]
     kp: tuple[float, ...] = ()  # gains of the controller in charge, if it has such gains
     kd: tuple[float, ...] = ()
+    rest_at: Mapping[str, float] | None = None  # the reference at the start; None: the testbed's
 
 
 class Iteration(NamedTuple):
@@ -102,6 +103,7 @@ def plan_request(
     period: float,
     effort_limit: Sequence[float],
     gains: tuple[tuple[float, ...], tuple[float, ...]] = ((), ()),
+    rest_at: Callable[[float], dict[str, float]] = lambda start: {},
 ) -> PlanRequest | Refusal:
     """Return what a client asks for, or why its numbers or its YAML cannot be used.
 
@@ -111,6 +113,8 @@ def plan_request(
         period: one tick of the bench [s].
         effort_limit: one per actuator [N m or N].
         gains: kp and kd of the controller in charge, if it has such gains.
+        rest_at: where the reference is at a start [s], by joint: a request that does not say where
+            the joints begin begins there.
     """
     if not (math.isfinite(period) and period > 0.0):
         return Refusal("a positive number of seconds", "period", period)
@@ -118,7 +122,10 @@ def plan_request(
     if not limit or not all(math.isfinite(value) and value > 0.0 for value in limit):
         return Refusal("one positive number per joint", "effort_limit", [*limit])
     try:
-        return PlanRequest(load_yaml(text, "request"), bench, period, limit, *gains)
+        values = load_yaml(text, "request")
+        start = values.get("start", 0.0) if isinstance(values, dict) else 0.0
+        begins = rest_at(float(start)) if isinstance(start, int | float) else {}
+        return PlanRequest(values, bench, period, limit, *gains, begins)
     except BadInput as error:
         return error.refusal
 
@@ -139,6 +146,8 @@ def _work(pipe: Connection) -> None:
             try:
                 settings = validated(PlanSettings, request.values, "plan")
                 _require_ticks(settings, request.period)
+                if request.rest_at and getattr(settings, "initial", request) is None:
+                    settings = replace(settings, initial=dict(request.rest_at))
                 gains = Feedback(kp=request.kp, kd=request.kd) if request.kp else None
                 pipe.send(make_plan(settings, _plant(request), gains, progress))
             except BadInput as error:

@@ -1,28 +1,46 @@
 """Plans on their way to the controllers: published at once, or kept until somebody decides."""
 
-from typing import Any
+import json
+from contextlib import suppress
+from time import monotonic
+from typing import Any, NamedTuple
 
 from flexslew_msgs import msg, srv
 from rclpy.node import Node
+from rclpy.task import Future
 
+from flexslew_control.law import described
 from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
+from flexslew_control.planned_course import PATIENCE, PlanAnswers, PlannedCourse
 from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
     UNNAMED,
     PlanDrafted,
     PlanPublished,
     PlanRefused,
     event_of,
+    fact_of,
 )
 from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.event_log import EventLog
+from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import message_of, stamp
-from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.offers import publisher, subscription
 
 ADOPT, REFUSE = "adopt", "refuse"
 _Kind = type[PlanPublished] | type[PlanDrafted] | type[PlanRefused]
+
+
+class _Pending(NamedTuple):
+    """A plan whose answers somebody waits for."""
+
+    digest: str
+    deadline: float  # [wall s]
+    future: Future
 
 
 class PlanRelease:
@@ -30,18 +48,39 @@ class PlanRelease:
 
     Args:
         node: of the planner.
+        loop: that serves it.
+        alive: signs of life of the controllers.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, loop: Loop, alive: Alive) -> None:
+        self._loop, self._alive = loop, alive
         self._draft: tuple[Plan, msg.Plan] | None = None
+        self._course: PlannedCourse | None = None
+        self._answers, self._pending = PlanAnswers(), list[_Pending]()
         self._clock = BenchClock(node)
         self._plan = publisher(node, topics.PLAN)
         self._events = EventLog(node)
+        subscription(node, topics.CONTROLLER_STATUS, self._answers.status)
+        subscription(node, topics.EVENTS, self._on_event)
         node.create_service(srv.Operate, topics.DECIDE_PLAN, self._on_decide)
+
+    def announce(self, settings: str) -> None:
+        """Take what stands on the bench, YAML: a new run begins."""
+        self._course = PlannedCourse(described(settings, f"/{topics.TESTBED}"))
+
+    def rest_at(self, start: float) -> dict[str, float]:
+        """Return where the joints' references are at a simulated time [s]; {}: as at tick 0."""
+        return self._here.rest_at(start, self._clock.now()) if self._course is not None else {}
+
+    def objection(self, plan: Plan) -> Refusal | None:
+        """Return why a plan is not one that the bench can fly from now on, or None."""
+        return self._here.objection(plan, self._clock.now()) if self._course is not None else None
 
     def publish(self, plan: Plan, who: str) -> msg.Plan:
         """Let the controllers follow a plan; return it as a message."""
         message = self._message(plan)
+        if self._course is not None:
+            self._here.add(plan, self._clock.now())
         self._plan.publish(message)
         self._tell(PlanPublished, plan, message, who)
         return message
@@ -53,6 +92,37 @@ class PlanRelease:
         self._tell(PlanDrafted, plan, message, who)
         return message
 
+    def answered(self, digest: str) -> Future:
+        """Return a future of what the controllers say of the plan with this hash."""
+        future = self._loop.future()
+        self._pending.append(_Pending(digest, monotonic() + PATIENCE, future))
+        self._loop.hurry()
+        return future
+
+    def poll(self, now: float) -> bool:
+        """Tell those who wait for the controllers' answers; return whether somebody still does."""
+        for pending in list(self._pending):
+            gone = [n for n in self._answers.known if self._alive.presence.silent(n, now)]
+            found = self._answers.of(pending.digest, gone)
+            if not found.silent or now >= pending.deadline:
+                self._pending.remove(pending)
+                pending.future.set_result(found)
+        return bool(self._pending)
+
+    @property
+    def _here(self) -> PlannedCourse:
+        """The course in the epoch that the bench is in."""
+        assert self._course is not None
+        self._course.begin_epoch(self._clock.epoch)
+        return self._course
+
+    def _on_event(self, event: msg.Event) -> None:
+        what = None
+        with suppress(BadInput, ValueError):  # of somebody who writes events in another way
+            what = fact_of(event.kind, json.loads(event.data))
+        if isinstance(what, PlanRefused) and what.controller is not None:
+            self._answers.refusal(what.controller, what.hash, what.reason or "")
+
     def _message(self, plan: Plan) -> msg.Plan:
         return message_of(msg.Plan, {"stamp": stamp(self._clock.now()), **plan_fields(plan)})
 
@@ -62,24 +132,29 @@ class PlanRelease:
         tick = round(now / plan.period)
         self._events.tell(event_of(what, tick, now, epoch, "planner"))
 
-    def _on_decide(self, request: Any, reply: Any) -> Any:
+    async def _on_decide(self, request: Any, reply: Any) -> Any:
         word, _, digest = request.action.partition(" ")
-        refused = self._objection(word, digest)
+        refused = self._refused(word, digest)
         if refused is not None or self._draft is None:
             reply.message = str(refused or "")
             return reply
         plan, message = self._draft
         self._draft, reply.ok = None, True
-        reply.tick = round(plan.start / plan.period)
+        reply.tick = plan.first_tick
         if word == ADOPT:
             self.publish(plan, request.who)
-            reply.message = f"{plan.method}: flown from {plan.start:g} s on, tick {reply.tick}"
+            answered = await self.answered(message.hash)
+            reply.ok = not (answered.refused or answered.silent)
+            reply.message = (
+                f"{plan.method}: flown from {plan.start:g} s on, tick {reply.tick}; "
+                f"{answered.message}"
+            )
         else:
             self._tell(PlanRefused, plan, message, request.who)
             reply.message = f"{plan.method} from {plan.start:g} s on is dropped"
         return reply
 
-    def _objection(self, word: str, digest: str) -> Refusal | None:
+    def _refused(self, word: str, digest: str) -> Refusal | None:
         """Return why a decision cannot be taken, or None."""
         if word not in (ADOPT, REFUSE):
             return Refusal(f"{ADOPT}, {REFUSE}", "action", word)
@@ -90,11 +165,4 @@ class PlanRelease:
         if digest not in ("", message.hash):
             words = f"the draft is {message.hash[:12]} now, not {digest[:12]}"
             return Refusal(words, cause=Cause.UNKNOWN)
-        now = self._clock.now()
-        if word == ADOPT and plan.start <= now and now > 0.0:
-            return Refusal(
-                f"the draft starts at {plan.start:g} s, the bench is at {now:.2f} s; "
-                "make one that starts later",
-                cause=Cause.PAST,
-            )
-        return None
+        return self.objection(plan) if word == ADOPT else None

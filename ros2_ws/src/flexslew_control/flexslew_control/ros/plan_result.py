@@ -4,6 +4,7 @@ from flexslew_msgs import action, msg
 from rclpy.action.server import ServerGoalHandle
 
 from flexslew_control.plan import Plan
+from flexslew_control.planned_course import Answered
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.refusal import Cause, Refusal
 
@@ -18,7 +19,10 @@ def failure(why: Refusal) -> BadInput | PlanFailed:
 
 
 def plan_result(
-    goal: ServerGoalHandle, outcome: Plan | Refusal, plan: msg.Plan | None
+    goal: ServerGoalHandle,
+    outcome: Plan | Refusal,
+    plan: msg.Plan | None,
+    answered: Answered | None = None,
 ) -> action.PlanSlew.Result:
     """Return the result of a goal, and end the goal with it.
 
@@ -26,11 +30,17 @@ def plan_result(
         goal: that was planned for.
         outcome: what came of it.
         plan: as published; None without one.
+        answered: what the controllers say of it; None: they were not asked.
     """
     result = action.PlanSlew.Result()
     if isinstance(outcome, Plan):
         result.plan = plan
-        goal.succeed()
+        result.message = answered.message if answered is not None else ""
+        if answered is not None and (answered.refused or answered.silent):
+            result.error_code = result.FAILED
+            goal.abort()
+        else:
+            goal.succeed()
         return result
     result.message = str(outcome)
     if outcome.cause is Cause.CANCELED:

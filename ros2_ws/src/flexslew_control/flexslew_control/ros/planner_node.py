@@ -37,14 +37,14 @@ class Planner:
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
         self.node = node = new_node("planner")
-        loop.live(node, "planner")
+        alive = loop.live(node, "planner")
         self._settings: PlannerSettings = settings_of(node, PlannerSettings)
         self._planning = Planning(soon=not self._settings.file)
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
         self._done: Future | None = None  # of the plan under way
         self._testbed = ""  # settings of what stands on the bench, YAML
         self._next_look = 0.0
-        self._release = PlanRelease(node)
+        self._release = PlanRelease(node, loop, alive)
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         serve_changes(node, lambda changes: "")
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
@@ -53,7 +53,7 @@ class Planner:
                 node,
                 action.PlanSlew,
                 name,
-                partial(self._execute, hand_over),
+                partial(self._execute, hand_over, hand_over == self._release.publish),
                 cancel_callback=lambda _: CancelResponse.ACCEPT,
             )
             for name, hand_over in (
@@ -68,8 +68,9 @@ class Planner:
         if now >= self._next_look:
             self._watch.look()
             self._next_look = now + _LOOK
+        awaited = self._release.poll(now)
         if self._done is None:
-            return self._next_look - now
+            return _PLANNING if awaited else self._next_look - now
         for news in self._planning.news():
             self._take(news)
         if self._done is not None and self._goal is not None and self._goal.is_cancel_requested:
@@ -112,10 +113,12 @@ class Planner:
 
     def _request(self, text: str, period: float, limit: Sequence[float]) -> PlanRequest | Refusal:
         gains = self._settings.kp, self._settings.kd
-        return plan_request(text, self._testbed, period, limit, gains)
+        rest_at = self._release.rest_at
+        return plan_request(text, self._testbed, period, limit, gains, rest_at)
 
     def _on_testbed(self, testbed: msg.Testbed) -> None:
         self._testbed, self._watch.seen = testbed.settings, True
+        self._release.announce(testbed.settings)
         if self._settings.file:
             self._release.publish(load_plan(Path(self._settings.file)), "")
         elif self._settings.plan and self._done is None:
@@ -124,11 +127,19 @@ class Planner:
             )
 
     async def _execute(
-        self, hand_over: Callable[[Plan, str], msg.Plan], goal: ServerGoalHandle
+        self,
+        hand_over: Callable[[Plan, str], msg.Plan],
+        flown: bool,
+        goal: ServerGoalHandle,
     ) -> action.PlanSlew.Result:
         outcome = await self._outcome(goal)
-        plan = hand_over(outcome, goal.request.who) if isinstance(outcome, Plan) else None
-        return plan_result(goal, outcome, plan)
+        if isinstance(outcome, Plan):
+            outcome = self._release.objection(outcome) or outcome
+        if not isinstance(outcome, Plan):
+            return plan_result(goal, outcome, None)
+        plan = hand_over(outcome, goal.request.who)
+        answered = await self._release.answered(plan.hash) if flown else None
+        return plan_result(goal, outcome, plan, answered)
 
     async def _outcome(self, goal: ServerGoalHandle) -> Plan | Refusal:
         """Return what comes of a goal."""

@@ -130,6 +130,7 @@ class BenchClient:
             plan = result.plan
             did = "published" if name == topics.PLAN_SLEW else "drafted: adopt or refuse it"
             words = f"{plan.method}: {plan.duration:g} s from {plan.start:g} s on is {did}"
+            words += f"; {result.message}" if result.message else ""
             then(RequestResult(ok, words if ok else result.message), plan if ok else None)
 
         sent = self._planners[name].send_goal_async(goal, feedback_callback=iterate)

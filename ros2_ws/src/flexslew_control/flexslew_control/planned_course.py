@@ -1,0 +1,123 @@
+"""The course that the bench flies as its planner knows it: where a plan begins, and who took it."""
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.course import Course, jump
+from flexslew_control.law import PlantDescription, Reference
+from flexslew_control.plan import Plan
+from flexslew_plant.arrays import NOTHING
+from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.testbeds import initial_positions
+
+PATIENCE = 2.0  # for the answers of the controllers to a plan [wall s]
+
+
+class PlannedCourse:
+    """The plans that were published for a bench.
+
+    Args:
+        plant: what stands there.
+    """
+
+    def __init__(self, plant: PlantDescription) -> None:
+        self._period, self._names = plant.period, plant.joint_names
+        first = initial_positions(plant.testbed)
+        rest = np.zeros(len(self._names))
+        self._hold = Reference(np.array([first[n] for n in self._names]), rest, rest, NOTHING)
+        self._course, self._epoch = Course(), 0
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Know that the bench was reset: the controllers return to the plan of tick 0."""
+        if epoch != self._epoch:
+            self._epoch = epoch
+            self._course.restart()
+
+    def rest_at(self, start: float, now: float) -> dict[str, float]:
+        """Return where each joint's reference is at a simulated time, by name; at tick 0 nothing.
+
+        Args:
+            start: of a plan to be made [s].
+            now: at which the bench is [s].
+        """
+        if now <= 0.0:
+            return {}
+        at = self._course.reference(round(start / self._period), self._hold).position
+        return dict(zip(self._names, at.tolist(), strict=True))
+
+    def objection(self, plan: Plan, now: float) -> Refusal | None:
+        """Return why the controllers would refuse a plan at this simulated time [s], or None."""
+        if now <= 0.0:
+            return None
+        if plan.start <= now:
+            return Refusal(
+                f"the plan starts at {plan.start:g} s, the bench is at {now:.2f} s; "
+                "make one that starts later",
+                cause=Cause.PAST,
+            )
+        far = jump(plan, self._course.reference(plan.first_tick, self._hold))
+        if far is None:
+            return None
+        words = f"{far.why}; leave `initial` out, and start when the plan before is over"
+        return replace(far, why=words)
+
+    def add(self, plan: Plan, now: float) -> None:
+        """Take note that a plan was published at this simulated time [s]."""
+        if now <= 0.0:
+            self._course.begin_with(plan)
+        else:
+            self._course.add(plan)
+
+
+class Answered(NamedTuple):
+    """Who follows a plan, and who does not."""
+
+    taken: tuple[str, ...]
+    refused: dict[str, str]  # name: why
+    silent: tuple[str, ...]
+
+    @property
+    def message(self) -> str:
+        """One line for whoever asked for the plan."""
+        parts = [f"taken by {', '.join(self.taken)}"] if self.taken else []
+        parts += [f"refused by {name}: {why}" for name, why in self.refused.items()]
+        parts += [f"no answer from {', '.join(self.silent)}"] if self.silent else []
+        return "; ".join(parts) or "no controller is on the graph; the next one will take it"
+
+
+class PlanAnswers:
+    """What the controllers say of the plans that they hear."""
+
+    def __init__(self) -> None:
+        self._following: dict[str, str] = {}  # hash by name
+        self._refused: dict[tuple[str, str], str] = {}  # why, by name and hash
+
+    def status(self, status: Any) -> None:
+        """Take a flexslew_msgs/ControllerStatus."""
+        self._following[status.controller] = status.plan_hash
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """The controllers that were ever heard."""
+        return tuple(self._following)
+
+    def refusal(self, controller: str, digest: str, why: str) -> None:
+        """Take that a controller refuses a plan with this hash."""
+        self._refused[controller, digest] = why
+
+    def of(self, digest: str, gone: Collection[str] = ()) -> Answered:
+        """Return what has come so far on a plan.
+
+        Args:
+            digest: its hash.
+            gone: controllers that are no longer there.
+        """
+        names = sorted(self._following.keys() - {*gone})
+        taken = tuple(name for name in names if self._following[name] == digest)
+        refused = {n: self._refused[n, digest] for n in names if (n, digest) in self._refused}
+        refused = {name: why for name, why in refused.items() if name not in taken}
+        silent = tuple(name for name in names if name not in taken and name not in refused)
+        return Answered(taken, refused, silent)

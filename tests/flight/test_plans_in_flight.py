@@ -1,0 +1,158 @@
+"""A plan that is adopted in flight begins where the reference is: no jump, no burst of effort."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.wire_bench import WireBench
+
+from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.course import LARGEST_JUMP
+from flexslew_control.planned_course import PlanAnswers, PlannedCourse
+from flexslew_control.planners import make_plan, plan_settings
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.testbeds import default_testbed
+
+LAST = 4.0  # of a manoeuvre [s]; its hold before and after is what counts
+# a rigid slew of .03 rad in 4 s asks for 2,000 kg m^2 * .011 rad/s^2 = 23 N m; the limit is 150
+FARTHEST = 0.03  # of a goal from the last one [rad]
+NEEDS_GAINS = {"planned_gains"}  # a plan that has them: it follows no other one
+
+
+def planned(bench: WireBench, course: PlannedCourse, start: float, goal: Any, **more: Any) -> Any:
+    """Return a plan as the planner makes it: from where the reference is at its start."""
+    values = {
+        "method": "reference_only",
+        "goal": goal,
+        "start": start,
+        "duration": LAST,
+        "initial": course.rest_at(start, bench.bench.time) or None,
+    }
+    plan = make_plan(plan_settings(values | more, "test"), bench.plant)
+    # of the joints alone: this method's nominal deflections end in a jump to straight appendages
+    return replace(plan, state=np.zeros((len(plan.position), 0)))
+
+
+def adopted(bench: WireBench, course: PlannedCourse, plan: Any) -> None:
+    assert course.objection(plan, bench.bench.time) is None
+    for host in bench.hosts.values():
+        assert host.adopt(plan) is None
+    course.add(plan, bench.bench.time)
+
+
+@pytest.mark.parametrize("law", [law for law in CONTROLLERS if law not in NEEDS_GAINS])
+def test_random_plans_at_random_moments_never_saturate_a_motor(law: str) -> None:
+    rng = np.random.default_rng([27, *law.encode()])
+    names = tuple(default_testbed().typical_goal)
+    for _ in range(2):
+        bench = WireBench(Trial(controllers={law: {}}, active=law, duration=60.0))
+        limit = np.array(bench.plant.effort_limit)
+        course = PlannedCourse(bench.plant)
+        goal = dict(zip(names, rng.uniform(-FARTHEST, FARTHEST, len(names)), strict=True))
+        adopted(bench, course, planned(bench, course, 0.0, goal))
+        starts = []
+        for _ in range(2):
+            moment = bench.bench.tick + int(rng.integers(10, 300))
+            if starts:  # the plan before is over then
+                moment = max(moment, starts[-1] + round(LAST / 0.01) - 50)
+            bench.fly(moment)
+            over = (starts[-1] if starts else 0) + round(LAST / 0.01)
+            start = max(over, moment + int(rng.integers(2, 100)))
+            goal = {n: goal[n] + float(rng.uniform(-FARTHEST, FARTHEST)) for n in names}
+            adopted(bench, course, planned(bench, course, start * 0.01, goal))
+            starts.append(start)
+        bench.fly(starts[-1] + round(LAST / 0.01) + 50)
+        host = next(iter(bench.hosts.values()))
+        assert host.controller is not None
+        references = [host.controller.reference(k).position for k in range(bench.bench.tick)]
+        steps = np.abs(np.diff(references, axis=0)).max()
+        assert steps < 1e-3, "the references are slews, not jumps"
+        efforts = np.array([truth.applied_effort for truth in bench.truths])
+        assert np.abs(efforts).max() < 0.9 * limit.min(), (law, np.abs(efforts).max(axis=0))
+        assert bench.bench.saturated_ticks == 0
+
+
+@pytest.mark.parametrize("law", ["pd_feedforward", "lqr"])
+def test_a_jump_is_refused_by_planner_and_controller_and_who_refuses_is_not_ready(law: str) -> None:
+    bench = WireBench(Trial(controllers={law: {}}, active=law, duration=60.0))
+    course = PlannedCourse(bench.plant)
+    names = tuple(default_testbed().typical_goal)
+    adopted(bench, course, planned(bench, course, 0.0, {names[0]: FARTHEST}))
+    bench.fly(600)
+    wrong = planned(bench, course, 8.0, {names[0]: 0.0}, initial={names[0]: 0.0})
+    assert "stands at 0.03, the plan begins with 0" in str(course.objection(wrong, bench.bench.time))
+    host = bench.hosts[law]
+    assert host.adopt(wrong) is not None
+    assert "plan begins with 0" in str(host.reason)
+    assert host.plan_refused("x").data["reason"] == str(host.reason)
+    moving = planned(bench, course, 8.0, {names[0]: 0.0})
+    adopted(bench, course, moving)
+    assert host.reason is None
+    early = planned(bench, course, 10.0, {names[0]: FARTHEST})  # that one ends at 12 s
+    assert "moves at" in str(course.objection(early, bench.bench.time))
+    late = planned(bench, course, 5.0, {names[0]: 0.0})
+    assert str(course.objection(late, bench.bench.time)).startswith("the plan starts at 5 s")
+
+
+def test_after_a_reset_a_new_plan_is_flown_from_tick_0_and_else_the_first_one_again() -> None:
+    names = tuple(default_testbed().typical_goal)
+    for new in (False, True):
+        bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
+        course, host = PlannedCourse(bench.plant), bench.hosts["lqr"]
+        first = planned(bench, course, 0.0, {names[0]: FARTHEST})
+        adopted(bench, course, first)
+        bench.fly(450)
+        second = planned(bench, course, 5.0, {names[0]: 2 * FARTHEST})
+        adopted(bench, course, second)
+        bench.fly(600)
+        bench.session.reset()
+        host.begin_epoch(1)  # which the state of the bench has told
+        course.begin_epoch(1)
+        assert host.plan is first
+        third = planned(bench, course, 0.0, {names[1]: FARTHEST})
+        if new:
+            adopted(bench, course, third)
+        assert bench.session.start().ok
+        bench._waiting.clear()
+        bench.fly(450)
+        assert host.reason is None
+        assert host.controller is not None
+        end = host.controller.reference(450).position
+        wanted = third if new else first
+        np.testing.assert_array_equal(end, wanted.position[-1])
+        assert host.plan_from == (1, 0)
+        assert np.abs(bench.bench.truth().position[:2] - end).max() < 0.02
+
+
+def test_the_planner_says_who_took_a_plan_and_who_did_not() -> None:
+    class Status:
+        def __init__(self, controller: str, plan_hash: str) -> None:
+            self.controller, self.plan_hash = controller, plan_hash
+
+    answers = PlanAnswers()
+    assert answers.of("new").message.startswith("no controller is on the graph")
+    for name in ("a", "b", "c", "d"):
+        answers.status(Status(name, "old"))
+    assert answers.of("new").silent == ("a", "b", "c", "d")
+    answers.status(Status("a", "new"))
+    answers.refusal("b", "new", "it starts too early")
+    answers.refusal("c", "old", "another plan")
+    found = answers.of("new", gone=["d"])
+    assert (found.taken, found.silent) == (("a",), ("c",))
+    assert found.message == ("taken by a; refused by b: it starts too early; no answer from c")
+
+
+def test_a_planner_that_was_given_a_place_begins_there() -> None:
+    bench = WireBench(Trial(controllers={"pd_feedforward": {}}, duration=60.0))
+    course = PlannedCourse(bench.plant)
+    assert course.rest_at(0.0, 0.0) == {}
+    assert {*course.rest_at(5.0, 1.0).values()} == {0.0}
+    names = tuple(default_testbed().typical_goal)
+    plan = planned(bench, course, 0.0, dict.fromkeys(names, FARTHEST))
+    course.add(plan, 0.0)
+    assert course.rest_at(9.0, 1.0) == dict.fromkeys(names, pytest.approx(FARTHEST))
+    course.add(replace(plan, start=20.0), 1.0)
+    course.begin_epoch(1)
+    assert course.rest_at(30.0, 1.0) == dict.fromkeys(names, pytest.approx(FARTHEST))
+    assert LARGEST_JUMP < FARTHEST
