@@ -7,8 +7,10 @@ from typing import Any
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.law import PlantDescription
+from flexslew_lab.trial.in_process import Observer
 from flexslew_lab.trial.trial import Trial, bench_settings, law_of, plant_of
 from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import (
@@ -39,6 +41,7 @@ class WireBench:
             law, own = law_of(name, values or {})
             self.hosts[name] = self._host(name, law, own)
         self._waiting: list[Measurement] = []
+        self.observer: Observer | None = None
         self._tell()
 
     def _host(self, name: str, law: str, values: dict[str, Any]) -> ControllerHost:
@@ -56,10 +59,10 @@ class WireBench:
             tick: at which to stop.
             deaf: at which tick nobody hears the answers of whom: they are missed.
         """
-        for _ in range(100 * (tick + 10)):
+        for _ in range(1000 * (tick + 10)):
             if (self.bench.tick >= tick and self._waiting) or self.bench.done:
                 return
-            self.now += 0.005
+            self.now += 0.02
             self.session.poll(self.now)
             self._take()
             if self._waiting and self.bench.tick < tick:
@@ -81,6 +84,8 @@ class WireBench:
             for name, host in self.hosts.items():
                 heard, at = measurement_from(data, self.bench.settings.period)
                 answer = host.observe(heard)
+                if answer is not None and self.observer is not None:
+                    self.observer.answer(answer)
                 if answer is not None and name not in deaf.get(question.tick, ()):
                     command = command_from(command_bytes(answer.command, at))
                     self.session.take(command, self.now)
@@ -91,14 +96,23 @@ class WireBench:
         while self.session.outbox:
             record = self.session.outbox.popleft()
             if isinstance(record, Measurement):
-                self._waiting = [record]
+                self._waiting.append(record)
+                if self.observer is not None:
+                    self.observer.question(record)
             elif isinstance(record, Truth):
                 self.truths.append(record)
+                if self.observer is not None:
+                    self.observer.truth(record)
             else:
-                self.events.append(record)
+                self._note(record)
         for host in self.hosts.values():
             while host.events:
-                self.events.append(host.events.popleft())
+                self._note(host.events.popleft())
+
+    def _note(self, event: Event) -> None:
+        self.events.append(event)
+        if self.observer is not None:
+            self.observer.event(event)
 
     def _tell(self) -> None:
         """Let the plant hear how the controllers are."""

@@ -51,7 +51,7 @@ def test_random_plans_at_random_moments_never_saturate_a_motor(law: str) -> None
         course = PlannedCourse(bench.plant)
         goal = dict(zip(names, rng.uniform(-FARTHEST, FARTHEST, len(names)), strict=True))
         adopted(bench, course, planned(bench, course, 0.0, goal))
-        starts = []
+        starts: list[int] = []
         for _ in range(2):
             moment = bench.bench.tick + int(rng.integers(10, 300))
             if starts:  # the plan before is over then

@@ -202,8 +202,10 @@ def test_a_draft_is_followed_by_nobody_until_it_is_adopted(operator):
     assert not {first.hash, second.hash} & {plan.hash for plan in plans}
     operator.call(Trigger, "start")
     operator.until(lambda: operator.truth is not None and operator.truth.tick > 100)
-    draft(0.01)
-    assert decide("adopt")[1].startswith("the draft starts at 0.01 s, the bench is at")
+    soon = operator.truth.tick + 400
+    draft(soon * 0.01)
+    operator.until(lambda: operator.truth.tick > soon)
+    assert decide("adopt")[1].startswith(f"the plan starts at {soon * 0.01:g} s, the bench is at")
     assert decide("refuse")[0]
 
     def told():

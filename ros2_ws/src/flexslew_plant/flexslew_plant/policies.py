@@ -43,7 +43,7 @@ ROLES: dict[str, Rights] = {
     ),
     "planner": Rights(
         publish=(t.PLAN, t.EVENTS, t.ALIVE),
-        subscribe=(t.TESTBED, t.BENCH_STATE, t.ALIVE),
+        subscribe=(t.TESTBED, t.BENCH_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.ALIVE),
         execute=_PLANS,
         reply=(t.DECIDE_PLAN,),
     ),

@@ -126,10 +126,10 @@ class Resimulator:
             answer = controller.observe(question)  # heard it, even where nobody heard the answer
             if answer is not None and (not missed or key in self._refused):
                 bench.offer(answer.command)
-        if bench.question is not question and not missed:  # the newcomer's step was refused
+        if bench.question is not question:  # the newcomer's step was refused
             predecessor = self._controllers.by_name.get(bench.question.controller)  # or the brake
             answer = predecessor.observe(bench.question) if predecessor else None
-            if answer is not None:
+            if answer is not None and not missed:
                 bench.offer(answer.command)
         for request in self._afterwards.pop(key, ()):
             self._grant(request)

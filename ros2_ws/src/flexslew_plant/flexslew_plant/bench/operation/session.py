@@ -93,8 +93,11 @@ class Session:
         self.presence.excuse(held_up)
         bench = self.bench
         if not bench.answered:  # what has come is taken before anybody is judged
+            question = bench.question
             for command in self._arrived():
                 bench.offer(command)
+            if bench.question is not question:  # a refused switch: its predecessor is asked
+                self.outbox.append(bench.question)
         self._look_around(now)
         drive = bench.drive
         alive = bool(drive.active) and not self.reason(drive.active, now)
