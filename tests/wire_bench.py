@@ -10,7 +10,6 @@ from flexslew_control.law import PlantDescription
 from flexslew_lab.trial.in_process import Observer
 from flexslew_lab.trial.trial import Trial, bench_settings, law_of, plant_of
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.events import Event
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import (
@@ -19,6 +18,7 @@ from flexslew_plant.bench.wire import (
     measurement_bytes,
     measurement_from,
 )
+from flexslew_plant.events import Event
 
 
 class WireBench:

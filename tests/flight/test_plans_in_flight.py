@@ -81,7 +81,8 @@ def test_a_jump_is_refused_by_planner_and_controller_and_who_refuses_is_not_read
     adopted(bench, course, planned(bench, course, 0.0, {names[0]: FARTHEST}))
     bench.fly(600)
     wrong = planned(bench, course, 8.0, {names[0]: 0.0}, initial={names[0]: 0.0})
-    assert "stands at 0.03, the plan begins with 0" in str(course.objection(wrong, bench.bench.time))
+    objection = course.objection(wrong, bench.bench.time)
+    assert "stands at 0.03, the plan begins with 0" in str(objection)
     host = bench.hosts[law]
     assert host.adopt(wrong) is not None
     assert "plan begins with 0" in str(host.reason)

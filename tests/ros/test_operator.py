@@ -162,7 +162,7 @@ def test_pause_step_start_and_reset(operator):
 def test_the_planner_reports_every_iteration_and_publishes_the_plan(operator):
     request = "{method: optimized_feedforward, model: {modes: 1}, goal: {base_yaw: 0.2}"
     refused, _ = operator.plan(request + "}")  # from 0 s on
-    assert refused.error_code == refused.FAILED
+    assert refused.error_code == refused.BAD_INPUT
     assert refused.message.startswith("the plan starts at 0 s, the bench is at ")
     result, heard = operator.plan(request + ", start: 6000}")
     assert result.error_code == result.DONE, result.message
