@@ -70,7 +70,7 @@ class Operator:
         client = ActionClient(self.node, action.PlanSlew, name)
         assert client.wait_for_server(timeout_sec=WAIT)
         heard = []
-        goal = action.PlanSlew.Goal(request=request, period=0.01, effort_limit=[150.0, 150.0])
+        goal = action.PlanSlew.Goal(request=request)  # the planner knows period and limits
         sent = client.send_goal_async(goal, feedback_callback=lambda f: heard.append(f.feedback))
         handle = self._result(sent)
         result = self._result(handle.get_result_async()).result
@@ -323,7 +323,7 @@ def test_planning_is_cancelled_in_any_method_and_bad_goals_have_words(operator):
         assert result.error_code == result.CANCELED, result.message
         assert not result.plan.hash
     for wrong in (
-        {"effort_limit": []}, {"effort_limit": [float("nan")] * 2}, {"period": 0.0},
+        {"effort_limit": [float("nan")] * 2}, {"period": -1.0}, {"period": float("inf")},
         {"request": "{method: optimized_feedforward, goal: {base_yaw: 0.1}, duration: 1.0e9}"},
         {"request": "{method: optimized_feedforward, goal: {elbow: 0.1}}"}, {"request": "{"},
     ):  # fmt: skip

@@ -155,8 +155,11 @@ def test_a_plan_is_taken_from_the_next_question_on() -> None:
     host.adopt(plan)  # kept for the testbed to come
     host.announce(builder("pd_feedforward", CSA), 2)
     assert (host.plans_taken, host.plan_hash, host.plan_from) == (1, plan_hash(plan), (0, 0))
+    asked = -1
     for epoch, tick in ((0, 0), (0, 41), (1, 3)):
-        host.observe(question(tick, epoch))
+        for each in range(0 if epoch else asked + 1, tick + 1):
+            host.observe(question(each, epoch))
+        asked = tick
         assert host.adopt(plan) is None
         assert host.plan_from == (epoch, tick + 1)
     late = make_plan(ReferenceOnly(start=0.02), CSA)

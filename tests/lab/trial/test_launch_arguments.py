@@ -9,10 +9,11 @@ DEFAULTS = {name: default for name, (default, _) in ARGUMENTS.items()}
 
 
 def test_the_defaults_fly_the_default_trial_with_log_and_report() -> None:
-    values = launch_values(DEFAULTS, [*DEFAULTS, "ros_namespace"])
+    values = launch_values(DEFAULTS | {"of_the_file_that_includes_it": "1"})
     assert (values.rate, values.out, values.controllers) == (None, None, ())
     assert values.record
     assert values.report
+    assert values.shutdown
 
 
 def test_what_is_given_is_taken() -> None:
@@ -33,8 +34,3 @@ def test_what_is_given_is_taken() -> None:
 def test_a_wrong_value_is_told_in_one_line(given: Any, words: str) -> None:
     with pytest.raises(BadInput, match=words):
         launch_values(DEFAULTS | given)
-
-
-def test_an_unknown_argument_is_refused() -> None:
-    with pytest.raises(BadInput, match="ratte: unknown argument; allowed: trial, out, rate"):
-        launch_values(DEFAULTS, [*DEFAULTS, "ratte"])

@@ -28,7 +28,7 @@ GRACE = 5.0  # for the others to leave by themselves when the plant is gone [s]
 
 def _nodes(context: LaunchContext) -> list[Any]:
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    values = launch_values(given, context.launch_configurations)
+    values = launch_values(given)
     trial, source = read_trial(values.trial)
     if values.rate is not None:
         trial = replace(trial, rate_factor=values.rate)
@@ -60,6 +60,8 @@ def _nodes(context: LaunchContext) -> list[Any]:
     def finish(_: LaunchContext) -> list[Any]:
         if values.record:
             finished(folder, report=values.report)
+        if not values.shutdown:
+            return []
         return [EmitEvent(event=Shutdown(reason=f"the run is over: {folder}"))]
 
     end = TimerAction(period=GRACE, actions=[OpaqueFunction(function=finish)])

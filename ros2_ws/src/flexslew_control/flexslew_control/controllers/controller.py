@@ -114,6 +114,10 @@ class Controller:
                 self._course.restart()
             self._key = epoch, _NONE
 
+    def begin_anew(self, epoch: int) -> None:
+        """Take the next measurement for the first one, wherever the bench is."""
+        self._key = epoch, _NONE
+
     @property
     def reason(self) -> Refusal | None:
         """Why it could not take charge now; None when it could."""

@@ -12,9 +12,18 @@ from typing import Any, NamedTuple
 from flexslew_control.controllers.controller import Answer, Controller
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
+from flexslew_control.question_thread import QuestionThread
+from flexslew_plant import topics
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import UNNAMED, ControllerTuned, Event, PlanRefused, event_of
+from flexslew_plant.events import (
+    UNNAMED,
+    ControllerTuned,
+    Event,
+    PlanRefused,
+    StrayMessage,
+    event_of,
+)
 from flexslew_plant.refusal import Cause, Refusal
 
 Build = Callable[[dict[str, Any]], Controller]  # from the settings of the law
@@ -67,6 +76,8 @@ class ControllerHost:
         self._appendages = 0  # of the testbed
         self._plan_refused: Refusal | None = None
         self._tunings: list[_Tuning] = []
+        self._thread = QuestionThread()
+        self._stray = False  # a strange message was told of
 
     @property
     def reason(self) -> Refusal | None:
@@ -92,6 +103,7 @@ class ControllerHost:
         """
         first, self._build = self._build is None, build
         self._tunings, self._appendages, self.epoch = [], appendages, 0
+        self._thread = QuestionThread()
         try:
             self.controller = build(self.values)
         except BadInput as error:
@@ -149,6 +161,15 @@ class ControllerHost:
             return None
         if question.misfit(len(self.controller.joint_names), self._appendages):
             return None  # of a testbed that is still to be announced, or of nobody who knows it
+        if not self._thread.take((question.epoch, question.tick)):
+            self.ignored(
+                topics.MEASUREMENT,
+                f"tick {question.tick} of epoch {question.epoch}, the bench is at tick "
+                f"{self.last_tick} of epoch {self.epoch}",
+            )
+            return None
+        if self._thread.resumed:
+            self.controller.begin_anew(question.epoch)
         if question.epoch != self.epoch:
             self.begin_epoch(question.epoch)
         while self._tunings and self._tunings[0].tick <= question.tick:
@@ -157,6 +178,14 @@ class ControllerHost:
         while self.controller.events:
             self.events.append(self.controller.events.popleft())
         return answer
+
+    def ignored(self, topic: str, what: str) -> None:
+        """Say once that a message is not one of the plant of this bench."""
+        if not self._stray:
+            self._stray = True
+            period = self.controller.period if self.controller else 0.0
+            tick, fact = self.last_tick, StrayMessage(topic, self.name, what)
+            self.events.append(event_of(fact, tick, tick * period, self.epoch, self.name))
 
     def tune(self, changes: Mapping[str, Any], tick: int = 0, who: str = "") -> Tuned:
         """Design the controller anew with some settings changed, for a tick to come.

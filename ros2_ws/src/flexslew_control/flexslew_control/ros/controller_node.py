@@ -69,9 +69,14 @@ class ControllerNode:
         return self._next_look - now
 
     def _on_testbed(self, message: msg.Testbed) -> None:
+        try:
+            plant = described(message.settings, "/testbed")
+        except BadInput as error:
+            self._host.ignored(topics.TESTBED, str(error))
+            self._tell()
+            return
         self._watch.seen = True
         self._period = message.period
-        plant = described(message.settings, "/testbed")
         self._host.announce(
             lambda values: build_controller(
                 self._host.name,
@@ -101,6 +106,11 @@ class ControllerNode:
             self._announcer.announce(always=True)
         self._realtime.want(message.active == self._host.name and message.rate_factor > 0.0)
 
+    def _tell(self) -> None:
+        """Pass on what the host has to say."""
+        while self._host.events:
+            self._events.tell(self._host.events.popleft())
+
     def _on_measurement(self, data: bytes) -> None:
         host = self._host
         question, at = measurement_from(data, self._period)
@@ -109,8 +119,7 @@ class ControllerNode:
             self._command.publish(command_bytes(answer.command, at))
             self._state.publish(state_bytes(answer, at))
         if host.events:
-            while host.events:
-                self._events.tell(host.events.popleft())
+            self._tell()
             self._announcer.describe()
         else:
             self._announcer.seen(question.tick)

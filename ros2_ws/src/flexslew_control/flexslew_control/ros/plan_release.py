@@ -21,6 +21,7 @@ from flexslew_plant.events import (
     PlanDrafted,
     PlanPublished,
     PlanRefused,
+    StrayMessage,
     event_of,
     fact_of,
 )
@@ -56,6 +57,7 @@ class PlanRelease:
         self._loop, self._alive = loop, alive
         self._draft: tuple[Plan, msg.Plan] | None = None
         self._course: PlannedCourse | None = None
+        self._stray = False  # a strange message was told of
         self._answers, self._pending = PlanAnswers(), list[_Pending]()
         self._clock = BenchClock(node)
         self._plan = publisher(node, topics.PLAN)
@@ -67,6 +69,14 @@ class PlanRelease:
     def announce(self, settings: str) -> None:
         """Take what stands on the bench, YAML: a new run begins."""
         self._course = PlannedCourse(described(settings, f"/{topics.TESTBED}"))
+
+    def ignored(self, topic: str, what: str) -> None:
+        """Say once that a message is not one of the plant of this bench."""
+        if not self._stray:
+            self._stray = True
+            now, epoch = self._clock.now(), self._clock.epoch
+            fact = StrayMessage(topic, "planner", what)
+            self._events.tell(event_of(fact, 0, now, epoch, "planner"))
 
     def rest_at(self, start: float) -> dict[str, float]:
         """Return where the joints' references are at a simulated time [s]; {}: as at tick 0."""

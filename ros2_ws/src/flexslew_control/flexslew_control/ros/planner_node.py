@@ -20,6 +20,7 @@ from flexslew_control.ros.plan_release import PlanRelease
 from flexslew_control.ros.plan_result import BUSY, CANCELED, failure, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
@@ -42,6 +43,7 @@ class Planner:
         self._planning = Planning(soon=not self._settings.file)
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
         self._done: Future | None = None  # of the plan under way
+        self._bench: msg.Testbed | None = None
         self._testbed = ""  # settings of what stands on the bench, YAML
         self._next_look = 0.0
         self._release = PlanRelease(node, loop, alive)
@@ -113,12 +115,18 @@ class Planner:
 
     def _request(self, text: str, period: float, limit: Sequence[float]) -> PlanRequest | Refusal:
         gains = self._settings.kp, self._settings.kd
+        if self._bench is not None:  # which a client need not know
+            period, limit = period or self._bench.period, limit or self._bench.effort_limit
         rest_at = self._release.rest_at
         return plan_request(text, self._testbed, period, limit, gains, rest_at)
 
     def _on_testbed(self, testbed: msg.Testbed) -> None:
-        self._testbed, self._watch.seen = testbed.settings, True
-        self._release.announce(testbed.settings)
+        try:
+            self._release.announce(testbed.settings)
+        except BadInput as error:
+            self._release.ignored(topics.TESTBED, str(error))
+            return
+        self._testbed, self._bench, self._watch.seen = testbed.settings, testbed, True
         if self._settings.file:
             self._release.publish(load_plan(Path(self._settings.file)), "")
         elif self._settings.plan and self._done is None:

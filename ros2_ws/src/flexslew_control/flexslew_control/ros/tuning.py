@@ -6,7 +6,7 @@ from flexslew_msgs import srv
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from flexslew_control.controllers import CONTROLLERS, law_values
+from flexslew_control.controllers import CONTROLLERS, CommonSettings, law_values
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
@@ -31,6 +31,9 @@ class Tuning:
     def __init__(self, node: Node, host: ControllerHost, law: str) -> None:
         self._node, self._host = node, host
         self._taken = False  # what is set now has been granted already
+        given = {k: v for k, v in host.values.items() if k in CommonSettings.__annotations__}
+        common = validated(CommonSettings, given, f"node {host.name}")
+        declare(node, common, meanings(common))
         if law in CONTROLLERS:
             own = law_values(host.values)
             settings = validated(CONTROLLERS[law].settings, own, f"node {host.name}")

@@ -16,6 +16,7 @@ from flexslew_lab.log.bag_layout import (
     TRIAL_RECORD,
     checksum,
 )
+from flexslew_lab.log.described_trial import described_trial
 from flexslew_lab.log.files.mcap_scan import (
     CHANNEL,
     CHUNK,
@@ -99,8 +100,12 @@ class BagReader:
 
     @property
     def trial_text(self) -> str:
-        """The validated trial as YAML."""
-        return self.metadata.get("trial", "")
+        """The validated trial as YAML; of a log that names none what it says of its bench."""
+        named = self.metadata.get("trial", "")
+        if named or self._foreign:
+            return named
+        seen = self.overview
+        return described_trial(seen.testbed, seen.statuses, seen.last * 1e-9, str(self.path))
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
         """Yield the messages of the topics (default: all) in the order of their log times."""

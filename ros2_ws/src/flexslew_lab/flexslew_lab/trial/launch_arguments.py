@@ -1,7 +1,7 @@
 """The arguments of the launch file, checked without ROS."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,8 +16,8 @@ ARGUMENTS: dict[str, tuple[str, str]] = {  # default and description
     "record": ("true", "with the recorder: true or false"),
     "controllers": ("", "comma-separated, instead of the trial's; a law's name works too"),
     "report": ("true", "write metrics.json and report.html after the run: true or false"),
+    "shutdown": ("true", "end the whole launch when the run is over: true or false"),
 }
-_OF_LAUNCH = ("ros_", "global_", "launch_", "log_", "params")  # set by launch itself
 
 
 class LaunchValues(NamedTuple):
@@ -30,22 +30,18 @@ class LaunchValues(NamedTuple):
     record: bool
     controllers: tuple[str, ...]
     report: bool
+    shutdown: bool
 
 
-def launch_values(given: Mapping[str, str], names: Iterable[str] = ()) -> LaunchValues:
-    """Return the arguments of a launch.
+def launch_values(given: Mapping[str, str]) -> LaunchValues:
+    """Return the arguments of a launch; others belong to whoever includes the launch file.
 
     Args:
         given: text of every argument.
-        names: of all that was set on the command line, known or not.
 
     Raises:
-        BadInput: an unknown argument, or a value that is not allowed.
+        BadInput: a value that is not allowed.
     """
-    unknown = [n for n in names if n not in ARGUMENTS and not n.startswith(_OF_LAUNCH)]
-    if unknown:
-        allowed = ", ".join(ARGUMENTS)
-        raise BadInput(f"launch: {unknown[0]}: unknown argument; allowed: {allowed}")
     controllers = tuple(name.strip() for name in given["controllers"].split(",") if name.strip())
     return LaunchValues(
         given["trial"],
@@ -55,6 +51,7 @@ def launch_values(given: Mapping[str, str], names: Iterable[str] = ()) -> Launch
         _truth("record", given["record"]),
         controllers,
         _truth("report", given["report"]),
+        _truth("shutdown", given["shutdown"]),
     )
 
 

@@ -11,6 +11,7 @@ from flexslew_plant.events.control import (
     PlanDrafted,
     PlanPublished,
     PlanRefused,
+    StrayMessage,
 )
 from flexslew_plant.events.event import UNNAMED, Event, Fact, Level, Other, checked, event_of
 from flexslew_plant.events.injections import (
@@ -100,6 +101,7 @@ __all__ = [
     "Started",
     "StateLost",
     "Stepped",
+    "StrayMessage",
     "SwitchDropped",
     "SwitchRefused",
     "SwitchRequested",
@@ -152,6 +154,7 @@ _KINDS: tuple[Any, ...] = (
     PlanPublished,
     PlanDrafted,
     PlanRefused,
+    StrayMessage,
 )
 # after which somebody else is in charge
 IN_CHARGE = (Switched, FallbackTookOver, BrakeTookOver)

@@ -49,6 +49,22 @@ class EstimateDoubted:
 
 
 @fact
+class StrayMessage:
+    """Somebody who is not the plant of this bench speaks on one of its topics; said once."""
+
+    kind: ClassVar[str] = "stray"
+    level: ClassVar[Level] = Level.WARNING
+    topic: Text
+    node: Text  # that has heard it
+    what: Text  # is wrong with it
+
+    @property
+    def message(self) -> str:
+        """One line for a person."""
+        return f"{self.node} ignores a message on {self.topic}: {self.what}"
+
+
+@fact
 class PlanPublished:
     """Controllers follow a plan from its start on."""
 

@@ -18,6 +18,7 @@ from flexslew_plant.settings import flat, load_yaml, plain, validated
 from flexslew_plant.settings_fields import FieldMeaning, meanings
 
 _ROS = ("use_sim_time", "qos_overrides", "start_type_description")  # parameters of ROS itself
+_UNSET = "null"  # as which a dump of parameters writes, and ROS reads, what has no value
 _AT_START = "read at the start; restart the node to change it"
 _LARGEST = 1.7976931348623157e308
 
@@ -53,7 +54,7 @@ def nested(node: Node, parameters: Iterable[Parameter[Any]]) -> dict[str, Any]:
         place = given
         for part in path:
             place = place.setdefault(part, {})
-        value = parameter.value
+        value = None if parameter.value == _UNSET else parameter.value
         if isinstance(value, str) and (value.startswith("[") or value == "{}"):
             value = load_yaml(value, f"node {node.get_name()}: {parameter.name}")
         place[last] = value.tolist() if isinstance(value, array) else value

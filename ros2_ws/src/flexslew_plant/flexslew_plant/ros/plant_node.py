@@ -112,11 +112,13 @@ class Plant:
 
     def _missing(self) -> list[str]:
         """Return who would not hear the first question."""
-        bench = self.session.bench
-        controllers = {*self._settings.controllers, bench.drive.active} - {""}
+        session, now = self.session, monotonic()
+        controllers, listeners = session.needed(now), self._settings.wait_for
+        if session.bench.tick or session.bench.epoch:  # who was lost on the way is not waited for
+            listeners = tuple(n for n in listeners if not session.presence.silent(n, now))
         heard = [self._measurement, *[self._truth] * self._settings.truth, *self.display.publishers]
         missing = unmatched(self.node, [self._measurement], sorted(controllers))
-        return missing + unmatched(self.node, heard, self._settings.wait_for)
+        return missing + unmatched(self.node, heard, listeners)
 
     def _arrived(self) -> Iterator[EffortCommand]:
         """Take the commands that wait in DDS."""

@@ -222,9 +222,7 @@ class Session:
     def _try_begin(self, now: float) -> None:
         """Begin as soon as all are there who must be."""
         bench = self.bench
-        active = bench.drive.active
-        needed = {*self._wanted, active} - {""} if bench.tick == 0 else {active} - {""}
-        reasons = {name: self.reason(name, now) for name in needed}
+        reasons = {name: self.reason(name, now) for name in self.needed(now)}
         unready = {f"{name} ({why})" for name, why in reasons.items() if why}
         self.waiting_for = sorted({*self._missing(), *unready})
         if self.waiting_for:
@@ -234,6 +232,19 @@ class Session:
         bench.tell((Started if bench.tick == 0 else Resumed)(bench.tick, self._who or UNNAMED))
         self._look_around(now)
         self._tell_tick()
+
+    def needed(self, now: float) -> set[str]:
+        """Return which controllers the bench waits for before a tick passes.
+
+        At the first start all of the trial; later nobody but the one in charge is needed, and after
+        a reset those who are still alive.
+        """
+        bench = self.bench
+        others: set[str] = set()
+        if bench.tick == 0:
+            again = bench.epoch > 0
+            others = {n for n in self._wanted if not (again and self.presence.silent(n, now))}
+        return {*others, bench.drive.active} - {""}
 
     def _advance(self, now: float) -> None:
         self.bench.advance()

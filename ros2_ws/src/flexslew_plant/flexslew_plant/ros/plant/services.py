@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 from flexslew_msgs import msg, srv
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from flexslew_plant import topics
-from flexslew_plant.bench.operation.run_state import Reply
+from flexslew_plant.bench.operation.run_state import WAITING, Reply
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import seconds_of, stamp
@@ -19,6 +20,7 @@ from flexslew_plant.ros.plant.switch_service import SwitchService
 if TYPE_CHECKING:
     from flexslew_plant.ros.plant_node import Plant
 
+_START = 2.0  # until somebody who starts the bench hears whom it waits for [wall s]
 _RENEW = 0.5  # between two states of the bench, if nothing changes [wall s]
 
 
@@ -45,8 +47,10 @@ class Services:
             topics.BRAKE: lambda who: session.brake(True, who),
             topics.RELEASE_BRAKE: lambda who: session.brake(False, who),
         }
+        self._starts: list[tuple[float, Future]] = []  # until when somebody waits for one [wall s]
         for name, act in self._actions.items():
-            node.create_service(Trigger, name, self._trigger(act))
+            answer = self._on_start if name == topics.START else self._trigger(act)
+            node.create_service(Trigger, name, answer)
         for kind, name, answer in (
             (srv.Operate, topics.OPERATE, self._on_operate),
             (srv.Step, topics.STEP, self._on_step),
@@ -62,6 +66,7 @@ class Services:
     def poll(self, now: float) -> float:
         """Answer those who wait for a switch, show the state; return when to do so again [s]."""
         self._show(now)
+        self._look_at_starts(now)
         return min(_RENEW, self._switches.poll(now))
 
     def _show(self, now: float) -> None:
@@ -94,11 +99,38 @@ class Services:
 
     def _trigger(self, act: Callable[[str], Reply]) -> Callable[[Any, Any], Any]:
         def answer(_: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
-            reply.success, reply.message = act("")
+            outcome = act("")
             self._loop.hurry()
+            reply.success, reply.message = outcome.ok, outcome.message
             return reply
 
         return answer
+
+    async def _on_start(self, _: Trigger.Request, reply: Trigger.Response) -> Trigger.Response:
+        outcome = await self._started("")
+        reply.success, reply.message = outcome.ok, outcome.message
+        return reply
+
+    async def _started(self, who: str) -> Reply:
+        """Start or resume; return as soon as ticks pass, or with those who are waited for."""
+        outcome = self._session.start(who)
+        self._loop.hurry()
+        if not outcome.ok:
+            return outcome
+        future = self._loop.future()
+        self._starts.append((monotonic() + _START, future))
+        await future
+        waiting = ", ".join(self._session.waiting_for)
+        if self._session.run.state != WAITING or not waiting:
+            return outcome
+        return Reply(f"{outcome.done} as soon as they are there: waiting for {waiting}")
+
+    def _look_at_starts(self, now: float) -> None:
+        """Answer those who wait for a start that has happened, or for long enough."""
+        waits = self._session.run.state == WAITING
+        for start in [s for s in self._starts if not waits or now >= s[0]]:
+            self._starts.remove(start)
+            start[1].set_result(None)
 
     def _done(self, reply: Any, outcome: Reply) -> Any:
         """Fill in what most services answer."""
@@ -107,11 +139,13 @@ class Services:
         self._loop.hurry()
         return reply
 
-    def _on_operate(self, request: Any, reply: Any) -> Any:
+    async def _on_operate(self, request: Any, reply: Any) -> Any:
         act = self._actions.get(request.action)
         if act is None:
             refused = Refusal(", ".join(self._actions), "action", request.action)
             return self._done(reply, Reply(refused=refused))
+        if request.action == topics.START:
+            return self._done(reply, await self._started(request.who))
         return self._done(reply, act(request.who))
 
     def _on_step(self, request: Any, reply: Any) -> Any:

@@ -1,0 +1,45 @@
+"""Which questions are those of the bench, and which come from somebody else's topic or an old log.
+
+A bench asks tick after tick, repeats what is not answered, and begins a new epoch at tick 0. So a
+question that does not follow is put aside. It counts only if the bench really is there now: when
+several more follow it while the bench's own thread is silent, as after a gap.
+"""
+
+from typing import TypeAlias
+
+Key: TypeAlias = tuple[int, int]  # epoch and tick
+
+_CONFIRMED = 3  # questions that follow a strange one, or repeat it, before it counts
+
+
+class QuestionThread:
+    """The questions that were heard, in their order."""
+
+    def __init__(self) -> None:
+        self._last: Key | None = None
+        self._strange: Key | None = None  # that may be where the bench is now
+        self._confirmed = 0
+        self.resumed = False  # by the last question: its thread is another than the one before
+
+    def take(self, key: Key) -> bool:
+        """Return whether a question counts."""
+        self.resumed = False
+        last = self._last
+        reset = last is not None and key[0] > last[0] and key[1] == 0
+        if last is None or reset or _follows(last, key):
+            self._last, self._strange = key, None
+            return True
+        if self._strange is None or not _follows(self._strange, key):
+            self._strange, self._confirmed = key, 0
+            return False
+        self._strange = key
+        self._confirmed += 1
+        if self._confirmed < _CONFIRMED:
+            return False
+        self._last, self._strange, self.resumed = key, None, True
+        return True
+
+
+def _follows(before: Key, key: Key) -> bool:
+    """Return whether a question is the one before again, or the next one."""
+    return key in (before, (before[0], before[1] + 1))

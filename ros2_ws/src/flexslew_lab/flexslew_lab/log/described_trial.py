@@ -1,0 +1,30 @@
+"""The trial of a log that names none: of nodes that somebody started one by one."""
+
+from typing import Any
+
+from flexslew_lab.log.messages.logged_text import logged_yaml
+from flexslew_plant.settings import yaml_text
+
+_OF_PLANT = ("rate_factor", "answer_timeout", "display_rate")  # beside the settings of the bench
+
+
+def described_trial(testbed: Any, statuses: dict[str, Any], end: float, source: str) -> str:
+    """Return the trial that testbed and statuses of a log describe, as YAML; "" where they do not.
+
+    The plan is none of the trial's here: a log says which plan was taken at which tick.
+
+    Args:
+        testbed: flexslew_msgs/Testbed, or None.
+        statuses: the last flexslew_msgs/ControllerStatus of each controller.
+        end: of the log [s], for a run without an end of its own.
+        source: the log, for an error.
+    """
+    if testbed is None or not statuses:
+        return ""
+    given = logged_yaml(testbed.settings, f"{source}: /testbed")
+    bench = dict(given.get("bench", given))
+    bench["allow_faults"] = bench.pop("faults_enabled", False)
+    bench["duration"] = bench.get("duration") or end + testbed.period
+    controllers = {name: {"law": status.law} for name, status in statuses.items()}
+    plant = {key: given[key] for key in _OF_PLANT if key in given}
+    return yaml_text({"name": "unnamed", **bench, **plant, "controllers": controllers})
