@@ -1,6 +1,7 @@
 """Plans on their way to the controllers: published at once, or kept until somebody decides."""
 
 import json
+from collections.abc import Sequence
 from contextlib import suppress
 from time import monotonic
 from typing import Any, NamedTuple
@@ -13,6 +14,7 @@ from flexslew_control.law import described
 from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
 from flexslew_control.planned_course import PATIENCE, PlanAnswers, PlannedCourse
+from flexslew_control.planning import PlanRequest, plan_request
 from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
@@ -33,6 +35,7 @@ from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
 
 ADOPT, REFUSE = "adopt", "refuse"
+Gains = tuple[tuple[float, ...], tuple[float, ...]]  # kp and kd, of the one in charge
 _Kind = type[PlanPublished] | type[PlanDrafted] | type[PlanRefused]
 
 
@@ -51,12 +54,14 @@ class PlanRelease:
         node: of the planner.
         loop: that serves it.
         alive: signs of life of the controllers.
+        gains: of the controller in charge, if it has such gains.
     """
 
-    def __init__(self, node: Node, loop: Loop, alive: Alive) -> None:
-        self._loop, self._alive = loop, alive
+    def __init__(self, node: Node, loop: Loop, alive: Alive, gains: Gains) -> None:
+        self._loop, self._alive, self._gains = loop, alive, gains
         self._draft: tuple[Plan, msg.Plan] | None = None
         self._course: PlannedCourse | None = None
+        self._testbed = msg.Testbed()
         self._stray = False  # a strange message was told of
         self._answers, self._pending = PlanAnswers(), list[_Pending]()
         self._clock = BenchClock(node)
@@ -66,21 +71,37 @@ class PlanRelease:
         subscription(node, topics.EVENTS, self._on_event)
         node.create_service(srv.Operate, topics.DECIDE_PLAN, self._on_decide)
 
-    def announce(self, settings: str) -> None:
-        """Take what stands on the bench, YAML: a new run begins."""
-        self._course = PlannedCourse(described(settings, f"/{topics.TESTBED}"))
+    def announce(self, testbed: msg.Testbed) -> bool:
+        """Return whether this is what stands on the bench: a new run begins."""
+        try:
+            self._course = PlannedCourse(described(testbed.settings, f"/{topics.TESTBED}"))
+        except BadInput as error:
+            if not self._stray:
+                self._stray = True
+                now, epoch = self._clock.now(), self._clock.epoch
+                fact = StrayMessage(topics.TESTBED, "planner", str(error))
+                self._events.tell(event_of(fact, 0, now, epoch, "planner"))
+            return False
+        self._testbed = testbed
+        return True
 
-    def ignored(self, topic: str, what: str) -> None:
-        """Say once that a message is not one of the plant of this bench."""
-        if not self._stray:
-            self._stray = True
-            now, epoch = self._clock.now(), self._clock.epoch
-            fact = StrayMessage(topic, "planner", what)
-            self._events.tell(event_of(fact, 0, now, epoch, "planner"))
+    def request(
+        self, text: str, period: float = 0.0, limit: Sequence[float] = ()
+    ) -> PlanRequest | Refusal:
+        """Return what a client asks for; period and limits need not be said."""
+        here = self._testbed
+        return plan_request(
+            text, here.settings, period or here.period, limit or here.effort_limit, self._gains,
+            self._rest_at,
+        )  # fmt: skip
 
-    def rest_at(self, start: float) -> dict[str, float]:
+    def _rest_at(self, start: float) -> dict[str, float]:
         """Return where the joints' references are at a simulated time [s]; {}: as at tick 0."""
         return self._here.rest_at(start, self._clock.now()) if self._course is not None else {}
+
+    def checked(self, outcome: Plan | Refusal) -> Plan | Refusal:
+        """Return what came of a request, or why the bench cannot fly the plan from now on."""
+        return (self.objection(outcome) or outcome) if isinstance(outcome, Plan) else outcome
 
     def objection(self, plan: Plan) -> Refusal | None:
         """Return why a plan is not one that the bench can fly from now on, or None."""

@@ -3,7 +3,7 @@
 The action `plan_slew` publishes its plan, `draft_plan` keeps it until somebody decides.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from time import monotonic
@@ -15,12 +15,11 @@ from rclpy.task import Future
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
-from flexslew_control.planning import Iteration, Planning, PlanRequest, plan_request
+from flexslew_control.planning import Iteration, Planning, PlanRequest
 from flexslew_control.ros.plan_release import PlanRelease
 from flexslew_control.ros.plan_result import BUSY, CANCELED, failure, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_plant import topics
-from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
@@ -43,10 +42,8 @@ class Planner:
         self._planning = Planning(soon=not self._settings.file)
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
         self._done: Future | None = None  # of the plan under way
-        self._bench: msg.Testbed | None = None
-        self._testbed = ""  # settings of what stands on the bench, YAML
         self._next_look = 0.0
-        self._release = PlanRelease(node, loop, alive)
+        self._release = PlanRelease(node, loop, alive, (self._settings.kp, self._settings.kd))
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         serve_changes(node, lambda changes: "")
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
@@ -113,36 +110,19 @@ class Planner:
         if self._goal is None and isinstance(news, Plan):
             self._release.publish(news, "")
 
-    def _request(self, text: str, period: float, limit: Sequence[float]) -> PlanRequest | Refusal:
-        gains = self._settings.kp, self._settings.kd
-        if self._bench is not None:  # which a client need not know
-            period, limit = period or self._bench.period, limit or self._bench.effort_limit
-        rest_at = self._release.rest_at
-        return plan_request(text, self._testbed, period, limit, gains, rest_at)
-
     def _on_testbed(self, testbed: msg.Testbed) -> None:
-        try:
-            self._release.announce(testbed.settings)
-        except BadInput as error:
-            self._release.ignored(topics.TESTBED, str(error))
+        if not self._release.announce(testbed):
             return
-        self._testbed, self._bench, self._watch.seen = testbed.settings, testbed, True
+        self._watch.seen = True
         if self._settings.file:
             self._release.publish(load_plan(Path(self._settings.file)), "")
         elif self._settings.plan and self._done is None:
-            self._ask(
-                self._request(self._settings.plan, testbed.period, testbed.effort_limit), None
-            )
+            self._ask(self._release.request(self._settings.plan), None)
 
     async def _execute(
-        self,
-        hand_over: Callable[[Plan, str], msg.Plan],
-        flown: bool,
-        goal: ServerGoalHandle,
+        self, hand_over: Callable[[Plan, str], msg.Plan], flown: bool, goal: ServerGoalHandle
     ) -> action.PlanSlew.Result:
         outcome = await self._outcome(goal)
-        if isinstance(outcome, Plan):
-            outcome = self._release.objection(outcome) or outcome
         if not isinstance(outcome, Plan):
             return plan_result(goal, outcome, None)
         plan = hand_over(outcome, goal.request.who)
@@ -154,9 +134,8 @@ class Planner:
         request = goal.request
         if self._done is not None:
             return BUSY
-        wanted = self._request(request.request, request.period, request.effort_limit)
-        made: Plan | Refusal = await self._ask(wanted, goal)
-        return made
+        wanted = self._release.request(request.request, request.period, request.effort_limit)
+        return self._release.checked(await self._ask(wanted, goal))
 
 
 def main() -> None:

@@ -39,7 +39,6 @@ class Plant:
         self._alive = loop.live(node, "plant")
         self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
         bench = Bench(self._settings.bench)
-        bench.truth()  # loads its machine code before a tick needs it
         self.session = Session(
             bench,
             self._settings.controllers,
