@@ -136,7 +136,7 @@ def test_the_continuous_model_is_the_slope_of_the_motion(
 
 
 @pytest.mark.parametrize(
-    "way", [Way(0.01), Way(0.01, LAG), Way(0.01, LAG, np.array([0.7, 1.2]), 2.25)]
+    "way", [Way(0.01), Way(0.01, LAG), Way(0.01, LAG, np.array([0.7, 1.2]), np.array([2.25, 3.0]))]
 )
 def test_the_response_of_the_sampled_model_is_that_of_the_bench(way: Any) -> None:
     testbed = read_testbed({"kind": "csa", "modes": 2, "damping_ratio": 0.01}, "here")
@@ -147,7 +147,8 @@ def test_the_response_of_the_sampled_model_is_that_of_the_bench(way: Any) -> Non
     if way.gain is not None:
         gains = zip(rest.model.joint_names, way.gain.tolist(), strict=True)
         faults = [{"kind": "actuator_gain", "joint": joint, "gain": gain} for joint, gain in gains]
-        faults.append({"kind": "command_delay", "ticks": way.delay})
+        late = zip(rest.model.joint_names, way.delay.tolist(), strict=True)
+        faults += [{"kind": "command_delay", "joint": j, "ticks": d} for j, d in late]
     settings = BenchSettings(
         testbed=read_testbed(
             {"kind": "csa", "modes": 2, "damping_ratio": 0.01, "initial": {"hub_pitch": 0.5}}, "h"

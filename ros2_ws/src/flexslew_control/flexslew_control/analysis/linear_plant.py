@@ -31,13 +31,14 @@ class Path:
         period: one tick [s].
         actuator: the motors.
         gain: of what reaches each motor, shape (efforts,) [-]; None: one.
-        delay: of what reaches the motors [ticks]; a part of a tick counts by the mean over it.
+        delay: of what reaches each motor, shape (efforts,) [ticks]; None: none. A part of a tick
+            counts by the mean over it.
     """
 
     period: float
     actuator: ActuatorSettings = _IDEAL
     gain: Vector | None = None
-    delay: float = 0.0
+    delay: Vector | None = None
 
 
 def continuous_plant(rest: Rest, friction: ActuatorSettings | None = None) -> Lti:
@@ -84,18 +85,18 @@ def _motors(path: Path, efforts: tuple[str, ...]) -> Lti:
     """Return the way from commands to applied efforts."""
     m, eye = len(efforts), np.eye(len(efforts))
     gain = eye if path.gain is None else np.diag(path.gain)
-    whole, part = int(path.delay // 1.0), path.delay % 1.0
-    kept = whole + (part > 0.0)
+    delay = np.zeros(m) if path.delay is None else path.delay
+    whole, part = np.floor(delay).astype(int), delay % 1.0
+    kept = int((whole + (part > 0.0)).max(initial=0))
+    shares = np.zeros((kept + 2, m))  # of the command of k ticks before
+    shares[whole, range(m)] += 1.0 - part
+    shares[whole + 1, range(m)] += part
     shift = np.zeros((m * kept, m * kept))
     shift[m:, : m * (kept - 1)] = np.eye(m * max(kept - 1, 0))
     entry = np.vstack((gain, np.zeros((m * (kept - 1), m)))) if kept else np.zeros((0, m))
-    out = np.zeros((m, m * kept))
-    if whole:
-        out[:, m * (whole - 1) : m * whole] = (1.0 - part) * eye
-    if part:
-        out[:, m * whole :] = part * eye
-    through = (1.0 - part) * gain if not whole else np.zeros((m, m))
+    out = np.hstack([np.zeros((m, 0)), *(np.diag(row) for row in shares[1 : kept + 1])])
     queue = tuple(f"{name}.before.{k + 1}" for k in range(kept) for name in efforts)
+    through = np.diag(shares[0]) @ gain
     late = Lti(shift, entry, out, through, efforts, efforts, queue, path.period)
     rise, mean = Actuator(path.actuator, np.ones(m), path.period).rises
     if rise == mean == 1.0:

@@ -58,14 +58,16 @@ def point_of(
         if plan is not None:
             there = plan.reference(round(time / trial.period)).position
             joints = dict(zip(plant.joint_names, there.tolist(), strict=True))
-    gain, delay, left_out = np.ones(len(plant.joint_names)), 0.0, []
+    names, left_out = plant.joint_names, []
+    gain, delay = np.ones(len(names)), np.zeros(len(names))
     for entry in trial.schedule:
         if entry.fault is None or not entry.at <= time < (entry.until or np.inf):
             continue
         if isinstance(entry.fault, ActuatorGain):
-            gain[plant.joint_names.index(entry.fault.joint)] *= entry.fault.gain
+            gain[names.index(entry.fault.joint)] *= entry.fault.gain
         elif isinstance(entry.fault, CommandDelay):
-            delay += entry.fault.ticks
+            late = np.array([entry.fault.joint in (None, name) for name in names])
+            delay += entry.fault.ticks * late
         else:
             left_out.append(str(entry.fault.kind))
     path = Path(trial.period, trial.actuator, gain, delay)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flexslew_lab.cli.analyse import analyse
 from flexslew_lab.cli.checkout import bench, test
 from flexslew_lab.cli.compare import Sets, TrialFile, compare
 from flexslew_lab.cli.console import console
@@ -228,7 +229,19 @@ def reproduce(
         raise typer.Exit(1)
 
 
-for often in (*COMMANDS, compare, model, recover, resim, check, play, live, console, bench):
+for often in (
+    *COMMANDS,
+    compare,
+    model,
+    analyse,
+    recover,
+    resim,
+    check,
+    play,
+    live,
+    console,
+    bench,
+):
     app.command()(often)
 app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(test)
 

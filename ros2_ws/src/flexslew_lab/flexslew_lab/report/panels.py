@@ -34,6 +34,7 @@ class Panel:
     log: bool = False  # of the y axis
     x_title: str = ""
     height: int = 150  # [px]
+    x_log: bool = False  # of the x axis; its range is then in decades
     traces: list[dict[str, Any]] = field(default_factory=list)
     limits: tuple[float, ...] = ()  # horizontal lines
     x_range: tuple[float, float] | None = None
@@ -67,6 +68,8 @@ class Panel:
         y: dict[str, Any] = {**axis, "nticks": 5, "exponentformat": "power"}
         if self.x_range:
             x["range"] = list(self.x_range)
+        if self.x_log:
+            x |= {"type": "log", "dtick": 1}
         if self.y_range:
             y["range"] = list(self.y_range)
         if self.log and self.y_range:  # whole decades: their labels cannot meet

@@ -11,7 +11,6 @@ from flexslew_plant.faults.effects import (
     Effect,
     FaultEntry,
     Names,
-    OnAnyTestbed,
     Situation,
     Subject,
 )
@@ -62,24 +61,31 @@ class ActuatorGain:
 
 
 @section
-class CommandDelay(OnAnyTestbed):
-    """Every effort reaches the motors some ticks after the drive has let it go.
+class CommandDelay:
+    """Efforts reach the motors some ticks after the drive has let them go.
 
     Within a tick the motors hold one effort: a delay by a part of a tick gives its exact mean.
     """
 
     kind: Literal["command_delay"] = "command_delay"
     ticks: Annotated[float, Field(gt=0.0, le=10_000.0)]  # whole ones and parts
+    joint: str | None = None  # whose; null: every one
+
+    def subject(self, names: Names) -> Subject | None:
+        """Return the joint, where it is about one."""
+        return None if self.joint is None else Subject("joint", self.joint, names.joints)
 
     def begin(self, situation: Situation) -> Effect:
         """Return the effect on what reaches the motors."""
         whole, part = int(self.ticks // 1.0), self.ticks % 1.0
+        late = np.array([self.joint in (None, name) for name in situation.names.joints])
         queue = deque([situation.demand] * (whole + (part > 0.0)))
 
         def demand(asked: Vector) -> Vector:
             queue.append(asked)
             oldest = queue.popleft()
-            return (1.0 - part) * queue[0] + part * oldest if part else oldest
+            delayed = (1.0 - part) * queue[0] + part * oldest if part else oldest
+            return delayed if self.joint is None else np.where(late, delayed, asked)
 
         return Effect(demand=demand)
 

@@ -1,0 +1,169 @@
+"""The closed sampled loop of a plant and a running law, opened where margins are asked for."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexslew_control.analysis.lti import Lti
+from flexslew_control.analysis.signals import APPLIED
+from flexslew_plant.arrays import Vector
+
+Complex: TypeAlias = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Plant and controller side by side, all connections between them cut.
+
+    From (v, e, r) to (u, y): v is what the motors are told, u what the controller asks for, y what
+    the sensors read, e what the controller reads, r its references. What it reads of the applied
+    efforts stays connected: that is inside of the plant's drive.
+
+    Args:
+        system: with these inputs and outputs.
+        efforts: how many.
+        sensors: how many the controller listens to.
+        parts: plant from v to (y, applied efforts), law from (e, applied efforts) to u.
+    """
+
+    system: Lti
+    efforts: int
+    sensors: int
+    parts: tuple[Lti, Lti]
+
+    @property
+    def effort_names(self) -> tuple[str, ...]:
+        """Of u and v."""
+        return self.system.inputs[: self.efforts]
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """Of y and e."""
+        return self.system.inputs[self.efforts : self.efforts + self.sensors]
+
+    def connected(self, names: Sequence[str]) -> Lti:
+        """Return the system with these cuts closed: v = u, e = y."""
+        s, keep = self.system, [k for k, n in enumerate(self.system.inputs) if n in set(names)]
+        pick = np.zeros((len(s.inputs), len(s.outputs)))
+        for k in keep:
+            pick[k, k] = 1.0  # cuts stand first, in one order at both ends
+        direct = np.linalg.inv(np.eye(len(s.outputs)) - s.d @ pick)
+        inside = pick @ direct
+        return Lti(
+            s.a + s.b @ inside @ s.c,
+            s.b @ (np.eye(len(s.inputs)) + inside @ s.d),
+            direct @ s.c,
+            direct @ s.d,
+            s.inputs,
+            s.outputs,
+            s.states,
+            s.period,
+        )
+
+    @property
+    def closed(self) -> Lti:
+        """The system with every cut closed."""
+        return self.connected(self.effort_names + self.sensor_names)
+
+    def opened(self, names: Sequence[str]) -> Lti:
+        """Return L of the loop cut at these places alone; it is closed by negative feedback."""
+        others = [n for n in self.effort_names + self.sensor_names if n not in set(names)]
+        s = self.connected(others)
+        cuts = [s.inputs.index(name) for name in names]
+        return Lti(
+            s.a, s.b[:, cuts], -s.c[cuts], -s.d[np.ix_(cuts, cuts)], tuple(names), tuple(names),
+            s.states, s.period,
+        )  # fmt: skip
+
+    def response(self, w: Vector) -> Complex:
+        """Return the way from (v, e) to (u, y) at frequencies [rad/s], (len(w), cuts, cuts)."""
+        z, (plant, law) = np.exp(1j * w * self.system.period), self.parts
+        m, k = self.efforts, self.sensors
+        p, c = plant.at(z), law.at(z)
+        out = np.zeros((len(z), m + k, m + k), dtype=np.complex128)
+        out[:, :m, :m] = c[:, :, k:] @ p[:, k:]
+        out[:, :m, m:] = c[:, :, :k]
+        out[:, m:, :m] = p[:, :k]
+        return out
+
+    def loop_gain(self, names: Sequence[str], response: Complex) -> Complex:
+        """Return L of the loop cut at these places alone; it is closed by negative feedback.
+
+        Args:
+            names: of efforts and sensors.
+            response: see `response`, shape (frequencies, cuts, cuts).
+        """
+        cuts = self.effort_names + self.sensor_names
+        at = [cuts.index(name) for name in names]
+        rest = [k for k in range(len(cuts)) if k not in at]
+
+        def part(rows: list[int], columns: list[int]) -> Complex:
+            return response[:, rows][:, :, columns]
+
+        inner = np.eye(len(rest)) - part(rest, rest)
+        return -(part(at, at) + part(at, rest) @ np.linalg.solve(inner, part(rest, at)))
+
+    @property
+    def poles(self) -> Complex:
+        """Of the closed loop, in z."""
+        return np.asarray(np.linalg.eigvals(self.closed.a), dtype=np.complex128)
+
+
+def loop_of(plant: Lti, law: Lti) -> Loop:
+    """Return the loop of a sampled plant (applied efforts among its outputs) and a law.
+
+    Sensors that the law does not listen to are left out.
+    """
+    heard = [
+        name
+        for name in plant.outputs
+        if not name.startswith(APPLIED)
+        and (law.b[:, law.inputs.index(name)].any() or law.d[:, law.inputs.index(name)].any())
+    ]
+    applied = [name for name in plant.outputs if name.startswith(APPLIED)]
+    references = [name for name in law.inputs if name not in plant.outputs]
+    y, a = plant.rows(heard).c, plant.rows(applied).c
+    by_y, by_a, by_r = (
+        (law.b[:, columns], law.d[:, columns])
+        for columns in (
+            [law.inputs.index(n) for n in names] for names in (heard, applied, references)
+        )
+    )
+    n, k, m = len(plant.a), len(law.a), len(plant.inputs)
+    zero = np.zeros
+    system = Lti(
+        np.block([[plant.a, zero((n, k))], [by_a[0] @ a, law.a]]),
+        np.block([[plant.b, zero((n, len(heard) + len(references)))],
+                  [zero((k, m)), by_y[0], by_r[0]]]),
+        np.block([[by_a[1] @ a, law.c], [y, zero((len(heard), k))]]),
+        np.block([[zero((m, m)), by_y[1], by_r[1]],
+                  [zero((len(heard), m + len(heard) + len(references)))]]),
+        (*plant.inputs, *heard, *references),
+        (*plant.inputs, *heard),
+        (*plant.states, *law.states),
+        plant.period,
+    )  # fmt: skip
+    outward = plant.rows((*heard, *applied))
+    columns = [law.inputs.index(name) for name in (*heard, *applied)]
+    inward = replace(law, b=law.b[:, columns], d=law.d[:, columns], inputs=(*heard, *applied))
+    return Loop(system, m, len(heard), (outward, inward))
+
+
+def visible_poles(loop: Loop, share: float = 1e-8) -> tuple[Complex, Vector]:
+    """Return the poles of the closed loop that efforts move and sensors see, and how strongly.
+
+    Returns:
+        poles in z, shape (k,), and the size of their residues between all efforts and sensors,
+        of the largest, shape (k,).
+    """
+    closed = loop.closed
+    values, right = np.linalg.eig(closed.a)
+    left = np.linalg.pinv(right)
+    moved = np.linalg.norm(left @ closed.b[:, : loop.efforts], axis=1)
+    seen = np.linalg.norm(closed.c[loop.efforts :] @ right, axis=0)
+    residues = moved * seen
+    kept = residues > share * residues.max(initial=1e-300)
+    return values[kept], residues[kept] / residues.max(initial=1e-300)

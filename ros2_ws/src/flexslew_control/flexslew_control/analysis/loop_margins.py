@@ -1,0 +1,245 @@
+"""Margins of a sampled loop: gain, phase and delay per channel, disks, peaks of S and T.
+
+python-control finds the margins of a discrete loop from polynomials, which for the forty and more
+poles of these loops, many on the unit circle, keep no digit. Here crossings are found on a grid
+that is dense near every pole, and then by Brent's method on the state space.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq, minimize
+
+from flexslew_control.analysis.loop import Complex, Loop
+from flexslew_plant.arrays import Vector
+
+_SLOWEST = 1e-4  # of pi / T: where the grid begins
+_POINTS = 600
+_NEAR = np.concatenate((-np.geomspace(30.0, 1e-3, 40), np.geomspace(1e-3, 30.0, 40)))  # widths
+_SCALINGS = 20
+_POLE = 1e8  # |L| beyond that is a pole on the circle, and no crossing
+
+
+@dataclass(frozen=True)
+class ChannelMargins:
+    """Margins of one channel with all others closed.
+
+    Args:
+        name: of the channel.
+        gain_up, gain_down: factors at which a pole is on the unit circle; inf and 0: none.
+        up_frequency, down_frequency: of that pole [rad/s]; nan: none.
+        phase: smallest angle, either way [rad]; inf: none.
+        phase_frequency: where it is [rad/s].
+        delay: that takes a pole to the circle [s]; inf: none.
+        delay_frequency: of that pole [rad/s].
+        crossovers: where |L| is one [rad/s].
+    """
+
+    name: str
+    gain_up: float
+    up_frequency: float
+    gain_down: float
+    down_frequency: float
+    phase: float
+    phase_frequency: float
+    delay: float
+    delay_frequency: float
+    crossovers: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A loop's response over a grid of frequencies.
+
+    Args:
+        loop: whose.
+        grid: shape (k,) [rad/s].
+        response: see Loop.response.
+    """
+
+    loop: Loop
+    grid: Vector
+    response: Complex
+
+    def gain(self, names: tuple[str, ...]) -> Complex:
+        """Return L of the loop cut at these places, shape (k, names, names)."""
+        return self.loop.loop_gain(names, self.response)
+
+
+def swept(loop: Loop) -> Swept:
+    """Return the response of a loop over frequencies that show all of it."""
+    grid = frequencies(loop)
+    return Swept(loop, grid, loop.response(grid))
+
+
+def frequencies(loop: Loop) -> Vector:
+    """Return a grid up to half the sampling rate, dense near every pole [rad/s]."""
+    top = np.pi / loop.system.period
+    z = np.concatenate([np.linalg.eigvals(loop.system.a), loop.poles])
+    s = np.log(z[abs(z) > 1e-6].astype(complex)) / loop.system.period
+    w = s.imag[s.imag > 0.0]
+    width = np.maximum(abs(s.real[s.imag > 0.0]), 1e-5 * w)
+    width = np.minimum(width, 0.03 * w)
+    near = (w[:, None] + width[:, None] * _NEAR).ravel()
+    grid = np.concatenate((np.geomspace(_SLOWEST * top, top * (1.0 - 1e-9), _POINTS), near))
+    return np.unique(grid[(grid > _SLOWEST * top) & (grid < top)])
+
+
+def channel_margins(sweep: Swept, name: str) -> ChannelMargins:
+    """Return the margins of an effort or a sensor, the others closed."""
+    found = _Channel(sweep, name)
+    gains = found.gain_crossings()
+    up = min(((g, w) for g, w in gains if g > 1.0), default=(np.inf, np.nan))
+    down = max(((g, w) for g, w in gains if 0.0 < g < 1.0), default=(0.0, np.nan))
+    crossings = found.unit_crossings()
+    phases = [(abs(np.angle(-found(w))), w) for w in crossings]
+    phase = min(phases, default=(np.inf, np.nan))
+    delays = [found.delay(w) for w in crossings]
+    ends = [(d, w) for d, w in delays if np.isfinite(d)]
+    delay = min(ends, default=(np.inf, np.nan))
+    return ChannelMargins(name, *up, *down, *phase, *delay, tuple(crossings))
+
+
+class _Channel:
+    """L of one channel on the unit circle."""
+
+    def __init__(self, sweep: Swept, name: str) -> None:
+        self._loop, self._name, self._grid = sweep.loop, (name,), sweep.grid
+        self._period = sweep.loop.system.period
+        self._values = sweep.gain(self._name)[:, 0, 0]
+
+    def __call__(self, w: float) -> complex:
+        """Return L at a frequency [rad/s]."""
+        return complex(self._at(np.array([w]))[0])
+
+    def _at(self, w: Vector) -> Complex:
+        return self._loop.loop_gain(self._name, self._loop.response(w))[:, 0, 0]
+
+    def _roots(self, f: Callable[[Any], Any]) -> list[float]:
+        sign = np.sign(f(self._values))
+        return [
+            float(brentq(lambda w: f(self(w)), self._grid[k], self._grid[k + 1], xtol=1e-13))
+            for k in np.flatnonzero(sign[:-1] * sign[1:] < 0.0)
+        ]
+
+    def gain_crossings(self) -> list[tuple[float, float]]:
+        """Return every gain that puts a pole on the circle, and its frequency."""
+        places = [*self._roots(lambda value: value.imag), np.pi / self._period]
+        found = []
+        for w in places:
+            value = self(w)
+            if abs(value) < _POLE and value.real < 0.0:
+                found.append((-1.0 / value.real, w))
+        return found
+
+    def unit_crossings(self) -> list[float]:
+        """Return where |L| is one [rad/s]."""
+        return self._roots(lambda value: abs(value) - 1.0)
+
+    def delay(self, w: float) -> tuple[float, float]:
+        """Return the delay that puts a pole on the circle near a crossover, and its frequency.
+
+        L(z) ((1 - p) z^-k + p z^-(k + 1)) = -1 for k whole ticks and a part p.
+        """
+        h = self._period
+        late = np.angle(-self(w)) % (2.0 * np.pi) / (w * h)
+        near = np.linspace(0.7 * w, min(1.3 * w, np.pi / h * (1.0 - 1e-9)), 801)
+        values = self._at(near)
+        best = (np.inf, np.nan)
+        for whole in range(max(0, int(late) - 2), int(late) + 3):
+
+            def part(v: Any, value: Any, whole: int = whole) -> Any:
+                return (-np.exp(1j * v * h * whole) / value - 1.0) / (np.exp(-1j * v * h) - 1.0)
+
+            sign = np.sign(part(near, values).imag)
+            for k in np.flatnonzero(sign[:-1] * sign[1:] < 0.0):
+                v = float(brentq(lambda v: part(v, self(v)).imag, near[k], near[k + 1]))
+                p = part(v, self(v)).real
+                if -1e-9 <= p <= 1.0 + 1e-9:
+                    best = min(best, ((whole + p) * h, v))
+        return best
+
+
+@dataclass(frozen=True)
+class DiskMargins:
+    """Disk margin of several channels that change at once.
+
+    Args:
+        names: of the channels.
+        alpha: the symmetric disk's size [-].
+        frequency: where it is smallest [rad/s].
+        gain: all gains may be anything between 1 / gain and gain [-].
+        phase: all phases within this at once [rad].
+    """
+
+    names: tuple[str, ...]
+    alpha: float
+    frequency: float
+    gain: float
+    phase: float
+
+
+def disk_margins(sweep: Swept, names: tuple[str, ...]) -> DiskMargins:
+    """Return the symmetric disk margin: the inverse of the largest mu of (S - T) / 2.
+
+    P. Seiler, A. Packard and P. Gahinet, An Introduction to Disk Margins (2020). mu's upper bound
+    is by diagonal scalings, so the margin is guaranteed.
+    """
+    # negative feedback of all channels at once, though u and y of one loop may stand among them
+    # where u and y of one loop are both among them, cutting both leaves no loop: L of the pair
+    eye = np.eye(len(names))
+    balanced = np.linalg.inv(eye + sweep.gain(names)) - 0.5 * eye
+    mu = structured(balanced)
+    refined = np.zeros(len(mu), dtype=bool)
+    while not refined[worst := int(np.argmax(mu))]:
+        mu[worst], refined[worst] = _scaled_bound(balanced[worst], mu[worst]), True
+    alpha = 1.0 / mu[worst]
+    gain = (1.0 + 0.5 * alpha) / (1.0 - 0.5 * alpha) if alpha < 2.0 else np.inf
+    return DiskMargins(
+        names, float(alpha), float(sweep.grid[worst]), float(gain),
+        float(2.0 * np.arctan(0.5 * alpha)),
+    )  # fmt: skip
+
+
+def structured(m: Complex) -> Vector:
+    """Return upper bounds of mu for complex numbers on the diagonal.
+
+    The largest singular value of D M D^-1, with Osborne's D, which balances rows and columns; the
+    best D is sought where this bound is largest.
+
+    Args:
+        m: matrices, shape (count, k, k).
+    """
+    size, d = abs(m), np.ones(m.shape[:2])
+    off = size * (1.0 - np.eye(m.shape[1]))
+    small = 1e-12 * size.max(axis=(1, 2))[:, None]
+    for _ in range(_SCALINGS):
+        scaled = off * d[:, :, None] / d[:, None, :]
+        rows, columns = np.linalg.norm(scaled, axis=2), np.linalg.norm(scaled, axis=1)
+        d = d * np.sqrt((columns + small) / (rows + small))
+    bound = np.linalg.norm(m * d[:, :, None] / d[:, None, :], 2, axis=(1, 2))
+    return np.minimum(bound, np.linalg.norm(m, 2, axis=(1, 2)))
+
+
+def _scaled_bound(m: Complex, bound: float) -> float:
+    """Return the least upper bound of mu by diagonal scalings, shape of m (k, k)."""
+
+    def size(log_d: Vector) -> tuple[float, Vector]:
+        d = np.exp(log_d)
+        left, values, right = np.linalg.svd(m * d[:, None] / d)
+        return float(np.log(values[0])), abs(left[:, 0]) ** 2 - abs(right[0]) ** 2
+
+    found = minimize(size, np.zeros(len(m)), jac=True, method="BFGS")
+    return min(bound, float(np.exp(found.fun)))
+
+
+def peaks(sweep: Swept, names: tuple[str, ...]) -> tuple[float, float]:
+    """Return the largest singular values of S and of T over frequency."""
+    s = np.linalg.inv(np.eye(len(names)) + sweep.gain(names))
+    t = np.eye(len(names)) - s
+    return (
+        float(np.linalg.norm(s, 2, axis=(1, 2)).max()),
+        float(np.linalg.norm(t, 2, axis=(1, 2)).max()),
+    )

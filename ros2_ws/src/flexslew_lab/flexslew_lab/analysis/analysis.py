@@ -1,0 +1,289 @@
+"""What flies in a trial, in the order in which a control engineer asks."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flexslew_control.analysis.linear_plant import continuous_plant, sampled_plant
+from flexslew_control.analysis.loop import Complex, Loop, loop_of, visible_poles
+from flexslew_control.analysis.loop_margins import (
+    ChannelMargins,
+    DiskMargins,
+    Swept,
+    channel_margins,
+    disk_margins,
+    peaks,
+    swept,
+)
+from flexslew_control.analysis.modes import Mode, natural_modes
+from flexslew_control.analysis.rest import rest_of
+from flexslew_control.analysis.running_law import RunningLaw, running_law
+from flexslew_control.controllers import build_controller
+from flexslew_control.plan import Plan
+from flexslew_lab.analysis.trial_models import Point, point_of
+from flexslew_lab.trial.trial import Trial, law_of, plan_of_trial, plant_of
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+
+ERRORS = (0.8, 1.0, 1.2)  # of stiffness and of payload, as factors [-]
+
+
+@dataclass(frozen=True)
+class Pole:
+    """A pole of the closed sampled loop.
+
+    Args:
+        frequency: undamped [rad/s].
+        damping: ratio [-]; negative: it grows.
+        z: where it is, real and imaginary.
+        strength: of its residues between efforts and sensors, of the strongest [-].
+    """
+
+    frequency: float
+    damping: float
+    z: tuple[float, float]
+    strength: float
+
+
+@dataclass(frozen=True)
+class OtherPlant:
+    """What the loop keeps on a plant that the law does not believe in."""
+
+    stiffness: float  # factor [-]
+    payload: float  # factor [-]
+    stable: bool
+    alpha: float  # disk margin at the plant's input; 0: not stable
+    delay: float  # smallest delay margin of a channel [s]
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """A trial's loop about a rest: numbers, and what the page draws."""
+
+    controller: str
+    law: str
+    point: Point
+    running: RunningLaw
+    loop: Loop
+    sweep: Swept
+    modes: tuple[Mode, ...]
+    poles: tuple[Pole, ...]
+    stable: bool
+    efforts: tuple[ChannelMargins, ...]
+    sensors: tuple[ChannelMargins, ...]
+    disks: dict[str, DiskMargins]
+    peaks: dict[str, tuple[float, float]]
+    others: tuple[OtherPlant, ...]
+    plan: Plan | None
+
+    @property
+    def worst(self) -> OtherPlant | None:
+        """The plant with the smallest disk margin; None where no loop is stable."""
+        return min(self.others, key=lambda other: other.alpha, default=None)
+
+    def plain(self) -> dict[str, Any]:
+        """Return the numbers as JSON holds them; what is infinite or has no value is null."""
+        rest = self.point.rest
+        position = rest.model.joint_state(rest.state)[0]
+        found = {
+            "controller": self.controller,
+            "law": self.law,
+            "rest": dict(zip(rest.model.joint_names, position.tolist(), strict=True)),
+            "time": rest.time,
+            "left_out": list(self.point.left_out),
+            "law_states": list(self.running.form.states),
+            "law_mismatch": self.running.mismatch,
+            "modes": [mode._asdict() for mode in self.modes],
+            "poles": [asdict(pole) for pole in self.poles],
+            "stable": self.stable,
+            "efforts": [asdict(margins) for margins in self.efforts],
+            "sensors": [asdict(margins) for margins in self.sensors],
+            "disks": {name: asdict(disk) for name, disk in self.disks.items()},
+            "peaks": {place: {"s": s, "t": t} for place, (s, t) in self.peaks.items()},
+            "others": [asdict(other) for other in self.others],
+            "worst": None if self.worst is None else asdict(self.worst),
+        }
+        return finite(found)
+
+
+def analysed(
+    trial: Trial,
+    source: str,
+    controller: str | None = None,
+    at: float | None = None,
+    joints: Mapping[str, float] | None = None,
+) -> Analysis:
+    """Return what a controller of a trial does about a rest.
+
+    Args:
+        trial: what flies.
+        source: its file, for an error.
+        controller: which one; None: the one in charge at the start.
+        at: simulated time [s], see point_of.
+        joints: where they rest instead [rad or m].
+
+    Raises:
+        BadInput: no such controller, or it has no linear form there.
+        PlanFailed: there is no plan.
+    """
+    name = controller or trial.active
+    if name not in trial.controllers:
+        known = ", ".join(trial.controllers)
+        raise BadInput(f"{source}: --controller: {name} is not in controllers; allowed: {known}")
+    plan = plan_of_trial(trial)
+    point = point_of(trial, at, joints, plan)
+    law, values = law_of(name, trial.controllers[name] or {})
+    plant = plant_of(trial)
+    built = build_controller(name, law, values, plant, f"{source}: controllers.{name}")
+    gains = None
+    if plan is not None and plan.gains.size:
+        gains = plan.reference(round(point.rest.time / trial.period)).gains
+    running = running_law(built, point.rest, plant.effort_limit, gains)
+    loop = loop_of(sampled_plant(point.rest, point.path, applied=True), running.form)
+    return _measured(trial, name, law, point, running, loop, plan)
+
+
+def _measured(
+    trial: Trial,
+    name: str,
+    law: str,
+    point: Point,
+    running: RunningLaw,
+    loop: Loop,
+    plan: Plan | None,
+) -> Analysis:
+    sweep = swept(loop)
+    poles = poles_of(loop)
+    stable = is_stable(loop)
+    both = (*loop.effort_names, *loop.sensor_names)
+    places = {"input": loop.effort_names, "output": loop.sensor_names, "both": both}
+    margins = [channel_margins(sweep, channel) for channel in both] if stable else []
+    return Analysis(
+        name,
+        law,
+        point,
+        running,
+        loop,
+        sweep,
+        natural_modes(continuous_plant(point.rest, point.path.actuator)),
+        poles,
+        stable,
+        tuple(margins[: loop.efforts]),
+        tuple(margins[loop.efforts :]),
+        {place: disk_margins(sweep, cuts) for place, cuts in places.items()} if stable else {},
+        {place: peaks(sweep, places[place]) for place in ("input", "output")} if stable else {},
+        _other_plants(trial, point, running) if stable else (),
+        plan,
+    )
+
+
+def poles_of(loop: Loop) -> tuple[Pole, ...]:
+    """Return the poles that efforts move and sensors see, one of each pair, the slowest first."""
+    values, strengths = visible_poles(loop)
+    found = []
+    for z, strength in zip(values, strengths, strict=True):
+        if z.imag < 0.0 or abs(z) < 1e-12:
+            continue
+        s = np.log(z) / loop.system.period
+        size = float(abs(s))
+        damping = float(-s.real / size) if size > 0.0 else 0.0
+        found.append(Pole(size, damping, (float(z.real), float(z.imag)), float(strength)))
+    return tuple(sorted(found, key=lambda pole: pole.frequency))
+
+
+def is_stable(loop: Loop) -> bool:
+    """Return whether no pole that efforts move and sensors see lies outside of the unit circle."""
+    values, _ = visible_poles(loop)
+    return bool(abs(values).max(initial=0.0) < 1.0 + 1e-9)
+
+
+def _other_plants(trial: Trial, point: Point, running: RunningLaw) -> tuple[OtherPlant, ...]:
+    """Return the margins on plants with errors, the law as it is."""
+    here, testbed = point.rest, plant_of(trial).testbed
+    position = here.model.joint_state(here.state)[0]
+    joints = dict(zip(here.model.joint_names, position.tolist(), strict=True))
+    out = []
+    for stiffness in ERRORS:
+        for payload in ERRORS:
+            try:
+                other = testbed.scaled(stiffness, payload)
+            except BadInput:  # it carries none
+                continue
+            rest = replace(rest_of(other, joints, here.time))
+            loop = loop_of(sampled_plant(rest, point.path, applied=True), running.form)
+            if not is_stable(loop):
+                out.append(OtherPlant(stiffness, payload, False, 0.0, 0.0))
+                continue
+            sweep = swept(loop)
+            delay = min(channel_margins(sweep, name).delay for name in loop.effort_names)
+            alpha = disk_margins(sweep, loop.effort_names).alpha
+            out.append(OtherPlant(stiffness, payload, True, alpha, float(delay)))
+    return tuple(out)
+
+
+def responses(analysis: Analysis, ticks: int) -> dict[str, Vector]:
+    """Return what steps do: `by input`, shape (ticks, sensors), a name for each input.
+
+    Inputs are a reference of a joint that steps by one [rad or m], and an effort of one [N m or N]
+    that disturbs a joint.
+    """
+    loop, rest, path = analysis.loop, analysis.point.rest, analysis.point.path
+    closed = loop.closed
+    bare = sampled_plant(rest, replace(path, actuator=type(path.actuator)(), gain=None, delay=0.0))
+    n = 2 * rest.model.coordinates
+    first = closed.states.index(bare.states[0])
+    out: dict[str, Vector] = {}
+    references = [name for name in closed.inputs if name.startswith("reference.")]
+    columns = [(name, closed.b[:, closed.inputs.index(name)],
+                closed.d[:, closed.inputs.index(name)]) for name in references]  # fmt: skip
+    for k, name in enumerate(loop.effort_names):
+        column = np.zeros(len(closed.a))
+        column[first : first + n] = bare.b[:n, k]
+        columns.append((name.replace("effort.", "disturbance."), column, 0.0 * closed.d[:, 0]))
+    for name, column, direct in columns:
+        x, rows = np.zeros(len(closed.a)), []
+        for _ in range(ticks):
+            rows.append((closed.c @ x + direct)[loop.efforts :])
+            x = closed.a @ x + column
+        out[name] = np.array(rows)
+    return out
+
+
+def residual_curve(plan: Plan, frequency: Vector) -> tuple[dict[str, Vector], bool]:
+    """Return what a plan leaves in an oscillator of each frequency, by joint.
+
+    |int u(t) e^(-i w t) dt| / int |u| dt of its feedforward, or of the acceleration of its
+    reference where it has none: one is the worst that this effort could do, zero leaves nothing.
+
+    Args:
+        plan: of k ticks.
+        frequency: shape (f,) [rad/s].
+
+    Returns:
+        the curves, and whether they are of the feedforward.
+    """
+    effort, fed = plan.effort, bool(plan.effort.any())
+    if not fed:
+        effort = np.diff(plan.velocity, axis=0)
+    time = plan.period * (np.arange(len(effort)) + 0.5)
+    waves: Complex = np.exp(-1j * np.outer(frequency, time))
+    held = np.sinc(0.5 * frequency * plan.period / np.pi)
+    curves = {}
+    for name, column in zip(plan.joint_names, effort.T, strict=True):
+        size = float(abs(column).sum())
+        if size > 0.0:
+            curves[name] = held * abs(waves @ column) / size
+    return curves, fed
+
+
+def finite(value: Any) -> Any:
+    """Return plain data with null for every number that JSON cannot hold."""
+    if isinstance(value, dict):
+        return {key: finite(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(part) for part in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

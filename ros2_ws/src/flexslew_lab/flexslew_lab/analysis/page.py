@@ -1,0 +1,250 @@
+"""The page of an analysis: tables, then curves, drawn by the report's own panels."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.analysis.loop_margins import ChannelMargins
+from flexslew_lab.analysis.analysis import Analysis, residual_curve, responses
+from flexslew_lab.report.page import render
+from flexslew_lab.report.panels import Group, Panel, legend, style
+from flexslew_plant.arrays import Vector
+
+_MOST_TICKS = 4000  # of a response
+_FADED = 0.02  # of a pole's part at the end of a response
+_SHOWN = 2000  # points of a curve
+
+
+class Table(NamedTuple):
+    """A table of the page."""
+
+    title: str
+    words: str
+    columns: tuple[str, ...]
+    rows: list[list[str]]
+
+
+def analysis_page(analysis: Analysis, name: str) -> str:
+    """Return the analysis of a trial as HTML that needs nothing else."""
+    rest = analysis.point.rest
+    position = rest.model.joint_state(rest.state)[0]
+    there = ", ".join(
+        f"{joint} {at:.4g}" for joint, at in zip(rest.model.joint_names, position, strict=True)
+    )
+    groups = [_bode(analysis), _plane("Nyquist", analysis), _plane("Nichols", analysis),
+              _singular(analysis), _steps(analysis)]  # fmt: skip
+    if analysis.plan is not None:
+        groups.append(_residual(analysis))
+    return render(
+        "analysis.html.j2",
+        title=f"{name}: {analysis.controller}",
+        about=f"{analysis.law} about the rest at {there}, at {rest.time:g} s",
+        tables=tables(analysis),
+        groups=[group for group in groups if group.panels],
+    )
+
+
+def tables(analysis: Analysis) -> list[Table]:
+    """Return the numbers in the order in which they are asked for."""
+    found = [_modes(analysis), _poles(analysis)]
+    if not analysis.stable:
+        return found
+    found.append(_margins("Margins at the plant's input", analysis.efforts))
+    found.append(_margins("Margins at the plant's output", analysis.sensors))
+    disks = [
+        [place, _number(d.alpha), _number(20.0 * np.log10(d.gain)), _number(np.degrees(d.phase)),
+         _number(d.frequency)]
+        for place, d in analysis.disks.items()
+    ]  # fmt: skip
+    found.append(
+        Table(
+            "Disk margins",
+            "All channels of the place change at once, each by its own gain and phase. The bounds "
+            "are guaranteed.",
+            ("place", "alpha", "gain +- [dB]", "phase +- [deg]", "at [rad/s]"),
+            disks,
+        )
+    )
+    peaks = [[place, _number(s), _number(t)] for place, (s, t) in analysis.peaks.items()]
+    words = "Largest singular values of sensitivity and complementary sensitivity."
+    found.append(Table("Peaks of S and T", words, ("place", "S", "T"), peaks))
+    if analysis.others:
+        rows = [
+            [f"{o.stiffness:g}, {o.payload:g}", "yes" if o.stable else "NO", _number(o.alpha),
+             _number(o.delay)]
+            for o in analysis.others
+        ]  # fmt: skip
+        head = ("stiffness, payload", "stable", "disk margin", "delay margin [s]")
+        words = "Factors on the plant, the law as it is."
+        found.append(Table("Plants that the law does not believe in", words, head, rows))
+    return found
+
+
+def _modes(analysis: Analysis) -> Table:
+    modes = analysis.modes
+    shape, moved = (list(getattr(modes[0], key)) if modes else [] for key in ("shape", "moved"))
+    seen = list(modes[0].seen) if modes else []
+    rows = [
+        [_number(m.frequency), f"{m.damping:.3g}",
+         *(f"{m.shape[key]:+.3f}" for key in shape), *(f"{m.moved[key]:.3f}" for key in moved),
+         *(f"{m.seen[key]:.3f}" for key in seen)]
+        for m in modes
+    ]  # fmt: skip
+    columns = (
+        "frequency [rad/s]", "damping [-]", *(f"shape: {key}" for key in shape),
+        *(f"moved by {key}" for key in moved), *(f"seen by {key}" for key in seen),
+    )  # fmt: skip
+    words = (
+        "Of the plant alone. Moved and seen: of the mode that this actuator moves most, or this "
+        "sensor sees most."
+    )
+    return Table("Natural modes", words, columns, rows)
+
+
+def _poles(analysis: Analysis) -> Table:
+    rows = [
+        [_number(p.frequency), f"{p.damping:.4g}", f"{p.z[0]:.7f} {p.z[1]:+.7f}j",
+         f"{p.strength:.2g}"]
+        for p in analysis.poles
+    ]  # fmt: skip
+    words = "Stable." if analysis.stable else "NOT STABLE: there are no margins."
+    more = f" The law has {len(analysis.running.form.a)} states of its own."
+    return Table(
+        "Poles of the closed loop", f"{words}{more}",
+        ("frequency [rad/s]", "damping [-]", "z", "strength [-]"), rows,
+    )  # fmt: skip
+
+
+def _margins(title: str, channels: tuple[ChannelMargins, ...]) -> Table:
+    rows = [
+        [c.name, _number(c.gain_up), _number(c.up_frequency), _number(c.gain_down),
+         _number(np.degrees(c.phase)), _number(c.phase_frequency), _number(c.delay),
+         _number(c.delay_frequency), ", ".join(f"{w:.4g}" for w in c.crossovers[:8])]
+        for c in channels
+    ]  # fmt: skip
+    columns = ("channel", "gain up to", "at [rad/s]", "gain down to", "phase [deg]", "at [rad/s]",
+               "delay [s]", "at [rad/s]", "crossovers [rad/s]")  # fmt: skip
+    return Table(title, "One channel changes, all others are closed.", columns, rows)
+
+
+def _number(value: float) -> str:
+    return "-" if not np.isfinite(value) else f"{value:.5g}"
+
+
+def _thinned(analysis: Analysis) -> Vector:
+    """Return which points of the sweep are drawn."""
+    count = len(analysis.sweep.grid)
+    return np.unique(np.linspace(0, count - 1, min(count, _SHOWN)).astype(int))
+
+
+def _bode(analysis: Analysis) -> Group:
+    rows, names = _thinned(analysis), analysis.loop.effort_names
+    w = analysis.sweep.grid[rows]
+    size, phase = Panel("gain of L", "dB", height=220), Panel("phase of L", "deg", height=180)
+    for k, name in enumerate(names):
+        value = analysis.sweep.gain((name,))[rows, 0, 0]
+        size.line(w, 20.0 * np.log10(abs(value)), name, style(k))
+        phase.line(w, np.degrees(np.unwrap(np.angle(value))), name, style(k))
+    for panel in (size, phase):
+        _over_frequency(panel, w)
+    size.limits = (0.0,)
+    words = "Each effort's loop, the others closed; a margin is a distance from -1."
+    return Group("Bode", words, [size, phase], legend(names))
+
+
+def _plane(kind: str, analysis: Analysis) -> Group:
+    rows, names = _thinned(analysis), analysis.loop.effort_names
+    nyquist = kind == "Nyquist"
+    panel = Panel("L", "imaginary" if nyquist else "dB", height=420)
+    panel.x_title = "real" if nyquist else "phase [deg]"
+    panel.x_range = (-3.0, 1.5) if nyquist else (-360.0, 0.0)
+    panel.y_range = (-2.0, 2.0) if nyquist else (-40.0, 40.0)
+    for k, name in enumerate(names):
+        value = analysis.sweep.gain((name,))[rows, 0, 0]
+        if nyquist:
+            panel.line(value.real, value.imag, name, style(k))
+        else:
+            turned = np.degrees(np.angle(value)) % -360.0
+            turned[np.append(False, abs(np.diff(turned)) > 180.0)] = np.nan
+            panel.line(turned, 20.0 * np.log10(abs(value)), name, style(k))
+    mark = (-1.0, 0.0) if nyquist else (-180.0, 0.0)
+    panel.line(np.array(mark[:1]), np.array(mark[1:]), "-1", {"color": "#c2375f"}, mode="markers")
+    return Group(kind, "Each effort's loop, the others closed.", [panel], legend(names))
+
+
+def _singular(analysis: Analysis) -> Group:
+    rows, names = _thinned(analysis), analysis.loop.effort_names
+    w, gain = analysis.sweep.grid[rows], analysis.sweep.gain(names)[rows]
+    s = np.linalg.inv(np.eye(len(names)) + gain)
+    panel = Panel("singular values at the plant's input", "dB", height=240)
+    shown = (("L", gain), ("S", s), ("T", np.eye(len(names)) - s))
+    for k, (name, value) in enumerate(shown):
+        sizes = np.linalg.svd(value, compute_uv=False)
+        for column in (0, -1):
+            panel.line(w, 20.0 * np.log10(np.maximum(sizes[:, column], 1e-12)), name, style(k))
+    _over_frequency(panel, w)
+    panel.limits, panel.y_range = (0.0,), (-80.0, 60.0)
+    words = "Largest and smallest of the loop, its sensitivity and its complement."
+    return Group("Singular values", words, [panel], legend([name for name, _ in shown]))
+
+
+def _steps(analysis: Analysis) -> Group:
+    if not analysis.stable:
+        return Group("Steps", "", [])
+    period = analysis.loop.system.period
+    slow = [
+        p.frequency * p.damping for p in analysis.poles if p.damping > 0.0 and p.strength > 0.01
+    ]
+    ticks = int(np.clip(-np.log(_FADED) / min(slow, default=1.0) / period, 100, _MOST_TICKS))
+    time, names = period * np.arange(ticks), analysis.loop.sensor_names
+    panels = []
+    for name, answer in responses(analysis, ticks).items():
+        panel = Panel(f"step of {name}", "", height=170)
+        panel.x_title, panel.x_range = "time [s]", (0.0, float(time[-1]))
+        for k, sensor in enumerate(names):
+            panel.line(time, answer[:, k], sensor, style(k))
+        panels.append(panel)
+    words = "One rad or m of a reference, or one N m or N that disturbs, limits off."
+    return Group("Steps", words, panels, legend(names))
+
+
+def _residual(analysis: Analysis) -> Group:
+    plan, modes = analysis.plan, analysis.modes
+    assert plan is not None
+    top = 2.0 * max((mode.frequency for mode in modes), default=10.0)
+    w = np.geomspace(0.01 * top, top, 800)
+    curves, fed = residual_curve(plan, w)
+    panel = Panel("what is left in an oscillator", "-", log=True, height=220)
+    for k, (name, curve) in enumerate(curves.items()):
+        panel.line(w, np.maximum(curve, 1e-6), name, style(k))
+    panel.y_range = (1e-4, 1.0)
+    _over_frequency(panel, w)
+    what = "feedforward" if fed else "acceleration of the reference"
+    natural = ", ".join(f"{mode.frequency:.4g}" for mode in modes)
+    words = (
+        f"Of the plan's {what}, for an oscillator of every frequency, as a part of the worst that "
+        f"as much effort could leave. The plant's own: {natural} rad/s."
+    )
+    return Group("Residual over frequency", words, [panel], legend(list(curves)))
+
+
+def _over_frequency(panel: Panel, w: Vector) -> None:
+    panel.x_title, panel.x_log = "frequency [rad/s]", True
+    panel.x_range = (float(np.log10(w[0])), float(np.log10(w[-1])))
+
+
+def summary_rows(analysis: Analysis) -> list[tuple[Any, ...]]:
+    """Return the few lines that a terminal shows."""
+    rows: list[tuple[Any, ...]] = [("stable", "yes" if analysis.stable else "NO")]
+    for c in analysis.efforts:
+        rows.append((f"{c.name}: gain", f"{_number(c.gain_down)} to {_number(c.gain_up)}"))
+        rows.append((f"{c.name}: phase [deg]", _number(np.degrees(c.phase))))
+        rows.append((f"{c.name}: delay [s]", _number(c.delay)))
+    rows += [(f"disk margin, {place}", _number(d.alpha)) for place, d in analysis.disks.items()]
+    rows += [(f"peaks of S, T at {place}", f"{_number(s)}, {_number(t)}")
+             for place, (s, t) in analysis.peaks.items()]  # fmt: skip
+    if analysis.worst is not None:
+        w = analysis.worst
+        where = f"stiffness {w.stiffness:g}, payload {w.payload:g}"
+        rows.append(("worst disk margin, input", f"{_number(w.alpha)} at {where}"))
+    return rows

@@ -1,0 +1,54 @@
+"""Subcommand that analyses what flies in a trial."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexslew_lab.cli.compare import Sets, TrialFile
+from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.model import At, Joints, joints_of
+from flexslew_lab.cli.terminal import for_people, link, print_table, say
+from flexslew_lab.trial.outputs import new_file, writable_file
+
+
+def analyse(
+    file: TrialFile = None,
+    sets: Sets = None,
+    controller: Annotated[
+        str | None, typer.Option(help="Which of the trial's; none: the one in charge.")
+    ] = None,
+    at: At = None,
+    rest: Joints = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The HTML file; else a new one below runs/.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show modes, poles, margins and responses of a trial's loop about a rest.
+
+    The law's linear form is taken from its running code. Exit code 1: the loop is not stable.
+
+    Example: `./flexslew analyse m1 --at 25`
+    """
+    from flexslew_lab.analysis.analysis import analysed
+    from flexslew_lab.analysis.page import analysis_page, summary_rows
+    from flexslew_lab.report.page import write_page
+    from flexslew_lab.trial.sources import read_trial
+
+    wanted, source = read_trial(file, sets)
+    target = writable_file(out or new_file(f"{wanted.name}-analysis.html"), "--out")
+    with for_people.status("analysing"):
+        found = analysed(wanted, source, controller, at, joints_of(rest))
+    if as_json:
+        print(json.dumps(found.plain(), indent=2))
+    else:
+        for kind in found.point.left_out:
+            say(f"not linear, left out: {kind}")
+        print_table(("", found.controller), summary_rows(found))
+    if out is not None or not as_json:
+        page = write_page(analysis_page(found, wanted.name), target)
+        say(f"written {link(page)}")
+    if not found.stable:
+        raise typer.Exit(1)

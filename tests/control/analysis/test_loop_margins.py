@@ -1,0 +1,122 @@
+"""Margins: at each one a pole of the loop with that gain or delay is on the unit circle."""
+
+from dataclasses import replace
+from typing import Any
+
+import control
+import ctrlsys
+import numpy as np
+import pytest
+from tests.plants import plant
+
+from flexslew_control.analysis.linear_plant import Path, sampled_plant
+from flexslew_control.analysis.loop import Loop, loop_of, visible_poles
+from flexslew_control.analysis.loop_margins import (
+    _scaled_bound,
+    channel_margins,
+    disk_margins,
+    peaks,
+    structured,
+    swept,
+)
+from flexslew_control.analysis.rest import rest_of
+from flexslew_control.analysis.running_law import running_law
+from flexslew_control.controllers import build_controller
+from flexslew_plant.bench.hardware.actuator import ActuatorSettings
+from flexslew_plant.testbeds import read_testbed
+
+BEDS = {
+    "csa, 0": ({"kind": "csa"}, {}),
+    "csa, .5": ({"kind": "csa", "modes": 2}, {"hub_pitch": 0.5}),
+    "csa, 1": ({"kind": "csa", "damping_ratio": 0.01}, {"hub_pitch": 1.0}),
+    "hub": ({"kind": "hub_with_appendages", "damping_ratio": 0.01}, {}),
+    "oscillator": ({"kind": "floating_oscillator", "damping_ratio": 0.01}, {}),
+}
+LAWS: dict[str, dict[str, Any]] = {
+    "pd_feedforward": {},
+    "collocated_pid": {},
+    "output_feedback": {"model": {"modes": 1}},
+    "lqr": {"filter": {"modal_noise": 1e-3}},
+}
+SOFT = {"pd_feedforward": {"kp": [0.5], "kd": [1.0]},
+        "collocated_pid": {"kp": [0.5], "kd": [1.0], "ki": [0.02]}}  # fmt: skip
+PATHS = {"ideal": ActuatorSettings(), "lag": ActuatorSettings(lag=0.05)}
+
+
+def loop(bed: str, law: str, path: Path) -> tuple[Any, Any, Loop]:
+    values, joints = BEDS[bed]
+    testbed = read_testbed(values, "here")
+    described = plant(0.01, testbed.effort_limit, testbed)
+    settings = LAWS[law] if bed.startswith("csa") else {**LAWS[law], **SOFT.get(law, {})}
+    it = build_controller("it", law, settings, described, "here")
+    rest = rest_of(testbed, joints)
+    form = running_law(it, rest, described.effort_limit).form
+    return rest, form, loop_of(sampled_plant(rest, path, applied=True), form)
+
+
+def radius(rest: Any, form: Any, path: Path) -> float:
+    poles, _ = visible_poles(loop_of(sampled_plant(rest, path, applied=True), form))
+    return float(abs(poles).max())
+
+
+@pytest.mark.parametrize("actuator", PATHS)
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("bed", BEDS)
+def test_just_inside_of_a_margin_the_loop_is_stable_and_just_outside_it_is_not(
+    bed: str, law: str, actuator: str
+) -> None:
+    path = Path(0.01, PATHS[actuator])
+    rest, form, found = loop(bed, law, path)
+    if radius(rest, form, path) >= 1.0:
+        assert (law, actuator) != ("pd_feedforward", "ideal")
+        return  # there is nothing to be kept
+    sweep, m = swept(found), found.efforts
+    for k, name in enumerate(found.effort_names):
+        margins, one = channel_margins(sweep, name), np.eye(m)[k]
+        assert margins.gain_down < 1.0 < margins.gain_up
+        if margins.gain_up < 1e6:
+            inside, outside = (1.0 + (margins.gain_up * f - 1.0) * one for f in (0.999, 1.001))
+            assert radius(rest, form, replace(path, gain=inside)) < 1.0
+            assert radius(rest, form, replace(path, gain=outside)) > 1.0
+        if margins.gain_down > 1e-3:
+            inside, outside = (1.0 + (margins.gain_down * f - 1.0) * one for f in (1.001, 0.999))
+            assert radius(rest, form, replace(path, gain=inside)) < 1.0
+            assert radius(rest, form, replace(path, gain=outside)) > 1.0
+        if margins.delay < 1.0:
+            ticks = margins.delay / 0.01
+            assert radius(rest, form, replace(path, delay=0.999 * ticks * one)) < 1.0
+            assert radius(rest, form, replace(path, delay=1.001 * ticks * one)) > 1.0
+
+
+def test_a_loop_of_one_channel_has_python_control_s_disk_margin_and_peaks() -> None:
+    _, _, found = loop("hub", "pd_feedforward", Path(0.01))
+    sweep = swept(found)
+    disk = disk_margins(sweep, found.effort_names)
+    system = found.opened(found.effort_names).state_space()
+    theirs = control.disk_margins(system, sweep.grid)
+    assert disk.alpha == pytest.approx(theirs[0], rel=1e-6)
+    assert 20.0 * np.log10(disk.gain) == pytest.approx(theirs[1], rel=1e-6)
+    assert np.degrees(disk.phase) == pytest.approx(theirs[2], rel=1e-6)
+    s, _ = peaks(sweep, found.effort_names)
+    sensitivity = control.feedback(control.ss([], [], [], [[1.0]], 0.01), system)
+    assert s == pytest.approx(abs(sensitivity(np.exp(1j * sweep.grid * 0.01))).max(), rel=1e-6)
+
+
+def test_the_bound_of_mu_is_slicot_s_from_above() -> None:
+    rng = np.random.default_rng(9)
+    for size in (2, 3, 5):
+        m = rng.standard_normal((20, size, size)) + 1j * rng.standard_normal((20, size, size))
+        ours = [_scaled_bound(one, bound) for one, bound in zip(m, structured(m), strict=True)]
+        for value, one in zip(ours, m, strict=True):
+            ones = np.ones(size, dtype=np.int32)
+            bound = ctrlsys.ab13md(np.asfortranarray(one), ones, 2 * ones)[0]
+            assert bound * (1.0 - 1e-6) <= value <= 1.001 * bound  # BFGS stops beside the minimum
+
+
+def test_a_disk_margin_keeps_every_gain_and_phase_inside_of_it() -> None:
+    rest, form, found = loop("csa, .5", "pd_feedforward", Path(0.01))
+    disk = disk_margins(swept(found), found.effort_names)
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        gain = disk.gain ** rng.uniform(-0.999, 0.999, 2)
+        assert radius(rest, form, Path(0.01, gain=gain)) < 1.0

@@ -1,0 +1,95 @@
+"""`analyse`: the numbers of a trial's loop, for built-in laws and a user's class, and the page."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from flexslew_lab.analysis.analysis import analysed, residual_curve, responses
+from flexslew_lab.analysis.page import analysis_page
+from flexslew_lab.cli.main import app
+from flexslew_lab.notebook import trial
+from flexslew_lab.trial.trial import plan_of_trial
+from flexslew_plant.errors import BadInput
+
+OWN = f"{Path(__file__).parents[3] / 'docs/examples/my_law.py'}:MyLaw"
+M1 = {"plan": None, "controllers": {"pd_feedforward": {}, "mine": {"law": OWN}}}
+
+
+def test_a_user_s_class_has_the_margins_of_the_built_in_law_that_it_is() -> None:
+    ours, theirs = (analysed(trial("m1", M1), "m1", name) for name in ("pd_feedforward", "mine"))
+    for a, b in zip(ours.efforts, theirs.efforts, strict=True):
+        assert a.gain_up == pytest.approx(b.gain_up, rel=1e-6)
+        assert a.delay == pytest.approx(b.delay, rel=1e-6)
+    assert ours.disks["input"].alpha == pytest.approx(theirs.disks["input"].alpha, rel=1e-6)
+
+
+def test_the_frequencies_are_the_plant_s_and_every_mode_is_moved_and_seen() -> None:
+    what = trial("m1", M1)
+    found = analysed(what, "m1", joints={"hub_pitch": 0.5})
+    model = what.testbed.model()
+    linear = model.linearise(model.rest({"hub_pitch": 0.5}))
+    np.testing.assert_allclose([m.frequency for m in found.modes], linear.frequencies, rtol=1e-9)
+    for column in (*found.modes[0].moved, *found.modes[0].seen):
+        values = [{**m.moved, **m.seen}[column] for m in found.modes]
+        assert max(values) == pytest.approx(1.0) or not any(values)  # a joint that bends nothing
+    assert all(max(map(abs, mode.shape.values())) == pytest.approx(1.0) for mode in found.modes)
+
+
+def test_a_step_of_the_reference_ends_there_and_a_disturbance_at_its_static_error() -> None:
+    found = analysed(trial("m1", {**M1, "testbed.modes": 1}), "m1")
+    end = {name: answer[-1] for name, answer in responses(found, 40_000).items()}
+    names = found.loop.sensor_names
+    at = names.index("position.hub_pitch")
+    assert end["reference.hub_pitch"][at] == pytest.approx(1.0, abs=1e-6)
+    assert end["disturbance.hub_pitch"][at] == pytest.approx(1.0 / 460.0, rel=1e-6)
+
+
+def test_a_shaped_plan_leaves_nothing_at_its_frequency() -> None:
+    what = trial("m1", {"plan": {"method": "input_shaping", "shaper": "zvd", "duration": 30.0,
+                                 "goal": {"hub_pitch": 0.5}}})  # fmt: skip
+    plan = plan_of_trial(what)
+    assert plan is not None
+    first = analysed(trial("m1", M1), "m1").modes[0].frequency
+    curves, _ = residual_curve(plan, np.array([1e-6, first]))
+    for curve in curves.values():
+        assert curve.max() <= 1.0 + 1e-9
+
+
+def test_the_page_and_the_json_hold_everything(tmp_path: Any) -> None:
+    out = tmp_path / "page.html"
+    arguments = ["analyse", "time_optimal_hub", "--set", "plan.method=reference_only", "--set",
+                 "plan.robust=null", "--out", str(out)]  # fmt: skip
+    found = analysed(trial("time_optimal_hub", {"plan": None}), "hub")
+    page = analysis_page(found, "hub")
+    for words in ("Natural modes", "Poles of the closed loop", "Disk margins", "Peaks of S and T",
+                  "Bode", "Nyquist", "Nichols", "Singular values", "Steps"):  # fmt: skip
+        assert f"<h2>{words}</h2>" in page
+    done = CliRunner().invoke(
+        app, ["analyse", "time_optimal_hub", "--set", "plan=null", "--json", "--out", str(out)]
+    )
+    assert done.exit_code == 0, (done.output, arguments)
+    numbers = json.loads(done.stdout[: done.stdout.rindex("}") + 1])
+    assert set(numbers["disks"]) == {"input", "output", "both"}
+    assert numbers["stable"] is True
+    assert numbers["efforts"][0]["gain_up"] == pytest.approx(found.efforts[0].gain_up)
+    assert out.exists()
+
+
+def test_a_loop_that_is_not_stable_says_so_and_has_no_margins() -> None:
+    wild = {"collocated_pid": {"kp": [460.0], "kd": [920.0], "ki": [15.0]}}
+    what = trial("time_optimal_oscillator",
+                 {"plan": None, "controllers": wild, "active": "collocated_pid"})  # fmt: skip
+    found = analysed(what, "it")
+    assert not found.stable
+    assert found.efforts == ()
+    assert min(pole.damping for pole in found.poles) < 0.0
+    assert "NOT STABLE" in analysis_page(found, "it")
+
+
+def test_an_unknown_controller_is_refused() -> None:
+    with pytest.raises(BadInput, match="--controller: nobody is not in controllers"):
+        analysed(trial("m1", M1), "m1", "nobody")
