@@ -44,6 +44,7 @@ def answers(form: Lti, inputs: np.ndarray) -> np.ndarray:
 def formula(found: LinearForm, stationary: Any, inputs: np.ndarray, m: int, period: float) -> Any:
     """Return the answers of the equations of linear_form to measurements without a reference."""
     law, observer = found.law, found.observer
+    z: Any
     outputs = law.from_output.shape[1]
     z, s, out, y_before, before = None, np.zeros(m), [], np.zeros(outputs), None
     for w in inputs:

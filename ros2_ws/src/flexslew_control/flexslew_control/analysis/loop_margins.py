@@ -112,7 +112,10 @@ class _Channel:
 
     def __call__(self, w: float) -> complex:
         """Return L at a frequency [rad/s]."""
-        return complex(self._at(np.array([w]))[0])
+        try:
+            return complex(self._at(np.array([w]))[0])
+        except np.linalg.LinAlgError:  # a pole
+            return complex(_POLE**2)
 
     def _at(self, w: Vector) -> Complex:
         return self._loop.loop_gain(self._name, self._loop.response(w))[:, 0, 0]
@@ -190,7 +193,7 @@ def disk_margins(sweep: Swept, names: tuple[str, ...]) -> DiskMargins:
     # negative feedback of all channels at once, though u and y of one loop may stand among them
     # where u and y of one loop are both among them, cutting both leaves no loop: L of the pair
     eye = np.eye(len(names))
-    balanced = np.linalg.inv(eye + sweep.gain(names)) - 0.5 * eye
+    balanced = np.asarray(np.linalg.inv(eye + sweep.gain(names)) - 0.5 * eye, dtype=np.complex128)
     mu = structured(balanced)
     refined = np.zeros(len(mu), dtype=bool)
     while not refined[worst := int(np.argmax(mu))]:
@@ -220,7 +223,7 @@ def structured(m: Complex) -> Vector:
         rows, columns = np.linalg.norm(scaled, axis=2), np.linalg.norm(scaled, axis=1)
         d = d * np.sqrt((columns + small) / (rows + small))
     bound = np.linalg.norm(m * d[:, :, None] / d[:, None, :], 2, axis=(1, 2))
-    return np.minimum(bound, np.linalg.norm(m, 2, axis=(1, 2)))
+    return np.asarray(np.minimum(bound, np.linalg.norm(m, 2, axis=(1, 2))), dtype=np.float64)
 
 
 def _scaled_bound(m: Complex, bound: float) -> float:

@@ -61,4 +61,4 @@ def _real(shape: "np.typing.NDArray[np.complex128]") -> list[float]:
     if not abs(shape).any():
         return [0.0] * len(shape)
     turned: Vector = (shape / shape[np.argmax(abs(shape))]).real
-    return turned.tolist()
+    return [float(part) for part in turned]

@@ -76,7 +76,7 @@ def copied(root: Any, constant: dict[Place, Number] | None = None) -> Any:
 
 
 def _is_frozen(value: Any) -> bool:
-    return is_dataclass(value) and value.__dataclass_params__.frozen  # type: ignore[attr-defined]
+    return is_dataclass(value) and bool(getattr(value, "__dataclass_params__").frozen)  # noqa: B009
 
 
 def _parts(value: Any) -> Iterator[tuple[Any, Any]]:

@@ -87,7 +87,7 @@ class Analysis:
         """Return the numbers as JSON holds them; what is infinite or has no value is null."""
         rest = self.point.rest
         position = rest.model.joint_state(rest.state)[0]
-        found = {
+        found: dict[str, Any] = {
             "controller": self.controller,
             "law": self.law,
             "rest": dict(zip(rest.model.joint_names, position.tolist(), strict=True)),
@@ -105,7 +105,8 @@ class Analysis:
             "others": [asdict(other) for other in self.others],
             "worst": None if self.worst is None else asdict(self.worst),
         }
-        return finite(found)
+        numbers: dict[str, Any] = finite(found)
+        return numbers
 
 
 def analysed(
@@ -231,7 +232,7 @@ def responses(analysis: Analysis, ticks: int) -> dict[str, Vector]:
     """
     loop, rest, path = analysis.loop, analysis.point.rest, analysis.point.path
     closed = loop.closed
-    bare = sampled_plant(rest, replace(path, actuator=type(path.actuator)(), gain=None, delay=0.0))
+    bare = sampled_plant(rest, replace(path, actuator=type(path.actuator)(), gain=None, delay=None))
     n = 2 * rest.model.coordinates
     first = closed.states.index(bare.states[0])
     out: dict[str, Vector] = {}

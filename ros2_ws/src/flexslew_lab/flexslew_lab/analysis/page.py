@@ -166,7 +166,7 @@ def _plane(kind: str, analysis: Analysis) -> Group:
         else:
             turned = np.degrees(np.angle(value)) % -360.0
             turned[np.append(False, abs(np.diff(turned)) > 180.0)] = np.nan
-            panel.line(turned, 20.0 * np.log10(abs(value)), name, style(k))
+            panel.line(np.asarray(turned), 20.0 * np.log10(abs(value)), name, style(k))
     mark = (-1.0, 0.0) if nyquist else (-180.0, 0.0)
     panel.line(np.array(mark[:1]), np.array(mark[1:]), "-1", {"color": "#c2375f"}, mode="markers")
     return Group(kind, "Each effort's loop, the others closed.", [panel], legend(names))
@@ -202,7 +202,7 @@ def _steps(analysis: Analysis) -> Group:
         panel = Panel(f"step of {name}", "", height=170)
         panel.x_title, panel.x_range = "time [s]", (0.0, float(time[-1]))
         for k, sensor in enumerate(names):
-            panel.line(time, answer[:, k], sensor, style(k))
+            panel.line(np.asarray(time, dtype=np.float64), answer[:, k], sensor, style(k))
         panels.append(panel)
     words = "One rad or m of a reference, or one N m or N that disturbs, limits off."
     return Group("Steps", words, panels, legend(names))
