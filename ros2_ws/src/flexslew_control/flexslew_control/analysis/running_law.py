@@ -18,6 +18,7 @@ from flexslew_control.analysis.numeric_state import Number, Place, assign, copie
 from flexslew_control.analysis.rest import Rest
 from flexslew_control.analysis.signals import applied_of, inputs_of, outputs_of
 from flexslew_control.controllers.controller import Controller
+from flexslew_control.course import Course
 from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Matrix, Vector
@@ -111,7 +112,8 @@ class _Desk:
         self._gains = np.zeros(0) if gains is None else gains
         self._effort = rest.effort
         self.controller: Controller = copied(controller)
-        self.controller.plan = self._plan(np.zeros(self._m))
+        self._rest = self._course(np.zeros(self._m))
+        self.controller.steer(self._rest)
         self.tick = 0
         self.held: dict[Place, Number] = {}
         self._constant: dict[Place, Number] = {}
@@ -121,25 +123,28 @@ class _Desk:
         """How many numbers it measures, with the references."""
         return self._read.size + self._m
 
-    def _plan(self, moved: Vector) -> Plan:
-        """Return what rests, its position moved."""
-        m = self._m
-        still, nothing = np.zeros(m), np.zeros(0)
-        there = self._read[:m] + moved
-        held = Reference(there, still, self._effort, nothing, nothing, self._gains)
-        return cast(Plan, _Held(held, self._gains))
+    def _course(self, moved: Vector) -> Course:
+        """Return what rests for ever, its position moved."""
+        m, held = self._m, self.controller
+        still, there = np.zeros((2, m)), np.tile(self._read[:m] + moved, (2, 1))
+        gains = np.tile(self._gains, (2, 1)) if self._gains.size else np.zeros((0, 0))
+        plan = Plan(
+            "none", held.joint_names, 0.0, held.period, there, still, self._effort[None],
+            np.zeros((2, 0)), 0.0, gains,
+        )  # fmt: skip
+        return cast(Course, _Held(plan, plan.reference(0)))
 
     def ask(self, controller: Controller, tick: int, w: Vector) -> Vector:
         """Return the effort that a controller answers to a measurement near the rest."""
         m, a = self._m, self._appendages
         if w[self._read.size :].any():
-            controller.plan = self._plan(w[self._read.size :])
+            controller.steer(self._course(w[self._read.size :]))
         y = self._read + w[: self._read.size]
         parts = np.split(y, np.cumsum([m, m, a, a]))
         answer = controller.observe(Measurement(tick, 0, self._time, controller.name, *parts))
         if answer is None:
             raise BadInput(f"{controller.name} gives no answer at rest: {controller.reason}")
-        controller.plan = self.controller.plan
+        controller.steer(self._rest)
         return answer.command.effort
 
     def settle(self) -> None:
@@ -279,11 +284,14 @@ class _Desk:
 
 @dataclass(frozen=True)
 class _Held:
-    """A plan without an end: one reference at every tick."""
+    """A course without an end: one reference at every tick."""
 
+    plan: Plan
     held: Reference
-    gains: Vector
 
-    def reference(self, tick: int) -> Reference:
+    def reference(self, tick: int, hold: Reference) -> Reference:
         """Return it."""
         return self.held
+
+    def restart(self) -> None:
+        """Go on."""

@@ -107,6 +107,10 @@ class Controller:
         """The newest plan that it follows, or will from its start on; None: there is none."""
         return self._course.plan
 
+    def steer(self, course: Course) -> None:
+        """Follow a course in place of the plans that were adopted."""
+        self._course = course
+
     def begin_epoch(self, epoch: int) -> None:
         """Know that the bench was reset: the plan of tick 0 is flown again, if there is one."""
         if epoch > self._key[0]:
