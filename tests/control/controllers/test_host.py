@@ -176,3 +176,34 @@ def test_nested_settings_are_merged() -> None:
     assert merged(old, {"filter": {"rate_sigma": 3.0}}) == {
         "filter": {"tip_sigma": 1.0, "rate_sigma": 3.0}, "kp": [1.0],
     }  # fmt: skip
+
+
+def test_questions_are_answered_while_a_design_is_made() -> None:
+    host = standing()
+    answered: list[Any] = []
+    effort(host, 0)
+
+    def beside(make: Any) -> Any:
+        answered.extend(host.observe(question(tick)) for tick in range(1, 8))
+        return make()
+
+    done = host.tune({"kp": [100.0, 100.0]}, tick=3, beside=beside)
+    assert all(answer is not None for answer in answered)
+    assert (done.tick, done.message) == (8, "kp: [100.0, 100.0] from tick 8 on")
+    assert not host.events
+    effort(host, 8)
+    assert [event.tick for event in host.events] == [8]
+
+
+def test_a_tuning_for_an_earlier_tick_than_one_that_waits_leaves_both_in_force() -> None:
+    host = standing()
+    effort(host, 0)
+    assert host.tune({"kd": [50.0, 50.0]}, tick=4).tick == 4
+    assert host.tune({"kp": [100.0, 100.0]}, tick=2).tick == 2
+    seen = []
+    for tick in range(1, 6):
+        effort(host, tick)
+        seen.append((host.values.get("kp"), host.values.get("kd")))
+    soft, slow = [100.0, 100.0], [50.0, 50.0]
+    assert seen == [(None, None), (soft, None), (soft, None), (soft, slow), (soft, slow)]
+    assert [event.tick for event in host.events] == [2, 4]

@@ -7,6 +7,7 @@ log is flown again with the same object.
 import json
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 from flexslew_control.controllers.controller import Answer, Controller
@@ -187,19 +188,26 @@ class ControllerHost:
             tick, fact = self.last_tick, StrayMessage(topic, self.name, what)
             self.events.append(event_of(fact, tick, tick * period, self.epoch, self.name))
 
-    def tune(self, changes: Mapping[str, Any], tick: int = 0, who: str = "") -> Tuned:
+    def tune(
+        self,
+        changes: Mapping[str, Any],
+        tick: int = 0,
+        who: str = "",
+        beside: Callable[[Callable[[], "list[_Tuning]"]], "list[_Tuning]"] = lambda make: make(),
+    ) -> Tuned:
         """Design the controller anew with some settings changed, for a tick to come.
 
         Args:
             changes: of its settings, nested as they are.
-            tick: first one with the new settings; one that is over: the next.
+            tick: first one with the new settings; one that is over when the design is made: the
+                next.
             who: asks.
+            beside: makes the design while questions are answered.
         """
         if self._build is None or self.controller is None:
             why = Refusal(f"{self.name} cannot be tuned: {self.reason}", cause=Cause.NO_TESTBED)
             return Tuned(0, refused=why)
         tick = max(tick, self.controller.last_tick + 1)
-        values = merged(self._tunings[-1].values if self._tunings else self.values, changes)
         if not changes:
             return Tuned(tick, refused=Refusal("nothing changes; give at least one setting"))
         try:
@@ -207,14 +215,34 @@ class ControllerHost:
         except (TypeError, ValueError):
             words = "a setting is not plain data or not a finite number: the log could not hold it"
             return Tuned(tick, refused=Refusal(words))
+        build = self._build
         try:
-            controller = self._build(values)
+            made = beside(partial(self._designed, build, tick, dict(changes), who))
         except BadInput as error:
             return Tuned(tick, refused=error.refusal)
-        self._tunings.append(_Tuning(tick, dict(changes), values, controller, who))
-        self._tunings.sort(key=lambda tuning: tuning.tick)
+        if self._build is not build:
+            why = Refusal("another testbed was announced meanwhile", cause=Cause.NO_TESTBED)
+            return Tuned(tick, refused=why)
+        now = self.controller.last_tick + 1
+        earlier = [tuning for tuning in self._tunings if tuning.tick <= tick]
+        self._tunings = earlier + [each._replace(tick=max(each.tick, now)) for each in made]
+        tick = max(tick, now)
         words = ", ".join(f"{key}: {value}" for key, value in changes.items())
         return Tuned(tick, f"{words} from tick {tick} on")
+
+    def _designed(
+        self, build: Build, tick: int, changes: dict[str, Any], who: str
+    ) -> list[_Tuning]:
+        """Return a new tuning, and after it anew those that are due later."""
+        before = [each for each in self._tunings if each.tick <= tick]
+        after = [(t.tick, t.changes, t.who) for t in self._tunings if t.tick > tick]
+        values, made = before[-1].values if before else self.values, []
+        for at, what, asker in [(tick, changes, who), *after]:
+            values = merged(values, what)
+            controller = build(values)
+            controller.warm(self._appendages)
+            made.append(_Tuning(at, what, values, controller, asker))
+        return made
 
     def _take(self, tuning: _Tuning, question: Measurement) -> None:
         assert self.controller is not None

@@ -43,11 +43,12 @@ class ControllerNode:
         self._state = publisher(node, topics.CONTROLLER_STATE)
         self._command = publisher(node, topics.EFFORT_COMMAND)
         measurement = subscription(node, topics.MEASUREMENT, self._on_measurement, raw=True)
+        self._alive = loop.live(node, "controller")
         self._announcer = Announcer(
             node,
             self._host,
             self._settings.law,
-            loop.live(node, "controller"),
+            self._alive,
             [self._command, self._state],
             measurement,
             self._settings.wait_for,
@@ -57,7 +58,8 @@ class ControllerNode:
         subscription(node, topics.PLAN, self._on_plan)
         subscription(node, topics.BENCH_STATE, self._on_bench_state)
         self._realtime = RealTime(CONTROLLER)
-        self._tuning = Tuning(node, self._host, self._settings.law)
+        self._heard = measurement
+        self._tuning = Tuning(node, self._host, self._settings.law, self._serve)
 
     def poll(self) -> float:
         """Look at the graph; return the wall seconds until the next look."""
@@ -105,6 +107,15 @@ class ControllerNode:
             self._host.begin_epoch(message.epoch)
             self._announcer.announce(always=True)
         self._realtime.want(message.active == self._host.name and message.rate_factor > 0.0)
+
+    def _serve(self) -> bool:
+        """Answer a question that waits; return whether there was one."""
+        self._alive.poll(monotonic())
+        with self._heard.handle:
+            taken = self._heard.handle.take_message(self._heard.msg_type, True)
+        if taken is not None:
+            self._on_measurement(taken[0])
+        return taken is not None
 
     def _tell(self) -> None:
         """Pass on what the host has to say."""

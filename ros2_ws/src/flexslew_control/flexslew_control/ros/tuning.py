@@ -1,6 +1,9 @@
 """Changes of a controller's settings while it works: `<name>/tune`, and its ROS parameters."""
 
-from typing import Any
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from typing import Any, TypeVar
 
 from flexslew_msgs import srv
 from rclpy.node import Node
@@ -15,6 +18,9 @@ from flexslew_plant.ros.parameters import declare, serve_changes
 from flexslew_plant.settings import flat, load_yaml, validated
 from flexslew_plant.settings_fields import meanings
 
+_SHARE = 2e-4  # for which one of two threads works before the other one may [wall s]
+_Made = TypeVar("_Made")
+
 
 class Tuning:
     """Passes requests on to the host, and keeps the parameters true.
@@ -23,13 +29,16 @@ class Tuning:
         node: that offers the service.
         host: whose controller it is.
         law: that it runs.
+        serve: answers a question that waits; returns whether there was one.
 
     Raises:
         BadInput: the settings are not those of the law.
     """
 
-    def __init__(self, node: Node, host: ControllerHost, law: str) -> None:
-        self._node, self._host = node, host
+    def __init__(
+        self, node: Node, host: ControllerHost, law: str, serve: Callable[[], bool]
+    ) -> None:
+        self._node, self._host, self._serve = node, host, serve
         self._taken = False  # what is set now has been granted already
         given = {k: v for k, v in host.values.items() if k in CommonSettings.__annotations__}
         common = validated(CommonSettings, given, f"node {host.name}")
@@ -45,7 +54,7 @@ class Tuning:
         """Take parameters; return why not, or an empty text."""
         if self._taken:
             return ""
-        done = self._host.tune(changes, 0, "a ROS parameter")
+        done = self._host.tune(changes, 0, "a ROS parameter", self._beside)
         return "" if done.ok else done.message
 
     def _on_tune(self, request: Any, reply: Any) -> Any:
@@ -59,11 +68,25 @@ class Tuning:
             reply.message = "settings: give YAML keys, for example {kp: [500.0, 500.0]}"
             return reply
         tick = round(seconds_of(request.at) / controller.period) if controller else 0
-        done = self._host.tune(changes, tick, request.who)
+        done = self._host.tune(changes, tick, request.who, self._beside)
         reply.ok, reply.message, reply.tick = done.ok, done.message, done.tick
         if reply.ok:
             self._keep(changes)
         return reply
+
+    def _beside(self, make: Callable[[], _Made]) -> _Made:
+        """Return what is made in a thread, while this one answers the questions of the bench."""
+        interval = sys.getswitchinterval()
+        sys.setswitchinterval(_SHARE)
+        try:
+            with ThreadPoolExecutor(1) as pool:
+                made = pool.submit(make)
+                while not made.done():
+                    if not self._serve():
+                        wait([made], _SHARE)
+            return made.result()
+        finally:
+            sys.setswitchinterval(interval)
 
     def _keep(self, changes: dict[str, Any]) -> None:
         """Let the parameters say what holds from now on."""
