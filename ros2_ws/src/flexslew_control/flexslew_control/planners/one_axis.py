@@ -13,6 +13,8 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import believed, initial_positions
 from flexslew_plant.testbeds.contract import RigidTurn, Turning
 
+RELEVANT = "relevant"  # as `model: modes`: those that matter
+
 
 class OneAxis(NamedTuple):
     """A manoeuvre reduced to the joint that moves, and the way back."""
@@ -24,6 +26,7 @@ class OneAxis(NamedTuple):
     names: tuple[str, ...]  # of all joints
     start: Vector  # of all joints, (joints,) [rad or m]
     rigid: RigidTurn
+    left_out: str  # of the bench, in words; empty: nothing but other axes
 
     def embedded(self, plan: Plan) -> Plan:
         """Return the plan for all joints: what stays at rest, and the efforts that hold it there.
@@ -45,7 +48,9 @@ class OneAxis(NamedTuple):
         effort += np.outer(square, self.rigid.centrifugal)
         effort[:, k] += plan.effort[:, 0] - self.rigid.inertia * acceleration
         peak = abs(effort).max(axis=0, initial=0.0)
-        summary = {**plan.summary, "peak_effort": [float(x) for x in peak]}
+        believes = ", ".join(filter(None, (plan.summary.get("believes", ""), self.left_out)))
+        own = {"peak_effort": [float(x) for x in peak], "believes": believes}
+        summary = {**plan.summary, **own}
         assert effort.shape[1] == count
         return replace(
             plan,
@@ -57,18 +62,31 @@ class OneAxis(NamedTuple):
         )
 
 
-def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) -> OneAxis | None:
-    """Return the manoeuvre about the one joint that moves; None where the bench plans for all.
+def turns(plant: PlantDescription) -> bool:
+    """Return whether a bench is planned about one axis at a time."""
+    testbed = plant.testbed
+    if not isinstance(testbed, Turning):
+        return False
+    model = testbed.model()
+    return model.before_modes != model.joints or bool(model.kernels.extra_positions)
+
+
+def more_modes(settings: Any, plant: PlantDescription, count: int) -> bool:
+    """Return whether the turn can be planned on more modes than with this many frequencies."""
+    testbed: Any = plant.testbed
+    joint = next(iter(settings.goal))
+    now, ahead = (testbed.turning(joint, k).modes for k in (count, count + 1))
+    return bool(ahead > now)
+
+
+def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) -> OneAxis:
+    """Return the manoeuvre about the one joint that moves.
 
     Raises:
         BadInput: none or more than one joint moves, or it does not turn the platform.
     """
     testbed = plant.testbed
-    if not isinstance(testbed, Turning):
-        return None
     model = testbed.model()
-    if model.before_modes == model.joints and not model.kernels.extra_positions:
-        return None
     names = plant.joint_names
     first = initial_positions(testbed) | (getattr(settings, "initial", None) or {})
     goal = getattr(settings, "goal", None) or {}
@@ -85,8 +103,12 @@ def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) 
         )
     k = names.index(moving[0])
     changes = getattr(settings, "model", None)
-    whole: Any = believed(testbed, changes, "plan: model")
-    reduced = whole.turning(moving[0], None if changes is not None else 1)
+    count = (changes or {}).get("modes", 1 if changes is None else None)
+    if count is not None and (not isinstance(count, int) or count < 0):
+        raise BadInput(f"plan: model: modes: {count!r} is not allowed: a number, or relevant")
+    kept = {key: value for key, value in (changes or {}).items() if key != "modes"}
+    whole: Any = believed(testbed, kept or None, "plan: model")
+    reduced = whole.turning(moving[0], count)
     about: dict[str, Any] = {"goal": {moving[0]: goal[moving[0]]}}
     taken = {"model": None, "initial": {moving[0]: first[moving[0]]}}
     about |= {key: value for key, value in taken.items() if hasattr(settings, key)}
@@ -100,7 +122,13 @@ def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) 
         names,
         np.array([first[name] for name in names]),
         whole.rigid_turn(moving[0]),
+        _left_out(reduced.model().modes, model.modes, moving[0]),
     )
+
+
+def _left_out(modes: int, of: int, joint: str) -> str:
+    """Return in words what a turn about one axis leaves out of the bench."""
+    return f"turns about {joint} alone, the other axes rigid, on {modes} of {of} modes"
 
 
 def _own(feedback: Feedback, k: int) -> Feedback:

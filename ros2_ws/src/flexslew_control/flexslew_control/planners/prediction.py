@@ -20,6 +20,7 @@ class Prediction(NamedTuple):
 
     tip_deflection: float  # largest |tip deflection| after the plan's end [m]
     attitude_error: Vector  # largest |joint - goal| after the plan's end, (joints,) [rad or m]
+    peak: float  # largest |tip deflection| of the whole flight [m]
 
 
 def predicted(plan: Plan, slew: Slew) -> Prediction:
@@ -53,10 +54,11 @@ def predicted(plan: Plan, slew: Slew) -> Prediction:
         plan.period,
         model.coordinates,
         model.before_modes,
-    )[last:]
-    tips = path[:, model.joints : model.coordinates] @ model.appendages.tip.T
-    away = np.abs(path[:, : model.joints] - plan.position[-1])
-    return Prediction(float(np.abs(tips).max(initial=0.0)), away.max(axis=0))
+    )
+    tips = np.abs(path[:, model.joints : model.coordinates] @ model.appendages.tip.T)
+    away = np.abs(path[last:, : model.joints] - plan.position[-1])
+    left, peak = (float(part.max(initial=0.0)) for part in (tips[last:], tips))
+    return Prediction(left, away.max(axis=0), peak)
 
 
 @lru_cache

@@ -11,17 +11,20 @@ from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_lo
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.held_efforts import exact_on_ticks
-from flexslew_control.planners.one_axis import one_axis
-from flexslew_control.planners.prediction import predicted
+from flexslew_control.planners.one_axis import RELEVANT, more_modes, one_axis, turns
+from flexslew_control.planners.prediction import Prediction, predicted
 from flexslew_control.planners.progress import Progress, Update
 from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, slew_of
 from flexslew_control.planners.trajectories import rigid_duration, rounded_up
+from flexslew_control.planners.whole_bench import NOTHING, Better, flown_on_bench, kept, told
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
 
 _EXACT = 1e-5  # residual above which efforts are made exact for their hold [m]
 _MOST_FUNCTIONS = 200  # that a section may ask for
 _GROWS = 1e-6  # beyond 1, of the spectral radius of one tick: rounding of a rigid body's
+RINGING = 0.05  # of the largest deflection, above which a tip that swings on is warned of [-]
+MOST_MODES = 4  # frequencies that are tried for one that is enough
 _LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
 
 
@@ -37,6 +40,8 @@ class Slewing:
         plan: returns the plan of a slew.
         exact: says of a section whether the efforts shall end at rest at the goal when each is
             held over its tick; None: of none.
+        rings: says of a section why its flight may leave the tips vibrating, which then is a
+            warning; empty: its plan says so itself. None: no section is meant to leave them still.
         one_axis: whether a spacecraft with many joints is planned about the one that moves.
         open_loop: whether a section without `feedback` is for a slew without one, instead of
             one with the gains of the controller in charge.
@@ -44,6 +49,7 @@ class Slewing:
 
     plan: Callable[[Any, Slew, Progress], Plan]
     exact: Callable[[Any], bool] | None = None
+    rings: Callable[[Any], str] | None = None
     one_axis: bool = True
     open_loop: bool = False
 
@@ -60,10 +66,8 @@ class Slewing:
             PlanFailed: no such slew; the message carries the numbers.
             BadInput: the testbed is not moved by one effort per joint, or lacks what is named.
         """
-        reduced = one_axis(settings, plant, feedback) if self.one_axis else None
-        if reduced is not None:
-            own = self(reduced.settings, reduced.plant, reduced.feedback, progress)
-            return reduced.embedded(own)
+        if self.one_axis and turns(plant):
+            return self._turned(settings, plant, feedback, progress)
         slew = slew_of(settings, plant, feedback)
         limit = plant.effort_limit
         if limit.size != slew.goal.size:
@@ -84,7 +88,13 @@ class Slewing:
         if exact and promised.tip_deflection > _EXACT:
             plan = exact_on_ticks(plan, slew)
             promised = predicted(plan, slew)
+        rings = self.rings(settings) if self.rings is not None else ""
+        ringing: dict[str, Any] = {}
+        if rings and promised.tip_deflection > RINGING * promised.peak:
+            left = promised.tip_deflection
+            ringing["warning"] = f"the tip vibrates by {left:.3g} m after the end: {rings}"
         promise = {
+            **ringing,
             "believes": slew.beliefs,
             "predicted_residual_tip_deflection": promised.tip_deflection,
             "predicted_residual_attitude_error": slew.named(promised.attitude_error),
@@ -92,6 +102,81 @@ class Slewing:
         return replace(
             plan, request=self._complete(settings, slew), summary={**plan.summary, **promise}
         )
+
+    def _turned(
+        self,
+        settings: Any,
+        plant: PlantDescription,
+        feedback: Feedback | None,
+        progress: Progress,
+    ) -> Plan:
+        """Return the plan of a turn about one axis, with what it leaves on the whole bench.
+
+        `model: {modes: relevant}` adds modes, those that the turn drives most first, until the
+        plan leaves nothing on the whole bench, or no more than with more of them.
+        """
+        asked = (getattr(settings, "model", None) or {}).get("modes") == RELEVANT
+        if not asked:
+            plan = self._embedded(settings, plant, feedback, progress)
+            gains = getattr(settings, "feedback", None) or feedback
+            if gains is None:
+                return plan
+            promise = flown_on_bench(plan, plant, gains)
+            if kept(plan, promise):
+                return told(plan, plant, promise)
+            better = self._relevant(settings, plant, feedback, gains, progress, promise)
+            return told(plan, plant, promise, better and better[1])
+        gains = settings.feedback if getattr(settings, "feedback", None) else feedback
+        found = self._relevant(settings, plant, feedback, gains or Feedback(), progress, None)
+        assert found is not None
+        return told(found[0], plant, found[1].promise)
+
+    def _embedded(
+        self,
+        settings: Any,
+        plant: PlantDescription,
+        feedback: Feedback | None,
+        progress: Progress,
+    ) -> Plan:
+        """Return the plan for all joints of a turn about one axis."""
+        reduced = one_axis(settings, plant, feedback)
+        own = self(reduced.settings, reduced.plant, reduced.feedback, progress)
+        return reduced.embedded(own)
+
+    def _relevant(
+        self,
+        settings: Any,
+        plant: PlantDescription,
+        feedback: Feedback | None,
+        gains: Feedback,
+        progress: Progress,
+        than: Prediction | None,
+    ) -> tuple[Plan, Better] | None:
+        """Return the plan on the modes that matter; None: none is better than what there is.
+
+        Raises:
+            PlanFailed: there is no plan on the first of the modes.
+        """
+        best: tuple[Plan, Better] | None = None
+        least = np.inf if than is None else 0.5 * than.tip_deflection
+        keys = {k: v for k, v in (getattr(settings, "model", None) or {}).items() if k != "modes"}
+        asked = getattr(settings, "model", None)
+        for count in range(1, MOST_MODES + 1):
+            if than is not None and count == (asked or {"modes": 1}).get("modes"):
+                continue  # that is what there is
+            model = {**keys, "modes": count}
+            try:
+                plan = self._embedded(replace(settings, model=model), plant, feedback, progress)
+            except PlanFailed:
+                if best is None and than is None:
+                    raise
+                break
+            promise = flown_on_bench(plan, plant, gains)
+            if promise.tip_deflection < least:
+                best, least = (plan, Better(count, promise)), promise.tip_deflection
+            if least <= NOTHING or not more_modes(settings, plant, count):
+                break
+        return best
 
     def _complete(self, settings: Any, slew: Slew) -> dict[str, Any]:
         """Return the section with everything that it took from the bench written out."""

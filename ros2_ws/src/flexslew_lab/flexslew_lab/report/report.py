@@ -19,7 +19,7 @@ from flexslew_lab.report.panels import COLOURS, PALE, Group
 from flexslew_lab.report.run_data import RunData, read_run
 from flexslew_lab.report.scene_data import scene_of
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.events import IN_CHARGE, Switched, largest
+from flexslew_plant.events import IN_CHARGE, BentFar, Switched, largest
 
 EVENTS = 300  # of a run that the table shows
 HEADLINES = (
@@ -265,6 +265,7 @@ def _provenance(run: RunData) -> dict[str, Any]:
         "facts": facts,
         "plans": plans,
         "events": overview.events[:EVENTS],
+        "bent": [event.message for event in overview.events if isinstance(event.what, BentFar)],
         "more_events": max(len(overview.events) - EVENTS, 0),
         "counts": sorted(overview.counts.items()),
         "types": overview.types,

@@ -75,8 +75,10 @@ class Plans:
 def _made(trial: Trial) -> Plan | FlexslewError:
     try:
         plan = plan_of_trial(trial)
-    except (BadInput, PlanFailed) as error:
-        return type(error)(f"plan: {error}")
+    except BadInput as error:  # says its key
+        return error
+    except PlanFailed as error:
+        return PlanFailed(f"plan: {error}")
     assert plan is not None
     return plan
 

@@ -151,8 +151,10 @@ def _prepared(trial: Trial, source: str) -> _Prepared:
     controllers = build_controllers(trial, bench, source)
     try:
         plan = plan_of_trial(trial)
-    except (BadInput, PlanFailed) as error:
-        raise type(error)(f"{source}: plan: {error}") from None
+    except BadInput as error:  # says its key
+        raise BadInput(str(error), source) from None
+    except PlanFailed as error:
+        raise PlanFailed(f"{source}: plan: {error}") from None
     if (refused := follow(controllers, trial.active, plan)) is not None:
         raise BadInput(f"{trial.active} is not ready: {refused}", source, "plan")
     return _Prepared(bench, controllers, plan)

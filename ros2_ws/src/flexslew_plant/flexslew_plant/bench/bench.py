@@ -28,6 +28,7 @@ from flexslew_plant.bench.retarget import requested_turn, retargeted, with_sched
 from flexslew_plant.bench.schedule import injected_entry, require_allowed
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
+    BentFar,
     CommandRejected,
     Event,
     Fact,
@@ -117,6 +118,7 @@ class Bench:
         self._extra: Vector = self._applied  # disturbance during the last tick
         if self._plausibility is not None:
             self._plausibility.reset()
+        self._bent: set[int] = set()  # tip readings that have been beyond small deflections
         self._answer: Vector | None = None
         self._lost = False  # the answer of this tick was given, and did not arrive
         seed, period = self.settings.seed, self.settings.period
@@ -216,9 +218,22 @@ class Bench:
         self._x, self._applied, self._extra = after, applied, extra
         self.saturated_ticks += self.actuator.saturated
         self.tick += 1
+        self._watch_tips()
         if self.tick == self.last_tick:
             self.charge.drop_all(RUN_OVER)
         self._ask()
+
+    def _watch_tips(self) -> None:
+        """Tell of appendages that deflect too far for their equations, once an epoch."""
+        small = self.appendages.small
+        if small is None:
+            return
+        tips = self.appendages.tip.dot(self.model.modal_state(self._x)[0])
+        for k in np.flatnonzero(np.abs(tips) > small).tolist():
+            if k not in self._bent:
+                self._bent.add(k)
+                name, most = self.appendages.names[k], float(small[k])
+                self.tell(BentFar(name, float(tips[k]), most))
 
     def _moved(self, effort: Vector) -> Vector:
         """Return the state at the end of the tick under this held effort, and friction."""

@@ -28,6 +28,7 @@ from flexslew_plant.events.recording import (
     RecordingStarted,
 )
 from flexslew_plant.events.run import (
+    BentFar,
     CommandRejected,
     FellBehind,
     Interrupted,
@@ -66,6 +67,7 @@ __all__ = [
     "AnswerMissed",
     "BecameReady",
     "BecameUnready",
+    "BentFar",
     "BrakeLatched",
     "BrakeReleased",
     "BrakeRequested",
@@ -124,6 +126,7 @@ _KINDS: tuple[Any, ...] = (
     Interrupted,
     RunFinished,
     StateLost,
+    BentFar,
     FellBehind,
     CommandRejected,
     SecondPlant,

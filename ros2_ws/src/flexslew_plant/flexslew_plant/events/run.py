@@ -147,6 +147,25 @@ class RunFinished:
 
 
 @fact
+class BentFar:
+    """An appendage has left the range of small deflections, for the first time of its epoch."""
+
+    kind: ClassVar[str] = "large_deflection"
+    level: ClassVar[Level] = Level.WARNING
+    channel: Text = ""  # which reading of its tip
+    deflection: Finite = 0.0  # [m]
+    small: Finite = 0.0  # largest that counts as small [m]
+
+    @property
+    def message(self) -> str:
+        """One line for a person."""
+        return (
+            f"{self.channel} deflects by {self.deflection:.3g} m, more than a tenth of its length: "
+            f"beyond {self.small:.3g} m the equations of small deflections no longer hold"
+        )
+
+
+@fact
 class StateLost:
     """The state after a tick is not finite, and the run ends."""
 

@@ -17,6 +17,8 @@ class Appendages(NamedTuple):
     felt: Callable[[Vector, Vector, float], Vector] | None = None
     # noise, bias and quantisation of every reading, (3, appendages); None: of the channel alone
     errors: Matrix | None = None
+    # largest |tip| at which the equations of small deflections hold, (appendages,) [m]; None: any
+    small: Vector | None = None
 
     def reading(self, modes: Vector, rates: Vector) -> Vector:
         """Return what the tips read of the modes and their rates, shape (appendages,)."""

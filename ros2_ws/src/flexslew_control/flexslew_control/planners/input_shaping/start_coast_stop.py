@@ -18,7 +18,7 @@ from flexslew_control.planners.input_shaping.shaped_motion import (
 )
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Slew, tick_times
-from flexslew_control.planners.slewing import Slewing
+from flexslew_control.planners.slewing import RINGING, Slewing
 from flexslew_control.planners.trajectories import rounded_up
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -92,7 +92,6 @@ class Pulses:
         return self.amplitude * (0.5 * s - np.sin(2.0 * omega * s) / (4.0 * omega))
 
 
-_RINGING = 0.05  # of the largest deflection, above which a tip that swings on is warned of
 _AMPLITUDE = 100.0  # unless it or the duration is given [N m]
 
 
@@ -240,7 +239,7 @@ def _ringing(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict
     squares = np.diag(linear.stiffness)[m:] / np.diag(linear.mass)[m:]  # with the joints held
     tip = abs(model.appendages.tip)
     left = float((tip @ np.sqrt(q[-1, m:] ** 2 + v[-1, m:] ** 2 / squares)).max())
-    if left < _RINGING * float((tip @ abs(q[:, m:].T)).max()):
+    if left < RINGING * float((tip @ abs(q[:, m:].T)).max()):
         return {"tip_left_swinging": left}
     why = "nothing is shaped"
     if settings.shaper == "system":
@@ -268,6 +267,14 @@ def _shaped(
     return (lambda function: lambda t: a1 * function(t) + a2 * function(t - delay)), delay
 
 
+def _unmet(settings: StartCoastStop) -> str:
+    """Return why the modes may be left to swing by a feedforward that does not move them."""
+    if settings.feedforward == "elastic":
+        return ""
+    return f"feedforward: {settings.feedforward} has no part that moves the modes"
+
+
 COASTING = PlannerEntry(
-    StartCoastStop, Slewing(plan_start_coast_stop, exact=lambda s: s.feedforward == "elastic")
+    StartCoastStop,
+    Slewing(plan_start_coast_stop, exact=lambda s: s.feedforward == "elastic", rings=_unmet),
 )

@@ -125,11 +125,11 @@ def found_slew(
         if model.joints == 1:
             raise BadInput("there is one; use moving", "plan", "drives", "all")
         if settings.robust:
+            needed = (
+                "by all drives" if settings.drives == "all" else "that more than one drive makes"
+            )
             raise BadInput(
-                "a slew by all drives is not made robust; use robust_feedforward",
-                "plan",
-                "robust",
-                "true",
+                f"a slew {needed} is not made robust; use robust: false", "plan", "robust", "true"
             )
         goal = np.concatenate((last, rest))
         return fastest_slew(asked.testbed, start, goal, amplitude, progress)

@@ -15,7 +15,10 @@ from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.readings import hinge_state
 from flexslew_plant.testbeds.spacecraft.settings import SensorPlace
+from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 from flexslew_plant.testbeds.spacecraft.units import Units
+
+_SMALL = 0.1  # deflection that counts as small, of the length [-]
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,7 @@ def channels(craft: Spacecraft, sensors: dict[str, SensorPlace], units: Units) -
     """
     names: list[str] = []
     none = np.zeros(craft.modes)
-    tip, rate, curvature = [], [], []
+    tip, rate, curvature, small = [], [], [], []
     for k, a in enumerate(craft.appendages):
         if a.shape is None:
             continue
@@ -102,6 +105,7 @@ def channels(craft: Spacecraft, sensors: dict[str, SensorPlace], units: Units) -
         tip += [*rows, *still]
         rate += [*still, *rows]
         curvature += [*bent, *still]
+        small += [_SMALL * _size(a.shape)] * 3 + [np.inf] * 3
     felt: dict[int, Accelerometer] = {}
     for name, sensor in sensors.items():
         key = f"testbed.sensors.{name}"
@@ -116,6 +120,7 @@ def channels(craft: Spacecraft, sensors: dict[str, SensorPlace], units: Units) -
         tip.append(none if sensor.kind == "rate" else row)
         rate.append(row if sensor.kind == "rate" else none)
         curvature.append(none)
+        small.append(np.inf)
     empty = np.zeros((0, craft.modes))
     return Appendages(
         tuple(names),
@@ -124,7 +129,14 @@ def channels(craft: Spacecraft, sensors: dict[str, SensorPlace], units: Units) -
         np.vstack([empty, *rate]),
         _felt(craft, felt, len(names)) if felt else None,
         _errors(sensors, len(names)) if sensors else None,
+        np.array(small),
     )
+
+
+def _size(shape: FlexibleShape) -> float:
+    """Return how long an appendage is; infinite where its data do not tell [m]."""
+    longest = float(np.linalg.norm(shape.line - shape.line[0], axis=1).max())
+    return longest or np.inf
 
 
 def _of_all(craft: Spacecraft, k: int, rows: Matrix) -> Matrix:

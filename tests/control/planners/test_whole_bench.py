@@ -1,0 +1,150 @@
+"""Plans of spacecraft say what they leave on the whole bench: predicted is flown, or it is told."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from flexslew_control.controllers import build_controller
+from flexslew_control.law import PlantDescription
+from flexslew_control.plan import Plan
+from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.planners.slew import Feedback
+from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.trial.in_process import fly
+from flexslew_lab.trial.trial import feedback_of, plant_of
+from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import Testbed, read_testbed
+
+AXES = {"roll": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
+METHODS: dict[str, dict[str, Any]] = {
+    "optimized_feedforward": {"duration": 30.0, "functions": 40},
+    "robust_feedforward": {"duration": 30.0, "functions": 40},
+    "input_shaping": {"duration": 30.0},
+    "start_coast_stop": {"duration": 40.0, "pulse_frequency": 1.0},
+    "reference_only": {"duration": 30.0},
+    "time_optimal": {},
+}
+NOTHING = 1e-5  # [m]
+
+
+class Residual:
+    """Largest tip deflection from the plan's end on."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan, self.tip = plan, 0.0
+
+    def truth(self, truth: Any) -> None:
+        if truth.time >= self.plan.end - 1e-9:
+            self.tip = max(self.tip, float(np.abs(truth.tip_deflection).max()))
+
+    def question(self, question: Any) -> None:
+        return
+
+    answer = event = question
+
+
+class Asked(NamedTuple):
+    """A bench, its gains and a goal."""
+
+    plant: PlantDescription
+    gains: Feedback
+    goal: dict[str, float]
+
+
+def flown(plan: Plan, asked: Asked) -> float:
+    """Return the residual of a flight on the bench [m]."""
+    plant = asked.plant
+    duration = float(np.ceil(plan.end + 40.0))
+    bench = Bench(BenchSettings(testbed=plant.testbed, period=plant.period, duration=duration))
+    gains = {"kp": asked.gains.kp, "kd": asked.gains.kd}
+    pd = build_controller("pd_feedforward", "pd_feedforward", gains, plant, "here")
+    assert pd.adopt(plan) is None
+    residual = Residual(plan)
+    fly(bench, {"pd_feedforward": pd}, residual)
+    return residual.tip
+
+
+def craft(rng: np.random.Generator) -> Testbed:
+    """Return a hub with one to three booms, unequal and askew, that is turned about all axes."""
+    booms = {}
+    for k in range(int(rng.integers(1, 4))):
+        along = rng.standard_normal(3)
+        along /= np.linalg.norm(along)
+        across = np.cross(along, rng.standard_normal(3))
+        booms[f"boom_{k}"] = {
+            "hinge": {"place": (0.6 * along).tolist()},
+            "shape": {
+                "kind": "beam",
+                "method": "closed_form",
+                "length": float(rng.uniform(1.5, 4.0)),
+                "linear_density": float(rng.uniform(0.3, 1.0)),
+                "bending_stiffness": float(rng.uniform(60.0, 300.0)),
+                "along": along.tolist(),
+                "across": (across / np.linalg.norm(across)).tolist(),
+                "modes_across": int(rng.integers(1, 3)),
+                "modes_third": 1,
+            },
+            "damping": {"ratio": float(rng.choice([0.0, 0.005]))},
+        }
+    inertia = {key: float(rng.uniform(40.0, 80.0)) for key in ("xx", "yy", "zz")}
+    torques = {
+        name: {"kind": "torque", "direction": axis, "limit": 4.0} for name, axis in AXES.items()
+    }
+    return read_testbed(
+        {
+            "kind": "spacecraft",
+            "platform": {"mass": 150.0, "inertia": inertia},
+            "appendages": booms,
+            "actuators": torques,
+        },
+        "test",
+    )
+
+
+def wish(seed: int) -> Asked:
+    """Return a random craft with a random goal."""
+    rng = np.random.default_rng([28, seed])
+    testbed = craft(rng)
+    plant = PlantDescription(testbed, 0.02, np.full(3, 4.0))
+    goal = {str(rng.choice(list(AXES))): float(rng.uniform(-0.8, 0.8))}
+    return Asked(plant, Feedback(kp=(20.0,), kd=(80.0,)), goal)
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_plan_flies_as_promised_or_warns(method: str, seed: int) -> None:
+    asked = wish(seed)
+    values = {"method": method, "goal": asked.goal, **METHODS[method]}
+    plan = make_plan(plan_settings(values, "test"), asked.plant, asked.gains)
+    left, summary = flown(plan, asked), plan.summary
+    assert left == pytest.approx(summary["predicted_residual_tip_deflection"], rel=1e-3, abs=1e-8)
+    on_model = summary["residual_tip_deflection_on_model"]
+    if left > 1.1 * on_model + NOTHING:
+        assert f"leaves {left:.2g}"[:9] in summary["warning"]
+    assert "the other axes rigid" in summary["believes"]
+
+
+def test_the_remedy_of_the_warning_leaves_what_it_says() -> None:
+    trial = shipped("own_spacecraft")
+    values = {"method": "time_optimal", "goal": {"roll": 0.6}}
+    plan = make_plan(plan_settings(values, "test"), plant_of(trial), feedback_of(trial))
+    modes, said = plan.summary["warning"].split("; ")[-1].split("modes: ")[1].split("} leaves ")
+    better = {**values, "model": {"modes": int(modes)}}
+    again = make_plan(plan_settings(better, "test"), plant_of(trial), feedback_of(trial))
+    left = again.summary["predicted_residual_tip_deflection"]
+    assert left == pytest.approx(float(said.removesuffix(" m")), rel=0.01)
+    assert left < NOTHING < plan.summary["predicted_residual_tip_deflection"]
+    assert "warning" not in again.summary
+    relevant = {**values, "model": {"modes": "relevant"}}
+    chosen = make_plan(plan_settings(relevant, "test"), plant_of(trial), feedback_of(trial))
+    np.testing.assert_array_equal(chosen.effort, again.effort)
+
+
+@pytest.mark.parametrize("modes", [-1, 1.5, "many"])
+def test_a_number_of_modes_that_is_none_is_refused(modes: Any) -> None:
+    asked = wish(0)
+    values = {"method": "time_optimal", "goal": asked.goal, "model": {"modes": modes}}
+    with pytest.raises(BadInput, match=r"modes: .* is not allowed"):
+        make_plan(plan_settings(values, "test"), asked.plant, asked.gains)
