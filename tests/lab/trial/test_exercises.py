@@ -1,0 +1,184 @@
+"""CONTRIBUTING's exercises: a testbed, fault, law, planner, metric; each a file and a line."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexslew_plant.events import EVENTS
+
+OVERLAY = Path(__file__).with_name("overlay.py")
+CONTRIBUTING = Path(__file__).parents[3] / "CONTRIBUTING.md"
+EXERCISES = {
+    "flexslew_plant.testbeds": (
+        "soft_oscillator",
+        "SOFT",
+        """
+from typing import Literal
+
+from flexslew_plant.settings import section
+from flexslew_plant.testbeds.entry import TestbedEntry
+from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+
+
+@section
+class SoftOscillator(FloatingOscillatorTestbed):
+    kind: Literal["soft_oscillator"] = "soft_oscillator"
+    damping_ratio: float = 0.1
+
+
+SOFT = TestbedEntry(SoftOscillator)
+""",
+    ),
+    "flexslew_plant.faults": (
+        "offset",
+        "OFFSET",
+        """
+from typing import Literal
+
+from flexslew_plant.faults.effects import Effect, FaultEntry, OnAnyTestbed
+from flexslew_plant.settings import section
+
+
+@section
+class ActuatorOffset(OnAnyTestbed):
+    kind: Literal["actuator_offset"] = "actuator_offset"
+    offset: float
+
+    def begin(self, situation):
+        return Effect(effort=lambda effort: effort + self.offset)
+
+
+OFFSET = FaultEntry(ActuatorOffset, {"offset": 0.1})
+""",
+    ),
+    "flexslew_control.controllers": (
+        "damper",
+        "DAMPER",
+        """
+import numpy as np
+
+from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.pd_feedforward import PdFeedforward
+from flexslew_control.law import MeasuredJoints
+from flexslew_plant.settings import Positive, section
+
+
+@section
+class Damper:
+    gain: Positive = 1.0
+
+
+def build(settings, plant):
+    ones = np.ones(len(plant.joint_names))
+    return MeasuredJoints(), PdFeedforward(settings.gain * ones, 2.0 * settings.gain * ones)
+
+
+DAMPER = LawEntry("damper", Damper, build)
+""",
+    ),
+    "flexslew_control.planners": (
+        "half",
+        "HALF",
+        """
+from dataclasses import replace
+from typing import Literal
+
+from flexslew_control.planners.entry import PlannerEntry
+from flexslew_control.planners.reference import NoPlan, plan_none
+from flexslew_control.planners.slewing import Slewing
+from flexslew_plant.settings import NonNegative, section
+
+
+@section
+class Half:
+    method: Literal["half"] = "half"
+    goal: dict[str, float] | None = None
+    start: NonNegative = 0.0
+
+
+def plan_half(settings, slew, progress):
+    middle = replace(slew, goal=0.5 * (slew.start + slew.goal))
+    return replace(plan_none(NoPlan(start=settings.start), middle, progress), method="half")
+
+
+HALF = PlannerEntry(Half, Slewing(plan_half), feedforward=False)
+""",
+    ),
+    "flexslew_lab.metrics": (
+        "farthest",
+        "FARTHEST",
+        """
+from flexslew_lab.metrics.metric import Key, MetricEntry
+
+
+class Farthest:
+    KEYS = {"farthest": Key("rad or m", False, "largest |joint position|")}
+
+    def __init__(self, setup):
+        self._joints, self._most = len(setup.joint_names), 0.0
+
+    def add(self, block):
+        self._most = max(self._most, float(abs(block.position[:, : self._joints]).max()))
+
+    def result(self, ending):
+        return {"farthest": self._most}
+
+
+FARTHEST = MetricEntry(Farthest)
+""",
+    ),
+}
+TRIAL = """
+name: exercises
+duration: 60.0
+testbed: {kind: soft_oscillator}
+plan: {method: half, goal: {mass: 0.8}}
+controllers: {damper: {gain: 0.5}}
+active: damper
+goal_tolerance: 0.9
+allow_faults: true
+schedule: [{at: 1.0, until: 2.0, fault: {kind: actuator_offset, offset: 0.1}}]
+"""
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("overlay")
+    for package, (name, entry, text) in EXERCISES.items():
+        (folder / package).mkdir()
+        (folder / package / f"{name}.py").write_text(text)
+        (folder / f"{package}.line").write_text(
+            f"from {package}.{name} import {entry} as {entry}\n"
+        )
+    trial = folder / "trial.yaml"
+    trial.write_text(TRIAL)
+    done = subprocess.run(
+        [sys.executable, str(OVERLAY), str(folder), str(trial)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_each_is_one_file_and_one_line_and_flies(flown: Any) -> None:
+    metrics = flown["metrics"]
+    assert list(metrics["final_error"]) == ["mass"]  # the testbed
+    assert metrics["goal_error"] is not None
+    assert abs(metrics["final_error"]["mass"]) < 0.05  # the planner's goal, flown by the law
+    assert 0.35 < metrics["farthest"] < 0.9  # the metric
+    assert metrics["faults"] == 1
+    assert set(flown["events"]) <= set(EVENTS)
+
+
+def test_the_exercises_are_those_of_the_guide() -> None:
+    text = CONTRIBUTING.read_text()
+    for package in EXERCISES:
+        family = package.split(".")[-1]
+        assert re.search(rf"^\| .*\| a line in `{family}/__init__\.py`", text, re.MULTILINE), family
