@@ -59,6 +59,14 @@ def test_a_wrong_trial_is_one_line(source: Any, changes: dict[str, Any], named: 
     assert "\n" not in str(refused.value)
 
 
+def test_what_the_command_line_refuses_the_notebook_refuses() -> None:
+    late = {"duration": 10.0, "schedule": [{"at": 20.0, "disturbance": {"hub_pitch": 1.0}}]}
+    with pytest.raises(
+        BadInput, match=r"schedule\.0\.at: 20(\.0)? is not allowed: the run ends at"
+    ):
+        trial(late)
+
+
 def test_every_signal_has_a_unit_and_a_value_per_tick(flight: Flight) -> None:
     assert flight.units.keys() == flight.signals.keys()
     assert flight.time == pytest.approx(np.arange(301) * 0.01, abs=1e-12)

@@ -22,20 +22,33 @@ from flexslew_plant.testbeds import (
 from flexslew_plant.testbeds.scene import schematic
 
 OWN = f"{Path(__file__).parents[3] / 'docs/examples/three_joints.py'}:ThreeJoints"
-KINDS = [kind for kind in TESTBEDS if kind != "spacecraft"] + [OWN]  # that one has its own tests
+KINDS = [*TESTBEDS, OWN]
 # factors on the packed parameters that take the dependence on time away
 FROZEN = {"varying_oscillator": np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])}
+# q is as long as v; a free platform turns by quaternions, see spacecraft/test_jacobian.py
+LONG_AS_V = [kind for kind in KINDS if read_testbed({"kind": kind}, "here").model().leading is None]
 every_kind = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.rpartition(":")[2])
+same_lengths = pytest.mark.parametrize("kind", LONG_AS_V, ids=lambda kind: kind.rpartition(":")[2])
 
 
 def bed(kind: Any, **more: Any) -> Any:
     return read_testbed({"kind": kind, **more}, "here")
 
 
+def damped(kind: Any, ratio: float) -> Any:
+    """Return a testbed whose modes are damped, with the keys that its entry gives as an example."""
+    given = TESTBEDS[kind].example if kind in TESTBEDS else {}
+    return bed(kind, **(given or {"damping_ratio": ratio}))
+
+
 def states(model: Any, count: int = 5, size: float = 0.2) -> Iterator[Any]:
     rng = np.random.default_rng(7)
     for _ in range(count):
-        yield size * rng.standard_normal(2 * model.coordinates), rng.standard_normal(model.efforts)
+        joints = dict(zip(model.joint_names, size * rng.standard_normal(model.joints), strict=True))
+        q = model.rest(joints)
+        q[model.positions - model.modes :] = size * rng.standard_normal(model.modes)
+        v = size * rng.standard_normal(model.coordinates)
+        yield np.concatenate((q, v)), rng.standard_normal(model.efforts)
 
 
 @every_kind
@@ -54,7 +67,7 @@ def test_names_units_and_limits_belong_together(kind: Any) -> None:
 
 @every_kind
 def test_a_section_survives_being_written_out(kind: Any) -> None:
-    testbed = bed(kind, damping_ratio=0.02)
+    testbed = damped(kind, 0.02)
     assert read_testbed(plain(testbed), "again") == testbed
 
 
@@ -73,9 +86,9 @@ def test_the_mass_matrix_is_symmetric_and_positive_and_the_motion_solves_the_equ
         np.testing.assert_allclose(mass @ a + model.bias(q, v), force, atol=1e-11 * abs(mass).max())
 
 
-@every_kind
+@same_lengths
 def test_the_jacobian_is_that_of_the_motion(kind: Any) -> None:
-    model = bed(kind, damping_ratio=0.03).model()
+    model = damped(kind, 0.03).model()
     for x, effort in states(model):
         dx, du = model.jacobian(x, effort)
         for found, change in ((dx, 0), (du, 1)):
@@ -113,7 +126,7 @@ def test_energy_changes_by_the_power_of_the_efforts_alone(kind: Any) -> None:
 
 @every_kind
 def test_the_linear_model_is_the_derivative_at_rest(kind: Any) -> None:
-    testbed = bed(kind, damping_ratio=0.01)
+    testbed = damped(kind, 0.01)
     model = testbed.model()
     rest = model.rest(testbed.operating_point)
     linear = model.linearise(rest)
@@ -123,16 +136,16 @@ def test_the_linear_model_is_the_derivative_at_rest(kind: Any) -> None:
     np.testing.assert_allclose(linear.state_input_matrix, du, atol=1e-12)
 
 
-@every_kind
+@same_lengths
 def test_stiffness_scales_the_squares_of_the_clamped_frequencies(kind: Any) -> None:
-    testbed = bed(kind, damping_ratio=0.02)
+    testbed = damped(kind, 0.02)
     stiffer = testbed.scaled(stiffness=1.21).model()
     np.testing.assert_allclose(
         testbed.model().with_stiffness(1.21).packed, stiffer.packed, rtol=1e-12
     )
     m = stiffer.joints
     for model, factor in ((testbed.model(), 1.0), (stiffer, 1.21)):
-        linear = model.linearise(np.zeros(model.coordinates))
+        linear = model.linearise(model.rest({}))
         squares = np.diag(linear.stiffness)[m:] / np.diag(linear.mass)[m:]
         if factor == 1.0:
             nominal = squares
@@ -142,10 +155,10 @@ def test_stiffness_scales_the_squares_of_the_clamped_frequencies(kind: Any) -> N
 
 @every_kind
 def test_a_planner_believes_in_the_testbed_but_for_what_is_simplified(kind: Any) -> None:
-    testbed = bed(kind, damping_ratio=0.02)
+    testbed = damped(kind, 0.02)
     seen = believed(testbed, None, "plan")
     assert seen == varied(testbed, testbed.simplified, "plan")
-    assert seen.damping_ratio == 0.02
+    assert getattr(seen, "damping_ratio", 0.02) == 0.02
     assert seen.model().joint_names == testbed.model().joint_names
     with pytest.raises(BadInput, match=r"plan.*modez: unknown key"):
         believed(testbed, {"modez": 1}, "plan")

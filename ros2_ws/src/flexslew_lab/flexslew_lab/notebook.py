@@ -23,7 +23,7 @@ from flexslew_lab.report.signals import read_signals
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.sources import trial_path
-from flexslew_lab.trial.trial import Trial, parse_trial, plant_of, text_of
+from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of, text_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Event
@@ -121,7 +121,8 @@ def trial(
         BadInput: no such trial, or one of its values is not allowed.
     """
     label, values = _keys(source)
-    return parse_trial(yaml_text(_plain(overridden(values, dict(changes or {})))), label)
+    text = yaml_text(_plain(overridden(values, dict(changes or {}))))
+    return checked_trial(parse_trial(text, label), label)
 
 
 def fly(what: Trial, folder: Path | None = None) -> Flight:

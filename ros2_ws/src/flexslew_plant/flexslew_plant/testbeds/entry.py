@@ -1,6 +1,7 @@
 """What a testbed's file says of it: its entry in the table of testbeds."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from flexslew_plant.entries import default_of
@@ -13,9 +14,11 @@ class TestbedEntry:
     Args:
         settings: its section, which keeps the contract of a Testbed; the default of `kind` is its
             name.
+        example: keys of one with damped modes, where `damping_ratio` does not give them.
     """
 
     settings: type[Any]
+    example: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

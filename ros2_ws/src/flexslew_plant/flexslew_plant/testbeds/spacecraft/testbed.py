@@ -284,4 +284,20 @@ def _read(p: Vector, x: Vector, count: int) -> tuple[Vector, Vector]:
     return position, velocity
 
 
-SPACECRAFT = TestbedEntry(SpacecraftTestbed)
+SPACECRAFT = TestbedEntry(
+    SpacecraftTestbed,
+    {
+        "appendages": {
+            "boom": {
+                "shape": {
+                    "kind": "beam",
+                    "length": 10.0,
+                    "linear_density": 0.5,
+                    "bending_stiffness": 500.0,
+                    "modes": 2,
+                },
+                "damping": {"ratio": 0.02},
+            }
+        }
+    },
+)
