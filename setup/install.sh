@@ -93,7 +93,7 @@ pip_failed() {
 
 # A terminal gets one line that changes, a file one line per 25 distributions.
 pip_install() {
-  "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off --no-compile "${@:2}" \
+  "$venv/bin/python" -P -m pip install --disable-pip-version-check --progress-bar off --no-compile "${@:2}" \
     2>"$venv/pip.log" | awk -v count="$1" -v terminal="$([ ! -t 2 ] || echo yes)" '
       /^Collecting/ { n++; if (terminal) printf "\r  %d of %d: %s\033[K", n, count, $2 }
       /^Collecting/ && !terminal && n % 25 == 0 { printf "  %d of %d\n", n, count }
@@ -121,7 +121,7 @@ build_workspace() {
   workspace_environment
   say "[4/4] machine code of the models (one or two minutes)"
   . "$root/setup/environment.sh"
-  run "$venv/bin/python" -m flexslew_lab.compile_kernels || fail "the models do not compile"
+  run "$venv/bin/python" -P -m flexslew_lab.compile_kernels || fail "the models do not compile"
   rm -f "$root"/ros2_ws/install/flexslew.*
   echo "$root" >"$workspace"
 }
@@ -141,7 +141,7 @@ workspace_environment() {
 built_for() { cat "$root"/ros2_ws/install/flexslew.* 2>/dev/null || true; }
 
 colcon_build() {
-  cd "$root/ros2_ws" && "$venv/bin/python" -m colcon --log-base log --log-level error build "$@" >&2
+  cd "$root/ros2_ws" && "$venv/bin/python" -P -m colcon --log-base log --log-level error build "$@" >&2
 }
 
 case $root in

@@ -2,7 +2,29 @@
 
 import signal
 
+import numpy as np
+import pytest
+
 # A shell starts what runs in its background with SIGINT ignored; so would all children be, and
 # those of bash could not even ask for it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    group = parser.getgroup("campaigns")
+    group.addoption("--cases", type=int, default=10, help="Random cases of each campaign.")
+    group.addoption("--seed", type=int, default=1, help="Of the first case; the next has the next.")
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Give a test that asks for a `case` as many of them as --cases says."""
+    if "case" in metafunc.fixturenames:
+        first, count = metafunc.config.option.seed, metafunc.config.option.cases
+        metafunc.parametrize("case", range(first, first + count), indirect=True)
+
+
+@pytest.fixture
+def case(request: pytest.FixtureRequest) -> np.random.Generator:
+    """Return what a random case is drawn from; its seed is in the name of the test."""
+    return np.random.default_rng(request.param)

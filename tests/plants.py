@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexslew_control.law import PlantDescription
+from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.testbeds import Testbed, default_testbed
 
 
@@ -14,4 +15,5 @@ def plant(
     testbed: Testbed | None = None,
 ) -> PlantDescription:
     """Return the default testbed, or another one, on a bench."""
-    return PlantDescription(testbed or default_testbed(), period, np.array(limit, dtype=float))
+    efforts = np.array(limit, dtype=float)
+    return PlantDescription(testbed or default_testbed(), period, efforts, ANY_CODE)

@@ -5,6 +5,7 @@ from pathlib import Path
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.trial import parse_trial
+from flexslew_plant.own_code import ANY_CODE, Trust
 
 from .flight import Flight
 
@@ -23,10 +24,10 @@ schedule:
 
 
 def test_three_joints_fly_over_ros_as_in_process(tmp_path: Path) -> None:
-    trial = parse_trial(TRIAL, "own.yaml")
+    trial = parse_trial(TRIAL, "own.yaml", ANY_CODE)
     flight = Flight(trial, tmp_path / "ros")
     assert flight.outcome.exit_code == 0, flight.log
     there = run_trial(trial, "own.yaml", tmp_path / "here", in_process=True, report=False)
     assert flight.metrics["trajectory_hash"] == there.metrics["trajectory_hash"]
     assert flight.metrics["switches"] == 1
-    assert resim(flight.bag, trusted=["all"]).identical
+    assert resim(flight.bag, trust=Trust.of(["all"])).identical

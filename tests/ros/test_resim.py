@@ -29,6 +29,7 @@ from flexslew_lab.replay.resim import resim
 from flexslew_lab.ros.operator import connected
 from flexslew_lab.trial.processes import NodeProcess
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
 from flexslew_plant.ros.messages import stamp
 
 from .flight import Flight, patient, slew
@@ -191,11 +192,11 @@ def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_
         "stiff"
     ] * 50  # 1 s if nothing is said, as documented
     own = f"{file}:MyLaw"
-    again = resim(flight.bag, trusted=[own])
+    again = resim(flight.bag, trust=Trust.of([own]))
     assert flight.events.count("switched") == 2
     assert again.first_difference is None
     assert again.hash == flight.metrics["trajectory_hash"]
     file.unlink()
     with pytest.raises(BadInput, match=r"controllers\.own: .*guest_law\.py") as missing:
-        resim(flight.bag, trusted=[own])
+        resim(flight.bag, trust=Trust.of([own]))
     assert "\n" not in str(missing.value)

@@ -16,7 +16,7 @@ echo "${*:1:4}" >>"$STUB_LOG"
 case "$*" in
   "-m venv "*)
     mkdir -p "${@: -1}/bin" && cp "$0" "${@: -1}/bin/python" ;;
-  "-m pip "*)
+  "-P -m pip "*)
     for n in $(seq 60); do echo "Collecting package-$n==1.0"; done
     echo "Installing collected packages: package-1, package-2"
     if [ -e "$STUB_FOLDER/hang" ]; then
@@ -25,10 +25,10 @@ case "$*" in
       while :; do read -r -t 1 <>"$STUB_FOLDER/nothing"; done
     fi
     [ ! -e "$STUB_FOLDER/fail" ] || { echo "ERROR: no space left" >&2; exit 1; } ;;
-  "-m colcon "*)
+  "-P -m colcon "*)
     mkdir -p install
     echo 'export PYTHONPATH=/of/colcon LD_LIBRARY_PATH=/of/colcon/lib:' >install/local_setup.bash ;;
-  "-m flexslew_lab.cli.main"*)
+  "-P -m flexslew_lab.cli.main"*)
     echo "here is the command line" ;;
 esac
 """
@@ -79,9 +79,9 @@ class Checkout:
     @property
     def steps(self) -> list[str]:
         """The long steps since the last call, in order."""
-        kinds = ("-m venv", "-m pip", "-m colcon", "-m flexslew_lab.compile_kernels")
+        kinds = ("-m venv", "-P -m pip", "-P -m colcon", "-P -m flexslew_lab.compile_kernels")
         calls = self.log.read_text().splitlines()
-        return [kind.split()[1] for call in calls for kind in kinds if call.startswith(kind)]
+        return [kind.split()[-1] for call in calls for kind in kinds if call.startswith(kind)]
 
 
 ALL = ["venv", "pip", "pip", "colcon", "flexslew_lab.compile_kernels"]

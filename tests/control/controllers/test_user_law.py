@@ -15,7 +15,7 @@ from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Level
-from flexslew_plant.own_code import LAWS
+from flexslew_plant.own_code import ANY_CODE, LAWS, NO_CODE
 from flexslew_plant.settings import load_yaml, validated
 
 ROOT = Path(__file__).parents[3]
@@ -228,9 +228,9 @@ def test_a_module_and_an_entry_point_serve_as_well(
     monkeypatch.syspath_prepend(str(tmp_path))
     point = EntryPoint("mine", "wheels_of_mine:MyLaw", LAWS)
     monkeypatch.setattr(own_code, "entry_points", lambda group: [point])
-    by_module = user_law.find_law("wheels_of_mine.MyLaw", "test")
+    by_module = user_law.find_law("wheels_of_mine.MyLaw", "test", (), ANY_CODE)
     assert by_module.__name__ == "MyLaw"
-    assert user_law.find_law("mine", "test") is by_module
+    assert user_law.find_law("mine", "test", (), NO_CODE) is by_module
 
 
 class Counting(Steady):

@@ -7,6 +7,7 @@ from tests.plants import plant
 
 from flexslew_control.planners import PLANNERS, make_plan, other_method, plan_settings
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import plain
 
 YAW = {"base_yaw": 1.0}
@@ -138,7 +139,7 @@ def test_a_goal_that_leaves_out_a_joint_leaves_it_where_it_is() -> None:
 )
 def test_a_section_without_a_planner_is_refused_in_one_line(values: Any, words: str) -> None:
     with pytest.raises(BadInput) as caught:
-        plan_settings(values, "trial.yaml")
+        plan_settings(values, "trial.yaml", ANY_CODE)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -163,11 +164,11 @@ class Step:
 def test_a_planner_of_ones_own_plans_from_its_file(tmp_path: Any) -> None:
     (tmp_path / "step.py").write_text(OWN)
     values = {"method": f"{tmp_path}/step.py:Step", "goal": BOTH, "start": 2.0}
-    plan = make_plan(plan_settings(values, "trial.yaml"), plant(0.05))
+    plan = make_plan(plan_settings(values, "trial.yaml", ANY_CODE), plant(0.05))
     assert plan.start == 3.0
     assert plan.request == {**values, "late": 1.0}
     with pytest.raises(BadInput, match=r"latte: unknown key; did you mean late\?") as caught:
-        plan_settings({**values, "latte": 2.0}, "trial.yaml")
+        plan_settings({**values, "latte": 2.0}, "trial.yaml", ANY_CODE)
     assert "\n" not in str(caught.value)
 
 

@@ -27,7 +27,7 @@ from flexslew_plant.events import (
     Switched,
     event_of,
 )
-from flexslew_plant.own_code import only_trusted
+from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.testbeds import initial_state
 
 OWN = '''
@@ -149,13 +149,12 @@ def test_the_page_on_metrics_lists_every_key_with_its_unit_and_meaning() -> None
 
 def test_a_metric_of_the_user_s_own_is_measured_in_every_run(tmp_path: Path) -> None:
     (tmp_path / "travel.py").write_text(OWN)
-    trial = parse_trial(TRIAL.replace("OWN", f"{tmp_path}/travel.py:Travel"), "test")
+    trial = parse_trial(TRIAL.replace("OWN", f"{tmp_path}/travel.py:Travel"), "test", ANY_CODE)
     result = run_trial(trial, "test", tmp_path / "run", in_process=True)
     yaw = BagReader(tmp_path / "run/bag").columns("/truth", {"position"})["position"][:, 0]
     assert result.metrics["travel"] == pytest.approx(np.abs(np.diff(yaw)).sum()) != 0.0
     assert "travel" in (tmp_path / "run/report.html").read_text()
-    with only_trusted(()):  # as a received log is read
-        metrics = metrics_of(tmp_path / "run/bag")
+    metrics = metrics_of(tmp_path / "run/bag")  # as a received log is read
     assert "travel" not in metrics
     assert f"allow it with --trust {tmp_path}/travel.py:Travel" in metrics["warnings"][0]
 
@@ -173,7 +172,7 @@ def test_what_is_no_metric_is_refused_before_the_flight(
     tmp_path: Path, code: str, words: str
 ) -> None:
     (tmp_path / "travel.py").write_text(code)
-    trial = parse_trial(TRIAL.replace("OWN", f"{tmp_path}/travel.py:Travel"), "test")
+    trial = parse_trial(TRIAL.replace("OWN", f"{tmp_path}/travel.py:Travel"), "test", ANY_CODE)
     with pytest.raises(BadInput, match=f"test: metrics: .*{words}"):
         run_trial(trial, "test", tmp_path / "run", in_process=True)
     assert not (tmp_path / "run").exists()
@@ -184,7 +183,7 @@ def test_two_metrics_with_one_key_are_refused(tmp_path: Path) -> None:
         (tmp_path / f"{name}.py").write_text(OWN)
     names = [f"{tmp_path}/{name}.py:Travel" for name in ("one", "two")]
     with pytest.raises(BadInput, match=r"travel is taken by .*one\.py:Travel"):
-        own_metrics(names, "test")
+        own_metrics(names, "test", ANY_CODE)
 
 
 def test_every_metric_is_a_metric() -> None:

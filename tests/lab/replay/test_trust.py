@@ -16,7 +16,7 @@ from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import BadInput
-from flexslew_plant.own_code import Untrusted, code_hash, file_of, only_trusted
+from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust, Untrusted, code_hash, file_of
 
 LAW = """
 from pathlib import Path
@@ -47,7 +47,7 @@ def own(tmp_path: Path) -> tuple[Any, Any, Any]:
     file, traces = tmp_path / "my_law.py", tmp_path / "traces"
     file.write_text(LAW.format(traces=str(traces), gain=10.0))
     law = f"{file}:MyLaw"
-    trial = parse_trial(TRIAL.format(law=law), "test")
+    trial = parse_trial(TRIAL.format(law=law), "test", ANY_CODE)
     run_trial(trial, "test", tmp_path / "run", in_process=True, report=False)
     traces.unlink()
     return tmp_path / "run" / "bag", law, traces
@@ -73,15 +73,15 @@ def test_a_law_that_a_log_names_is_refused_with_its_path_and_hash(
 def test_a_trusted_law_runs(own: tuple[Any, Any, Any], trusted: str) -> None:
     bag, law, traces = own
     names = [law] if trusted == "its name" else ["all"]
-    assert resim(bag, trusted=names).identical
-    assert check(bag, "mine", trusted=names).ok
+    assert resim(bag, trust=Trust.of(names)).identical
+    assert check(bag, "mine", trust=Trust.of(names)).ok
     assert traces.exists()
 
 
 def test_to_trust_another_name_is_not_enough(own: tuple[Any, Any, Any]) -> None:
     bag, _, traces = own
     with pytest.raises(Untrusted):
-        resim(bag, trusted=["other.py:MyLaw"])
+        resim(bag, trust=Trust.of(["other.py:MyLaw"]))
     assert not traces.exists()
 
 
@@ -92,10 +92,10 @@ def test_a_law_that_has_changed_is_said_before_and_after_it_runs(own: tuple[Any,
     file.write_text(LAW.format(traces=str(traces), gain=11.0))
     with pytest.raises(Untrusted, match=f"NOT the file that was recorded.* {recorded}"):
         resim(bag)
-    again = resim(bag, trusted=["all"])
+    again = resim(bag, trust=Trust.of(["all"]))
     assert again.changed_code == {law: (recorded, code_hash(law))}
     assert not again.identical
-    assert check(bag, "mine", trusted=["all"]).changed_code == again.changed_code
+    assert check(bag, "mine", trust=Trust.of(["all"])).changed_code == again.changed_code
 
 
 def test_the_log_holds_the_hash_in_its_trial_and_in_the_status(own: tuple[Any, Any, Any]) -> None:
@@ -118,7 +118,7 @@ def test_a_controller_that_is_not_in_the_trial_names_no_code_either(
         for topic, name, stamp, _, data in reader.messages():
             writer.write(topic, name, data, stamp)
     with pytest.raises(Untrusted, match=f"refused to run {law}"):
-        resim(tmp_path / "other", trusted=[mine])
+        resim(tmp_path / "other", trust=Trust.of([mine]))
 
 
 def test_a_testbed_of_the_readers_own_is_code_too(tmp_path: Path) -> None:
@@ -130,8 +130,9 @@ def test_a_testbed_of_the_readers_own_is_code_too(tmp_path: Path) -> None:
         resim(tmp_path / "bag")
 
 
-def test_blocks_of_trust_do_not_widen_each_other() -> None:
-    with only_trusted(["a.A"]), only_trusted(["all"]), pytest.raises(Untrusted):
-        find_law("b.B", "test")
+def test_nothing_is_trusted_unless_it_is_named() -> None:
+    for trust in (NO_CODE, Trust(), Trust.of(["a.A", "b.C"])):
+        with pytest.raises(Untrusted):
+            find_law("b.B", "test", (), trust)
     path = Path(__file__)
     assert file_of(f"{path}:Anything") == path

@@ -20,6 +20,7 @@ from flexslew_lab.studies.merge import merged
 from flexslew_lab.studies.run import Preparation, Shard, prepare, run_study
 from flexslew_lab.studies.study import Study
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import NO_CODE
 
 
 class OneByOne(InThisProcess):
@@ -145,10 +146,10 @@ def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) 
     whole = run_study(ready, tmp_path / "whole", InThisProcess(ready.job))
     for k in (1, 2, 3):
         run_study(ready, tmp_path / f"shard-{k}", InThisProcess(ready.job), Shard(k, 3))
-    _, joined = merged([tmp_path / f"shard-{k}" for k in (3, 1, 2)], tmp_path / "joined")
+    _, joined = merged([tmp_path / f"shard-{k}" for k in (3, 1, 2)], tmp_path / "joined", NO_CODE)
     assert joined.table_path.read_bytes() == whole.table_path.read_bytes()
     with pytest.raises(BadInput, match="is one of the shards"):
-        merged([tmp_path / "shard-1"], tmp_path / "shard-1")
+        merged([tmp_path / "shard-1"], tmp_path / "shard-1", NO_CODE)
 
 
 def test_failed_trials_are_results_and_are_flown_again_on_demand(

@@ -15,6 +15,7 @@ from flexslew_lab.replay.resim import resim
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import ANY_CODE, Trust
 
 ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "docs" / "own_testbed.md").read_text()
@@ -55,7 +56,8 @@ def in_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
 def trial(**changes: Any) -> Any:
     lines = [line for line in EXAMPLE.splitlines() if line.split(":")[0] not in changes]
     lines = [line for line in lines if not (line.startswith("  ") and "controllers" in changes)]
-    return parse_trial("\n".join([*lines, *(f"{k}: {v}" for k, v in changes.items())]), "own.yaml")
+    lines += [f"{key}: {value}" for key, value in changes.items()]
+    return parse_trial("\n".join(lines), "own.yaml", ANY_CODE)
 
 
 def flown(wanted: Any, folder: Any, report: bool = False) -> Any:
@@ -124,7 +126,7 @@ def test_its_run_is_recorded_reported_and_flown_again_from_the_log(tmp_path: Pat
         schedule="[{at: 6.0, switch: lqr}, {at: 20.0, until: 21.0, disturbance: {arm: 2.0}}]",
     )
     metrics = flown(wanted, tmp_path / "run", report=True)
-    again = resim(tmp_path / "run" / "bag", trusted=[KIND])
+    again = resim(tmp_path / "run" / "bag", trust=Trust.of([KIND]))
     assert again.identical
     assert again.hash == metrics["trajectory_hash"]
     page = (tmp_path / "run" / "report.html").read_text()

@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import (
     TESTBEDS,
@@ -32,7 +33,7 @@ same_lengths = pytest.mark.parametrize("kind", LONG_AS_V, ids=lambda kind: kind.
 
 
 def bed(kind: Any, **more: Any) -> Any:
-    return read_testbed({"kind": kind, **more}, "here")
+    return read_testbed({"kind": kind, **more}, "here", ANY_CODE)
 
 
 def damped(kind: Any, ratio: float) -> Any:
@@ -68,7 +69,7 @@ def test_names_units_and_limits_belong_together(kind: Any) -> None:
 @every_kind
 def test_a_section_survives_being_written_out(kind: Any) -> None:
     testbed = damped(kind, 0.02)
-    assert read_testbed(plain(testbed), "again") == testbed
+    assert read_testbed(plain(testbed), "again", ANY_CODE) == testbed
 
 
 @every_kind

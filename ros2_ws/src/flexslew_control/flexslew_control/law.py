@@ -11,6 +11,7 @@ from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.errors import BadInput, FlexslewError
+from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.settings import load_yaml, validated
 from flexslew_plant.testbeds import Model, Testbed, believed, read_testbed
 
@@ -45,11 +46,13 @@ class PlantDescription:
         testbed: that stands on the bench.
         period: one tick [s].
         effort_limit: of the drives, shape (actuators,) [N m or N].
+        trust: which classes of the user's own may be loaded for it.
     """
 
     testbed: Testbed
     period: float
     effort_limit: Vector
+    trust: Trust = NO_CODE
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
@@ -65,15 +68,16 @@ class PlantDescription:
         Raises:
             BadInput: an unknown key or a value that is not allowed.
         """
-        return believed(self.testbed, changes, "model").model()
+        return believed(self.testbed, changes, "model", self.trust).model()
 
 
-def described(settings: str, source: str) -> PlantDescription:
+def described(settings: str, source: str, trust: Trust = NO_CODE) -> PlantDescription:
     """Return the plant that a /testbed record describes.
 
     Args:
         settings: its settings, YAML: those of the bench, or of the plant node with the bench's.
         source: of the record, for an error.
+        trust: which kinds of the user's own may be loaded.
 
     Raises:
         BadInput: it holds no testbed, or one that cannot be built.
@@ -85,11 +89,11 @@ def described(settings: str, source: str) -> PlantDescription:
     period = bench.get("period")
     if not isinstance(period, int | float) or not 0.0 < period < np.inf:
         raise BadInput("give seconds above 0", source, "period", period)
-    testbed = read_testbed(bench["testbed"], f"{source}: testbed")
+    testbed = read_testbed(bench["testbed"], f"{source}: testbed", trust)
     schedule = validated(Schedule, bench.get("schedule") or (), f"{source}: schedule")
     testbed = with_schedule(testbed, schedule)  # what turns when is known beforehand
     limit = np.array(testbed.effort_limit, dtype=np.float64)
-    return PlantDescription(testbed, float(period), limit)
+    return PlantDescription(testbed, float(period), limit, trust)
 
 
 class Reference(NamedTuple):

@@ -14,6 +14,7 @@ import numpy as np
 from flexslew_control.law import PlantDescription, described
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import default_testbed
@@ -31,6 +32,7 @@ class PlanRequest(NamedTuple):
     kp: tuple[float, ...] = ()  # gains of the controller in charge, if it has such gains
     kd: tuple[float, ...] = ()
     rest_at: Mapping[str, float] | None = None  # the reference at the start; None: the testbed's
+    trust: Trust = NO_CODE  # which classes of the user's own may be loaded
 
 
 class Iteration(NamedTuple):
@@ -104,6 +106,7 @@ def plan_request(
     effort_limit: Sequence[float],
     gains: tuple[tuple[float, ...], tuple[float, ...]] = ((), ()),
     rest_at: Callable[[float], dict[str, float]] = lambda start: {},
+    trust: Trust = NO_CODE,
 ) -> PlanRequest | Refusal:
     """Return what a client asks for, or why its numbers or its YAML cannot be used.
 
@@ -115,6 +118,7 @@ def plan_request(
         gains: kp and kd of the controller in charge, if it has such gains.
         rest_at: where the reference is at a start [s], by joint: a request that does not say where
             the joints begin begins there.
+        trust: which classes of the user's own may be loaded.
     """
     if not (math.isfinite(period) and period > 0.0):
         return Refusal("a positive number of seconds", "period", period)
@@ -125,7 +129,7 @@ def plan_request(
         values = load_yaml(text, "request")
         start = values.get("start", 0.0) if isinstance(values, dict) else 0.0
         begins = rest_at(float(start)) if isinstance(start, int | float) else {}
-        return PlanRequest(values, bench, period, limit, *gains, begins)
+        return PlanRequest(values, bench, period, limit, *gains, begins, trust)
     except BadInput as error:
         return error.refusal
 
@@ -144,7 +148,7 @@ def _work(pipe: Connection) -> None:
         while True:
             request: PlanRequest = pipe.recv()
             try:
-                settings = validated(PlanSettings, request.values, "plan")
+                settings = validated(PlanSettings, request.values, "plan", request.trust)
                 _require_ticks(settings, request.period)
                 if request.rest_at and getattr(settings, "initial", request) is None:
                     settings = replace(settings, initial=dict(request.rest_at))
@@ -176,6 +180,6 @@ def _require_ticks(settings: Any, period: float) -> None:
 def _plant(request: PlanRequest) -> PlantDescription:
     limit = np.array(request.effort_limit, dtype=np.float64)
     if not request.bench:
-        return PlantDescription(default_testbed(), request.period, limit)
-    plant = described(request.bench, "/testbed")
+        return PlantDescription(default_testbed(), request.period, limit, request.trust)
+    plant = described(request.bench, "/testbed", request.trust)
     return replace(plant, period=request.period, effort_limit=limit)

@@ -160,7 +160,9 @@ def moving(plant: PlantDescription, changes: dict[str, Any] | None) -> SmallMoti
     Raises:
         BadInput: an unknown key or a value that is not allowed.
     """
-    testbed = plant.testbed if changes is None else believed(plant.testbed, changes, "model")
+    testbed = (
+        plant.testbed if changes is None else believed(plant.testbed, changes, "model", plant.trust)
+    )
     return small_motion(testbed, last_turn(testbed))
 
 

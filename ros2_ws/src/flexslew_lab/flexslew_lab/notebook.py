@@ -27,6 +27,7 @@ from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Event
+from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust
 from flexslew_plant.settings import load_yaml, yaml_text
 
 if TYPE_CHECKING:
@@ -109,20 +110,23 @@ class Flight:
 
 
 def trial(
-    source: str | Path | Mapping[str, Any] = "m1", changes: Mapping[str, Any] | None = None
+    source: str | Path | Mapping[str, Any] = "m1",
+    changes: Mapping[str, Any] | None = None,
+    trust: Trust = ANY_CODE,
 ) -> Trial:
     """Return a trial, validated as the command line does it.
 
     Args:
         source: the name of a shipped trial, a file, or the keys of a trial file.
         changes: path to value, for example {"testbed.modes": 5, "plan.duration": 30.0}.
+        trust: which classes it may name; for keys that come from somebody else's log: NO_CODE.
 
     Raises:
         BadInput: no such trial, or one of its values is not allowed.
     """
     label, values = _keys(source)
     text = yaml_text(_plain(overridden(values, dict(changes or {}))))
-    return checked_trial(parse_trial(text, label), label)
+    return checked_trial(parse_trial(text, label, trust), label)
 
 
 def fly(what: Trial, folder: Path | None = None) -> Flight:
@@ -136,23 +140,25 @@ def fly(what: Trial, folder: Path | None = None) -> Flight:
         BadInput, PlanFailed: before anything was written.
     """
     if folder is not None:
-        return read(run_trial(what, "notebook", folder, in_process=True).folder)
+        return read(run_trial(what, "notebook", folder, in_process=True).folder, what.trust)
     with tempfile.TemporaryDirectory() as passing:
         result = run_trial(what, "notebook", Path(passing, "run"), in_process=True, report=False)
-        return read(result.folder)
+        return read(result.folder, what.trust)
 
 
-def read(run: Path | str) -> Flight:
+def read(run: Path | str, trust: Trust = NO_CODE) -> Flight:
     """Return a flight that was recorded before, in process or over ROS 2.
 
     Args:
         run: the folder of the run, its bag, or an .mcap file.
+        trust: which classes that the log names may be loaded, for example
+            Trust.of(["my_metric.py:MyMetric"]); of others the metrics are left out.
 
     Raises:
         BadInput: there is no bag, or it is damaged.
     """
     path = Path(run)
-    bag = BagReader(path / "bag" if (path / "bag").is_dir() else path)
+    bag = BagReader(path / "bag" if (path / "bag").is_dir() else path, trust=trust)
     signals = read_signals(bag)
     keys = load_yaml(bag.trial_text, f"{bag.path}: trial") or {}
     events = bag.overview.events

@@ -59,7 +59,7 @@ def _nodes(context: LaunchContext) -> list[Any]:
 
     def finish(_: LaunchContext) -> list[Any]:
         if values.record:
-            finished(folder, report=values.report)
+            finished(folder, trial.trust, report=values.report)
         if not values.shutdown:
             return []
         return [EmitEvent(event=Shutdown(reason=f"the run is over: {folder}"))]

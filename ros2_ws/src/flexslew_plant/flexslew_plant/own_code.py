@@ -1,7 +1,8 @@
-"""Classes of the user's own (laws, testbeds, ...), loaded by name: the one place that does so.
+"""Classes of the user's own (laws, testbeds, ...), loaded by name: the one door for code.
 
-A name from a trial file is the user's own word. A name that a log holds is somebody else's: while
-a log is read, only what `only_trusted` lists is loaded.
+It is closed unless whoever asks passes a `Trust` that names the class. A trial file that the user
+gives is the user's own word (`ANY_CODE`); what a log, a study folder that was received, a request
+or a message names is somebody else's (`NO_CODE`, or what --trust names).
 """
 
 import hashlib
@@ -9,9 +10,9 @@ import importlib
 import importlib.util
 import sys
 import traceback
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
-from contextvars import ContextVar
+from collections.abc import Collection
+from contextlib import suppress
+from dataclasses import dataclass
 from importlib.machinery import SourceFileLoader
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -27,11 +28,29 @@ LAWS, TESTBEDS, METRICS = GROUPS = (  # entry points of packages
     "flexslew.metrics",
 )
 
-_trusted: ContextVar[frozenset[str] | None] = ContextVar("trusted", default=None)  # None: all
+
+@dataclass(frozen=True)
+class Trust:
+    """Whose code may be loaded: names of classes, as they stand in files."""
+
+    names: frozenset[str] = frozenset()
+    everything: bool = False
+
+    @classmethod
+    def of(cls, names: Collection[str]) -> "Trust":
+        """Return the trust in these names; `all` stands for every one."""
+        return ANY_CODE if ALL in names else cls(frozenset(names))
+
+    def allows(self, name: str) -> bool:
+        """Return whether the class of this name may be loaded."""
+        return self.everything or name in self.names
+
+
+NO_CODE, ANY_CODE = Trust(), Trust(everything=True)
 
 
 class Untrusted(BadInput):
-    """A log names code that its reader has not trusted.
+    """Code is named that nobody has trusted.
 
     Args:
         words: where it is named, and what would run.
@@ -41,22 +60,6 @@ class Untrusted(BadInput):
     def __init__(self, words: str, name: str) -> None:
         super().__init__(words)
         self.name = name
-
-
-@contextmanager
-def only_trusted(names: Collection[str]) -> Iterator[None]:
-    """Refuse, inside of the block, to load what is not named; `all` names everything.
-
-    Blocks nest: an inner one cannot trust more than the outer one.
-    """
-    before = _trusted.get()
-    wanted = None if ALL in names else frozenset(names)
-    both = wanted if before is None else before if wanted is None else before & wanted
-    token = _trusted.set(both)
-    try:
-        yield
-    finally:
-        _trusted.reset(token)
 
 
 def is_own_code(name: str) -> bool:
@@ -91,7 +94,9 @@ def code_hash(name: str) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest() if path is not None else ""
 
 
-def find_class(name: str, group: str, what: str, source: str, known: tuple[str, ...]) -> type[Any]:
+def find_class(
+    name: str, group: str, what: str, source: str, known: tuple[str, ...], trust: Trust
+) -> type[Any]:
     """Return the class that a name stands for.
 
     Args:
@@ -101,14 +106,15 @@ def find_class(name: str, group: str, what: str, source: str, known: tuple[str, 
         what: what it should be, for the error ("law").
         source: file or node to name in an error.
         known: the names that are built in, for the error.
+        trust: what may be loaded; an entry point of an installed package always may.
 
     Raises:
-        Untrusted: a log names a file or a module that its reader has not trusted.
+        Untrusted: a file or a module is named that nobody has trusted.
         BadInput: there is no such class, or its module cannot be imported.
     """
     installed = {point.name: point for point in entry_points(group=group)}
     if name not in installed and is_own_code(name):
-        _demand_trust(name, source)
+        _demand(trust, name, source)
     try:
         if name in installed:
             found = installed[name].load()
@@ -140,13 +146,12 @@ def _entry(name: str, group: str) -> Any:
     return next((point for point in entry_points(group=group) if point.name == name), None)
 
 
-def _demand_trust(name: str, source: str) -> None:
-    trusted = _trusted.get()
-    if trusted is None or name in trusted:
+def _demand(trust: Trust, name: str, source: str) -> None:
+    if trust.allows(name):
         return
     path, digest = file_of(name), code_hash(name)
     found = f"{path.resolve()}, SHA-256 {digest}" if path is not None else "which is not found here"
-    words = f"{source}: refused to run {name} ({found}), which this log names; read it first, "
+    words = f"{source}: refused to run {name} ({found}), which is named there; read it first, "
     raise Untrusted(f"{words}then allow it with --trust {name}", name)
 
 

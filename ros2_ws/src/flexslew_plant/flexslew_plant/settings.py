@@ -3,13 +3,15 @@
 import difflib
 from collections.abc import Hashable
 from math import inf
-from typing import Annotated, Any, TypeVar, dataclass_transform
+from typing import Annotated, Any, TypeAlias, TypeVar, dataclass_transform
 
 import yaml
-from pydantic import BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BeforeValidator, ConfigDict, Field, InstanceOf, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
+from pydantic.json_schema import SkipJsonSchema
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import NO_CODE, Trust
 
 _T = TypeVar("_T")
 _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
@@ -20,6 +22,9 @@ DEEPEST = 32  # lists and keys in one another
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+NotAKey: TypeAlias = SkipJsonSchema[InstanceOf[_T]]  # a field that code sets, and no file
 
 
 def _as_list(value: Any) -> Any:
@@ -39,19 +44,20 @@ def section(cls: type[_T]) -> type[_T]:
     return dataclass(frozen=True, kw_only=True, config=config)(cls)  # type: ignore[return-value]
 
 
-def validated(kind: Any, values: Any, source: str) -> Any:
+def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> Any:
     """Return values as an instance of the section `kind`.
 
     Args:
         kind: a section class, or any type that pydantic knows.
         values: what YAML or a ROS parameter gave.
         source: the file (or node) to name in an error.
+        trust: which classes of the user's own may be loaded; pydantic hands it to validators.
 
     Raises:
         BadInput: the first wrong key, with its value and what is allowed.
     """
     try:
-        return _adapter(kind).validate_python(values)
+        return _adapter(kind).validate_python(values, context=trust)
     except ValidationError as error:
         raise BadInput(_one_line(error, kind, values, source)) from None
 

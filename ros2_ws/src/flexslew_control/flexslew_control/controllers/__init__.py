@@ -83,7 +83,7 @@ def build_controller(
         except BadInput as error:
             raise BadInput(str(error), source) from None
     else:
-        found = find_law(law, source, tuple(CONTROLLERS))
+        found = find_law(law, source, tuple(CONTROLLERS), plant.trust)
         estimator, built = build_user_law(found, law, own, plant, source)
     monitor = None
     if common.monitor is not None:

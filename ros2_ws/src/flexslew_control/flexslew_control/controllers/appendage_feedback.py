@@ -87,7 +87,7 @@ def appendage_model(
     Raises:
         BadInput: no such appendage, none of its torques, or no stable design.
     """
-    testbed = believed(plant.testbed, model, "model")
+    testbed = believed(plant.testbed, model, "model", plant.trust)
     if not isinstance(testbed, HasClampedAppendages):
         raise BadInput(f"appendage: {testbed.kind} has no appendages that can be taken alone")
     c = testbed.clamped(settings.name)

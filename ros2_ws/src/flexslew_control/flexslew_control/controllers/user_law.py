@@ -24,19 +24,18 @@ from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
-from flexslew_plant.own_code import LAWS, find_class, one_line
+from flexslew_plant.own_code import LAWS, Trust, find_class, one_line
 from flexslew_plant.settings import Positive, validated
 from flexslew_plant.testbeds import initial_positions
 
 
-def find_law(law: str, source: str, known: tuple[str, ...] = ()) -> type[Any]:
+def find_law(law: str, source: str, known: tuple[str, ...], trust: Trust) -> type[Any]:
     """Return the class that a name stands for; see own_code.find_class.
 
     Raises:
-        BadInput: there is no such law, its module cannot be imported, or a log names it that is
-            not trusted.
+        BadInput: there is no such law, its module cannot be imported, or it is not trusted.
     """
-    return find_class(law, LAWS, "law", source, known)
+    return find_class(law, LAWS, "law", source, known, trust)
 
 
 def build_user_law(

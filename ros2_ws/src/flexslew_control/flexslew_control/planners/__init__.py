@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
-from pydantic import Discriminator, PlainValidator, Tag
+from pydantic import Discriminator, PlainValidator, Tag, ValidationInfo
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
@@ -20,7 +20,7 @@ from flexslew_control.planners.slew import Feedback, Slew, software_versions, ti
 from flexslew_control.planners.slewing import Slewing, unheard
 from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput
-from flexslew_plant.own_code import find_class
+from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.settings import plain, validated
 
 # isort: split
@@ -60,16 +60,16 @@ def _method(values: Any) -> str | None:
     return None if given is None else str(given) if given in PLANNERS else "own"
 
 
-def _own(values: Any) -> Any:
+def _own(values: Any, info: ValidationInfo) -> Any:
     """Return a section of the user's own class."""
     if not isinstance(values, dict):
         return values
-    name = str(values["method"])
+    name, trust = str(values["method"]), info.context or NO_CODE
     try:
-        found = find_class(name, GROUP, "planner", "method", tuple(PLANNERS))
+        found = find_class(name, GROUP, "planner", "method", tuple(PLANNERS), trust)
         if not issubclass(found, OwnPlanner):
             raise BadInput(f"method: {name} has no plan(slew, progress)")
-        return validated(found, values, name)
+        return validated(found, values, name, trust)
     except BadInput as error:
         raise ValueError(str(error)) from None
 
@@ -93,17 +93,18 @@ else:
     ]
 
 
-def plan_settings(values: Any, source: str) -> PlanSettings:
+def plan_settings(values: Any, source: str, trust: Trust = NO_CODE) -> PlanSettings:
     """Return a `plan` section as its method reads it.
 
     Args:
         values: what the YAML holds.
         source: the file to name in an error.
+        trust: which methods of the user's own may be loaded.
 
     Raises:
         BadInput: the first wrong key, with its value and what is allowed.
     """
-    settings: PlanSettings = validated(PlanSettings, values, source)
+    settings: PlanSettings = validated(PlanSettings, values, source, trust)
     return settings
 
 
@@ -130,7 +131,8 @@ def other_method(settings: PlanSettings, method: str, source: str, **more: Any) 
     """
     asked = plain(settings)
     if method == settings.method:
-        return plan_settings({**asked, **more}, source)
+        loaded = Trust(frozenset({method}))  # before
+        return plan_settings({**asked, **more}, source, loaded)
     if method not in PLANNERS:
         raise BadInput(", ".join(PLANNERS), source, "method", method)
     if PLANNERS[method].slews != planner_of(settings).slews:

@@ -107,7 +107,7 @@ def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) 
     if count is not None and (not isinstance(count, int) or count < 0):
         raise BadInput(f"plan: model: modes: {count!r} is not allowed: a number, or relevant")
     kept = {key: value for key, value in (changes or {}).items() if key != "modes"}
-    whole: Any = believed(testbed, kept or None, "plan: model")
+    whole: Any = believed(testbed, kept or None, "plan: model", plant.trust)
     reduced = whole.turning(moving[0], count)
     about: dict[str, Any] = {"goal": {moving[0]: goal[moving[0]]}}
     taken = {"model": None, "initial": {moving[0]: first[moving[0]]}}
@@ -116,7 +116,7 @@ def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) 
         about["feedback"] = _own(settings.feedback, k)
     return OneAxis(
         replace(settings, **about),
-        PlantDescription(reduced, plant.period, plant.effort_limit[k : k + 1]),
+        PlantDescription(reduced, plant.period, plant.effort_limit[k : k + 1], plant.trust),
         None if feedback is None else _own(feedback, k),
         k,
         names,

@@ -91,7 +91,11 @@ def plan_retargeting(
         PlanFailed: it needs more effort than the drives have.
     """
     whole = settings.model is None
-    testbed = plant.testbed if whole else believed(plant.testbed, settings.model, "plan: model")
+    testbed = (
+        plant.testbed
+        if whole
+        else believed(plant.testbed, settings.model, "plan: model", plant.trust)
+    )
     until = last_turn(testbed)
     duration = settings.duration or until - settings.start
     if not duration > 0.0:

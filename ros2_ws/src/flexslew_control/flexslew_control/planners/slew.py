@@ -81,7 +81,7 @@ def slew_of(settings: Any, plant: PlantDescription, feedback: Feedback | None = 
     Raises:
         BadInput: a joint or a key that the testbed does not have.
     """
-    testbed = believed(plant.testbed, getattr(settings, "model", None), "plan: model")
+    testbed = believed(plant.testbed, getattr(settings, "model", None), "plan: model", plant.trust)
     names = testbed.model().joint_names
     first = initial_positions(testbed) | _checked(
         getattr(settings, "initial", None), names, "initial"

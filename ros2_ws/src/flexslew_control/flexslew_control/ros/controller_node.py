@@ -17,6 +17,7 @@ from flexslew_control.ros.tuning import Tuning
 from flexslew_plant import topics
 from flexslew_plant.bench.wire import command_bytes, measurement_from
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
@@ -71,8 +72,9 @@ class ControllerNode:
         return self._next_look - now
 
     def _on_testbed(self, message: msg.Testbed) -> None:
+        trust = Trust.of((self._settings.law, *self._settings.trust))
         try:
-            plant = described(message.settings, "/testbed")
+            plant = described(message.settings, "/testbed", trust)
         except BadInput as error:
             self._host.ignored(topics.TESTBED, str(error))
             self._tell()

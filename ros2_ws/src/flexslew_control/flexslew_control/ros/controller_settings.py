@@ -12,3 +12,4 @@ class ControllerNodeSettings:
     requires_plan: bool = False  # not ready without a plan
     wait_for: tuple[str, ...] = ()  # nodes that must listen to its answers before it is ready
     exit_with_plant: bool = False  # end the process when the plant is gone
+    trust: tuple[str, ...] = ()  # classes of your own that testbed and requests may name

@@ -27,6 +27,7 @@ from flexslew_plant.events import (
     event_of,
     fact_of,
 )
+from flexslew_plant.own_code import Trust
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.event_log import EventLog
@@ -55,9 +56,13 @@ class PlanRelease:
         loop: that serves it.
         alive: signs of life of the controllers.
         gains: of the controller in charge, if it has such gains.
+        trust: classes of the user's own that testbed and requests may name.
     """
 
-    def __init__(self, node: Node, loop: Loop, alive: Alive, gains: Gains) -> None:
+    def __init__(
+        self, node: Node, loop: Loop, alive: Alive, gains: Gains, trust: Sequence[str]
+    ) -> None:
+        self._trust = Trust.of(trust)
         self._loop, self._alive, self._gains = loop, alive, gains
         self._draft: tuple[Plan, msg.Plan] | None = None
         self._course: PlannedCourse | None = None
@@ -74,7 +79,9 @@ class PlanRelease:
     def announce(self, testbed: msg.Testbed) -> bool:
         """Return whether this is what stands on the bench: a new run begins."""
         try:
-            self._course = PlannedCourse(described(testbed.settings, f"/{topics.TESTBED}"))
+            self._course = PlannedCourse(
+                described(testbed.settings, f"/{topics.TESTBED}", self._trust)
+            )
         except BadInput as error:
             if not self._stray:
                 self._stray = True
@@ -92,8 +99,17 @@ class PlanRelease:
         here = self._testbed
         return plan_request(
             text, here.settings, period or here.period, limit or here.effort_limit, self._gains,
-            self._rest_at,
+            self._rest_at, self._trust,
         )  # fmt: skip
+
+    def own_request(self, text: str) -> PlanRequest | Refusal:
+        """Return what the node's own parameters ask for; they may name any method."""
+        request = self.request(text)
+        if isinstance(request, Refusal) or not isinstance(request.values, dict):
+            return request
+        method = str(request.values.get("method", ""))
+        trust = Trust(self._trust.names | {method}, self._trust.everything)
+        return request._replace(trust=trust)
 
     def _rest_at(self, start: float) -> dict[str, float]:
         """Return where the joints' references are at a simulated time [s]; {}: as at tick 0."""

@@ -43,7 +43,9 @@ class Planner:
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
         self._done: Future | None = None  # of the plan under way
         self._next_look = 0.0
-        self._release = PlanRelease(node, loop, alive, (self._settings.kp, self._settings.kd))
+        self._release = PlanRelease(
+            node, loop, alive, (self._settings.kp, self._settings.kd), self._settings.trust
+        )
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         serve_changes(node, lambda changes: "")
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
@@ -117,7 +119,7 @@ class Planner:
         if self._settings.file:
             self._release.publish(load_plan(Path(self._settings.file)), "")
         elif self._settings.plan and self._done is None:
-            self._ask(self._release.request(self._settings.plan), None)
+            self._ask(self._release.own_request(self._settings.plan), None)
 
     async def _execute(
         self, hand_over: Callable[[Plan, str], msg.Plan], flown: bool, goal: ServerGoalHandle

@@ -12,3 +12,4 @@ class PlannerSettings:
     plan: str = ""  # `plan` section as YAML: planned as soon as the testbed is known; empty: none
     file: str = ""  # a saved plan to publish instead; empty: none
     exit_with_plant: bool = False  # end the process when the plant is gone
+    trust: tuple[str, ...] = ()  # classes of your own that testbed and requests may name

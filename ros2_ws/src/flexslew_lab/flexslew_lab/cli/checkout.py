@@ -93,7 +93,7 @@ def test(context: typer.Context) -> None:
 
 def _pytest(*arguments: str) -> int:
     """Return the exit code of pytest; one that a signal ended has 128 and its number."""
-    command = [sys.executable, "-m", "pytest", *arguments]
+    command = [sys.executable, "-P", "-m", "pytest", *arguments]
     code = subprocess.run(command, cwd=_root(), check=False).returncode
     return code if code >= 0 else 128 - code
 

@@ -17,10 +17,11 @@ from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, patient
 from flexslew_lab.cli.log import bag_of
 from flexslew_lab.cli.missing import require_ros
 from flexslew_lab.cli.operate import Namespace
-from flexslew_lab.cli.replay import Trust
+from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.terminal import link, progress, say
 from flexslew_lab.trial.domain import bench_domain
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
 
 _GRACE = 10.0  # for the page to end [wall s]
 
@@ -44,7 +45,7 @@ def console(
     out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
     rate: Annotated[float, typer.Option(help="At the start; 1 is real time, 0 fast.")] = 1.0,
     namespace: Namespace = "",
-    trust: Trust = None,
+    trust: TrustOption = None,
 ) -> None:
     """Work at a bench from the browser: start, pause, swap, break, watch.
 
@@ -61,23 +62,23 @@ def console(
     if replay is not None:
         from flexslew_lab.console.replay_page import serve
 
-        serve(bag_of(replay), host, port, say, trust or ())
+        serve(bag_of(replay), host, port, say, Trust.of(trust or ()))
         return
     require_ros()
     if attach:
-        _attach(host, port, namespace)
+        _attach(host, port, namespace, tuple(trust or ()))
     else:
         raise typer.Exit(_fly(file, sets, out, rate, (host, port)))
 
 
-def _attach(host: str, port: int, namespace: str) -> None:
+def _attach(host: str, port: int, namespace: str, trust: tuple[str, ...]) -> None:
     domain, _ = bench_domain()
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     from flexslew_lab.ros.console_node import ConsoleSettings
     from flexslew_lab.ros.console_node import console as serve
 
     say(f"ROS_DOMAIN_ID {domain}; Ctrl-C ends the page, not the bench")
-    serve(ConsoleSettings(host=host, port=port), say, namespace)
+    serve(ConsoleSettings(host=host, port=port, trust=trust), say, namespace)
 
 
 def _fly(
@@ -88,6 +89,7 @@ def _fly(
 
     from flexslew_lab.trial.domain import own_domain
     from flexslew_lab.trial.outputs import new_folder
+    from flexslew_lab.trial.own_code import own_names
     from flexslew_lab.trial.run import run_trial
     from flexslew_lab.trial.sources import read_trial
 
@@ -97,7 +99,7 @@ def _fly(
     words = ["./flexslew", "trial", file or "m1", *(f"--set={one}" for one in sets or ())]
     with own_domain(wanted.name) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        with patient(NODES), _page(folder, shlex.join(words), at) as page:
+        with patient(NODES), _page(folder, shlex.join(words), at, own_names(wanted)) as page:
             with progress(wanted.name) as advance:
                 result = run_trial(
                     wanted, source, folder, progress=advance, say=say, autostart=False
@@ -114,10 +116,13 @@ def _fly(
 
 
 @contextmanager
-def _page(folder: Path, command: str, at: tuple[str, int]) -> Iterator["subprocess.Popen[str]"]:
+def _page(
+    folder: Path, command: str, at: tuple[str, int], trust: list[str]
+) -> Iterator["subprocess.Popen[str]"]:
     """Yield the process of the page as soon as it says where it is; end it afterwards."""
     settings = {"folder": str(folder.resolve()), "command": command, "host": at[0], "port": at[1]}
-    words = [sys.executable, "-m", "flexslew_lab.ros.console_node", "--ros-args"]
+    settings |= {"trust": trust} if trust else {}  # ROS knows no list without entries
+    words = [sys.executable, "-P", "-m", "flexslew_lab.ros.console_node", "--ros-args"]
     for key, value in settings.items():
         words += ["-p", f"{key}:={value!r}" if isinstance(value, str) else f"{key}:={value}"]
     child = subprocess.Popen(  # a session of its own: Ctrl-C is ours

@@ -19,11 +19,12 @@ from flexslew_lab.cli.log import Json, bag_of, log, reading_limits, recover
 from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.model import model
 from flexslew_lab.cli.operate import COMMANDS
-from flexslew_lab.cli.replay import Trust, check, live, play, resim
+from flexslew_lab.cli.replay import TrustOption, check, live, play, resim
 from flexslew_lab.cli.study import study
 from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say, short
 from flexslew_lab.trial.outputs import WITHOUT, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
+from flexslew_plant.own_code import Trust
 
 if TYPE_CHECKING:
     from flexslew_lab.trial.trial import Trial
@@ -133,7 +134,7 @@ def plan(
     settings = plan_section_of(wanted, source)
     if method is not None:
         if settings is None:
-            settings = plan_settings({"method": method}, f"{source}: plan")
+            settings = plan_settings({"method": method}, f"{source}: plan", wanted.trust)
         else:
             settings = other_method(settings, method, f"{source}: plan")
     if settings is None:
@@ -168,7 +169,7 @@ def plan(
 def report(
     bags: Bags,
     out: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
-    trust: Trust = None,
+    trust: TrustOption = None,
 ) -> None:
     """Write the report of one run, or of several overlaid.
 
@@ -178,8 +179,8 @@ def report(
 
     Example: `./flexslew report runs/m1-20260101-120000`
     """
+    from flexslew_lab.log.bag_reader import BagReader
     from flexslew_lab.report.report import write_report
-    from flexslew_plant.own_code import only_trusted
 
     for path in bags:
         if not path.exists():
@@ -190,8 +191,8 @@ def report(
     writable_file(target, "--out")
     bare = beside / WITHOUT
     comparison = bare if len(bags) == 1 and bare.is_dir() else None
-    with only_trusted(trust or ()):
-        write_report([bag_of(path) for path in bags], target, comparison)
+    logs = [BagReader(bag_of(path), trust=Trust.of(trust or ())) for path in bags]
+    write_report(logs, target, comparison)
     say(f"written {link(target)}")
 
 

@@ -13,10 +13,13 @@ from flexslew_lab.cli.terminal import for_people, link, print_table, progress, s
 from flexslew_lab.trial.domain import chosen_domain
 from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
 
-Trust = Annotated[
+TrustOption = Annotated[
     list[str] | None,
-    typer.Option(help="Allow this class that the log names: file.py:Class, or all; repeatable."),
+    typer.Option(
+        "--trust", help="Allow this class that is named there: file.py:Class, or all; repeatable."
+    ),
 ]
 Partial = Annotated[
     bool, typer.Option("--partial", help="The log holds a part of the run: accept that part.")
@@ -33,7 +36,7 @@ def resim(
         typer.Option("--set", help="key.path=value of the trial, to see what it changes."),
     ] = None,
     partial: Partial = False,
-    trust: Trust = None,
+    trust: TrustOption = None,
     as_json: Json = False,
 ) -> None:
     """Simulate a run again from its log alone and compare the trajectory.
@@ -49,7 +52,7 @@ def resim(
     from flexslew_lab.trial.sources import changes_of
 
     with progress("resim") as advance:
-        again = fly_again(bag_of(bag), advance, changes_of(sets), trust or ())
+        again = fly_again(bag_of(bag), advance, changes_of(sets), Trust.of(trust or ()))
     first = again.first_difference
     if as_json:
         values = {**again._asdict(), "first_difference": first and first._asdict()}
@@ -93,7 +96,7 @@ def check(
     ] = None,
     figure: Annotated[Path | None, typer.Option(help="Draw the differences as HTML.")] = None,
     partial: Partial = False,
-    trust: Trust = None,
+    trust: TrustOption = None,
     as_json: Json = False,
 ) -> None:
     """Feed recorded measurements to a controller and compare every number of its answers.
@@ -111,8 +114,8 @@ def check(
     if figure is not None:
         writable_file(figure, "--figure")
     place = bag_of(bag)
-    trusted = trust or ()
-    with reading(reader := BagReader(place), trusted):
+    trusted = Trust.of(trust or ())
+    with reading(reader := BagReader(place, trust=trusted)):
         name = controller or next(iter(logged_laws(reader)))
     with progress("check") as advance:
         result = compare(place, name, law, _settings(settings or []), advance, trusted)

@@ -9,9 +9,11 @@ import typer
 
 from flexslew_lab.cli.interrupt import NODES, patient
 from flexslew_lab.cli.log import Json, demand
+from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.study_words import progress, side_by_side, tell
 from flexslew_lab.cli.terminal import for_people, print_table, short
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import ANY_CODE, Trust
 
 if TYPE_CHECKING:
     from flexslew_lab.studies.execution.pool import Executor
@@ -57,7 +59,7 @@ def run(
     if workers is not None and dask is not None:
         raise BadInput("--workers and --dask: choose one of them")
     part = _shard(shard)
-    wanted = load_study(study_path(file))
+    wanted = load_study(study_path(file), ANY_CODE)
     with for_people.status("preparing"):
         ready = prepare(wanted)
     for line in needed(wanted):
@@ -81,12 +83,12 @@ def run(
 
 
 @study.command()
-def status(file: Place, out: Out = None, as_json: Json = False) -> None:
+def status(file: Place, out: Out = None, trust: TrustOption = None, as_json: Json = False) -> None:
     """Say how far a study is.
 
     Example: `./flexslew study status csa_robustness`
     """
-    _, store = _opened(file, out)
+    _, store = _opened(file, out, trust)
     total = store.samples.num_rows * len(store.identity["variants"])
     statuses = store.statuses(total)
     counts = {
@@ -106,6 +108,7 @@ def status(file: Place, out: Out = None, as_json: Json = False) -> None:
 def report(
     places: Annotated[list[str], typer.Argument(help="One study, or two to compare.")],
     out: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
+    trust: TrustOption = None,
     as_json: Json = False,
 ) -> None:
     """Summarise a study again, or compare two. Exit code 1 if a criterion is not passed.
@@ -118,7 +121,7 @@ def report(
 
     if len(places) > 2:
         raise BadInput(f"report: {len(places)} studies are not allowed: give one or two")
-    opened = [_opened(place, None) for place in places]
+    opened = [_opened(place, None, trust) for place in places]
     for _, store in opened:
         store.write_table()
     found = [summary(one, store, flights_of(store)) for one, store in opened]
@@ -145,6 +148,7 @@ def fly(
     file: Place,
     index: Annotated[int, typer.Argument(help="Number of the trial in the study's table.")],
     out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
+    trust: TrustOption = None,
     as_json: Json = False,
 ) -> None:
     """Fly one trial of a study again with its full log, as an ordinary run.
@@ -160,9 +164,9 @@ def fly(
 
     store: Store | None
     if Path(file).is_dir():
-        wanted, store = _opened(file, None)
+        wanted, store = _opened(file, None, trust)
     else:
-        wanted = load_study(study_path(file))
+        wanted = load_study(study_path(file), ANY_CODE)
         store = Store(default_folder(wanted))
         store = store if store.exists else None
     result, difference = fly_again(wanted, store, index, out)
@@ -180,6 +184,7 @@ def fly(
 def merge(
     folders: Annotated[list[Path], typer.Argument(help="Folders of the shards.")],
     out: Annotated[Path, typer.Option(help="Folder of the whole study, new or with a part.")],
+    trust: TrustOption = None,
     as_json: Json = False,
 ) -> None:
     """Join the shards of a study into one folder and sum it up.
@@ -190,7 +195,7 @@ def merge(
     from flexslew_lab.studies.finish import finished
     from flexslew_lab.studies.merge import merged
 
-    joined = merged(folders, out)
+    joined = merged(folders, out, Trust.of(trust or ()))
     found = finished(*joined)
     tell(found, as_json)
     demand(passed(found))
@@ -218,8 +223,11 @@ def list_studies(as_json: Json = False) -> None:
         print_table(("study", "where", "about"), [row.values() for row in rows])
 
 
-def _opened(place: str, out: Path | None) -> tuple["Study", "Store"]:
-    """Return the study of a folder, or of a file with its usual folder."""
+def _opened(place: str, out: Path | None, trust: list[str] | None) -> tuple["Study", "Store"]:
+    """Return the study of a folder, or of a file with its usual folder.
+
+    A file is the user's own word; of a folder, only what is trusted may name classes.
+    """
     from flexslew_lab.studies.run import default_folder
     from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import load_study, study_path
@@ -228,8 +236,8 @@ def _opened(place: str, out: Path | None) -> tuple["Study", "Store"]:
         store = Store(Path(place))
         if not store.exists:
             raise BadInput("holds no study", place)
-        return load_study(store.folder / "study.yaml"), store
-    wanted = load_study(study_path(place))
+        return load_study(store.folder / "study.yaml", Trust.of(trust or ())), store
+    wanted = load_study(study_path(place), ANY_CODE)
     store = Store(out or default_folder(wanted))
     if not store.exists:
         raise BadInput("holds no study; run it first, or name its folder", store.folder)

@@ -11,6 +11,7 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.replay.player import Outgoing, Player, PlaySettings
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import NO_CODE, Trust
 
 _SHOWN = (
     topics.TESTBED, topics.CONTROLLER_STATUS, topics.EVENTS, topics.PLAN, topics.TRUTH,
@@ -25,6 +26,7 @@ class Replay:
 
     Args:
         bag: its folder or file.
+        trust: which testbeds of the user's own may be loaded.
 
     Raises:
         BadInput: the bag cannot be read.
@@ -32,13 +34,13 @@ class Replay:
 
     replay = True
 
-    def __init__(self, bag: Path) -> None:
+    def __init__(self, bag: Path, trust: Trust = NO_CODE) -> None:
         there = Player(PlaySettings(bag=str(bag))).topics
         shown = tuple(f"/{name}" for name in _SHOWN if f"/{name}" in there)
         if f"/{topics.TRUTH}" not in shown:
             raise BadInput("holds no truth", bag)
         self._player = Player(PlaySettings(bag=str(bag), topics=shown, paused=True))
-        self.view, self.folder = BenchView(), str(bag.parent if bag.name == "bag" else bag)
+        self.view, self.folder = BenchView(trust), str(bag.parent if bag.name == "bag" else bag)
         self.command = f"./flexslew resim {self.folder}"
         self.first, self.last = self._player.first * 1e-9, self._player.last * 1e-9
         self.seek(self.first)

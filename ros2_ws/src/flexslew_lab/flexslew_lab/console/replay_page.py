@@ -1,16 +1,16 @@
 """The same page over the log of a run."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from pathlib import Path
 from threading import Event
 
 from flexslew_lab.console.page import Page
 from flexslew_lab.console.replay import Replay
-from flexslew_plant.own_code import only_trusted
+from flexslew_plant.own_code import NO_CODE, Trust
 
 
 def serve(
-    bag: Path, host: str, port: int, say: Callable[[str], None], trust: Collection[str] = ()
+    bag: Path, host: str, port: int, say: Callable[[str], None], trust: Trust = NO_CODE
 ) -> None:
     """Serve a page over a log until interrupted.
 
@@ -19,16 +19,15 @@ def serve(
         host: address to listen on.
         port: 0 takes any.
         say: told where the page is.
-        trust: testbeds of the user's own that are drawn, as --trust names them.
+        trust: testbeds of the user's own that are drawn.
 
     Raises:
         BadInput: the bag cannot be read, or the port cannot be opened.
     """
-    with only_trusted(trust):
-        link = Replay(bag)
-        page, never = Page(link, host, port, say, link), Event()
-        try:
-            while not never.wait(page.poll()):
-                pass
-        finally:
-            page.close()
+    link = Replay(bag, trust)
+    page, never = Page(link, host, port, say, link), Event()
+    try:
+        while not never.wait(page.poll()):
+            pass
+    finally:
+        page.close()

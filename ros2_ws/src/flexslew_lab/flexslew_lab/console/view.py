@@ -17,6 +17,7 @@ from flexslew_plant import topics
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Event, RunFinished
+from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.testbeds import Testbed
 
 EVENTS = 2000  # that are kept
@@ -68,12 +69,17 @@ class Joints(NamedTuple):
 
 
 class BenchView:
-    """Takes the messages of a bench, live or recorded."""
+    """Takes the messages of a bench, live or recorded.
 
-    def __init__(self) -> None:
+    Args:
+        trust: which testbeds of the user's own may be loaded, to be drawn.
+    """
+
+    def __init__(self, trust: Trust = NO_CODE) -> None:
+        self._trust = trust
         self.now = Now()
         self.joints: Joints | None = None
-        self.testbed: Testbed | None = None  # None also where it is the user's own class
+        self.testbed: Testbed | None = None  # None also where it may not be loaded
         self.controllers: dict[str, Controller] = {}
         self.events: deque[Event] = deque(maxlen=EVENTS)
         self.heard = 0  # events so far
@@ -149,7 +155,7 @@ class BenchView:
             tuple(float(limit) for limit in m.effort_limit), m.period,
         )  # fmt: skip
         try:
-            self.testbed = described(m.settings, "the bench").testbed
+            self.testbed = described(m.settings, "the bench", self._trust).testbed
         except BadInput:
             self.testbed = None
 

@@ -46,6 +46,7 @@ from flexslew_lab.log.messages.record_schema import (
 from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Event
+from flexslew_plant.own_code import NO_CODE, Trust
 
 RARE = ("/events", "/plan", "/testbed", "/controller_status")
 # What a decoded event takes in memory [B], at most, and each byte of its JSON
@@ -85,6 +86,7 @@ class BagReader:
     Args:
         path: the rosbag2 folder, or the .mcap file.
         foreign: also read bags that this project has not written.
+        trust: which classes that the log names may be loaded by those who read it.
 
     Raises:
         BadInput: there is no bag, it is damaged, foreign, or of another version; also while
@@ -92,8 +94,9 @@ class BagReader:
 
     """
 
-    def __init__(self, path: Path, foreign: bool = False) -> None:
+    def __init__(self, path: Path, foreign: bool = False, trust: Trust = NO_CODE) -> None:
         self.path = find_mcap(Path(path))
+        self.trust = trust
         self._foreign = foreign
         self.cut: Cut | None = None  # known after a whole pass
         self.metadata = self._leading_metadata()

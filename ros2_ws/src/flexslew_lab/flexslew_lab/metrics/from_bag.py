@@ -17,22 +17,24 @@ from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.retarget import with_requests
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import TargetRequested
+from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.testbeds import Testbed
 
 
-def metrics_of(path: Path) -> dict[str, Any]:
+def metrics_of(path: Path, trust: Trust = NO_CODE) -> dict[str, Any]:
     """Return the content of metrics.json, keys as in metrics.KEYS, from a bag.
 
-    Metrics of the trial's own are run as own_code.only_trusted allows; of others, `warnings` says
-    that they are left out.
+    Metrics of the trial's own are run if they are trusted; of others, `warnings` says that they
+    are left out.
 
     Args:
         path: the bag's folder or file.
+        trust: which classes that the log names may be loaded.
 
     Raises:
         BadInput: there is no bag, it is damaged or foreign, or it holds no truth.
     """
-    return metrics_from(BagReader(path))
+    return metrics_from(BagReader(path, trust=trust))
 
 
 def metrics_from(bag: BagReader) -> dict[str, Any]:
@@ -59,7 +61,7 @@ def _measured(bag: BagReader) -> dict[str, Any]:
             columns = {k: c[part] for k, c in block.columns.items()}
             if epoch is None or number > epoch.number:
                 joints = columns["applied_effort"].shape[1]
-                epoch = Epoch(int(number), _run_setup(overview, joints, int(number)), own)
+                epoch = Epoch(int(number), _run_setup(bag, joints, int(number)), own)
             epoch.add(columns)
     if epoch is None:
         raise BadInput("holds no truth, so there is nothing to measure", bag.path)
@@ -87,7 +89,7 @@ def manoeuvre_of(position: Matrix, start: float, duration: float) -> Manoeuvre:
     return Manoeuvre(start, start + duration, position[-1], position[-1] - position[0])
 
 
-def flown_testbed(overview: Overview, epoch: int) -> Testbed | None:
+def flown_testbed(overview: Overview, epoch: int, trust: Trust) -> Testbed | None:
     """Return the testbed of a log with all its turns, those of operators in that epoch too.
 
     It says where the joints are and where antennas look; None: of a version that this one does not
@@ -99,16 +101,17 @@ def flown_testbed(overview: Overview, epoch: int) -> Testbed | None:
         e.what for e in overview.events if isinstance(e.what, TargetRequested) and e.epoch == epoch
     ]
     try:
-        plant = described(overview.testbed.settings, "the log")
+        plant = described(overview.testbed.settings, "the log", trust)
         turns = [(request.text, request.start * plant.period) for request in requests]
         return with_requests(plant.testbed, turns)
     except (BadInput, KeyError, TypeError, ValueError):
         return None
 
 
-def _run_setup(overview: Overview, joints: int, epoch: int) -> RunSetup:
+def _run_setup(bag: BagReader, joints: int, epoch: int) -> RunSetup:
+    overview = bag.overview
     limit = np.zeros(0) if overview.testbed is None else overview.testbed.effort_limit
-    testbed = flown_testbed(overview, epoch)
+    testbed = flown_testbed(overview, epoch, bag.trust)
     return RunSetup(joint_names_of(overview, joints), _manoeuvre(overview, joints), limit, testbed)
 
 
@@ -134,7 +137,7 @@ def _own(bag: BagReader) -> tuple[list[type[Metric]], list[str]]:
     found, refused = [], []
     for name in map(str, names if isinstance(names, list) else []):
         try:
-            found += own_metrics([name], f"{bag.path}: trial: metrics")
+            found += own_metrics([name], f"{bag.path}: trial: metrics", bag.trust)
         except BadInput as error:
             refused.append(f"{name} is left out: {error}")
     return found, refused

@@ -6,24 +6,25 @@ from flexslew_lab.metrics import KEYS, METRICS
 from flexslew_lab.metrics.metric import Key, Metric
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import METRICS as GROUP
-from flexslew_plant.own_code import find_class
+from flexslew_plant.own_code import Trust, find_class
 
 
-def own_metrics(names: Sequence[str], source: str) -> list[type[Metric]]:
+def own_metrics(names: Sequence[str], source: str, trust: Trust) -> list[type[Metric]]:
     """Return the classes of a trial's own metrics.
 
     Args:
         names: `file.py:Class`, `package.module.Class`, or an entry point of flexslew.metrics.
         source: where they stand, for errors.
+        trust: which of them may be loaded.
 
     Raises:
-        Untrusted: a log names them, and its reader has not trusted them.
+        Untrusted: one of them is not trusted.
         BadInput: there is no such class, it is no metric, or one of its keys is taken.
     """
     found: list[type[Metric]] = []
     taken = dict.fromkeys(KEYS, "the bench")
     for name in names:
-        kind = find_class(name, GROUP, "metric", source, tuple(METRICS))
+        kind = find_class(name, GROUP, "metric", source, tuple(METRICS), trust)
         keys = getattr(kind, "KEYS", None)
         if not isinstance(keys, dict) or not all(isinstance(k, Key) for k in keys.values()):
             raise BadInput(f"{name} is no metric: it needs KEYS, a dict of Key by name", source)

@@ -1,6 +1,6 @@
 """Recorded measurements fed to a controller: is every number in its answers as recorded?"""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from flexslew_lab.replay.logged_code import changed_code, reading
 from flexslew_lab.replay.logged_controllers import Key, LoggedControllers, logged_laws, trial_of
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import NO_CODE, Trust
 
 
 class Check(NamedTuple):
@@ -42,7 +43,7 @@ def check(
     law: str | None = None,
     settings: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] = lambda tick, last: None,
-    trusted: Collection[str] = (),
+    trust: Trust = NO_CODE,
 ) -> Check:
     """Return how a controller answers the measurements of a log, field by field.
 
@@ -52,15 +53,14 @@ def check(
         law: that stands in for the recorded one, with its own defaults.
         settings: that replace the recorded ones key by key.
         progress: called with the tick and the last tick.
-        trusted: names of classes that the log may run, or `all`.
+        trust: which classes the log may run.
 
     Raises:
         Untrusted: the log names code that is not trusted.
         BadInput: the controller is not in the log, or the law cannot be built.
     """
-    reader = BagReader(bag)
-    own = {law} if law is not None else set()  # the reader's own word
-    with reading(reader, {*trusted, *own}):
+    reader = BagReader(bag, trust=trust)
+    with reading(reader):
         return _checked(reader, controller, law, settings or {}, progress)
 
 
@@ -77,7 +77,9 @@ def _checked(
     recorded_law, values = laws[controller]
     own = {} if law is not None and law != recorded_law else values
     chosen = law or recorded_law, {**own, **settings}
-    logged = LoggedControllers(reader, only=controller, replaced={controller: chosen})
+    word = {law} if law is not None else set()  # the reader's own
+    trust = Trust(reader.trust.names | word, reader.trust.everything)
+    logged = LoggedControllers(reader, controller, {controller: chosen}, trust=trust)
     testbed = reader.overview.testbed
     answers = AnswerComparison(float(testbed.period))
     last = reader.overview.counts.get("/measurement", 0)

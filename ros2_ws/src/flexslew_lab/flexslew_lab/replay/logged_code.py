@@ -1,29 +1,24 @@
 """Code of the user's own that a log names: what it was when it was recorded, what it is here."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from flexslew_control.controllers import LAW_HASH
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.logged_text import logged_json, logged_yaml
 from flexslew_lab.trial.own_code import HASHES
-from flexslew_plant.own_code import Untrusted, code_hash, only_trusted
+from flexslew_plant.own_code import Untrusted, code_hash
 
 
 @contextmanager
-def reading(bag: BagReader, trusted: Collection[str]) -> Iterator[None]:
-    """Refuse, inside of the block, to run code that the log names and its reader has not trusted.
-
-    Args:
-        bag: the log.
-        trusted: names of classes as the log has them, or `all`.
+def reading(bag: BagReader) -> Iterator[None]:
+    """Say of code that is refused inside of the block whether it is that of the recorded run.
 
     Raises:
         Untrusted: inside of the block, with the file, its hash, and whether it is the recorded one.
     """
     try:
-        with only_trusted(trusted):
-            yield
+        yield
     except Untrusted as error:
         recorded = logged_hashes(bag).get(error.name, "")
         if not recorded:

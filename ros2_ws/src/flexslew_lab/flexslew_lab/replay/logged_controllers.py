@@ -1,6 +1,7 @@
 """The controllers of a log, built again, and the plans that they followed from which tick on."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from flexslew_control.controllers import (
@@ -20,6 +21,7 @@ from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import ControllerTuned
+from flexslew_plant.own_code import Trust
 
 Key = tuple[int, int]  # epoch and tick
 
@@ -48,7 +50,7 @@ def trial_of(bag: BagReader, changes: Mapping[str, Any] | None = None) -> Trial:
     values = logged_yaml(bag.trial_text, source)
     if changes:
         values = overridden(values, dict(changes))
-    return trial_of_values(values, source)
+    return trial_of_values(values, source, bag.trust)
 
 
 class LoggedControllers:
@@ -59,6 +61,7 @@ class LoggedControllers:
         only: the names that are needed; none: all of the trial and of the log.
         replaced: laws and settings by name that stand in for those of the log.
         trial: that stands in for the log's.
+        trust: which laws may be loaded; None: those that the log may.
 
     Raises:
         BadInput: the log does not say what is needed, or a law cannot be built.
@@ -70,6 +73,7 @@ class LoggedControllers:
         only: str | None = None,
         replaced: Mapping[str, tuple[str, dict[str, Any]]] | None = None,
         trial: Trial | None = None,
+        trust: Trust | None = None,
     ) -> None:
         overview = bag.overview
         testbed = overview.testbed
@@ -77,7 +81,7 @@ class LoggedControllers:
             raise BadInput("does not name its testbed (no /testbed)", bag.path)
         laws = logged_laws(bag) | dict(replaced or {})
         self._source = str(bag.path)
-        self._plant = plant_of(trial or trial_of(bag))
+        self._plant = replace(plant_of(trial or trial_of(bag)), trust=trust or bag.trust)
         self._laws = laws if only is None else {only: laws[only]}
         self.by_name = {name: self._built(name) for name in self._laws}
         self._due = [a for a in adoptions(bag) if a.controller in self.by_name]

@@ -1,6 +1,6 @@
 """The run again from nothing but its log: trial, logged plan, operator's requests, missed ticks."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ from flexslew_lab.replay.logged_controllers import trial_of
 from flexslew_lab.replay.resimulator import Resimulator
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import NO_CODE, Trust
 
 # Another processor or another build rounds differently. Of the largest magnitude of a field.
 TOLERANCE = 1e-9
@@ -56,7 +57,7 @@ def resim(
     bag: Path,
     progress: Callable[[int, int], None] = lambda tick, last: None,
     changes: Mapping[str, Any] | None = None,
-    trusted: Collection[str] = (),
+    trust: Trust = NO_CODE,
 ) -> Resimulation:
     """Return the comparison of a log with its run flown again, in process.
 
@@ -66,15 +67,15 @@ def resim(
         bag: the bag's folder or file.
         progress: called with the tick and the last tick of the trial.
         changes: of the trial, by path: what would have been otherwise?
-        trusted: names of classes that the log may run, or `all`.
+        trust: which classes the log may run.
 
     Raises:
         Untrusted: the log names code that is not trusted.
         BadInput: the log does not hold what determines the run.
         RunFault: the state becomes non-finite.
     """
-    reader = BagReader(bag)
-    with reading(reader, trusted):
+    reader = BagReader(bag, trust=trust)
+    with reading(reader):
         return _flown_again(reader, progress, changes or {})
 
 

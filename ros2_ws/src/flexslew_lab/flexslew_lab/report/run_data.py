@@ -69,7 +69,7 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
     collector = _Collector(
         overview.counts,
         len(testbed.joint_names) if testbed is not None else None,
-        _model_with_readings(trial, str(bag.path)),
+        _model_with_readings(trial, bag),
     )
     for block in bag.blocks(["/truth", "/controller_state", "/measurement"]):
         collector.take(block.topic, block.columns)
@@ -95,7 +95,7 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
         tuple(collector.phases),
         np.array(collector.frame_time),
         np.array(collector.frame_position),
-        _testbed(overview, trial, str(bag.path)),
+        _testbed(trial, bag),
     )
 
 
@@ -107,21 +107,22 @@ def appendage_names_of(overview: Overview, count: int) -> tuple[str, ...]:
     return tuple(f"appendage_{k + 1}" for k in range(count))
 
 
-def _testbed(overview: Overview, trial: Mapping[str, Any], source: str) -> Testbed | None:
+def _testbed(trial: Mapping[str, Any], bag: BagReader) -> Testbed | None:
     """Return what was flown last, with the turns that operators asked for."""
-    known = flown_testbed(overview, max((e.epoch for e in overview.events), default=0))
+    epoch = max((e.epoch for e in bag.overview.events), default=0)
+    known = flown_testbed(bag.overview, epoch, bag.trust)
     if known is not None or "testbed" not in trial:
         return known
     try:
-        return read_testbed(trial["testbed"], source)
+        return read_testbed(trial["testbed"], str(bag.path), bag.trust)
     except BadInput:
         return None
 
 
-def _model_with_readings(trial: Mapping[str, Any], source: str) -> Model | None:
+def _model_with_readings(trial: Mapping[str, Any], bag: BagReader) -> Model | None:
     """Return the model of a trial whose joints are not the first entries of its state."""
     try:
-        model = read_testbed(trial["testbed"], source).model()
+        model = read_testbed(trial["testbed"], str(bag.path), bag.trust).model()
     except (BadInput, KeyError):
         return None
     return None if model.reading is None else model

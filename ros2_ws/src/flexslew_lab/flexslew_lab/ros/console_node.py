@@ -9,6 +9,7 @@ from pydantic import Field
 
 from flexslew_lab.console.page import Page
 from flexslew_lab.ros.live_link import LiveLink
+from flexslew_plant.own_code import Trust
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node, within
 from flexslew_plant.ros.parameters import new_node, settings_of
@@ -25,6 +26,7 @@ class ConsoleSettings:
     port: Annotated[int, Field(ge=0, le=65535)] = 8080  # 0: any free one
     folder: str = ""  # of the run; empty: not known
     command: str = ""  # that repeats the run
+    trust: tuple[str, ...] = ()  # testbeds of your own that may be loaded, to be drawn
 
 
 class ConsoleNode:
@@ -46,7 +48,7 @@ class ConsoleNode:
         self.node = node = new_node("console")
         loop.live(node, "console")
         chosen: ConsoleSettings = settings or settings_of(node, ConsoleSettings)
-        self._link = LiveLink(node, chosen.folder, chosen.command)
+        self._link = LiveLink(node, chosen.folder, chosen.command, Trust.of(chosen.trust))
         self._page = Page(self._link, chosen.host, chosen.port, say)
 
     def poll(self) -> float:

@@ -16,6 +16,7 @@ from flexslew_lab.ros.bench_client import BenchClient
 from flexslew_lab.ros.hidden_listener import HiddenListener
 from flexslew_lab.ros.rebroadcast import PASSED_ON
 from flexslew_plant import topics
+from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.topics import TOPICS
 
 _HEARD = (
@@ -33,12 +34,13 @@ class LiveLink:
         node: of this process.
         folder: of the run; empty: not known.
         command: that repeats the run.
+        trust: which testbeds of the user's own may be loaded, to be drawn.
     """
 
     replay = False
 
-    def __init__(self, node: Node, folder: str, command: str) -> None:
-        self.view, self.folder, self.command = BenchView(), folder, command
+    def __init__(self, node: Node, folder: str, command: str, trust: Trust = NO_CODE) -> None:
+        self.view, self.folder, self.command = BenchView(trust), folder, command
         self._client = BenchClient(node)
         self._heard = 0.0  # of the plant, last [wall s]
         self._recorded = monotonic()  # when the recorder was heard, or could not be [wall s]

@@ -13,6 +13,7 @@ from flexslew_lab.studies.study import Nominal, Study
 from flexslew_lab.trial.overrides import overridden, value_at
 from flexslew_lab.trial.trial import Trial, feedback_of, law_of, trial_of_values
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import believed, initial_positions
 
@@ -122,8 +123,10 @@ def case_trial(study: Study, case: Case) -> Trial:
     if case.variant not in study.nominal:
         variant = study.variants[case.variant]
         whole = _flying(overridden(study.base, variant.changes))
-        values = whole if study.settings.replan else _believing(whole, study.source)
-        study.nominal[case.variant] = Nominal(values, trial_of_values(values, study.source))
+        values = whole if study.settings.replan else _believing(whole, study.source, study.trust)
+        study.nominal[case.variant] = Nominal(
+            values, trial_of_values(values, study.source, study.trust)
+        )
     nominal = study.nominal[case.variant]
     changes = changes_of(study, case)
     touched = {key: nominal.values[key] for key in {path.split(".")[0] for path in changes}}
@@ -131,7 +134,9 @@ def case_trial(study: Study, case: Case) -> Trial:
     changed = overridden(touched, changes)
     name = f"{study.settings.study}-{max(case.number, 0)}"
     return trial_of_values(
-        alike | changed | {"seed": case.seed, "name": name, "rate_factor": 0.0}, source
+        alike | changed | {"seed": case.seed, "name": name, "rate_factor": 0.0},
+        source,
+        study.trust,
     )
 
 
@@ -149,16 +154,18 @@ def _flying(values: dict[str, Any]) -> dict[str, Any]:
     return values | {"controllers": controllers}
 
 
-def _believing(values: dict[str, Any], source: str) -> dict[str, Any]:
+def _believing(values: dict[str, Any], source: str, trust: Trust) -> dict[str, Any]:
     """Return the trial with all beliefs about the nominal bench written out.
 
     What planner and controllers would take from the testbed they meet: its model, where its joints
     rest, and, for the planner, the gains of the controller in charge.
     """
-    nominal = trial_of_values(values, source)
+    nominal = trial_of_values(values, source, trust)
 
     def model(given: Any, place: str) -> dict[str, Any]:
-        belief: dict[str, Any] = plain(believed(nominal.testbed, given, f"{source}: {place}"))
+        belief: dict[str, Any] = plain(
+            believed(nominal.testbed, given, f"{source}: {place}", trust)
+        )
         return belief
 
     controllers = {}

@@ -142,7 +142,7 @@ def _flown(
     plan = plans.of(trial)
     if (refused := follow(controllers, trial.active, plan)) is not None:
         return {}, None, str(refused)
-    own = own_metrics(trial.metrics, f"{source}: metrics")
+    own = own_metrics(trial.metrics, f"{source}: metrics", trial.trust)
     observer = MetricsObserver(bench, plan, own)
     fly(bench, controllers, observer)
     if bench.failure:

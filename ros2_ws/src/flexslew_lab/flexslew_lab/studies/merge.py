@@ -8,14 +8,16 @@ from flexslew_lab.studies.run import flights_of, note
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study, load_study
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
 
 
-def merged(folders: list[Path], out: Path) -> tuple[Study, Store]:
+def merged(folders: list[Path], out: Path, trust: Trust) -> tuple[Study, Store]:
     """Return the study and the folder that holds the trials of all others.
 
     Args:
         folders: of the shards, whole or not; they stay as they are.
         out: new, empty, or with a part of the same study.
+        trust: which classes of the user's own its trials may name.
 
     Raises:
         BadInput: a folder holds no study, or another one; nothing was changed.
@@ -44,4 +46,4 @@ def merged(folders: list[Path], out: Path) -> tuple[Study, Store]:
         flown = sum(one.get("flown", 0) for one in told)
         note(whole, wall_time=wall, flown=flown, trials_per_second=flown / wall if wall else None)
         whole.write_table()
-    return load_study(out / "study.yaml"), whole
+    return load_study(out / "study.yaml", trust), whole

@@ -85,7 +85,7 @@ def prepare(study: Study) -> Preparation:
         typical = case_trial(study, typical_case(study, samples, k))
         bench = Bench(bench_settings(typical))
         build_controllers(typical, bench, study.source)
-        own = own_metrics(typical.metrics, f"{study.source}: metrics")
+        own = own_metrics(typical.metrics, f"{study.source}: metrics", typical.trust)
         columns |= dict.fromkeys(metric_columns(bench, own))
         ends = [case_trial(study, case_of(study, samples, k))]
         ends.append(case_trial(study, case_of(study, samples, _last(study, samples, k))))

@@ -16,6 +16,7 @@ from flexslew_lab.trial.overrides import value_at
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import Trial, load_trial
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.settings import Positive, load_yaml, plain, section, validated
 
 SHIPPED = Path(str(resources.files("flexslew_lab"))) / "studies" / "shipped"
@@ -113,6 +114,7 @@ class Study(NamedTuple):
     variants: tuple[Variant, ...]
     listed: tuple[NDArray[np.float64], ...]  # columns of a list, by varied value
     nominal: dict[int, Nominal]  # trials by variant, without a sample; filled on first use
+    trust: Trust = NO_CODE  # which classes of the user's own its trials may name
 
 
 def study_path(name: str) -> Path:
@@ -136,8 +138,12 @@ def shipped_names() -> list[str]:
     return sorted(path.stem for path in SHIPPED.glob("*.yaml"))
 
 
-def load_study(path: Path) -> Study:
+def load_study(path: Path, trust: Trust = NO_CODE) -> Study:
     """Return the study of a file.
+
+    Args:
+        path: of it.
+        trust: which classes of the user's own its trial may name.
 
     Raises:
         BadInput: the file cannot be read, or one of its values is not allowed.
@@ -146,16 +152,17 @@ def load_study(path: Path) -> Study:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"cannot be read: {error}", path) from None
-    return parse_study(text, str(path), path.parent)
+    return parse_study(text, str(path), path.parent, trust)
 
 
-def parse_study(text: str, source: str, folder: Path) -> Study:
+def parse_study(text: str, source: str, folder: Path, trust: Trust = NO_CODE) -> Study:
     """Return the study of a YAML text.
 
     Args:
         text: the file's content.
         source: its name, for messages.
         folder: from which trial and list are seen.
+        trust: which classes of the user's own its trial may name.
 
     Raises:
         BadInput: see load_study.
@@ -165,7 +172,7 @@ def parse_study(text: str, source: str, folder: Path) -> Study:
         raise BadInput("holds no keys; it needs at least study, trial and vary", source)
     settings: StudySettings = validated(StudySettings, values, source)
     trial_path = _trial_path(settings.trial, folder, source)
-    base = plain(load_trial(trial_path))
+    base = plain(load_trial(trial_path, trust))
     varied, listed = _varied(settings, base, folder, source)
     check_sampling(settings.sampling, len(varied), f"{source}: sampling")
     variants = _variants(settings, base, source)
@@ -181,7 +188,7 @@ def parse_study(text: str, source: str, folder: Path) -> Study:
             "give no bounds; use random, lhs or sobol",
             source,
         )
-    return Study(settings, source, str(trial_path), base, varied, variants, listed, {})
+    return Study(settings, source, str(trial_path), base, varied, variants, listed, {}, trust)
 
 
 def known_metric(name: str, known: list[str], place: str) -> str:

@@ -40,7 +40,14 @@ class ForkServer:
         require_shared_memory()
         self._pipe, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
-            command = [sys.executable, "-m", __name__, str(theirs.fileno()), *sorted({*modules})]
+            command = [
+                sys.executable,
+                "-P",
+                "-m",
+                __name__,
+                str(theirs.fileno()),
+                *sorted({*modules}),
+            ]
             self._process = subprocess.Popen(  # a session of its own: Ctrl-C is not for it
                 command,
                 stdin=subprocess.DEVNULL,

@@ -1,16 +1,37 @@
 """Which code of the user's own a trial runs, and its hashes, for the log."""
 
+from collections.abc import Iterator
+from typing import Any
+
 from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.planners import PLANNERS
 from flexslew_lab.trial.trial import Trial, law_of
 from flexslew_plant.own_code import code_hash
+from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import TESTBEDS
 
 HASHES = "own_code"  # key in the metadata of a log: JSON, SHA-256 by name
 
 
-def own_code_of(trial: Trial) -> dict[str, str]:
-    """Return the SHA-256 of the files of laws, testbeds and metrics not built in, by name."""
-    names = {law_of(name, values or {})[0] for name, values in trial.controllers.items()}
+def own_names(trial: Trial) -> list[str]:
+    """Return the names of the laws, testbeds, planners and metrics that are not built in."""
+    values = plain(trial)
+    names = {law_of(name, own or {})[0] for name, own in values["controllers"].items()}
     names -= set(CONTROLLERS)
-    names |= {trial.testbed.kind} - set(TESTBEDS) | set(trial.metrics)
-    return {name: code_hash(name) for name in sorted(names)}
+    names |= {*_under("kind", [values["testbed"], values["plan"], values["controllers"]])}
+    names |= {*_under("method", [values["plan"]])} - set(PLANNERS)
+    return sorted(names - set(TESTBEDS) | set(trial.metrics))
+
+
+def own_code_of(trial: Trial) -> dict[str, str]:
+    """Return the SHA-256 of the files of laws, testbeds, planners and metrics not built in."""
+    return {name: code_hash(name) for name in own_names(trial)}
+
+
+def _under(key: str, values: Any) -> Iterator[str]:
+    """Yield the texts under a key of a testbed, or of a `model` that changes one."""
+    for part in values.values() if isinstance(values, dict) else values:
+        if isinstance(part, dict):
+            if isinstance(part.get(key), str):
+                yield part[key]
+            yield from _under(key, [part[k] for k in ("model",) if isinstance(part.get(k), dict)])

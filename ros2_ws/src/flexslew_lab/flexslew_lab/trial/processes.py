@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from flexslew_lab.trial.own_code import own_names
 from flexslew_lab.trial.trial import (
     SavedPlan,
     Trial,
@@ -56,6 +57,7 @@ def node_processes(
         autostart: fly as soon as all are there; else when an operator says so.
     """
     listeners = ["recorder"] if record else []
+    trust = own_names(trial)
     processes = []
     if record:
         parameters = {
@@ -66,7 +68,7 @@ def node_processes(
         processes.append(NodeProcess("recorder", "flexslew_lab", "recorder", parameters))
     planned = trial.plan is not None
     if planned or not autostart:  # an operator may want to plan
-        parameters = {"exit_with_plant": True}
+        parameters = {"exit_with_plant": True, "trust": trust}
         if trial.plan is None:
             pass
         elif plan is not None:
@@ -86,6 +88,7 @@ def node_processes(
             "requires_plan": planned,
             "wait_for": listeners,
             "exit_with_plant": True,
+            "trust": trust,
             **own,
         }
         processes.append(NodeProcess(name, "flexslew_control", "controller", parameters))

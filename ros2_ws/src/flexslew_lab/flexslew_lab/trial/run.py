@@ -39,6 +39,7 @@ from flexslew_lab.trial.trial import (
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.events import BecameUnready, BrakeTookOver, Event, FallbackTookOver
+from flexslew_plant.own_code import Trust
 
 Progress = Callable[[int, int], None]  # tick, last tick
 CHECK_FAILED = 1  # exit code of a run that is done and has missed its goal
@@ -91,7 +92,9 @@ def run_trial(
     if not in_process:
         require_shared_memory()
     prepared = _prepared(trial, source)
-    own_metrics(trial.metrics, f"{source}: metrics")  # refused before anything is flown
+    own_metrics(
+        trial.metrics, f"{source}: metrics", trial.trust
+    )  # refused before anything is flown
     if prepared.plan is not None and prepared.plan.end > trial.duration:
         say(
             f"warning: the plan ends at {prepared.plan.end:g} s, the run at {trial.duration:g} s: "
@@ -113,7 +116,7 @@ def run_trial(
         outcome = _in_process(trial, prepared, bag, metadata, progress)
     else:
         outcome = _over_ros(trial, prepared.plan, folder, metadata, progress, say, autostart)
-    result, reader = _finished(folder, bag, outcome)
+    result, reader = _finished(folder, bag, outcome, trial.trust)
     words = prediction_gap(trial, prepared.plan, result.metrics)
     if words:
         say(words)
@@ -128,14 +131,15 @@ def run_trial(
     return result
 
 
-def finished(folder: Path, report: bool = True) -> None:
+def finished(folder: Path, trust: Trust, report: bool = True) -> None:
     """Write metrics.json, and report.html too, of a run that others have flown.
 
     Args:
         folder: of the run, with its bag.
+        trust: which classes that its trial names may be loaded.
         report: with the report.
     """
-    reader = BagReader(folder / "bag")
+    reader = BagReader(folder / "bag", trust=trust)
     (folder / "metrics.json").write_text(json.dumps(metrics_from(reader), indent=2) + "\n")
     if report:
         write_report([reader], folder / "report.html")
@@ -190,7 +194,7 @@ def _without_feedforward(trial: Trial, source: str, folder: Path) -> BagReader |
     other = replace(trial, name=f"{trial.name}-without-feedforward", plan=bare)
     prepared = _prepared(other, source)
     _in_process(other, prepared, bag, {"trial_file": source}, lambda tick, last: None, bare=True)
-    return BagReader(bag)
+    return BagReader(bag, trust=trial.trust)
 
 
 def _over_ros(
@@ -214,12 +218,14 @@ def _over_ros(
         return supervisor.run()
 
 
-def _finished(folder: Path, bag: Path, outcome: Outcome) -> tuple[Result, BagReader | None]:
+def _finished(
+    folder: Path, bag: Path, outcome: Outcome, trust: Trust
+) -> tuple[Result, BagReader | None]:
     """Write metrics.json; return what is known of the run, and its bag where there is one."""
     metrics: dict[str, Any] = {}
     message, reader = outcome.message, None
     with suppress(BadInput):  # an interrupted run may hold no tick at all
-        reader = BagReader(bag)
+        reader = BagReader(bag, trust=trust)
         metrics = metrics_from(reader)
         (folder / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
         if outcome.exit_code == 3:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.trial import Trial, checked_trial, text_of, trial_of_values
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import load_yaml
 
 FOLDER = Path(str(resources.files("flexslew_lab"))) / "trials"
@@ -76,7 +77,9 @@ def changes_of(assignments: list[str] | None) -> dict[str, Any]:
 
 
 def read_trial(name: str | Path | None, assignments: list[str] | None = None) -> tuple[Trial, str]:
-    """Return a trial and what it came from, for messages and for the log.
+    """Return a trial that the user gives, and what it came from, for messages and for the log.
+
+    It is the user's own word: it may name any class of the user's own.
 
     Args:
         name: as in trial_path.
@@ -93,4 +96,4 @@ def read_trial(name: str | Path | None, assignments: list[str] | None = None) ->
         except BadInput as error:
             raise BadInput(f"--set: {error}") from None
     source = str(path) + "".join(f" --set {assignment}" for assignment in assignments or [])
-    return checked_trial(trial_of_values(values, str(path)), str(path)), source
+    return checked_trial(trial_of_values(values, str(path), ANY_CODE), str(path)), source

@@ -1,5 +1,6 @@
 """A trial file: what stands on the bench, who flies it, what happens when."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
@@ -20,9 +21,11 @@ from flexslew_plant.bench.hardware.sensors import SensorSettings
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import Schedule, require_allowed
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import (
     NonNegative,
+    NotAKey,
     Positive,
     load_yaml,
     plain,
@@ -81,15 +84,20 @@ class Trial:
     goal_tolerance: Positive = 0.1  # on metric goal_error; above it the run fails its check [-]
     metrics: tuple[str, ...] = ()  # of your own, besides the bench's
     allow_faults: bool = False  # whether anything may be broken, by schedule or by inject_fault
+    trust: NotAKey[Trust] = Field(default=NO_CODE, exclude=True, repr=False)
 
 
-def load_trial(path: Path) -> Trial:
+def load_trial(path: Path, trust: Trust = NO_CODE) -> Trial:
     """Return the trial of a file.
+
+    Args:
+        path: of it.
+        trust: which classes of the user's own it may name.
 
     Raises:
         BadInput: the file cannot be read, or one of its values is not allowed.
     """
-    return checked_trial(parse_trial(text_of(path), str(path)), str(path))
+    return checked_trial(parse_trial(text_of(path), str(path), trust), str(path))
 
 
 def text_of(path: Path) -> str:
@@ -123,16 +131,16 @@ def checked_trial(trial: Trial, source: str) -> Trial:
     return trial
 
 
-def parse_trial(text: str, source: str) -> Trial:
+def parse_trial(text: str, source: str, trust: Trust = NO_CODE) -> Trial:
     """Return the trial of a YAML text; see load_trial."""
-    return trial_of_values(load_yaml(text, source), source)
+    return trial_of_values(load_yaml(text, source), source, trust)
 
 
-def trial_of_values(values: Any, source: str) -> Trial:
+def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
     """Return the trial that plain data describe; see load_trial."""
     if not isinstance(values, dict):
         raise BadInput("holds no keys; `flexslew trials` lists examples", source)
-    trial: Trial = validated(Trial, values, source)
+    trial: Trial = replace(validated(Trial, values, source, trust), trust=trust)
     wanted = {"active": trial.active} | {f"fallback.{i}": c for i, c in enumerate(trial.fallback)}
     wanted |= {f"schedule.{i}.switch": e.switch for i, e in enumerate(trial.schedule) if e.switch}
     for key, controller in wanted.items():
@@ -225,7 +233,7 @@ def plan_section_of(trial: Trial, source: str) -> PlanSettings | None:
     """
     if isinstance(trial.plan, SavedPlan):
         saved = load_plan(trial.plan.file)
-        return plan_settings(saved.request, f"{source}: plan: {trial.plan.file}")
+        return plan_settings(saved.request, f"{source}: plan: {trial.plan.file}", trial.trust)
     return trial.plan
 
 
@@ -233,7 +241,7 @@ def plant_of(trial: Trial) -> PlantDescription:
     """Return what stands on the trial's bench."""
     limit = np.array(trial.testbed.effort_limit, dtype=np.float64)
     testbed = with_schedule(trial.testbed, trial.schedule)
-    return PlantDescription(testbed, trial.period, limit)
+    return PlantDescription(testbed, trial.period, limit, trial.trust)
 
 
 def feedback_of(trial: Trial) -> Feedback | None:

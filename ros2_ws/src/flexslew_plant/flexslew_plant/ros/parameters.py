@@ -14,6 +14,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import flat, load_yaml, plain, validated
 from flexslew_plant.settings_fields import FieldMeaning, meanings
 
@@ -75,7 +76,7 @@ def declared(node: Node, kind: Any, given: dict[str, Any], changeable: Iterable[
     Raises:
         BadInput: an unknown parameter or a value that is not allowed.
     """
-    settings = validated(kind, given, f"node {node.get_name()}")
+    settings = validated(kind, given, f"node {node.get_name()}", ANY_CODE)
     declare(node, settings, changeable)
     return settings
 

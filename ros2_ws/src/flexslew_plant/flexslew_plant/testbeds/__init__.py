@@ -7,12 +7,12 @@ group flexslew.testbeds.
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-from pydantic import BeforeValidator, Discriminator, PlainValidator, Tag
+from pydantic import BeforeValidator, Discriminator, PlainValidator, Tag, ValidationInfo
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput
-from flexslew_plant.own_code import find_class
+from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.settings import plain, validated
 from flexslew_plant.testbeds.contract import Testbed as Testbed
 from flexslew_plant.testbeds.entry import TestbedEntry as TestbedEntry
@@ -56,13 +56,14 @@ def _for_all(kind: type[Any], values: dict[str, Any]) -> dict[str, Any]:
     return {**values, "effort_limit": [limit] * drives}
 
 
-def _own(values: Any) -> Any:
+def _own(values: Any, info: ValidationInfo) -> Any:
     """Return a section of the user's own class."""
     if not isinstance(values, dict):
         return values
+    name, trust = str(values["kind"]), info.context or NO_CODE
     try:
-        found = find_class(str(values["kind"]), GROUP, "testbed", "kind", tuple(TESTBEDS))
-        return validated(found, _for_all(found, values), str(values["kind"]))
+        found = find_class(name, GROUP, "testbed", "kind", tuple(TESTBEDS), trust)
+        return validated(found, _for_all(found, values), name, trust)
     except BadInput as error:
         raise ValueError(str(error)) from None
 
@@ -89,21 +90,24 @@ def default_testbed() -> Testbed:
     return testbed
 
 
-def read_testbed(values: Any, source: str) -> Testbed:
+def read_testbed(values: Any, source: str, trust: Trust = NO_CODE) -> Testbed:
     """Return a `testbed` section as its kind reads it.
 
     Args:
         values: what YAML holds.
         source: the file to name in an error.
+        trust: which kinds of the user's own may be loaded.
 
     Raises:
         BadInput: the first wrong key, with its value and what is allowed.
     """
-    testbed: Testbed = validated(TestbedSettings, values, source)
+    testbed: Testbed = validated(TestbedSettings, values, source, trust)
     return testbed
 
 
-def varied(testbed: Testbed, changes: Mapping[str, Any], source: str) -> Testbed:
+def varied(
+    testbed: Testbed, changes: Mapping[str, Any], source: str, trust: Trust = NO_CODE
+) -> Testbed:
     """Return the testbed with some of its keys changed, nested sections key by key.
 
     A change of `kind` starts from that kind's defaults.
@@ -112,17 +116,21 @@ def varied(testbed: Testbed, changes: Mapping[str, Any], source: str) -> Testbed
         BadInput: see read_testbed.
     """
     if changes.get("kind", testbed.kind) != testbed.kind:
-        return read_testbed(dict(changes), source)
-    return read_testbed(_merged(plain(testbed), changes), source)
+        return read_testbed(dict(changes), source, trust)
+    known = Trust(trust.names | {testbed.kind}, trust.everything)  # it has been loaded before
+    return read_testbed(_merged(plain(testbed), changes), source, known)
 
 
-def believed(testbed: Testbed, changes: Mapping[str, Any] | None, source: str) -> Testbed:
+def believed(
+    testbed: Testbed, changes: Mapping[str, Any] | None, source: str, trust: Trust = NO_CODE
+) -> Testbed:
     """Return what a planner or a law believes of the testbed: simplified, with these changes.
 
     Args:
         testbed: that stands on the bench.
         changes: the `model` section of a plan or a law; None: none.
         source: for an error.
+        trust: which other kinds of the user's own may be loaded.
 
     Raises:
         BadInput: see read_testbed.
@@ -130,8 +138,8 @@ def believed(testbed: Testbed, changes: Mapping[str, Any] | None, source: str) -
     given = changes or {}
     if given.get("kind", testbed.kind) != testbed.kind:
         own = TESTBEDS[given["kind"]].settings.simplified if given["kind"] in TESTBEDS else {}
-        return read_testbed(_merged(dict(own), given), source)
-    return varied(testbed, _merged(dict(testbed.simplified), given), source)
+        return read_testbed(_merged(dict(own), given), source, trust)
+    return varied(testbed, _merged(dict(testbed.simplified), given), source, trust)
 
 
 def initial_positions(testbed: Testbed) -> dict[str, float]:

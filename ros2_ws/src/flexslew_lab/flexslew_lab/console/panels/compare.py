@@ -12,6 +12,7 @@ from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.charts import ChartsPanel
 from flexslew_lab.console.replay import Replay
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import one_line
 
 _COMPARED = tuple(name for name in quantities.NAMES if name != quantities.INNOVATION)
 Curves = dict[str, list[Curve]]  # by quantity
@@ -44,8 +45,9 @@ class ComparePanel:
             try:
                 self._charts.overlays = done.result()
                 self._compared = -1
-            except (BadInput, OSError) as error:
-                self._reply.tell(RequestResult(False, str(error)))
+            except Exception as error:  # of a log, which may hold anything; the page goes on
+                words = str(error) if isinstance(error, BadInput | OSError) else one_line(error)
+                self._reply.tell(RequestResult(False, words))
         ticks = self._view.truth.time.size
         if self._charts.overlays and abs(ticks - self._compared) >= 100:
             self._compared = ticks
