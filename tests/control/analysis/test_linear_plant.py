@@ -21,6 +21,7 @@ from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.bench.hardware.actuator import ActuatorSettings
 from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.testbeds import TESTBEDS, read_testbed
 
 OWN = f"{Path(__file__).parents[3] / 'docs/examples/three_joints.py'}:ThreeJoints"
@@ -38,7 +39,7 @@ def kinds() -> list[tuple[str, Any, float]]:
 
 
 def bed(values: dict[str, Any]) -> Any:
-    return read_testbed(values, "here")
+    return read_testbed(values, "here", ANY_CODE)
 
 
 CASES = [

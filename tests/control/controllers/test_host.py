@@ -13,12 +13,13 @@ from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 
 ARRAYS = ("joint_position", "joint_velocity", "tip_deflection", "root_curvature", "applied_effort")
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
-CSA = PlantDescription(CsaTestbed(modes=1), 0.01, np.array([150.0, 150.0]))
+CSA = PlantDescription(CsaTestbed(modes=1), 0.01, np.array([150.0, 150.0]), ANY_CODE)
 OSCILLATOR = PlantDescription(FloatingOscillatorTestbed(), 0.01, np.array([1.0]))
 
 
