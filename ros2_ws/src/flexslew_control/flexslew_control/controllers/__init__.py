@@ -20,6 +20,7 @@ from flexslew_plant.testbeds.model import Model
 # isort: split
 # the laws, a line each
 from flexslew_control.controllers.collocated_pid import COLLOCATED_PID as COLLOCATED_PID
+from flexslew_control.controllers.linear_law import LINEAR as LINEAR
 from flexslew_control.controllers.lqr import LQR as LQR
 from flexslew_control.controllers.output_feedback import OUTPUT_FEEDBACK as OUTPUT_FEEDBACK
 from flexslew_control.controllers.pd_feedforward import PD_FEEDFORWARD as PD_FEEDFORWARD
@@ -72,7 +73,7 @@ def build_controller(
     Raises:
         BadInput: unknown law, wrong settings, or a design that does not exist.
     """
-    common, own = _common_settings(values, source), law_values(values)
+    common, own = _common_settings(values, source), law_values(inlined(law, values, source))
     estimator: Estimator
     built: Law
     if law in CONTROLLERS:
@@ -123,6 +124,21 @@ def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> s
     if common.monitor is not None:
         settings["monitor"] = plain(common.monitor)
     return yaml_text({**settings, "handover_time": common.handover_time, **derived})
+
+
+def inlined(law: str, values: dict[str, Any], source: str) -> dict[str, Any]:
+    """Return the settings of a law with what its `file` holds in place of the file's name.
+
+    So a log holds all that the law was, and is flown again without the file.
+
+    Raises:
+        BadInput: the file cannot be read.
+    """
+    entry = CONTROLLERS.get(law)
+    if entry is None or entry.from_file is None or "file" not in values:
+        return values
+    own = {key: value for key, value in values.items() if key != "file"}
+    return {**own, **entry.from_file(str(values["file"]), source)}
 
 
 def law_values(values: dict[str, Any]) -> dict[str, Any]:

@@ -29,6 +29,8 @@ class LawEntry:
             they are linear (None: these settings are not); None: it never is.
         lane_gains: keys of its section that lanes beside each other may have for themselves.
         compared: its settings in a comparison, where the trial has none.
+        from_file: returns the keys that a file holds, from its path and who names it; the key
+            `file` of its section then stands for them (see controllers.inlined).
         plans: compared, where a plan is made for its law.
     """
 
@@ -39,4 +41,5 @@ class LawEntry:
     linear: Callable[[Any, Any, list[Reference]], LinearForm | None] | None = None
     lane_gains: tuple[str, ...] = ()
     compared: Mapping[str, Any] = field(default_factory=dict)
+    from_file: Callable[[str, str], dict[str, Any]] | None = None
     plans: tuple[PlanVariant, ...] = (PlanVariant("", {}),)

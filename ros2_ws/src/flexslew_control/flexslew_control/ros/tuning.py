@@ -9,7 +9,7 @@ from flexslew_msgs import srv
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from flexslew_control.controllers import CONTROLLERS, CommonSettings, law_values
+from flexslew_control.controllers import CONTROLLERS, CommonSettings, inlined, law_values
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
@@ -38,7 +38,7 @@ class Tuning:
     def __init__(
         self, node: Node, host: ControllerHost, law: str, serve: Callable[[], bool]
     ) -> None:
-        self._node, self._host, self._serve = node, host, serve
+        self._node, self._host, self._serve, self._law = node, host, serve, law
         self._taken = False  # what is set now has been granted already
         given = {k: v for k, v in host.values.items() if k in CommonSettings.__annotations__}
         common = validated(CommonSettings, given, f"node {host.name}")
@@ -61,6 +61,8 @@ class Tuning:
         controller = self._host.controller
         try:
             changes = load_yaml(request.settings, "settings") or {}
+            if isinstance(changes, dict):
+                changes = inlined(self._law, changes, "settings")
         except BadInput as error:
             reply.message = str(error)
             return reply

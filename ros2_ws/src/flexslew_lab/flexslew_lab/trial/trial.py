@@ -7,7 +7,7 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller, law_values
+from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller, inlined, law_values
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
@@ -148,7 +148,17 @@ def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
             known = ", ".join(trial.controllers)
             raise BadInput(f"{key}: {controller} is not in controllers; allowed: {known}", source)
     require_allowed(trial.schedule, trial.allow_faults, source)
-    return trial
+    return _with_files(trial, source)
+
+
+def _with_files(trial: Trial, source: str) -> Trial:
+    """Return the trial with what its controllers' files hold in place of their names."""
+    read = {}
+    for name, values in trial.controllers.items():
+        law, _ = law_of(name, values or {})
+        if values and "file" in values:
+            read[name] = inlined(law, values, f"{source}: controllers.{name}")
+    return replace(trial, controllers={**trial.controllers, **read}) if read else trial
 
 
 def trial_text(trial: Trial) -> str:

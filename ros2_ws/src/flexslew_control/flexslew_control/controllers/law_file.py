@@ -1,0 +1,79 @@
+"""A linear controller from a file that python-control, MATLAB, NumPy or a person wrote."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
+
+_KEYS = {"A": "a", "B": "b", "C": "c", "D": "d", "Ts": "period"}
+_NAMES = ("inputs", "outputs")
+_ENDINGS = (".mat", ".npz", ".yaml", ".yml", ".json")
+
+
+def law_from_file(path: str, source: str) -> dict[str, Any]:
+    """Return the key `system` of controller `linear` as a file holds it, plain data.
+
+    Args:
+        path: .mat of MATLAB's version 5 to 7, .npz, .yaml or .json with A, B, C, D, Ts (0:
+            continuous) and, if it has them, inputs and outputs.
+        source: the file or node that names it, for an error.
+
+    Raises:
+        BadInput: it cannot be read, or holds no such system.
+    """
+    place = Path(path)
+    if place.suffix not in _ENDINGS:
+        raise BadInput(f"{source}: file: {path}: give a file that ends in {', '.join(_ENDINGS)}")
+    try:
+        values = _read(place)
+    except OSError as error:
+        raise BadInput(f"{source}: file: {path}: cannot be read: {error.strerror}") from None
+    except (ValueError, NotImplementedError, TypeError, EOFError) as error:
+        raise BadInput(f"{source}: file: {path}: cannot be read: {error}") from None
+    system: dict[str, Any] = {}
+    for key, name in _KEYS.items():
+        if (value := values.get(key, values.get(name))) is not None:
+            system[name] = _numbers(value, key, f"{source}: file: {path}")
+    if "d" not in system and "b" not in system:
+        raise BadInput(f"{source}: file: {path}: holds no A, B, C, D")
+    rows = {name: np.atleast_2d(system[name]).tolist() for name in "abcd" if name in system}
+    system |= {name: [] if not np.size(value) else value for name, value in rows.items()}
+    system["period"] = float(np.ravel(system.get("period", 0.0))[0])
+    if system["period"] < 0.0:
+        raise BadInput(f"{source}: file: {path}: Ts: is unspecified; give seconds, or 0")
+    for name in _NAMES:
+        if name in values:
+            system[name] = [_text(entry) for entry in np.ravel(np.asarray(values[name]))]
+    return {"system": system}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    if path.suffix == ".mat":
+        from scipy.io import loadmat
+
+        found: dict[str, Any] = loadmat(path)
+        return found
+    if path.suffix == ".npz":
+        with np.load(path, allow_pickle=False) as kept:
+            return dict(kept)
+    values = load_yaml(path.read_text(encoding="utf-8"), str(path))
+    if not isinstance(values, dict):
+        raise ValueError("it holds no keys")
+    return values
+
+
+def _numbers(value: Any, key: str, place: str) -> Any:
+    try:
+        return np.asarray(value, dtype=np.float64).tolist()
+    except (TypeError, ValueError):
+        raise BadInput(f"{place}: {key}: holds no real numbers in equal rows") from None
+
+
+def _text(entry: Any) -> str:
+    """Return a name, which MATLAB keeps in a cell of a cell."""
+    while isinstance(entry, np.ndarray):
+        entry = entry.ravel()[0]
+    return str(entry).strip()
