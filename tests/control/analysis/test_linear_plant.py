@@ -219,6 +219,6 @@ def test_a_file_holds_the_matrices_and_the_names(tmp_path: Path) -> None:
 
 def test_an_unknown_ending_is_refused(tmp_path: Path) -> None:
     model = continuous_plant(rest_of(read_testbed({"kind": "csa"}, "here")))
-    with pytest.raises(BadInput, match=r"ends in \.mat, \.npz, \.json"):
+    with pytest.raises(BadInput, match=r"ends in \.mat, \.npz, \.json, \.yaml"):
         save_model(model, tmp_path / "plant.txt")
     assert not list(tmp_path.iterdir())

@@ -10,6 +10,7 @@ from scipy.io import savemat
 
 from flexslew_control.analysis.lti import Lti, plain
 from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import yaml_text
 
 
 def save_model(system: Lti, path: Path) -> None:
@@ -17,7 +18,7 @@ def save_model(system: Lti, path: Path) -> None:
 
     Args:
         system: to write.
-        path: ends in .mat (MATLAB 5), .npz or .json.
+        path: ends in .mat (MATLAB 5), .npz, .json or .yaml.
 
     Raises:
         BadInput: another ending, or the file cannot be written.
@@ -46,6 +47,10 @@ def _json(system: Lti, path: Path) -> None:
     path.write_text(json.dumps(plain(system), indent=1), encoding="utf-8")
 
 
+def _yaml(system: Lti, path: Path) -> None:
+    path.write_text(yaml_text(plain(system)), encoding="utf-8")
+
+
 def _matrices(system: Lti) -> dict[str, Any]:
     return {
         "A": system.a, "B": system.b, "C": system.c, "D": system.d, "Ts": np.array(system.period)
@@ -53,4 +58,9 @@ def _matrices(system: Lti) -> dict[str, Any]:
 
 
 _NAMES = ("inputs", "outputs", "states")
-_WRITERS: dict[str, Callable[[Lti, Path], None]] = {".mat": _mat, ".npz": _npz, ".json": _json}
+_WRITERS: dict[str, Callable[[Lti, Path], None]] = {
+    ".mat": _mat,
+    ".npz": _npz,
+    ".json": _json,
+    ".yaml": _yaml,
+}

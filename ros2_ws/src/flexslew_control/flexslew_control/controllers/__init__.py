@@ -73,7 +73,7 @@ def build_controller(
     Raises:
         BadInput: unknown law, wrong settings, or a design that does not exist.
     """
-    common, own = _common_settings(values, source), law_values(inlined(law, values, source))
+    common, own = _common_settings(values, source), law_values(with_file(law, values, source))
     estimator: Estimator
     built: Law
     if law in CONTROLLERS:
@@ -126,7 +126,7 @@ def settings_text(controller: Controller, law: str, values: dict[str, Any]) -> s
     return yaml_text({**settings, "handover_time": common.handover_time, **derived})
 
 
-def inlined(law: str, values: dict[str, Any], source: str) -> dict[str, Any]:
+def with_file(law: str, values: dict[str, Any], source: str) -> dict[str, Any]:
     """Return the settings of a law with what its `file` holds in place of the file's name.
 
     So a log holds all that the law was, and is flown again without the file.

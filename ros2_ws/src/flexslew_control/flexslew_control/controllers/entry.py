@@ -30,7 +30,7 @@ class LawEntry:
         lane_gains: keys of its section that lanes beside each other may have for themselves.
         compared: its settings in a comparison, where the trial has none.
         from_file: returns the keys that a file holds, from its path and who names it; the key
-            `file` of its section then stands for them (see controllers.inlined).
+            `file` of its section then stands for them (see controllers.with_file).
         plans: compared, where a plan is made for its law.
     """
 

@@ -7,7 +7,7 @@ from time import monotonic
 
 from flexslew_msgs import msg
 
-from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller, inlined
+from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller, with_file
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.law import described
 from flexslew_control.message_fields import plan_of, state_bytes
@@ -37,7 +37,7 @@ class ControllerNode:
         given = parameters_of(node)
         own = {k: given.pop(k) for k in ControllerNodeSettings.__annotations__ if k in given}
         self._settings = declared(node, ControllerNodeSettings, {"law": law, **own})
-        given = inlined(self._settings.law, given, f"node {node.get_name()}")
+        given = with_file(self._settings.law, given, f"node {node.get_name()}")
         self._host = ControllerHost(node.get_name(), given)
         self._period = 0.01
         self._next_look = 0.0

@@ -9,7 +9,7 @@ from flexslew_msgs import srv
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from flexslew_control.controllers import CONTROLLERS, CommonSettings, inlined, law_values
+from flexslew_control.controllers import CONTROLLERS, CommonSettings, with_file, law_values
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
@@ -62,7 +62,7 @@ class Tuning:
         try:
             changes = load_yaml(request.settings, "settings") or {}
             if isinstance(changes, dict):
-                changes = inlined(self._law, changes, "settings")
+                changes = with_file(self._law, changes, "settings")
         except BadInput as error:
             reply.message = str(error)
             return reply

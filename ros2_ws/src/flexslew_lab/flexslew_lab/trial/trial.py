@@ -7,7 +7,13 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller, inlined, law_values
+from flexslew_control.controllers import (
+    CONTROLLERS,
+    DEFAULT,
+    build_controller,
+    law_values,
+    with_file,
+)
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
@@ -157,7 +163,7 @@ def _with_files(trial: Trial, source: str) -> Trial:
     for name, values in trial.controllers.items():
         law, _ = law_of(name, values or {})
         if values and "file" in values:
-            read[name] = inlined(law, values, f"{source}: controllers.{name}")
+            read[name] = with_file(law, values, f"{source}: controllers.{name}")
     return replace(trial, controllers={**trial.controllers, **read}) if read else trial
 
 

@@ -1,0 +1,165 @@
+"""Law `linear`: from every kind of file, checked, flown as what it is, in lanes."""
+
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from scipy.io import savemat
+from tests.plants import plant
+
+from flexslew_control.analysis.save_law import save_law
+from flexslew_control.controllers import CONTROLLERS, build_controller, with_file
+from flexslew_control.controllers.linear_law import LinearSettings, discretised
+from flexslew_control.law import Reference
+from flexslew_lab.notebook import fly, trial
+from flexslew_lab.replay.resim import resim
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
+
+D = np.array([[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]])
+PD = {"d": D.tolist()}
+NONE = np.zeros(2)
+
+
+def built(**settings: Any) -> Any:
+    return build_controller("it", "linear", settings, plant(), "here")
+
+
+def asked(tick: int, seed: int = 1) -> tuple[Measurement, Reference]:
+    rng = np.random.default_rng([seed, tick])
+    q, v, tip, curvature, applied, wanted, rate = 1e-3 * rng.standard_normal((7, 2))
+    return (
+        Measurement(tick, 0, 0.01 * tick, "it", q, v, tip, curvature, applied),
+        Reference(wanted, rate, 100.0 * wanted, np.zeros(0)),
+    )
+
+
+def test_gains_alone_fly_as_the_law_that_they_are() -> None:
+    keys = {"duration": 12.0, "plan": {"method": "reference_only", "goal": {"hub_pitch": 0.5},
+                                       "duration": 10.0}}  # fmt: skip
+    ours = fly(trial("m1", {**keys, "controllers": {"linear": {"system": PD}},
+                            "active": "linear"}))  # fmt: skip
+    theirs = fly(trial("m1", keys))
+    np.testing.assert_allclose(ours["position"], theirs["position"], atol=1e-12)
+
+
+def test_every_kind_of_file_holds_the_same_law(tmp_path: Path) -> None:
+    a, b = -0.5 * np.eye(2), np.hstack((np.eye(2), np.zeros((2, 2))))
+    system = control.ss(a, b, np.eye(2), D, inputs=[
+        "error:base_yaw", "error:hub_pitch", "error_rate:base_yaw", "error_rate:hub_pitch",
+    ], outputs=["effort:base_yaw", "effort:hub_pitch"])  # fmt: skip
+    for ending in (".mat", ".npz", ".yaml", ".json"):
+        save_law(system, tmp_path / f"law{ending}")
+    cells = np.array([name.replace(":", ".") for name in system.input_labels], dtype=object)
+    savemat(tmp_path / "matlab.mat", {"A": a, "B": b, "C": np.eye(2), "D": D, "Ts": 0.0,
+                                      "inputs": cells.reshape(-1, 1)})  # fmt: skip
+    found = [with_file("linear", {"file": str(path)}, "here") for path in tmp_path.iterdir()]
+    assert len(found) == 5
+    for values in found:
+        assert values["system"]["a"] == a.tolist()
+        assert values["system"]["d"] == D.tolist()
+        assert list(values["system"]["inputs"]) == cells.tolist()
+        built(**values)
+
+
+def test_a_bag_is_flown_again_without_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "law.npz"
+    np.savez(path, D=D)
+    what = trial("m1", {"duration": 1.0, "plan": None, "testbed.initial.hub_pitch": 0.1,
+                        "controllers": {"linear": {"file": str(path)}}, "active": "linear",
+                        "schedule": [{"at": 0.2, "disturbance": {"base_yaw": 5.0}}]})  # fmt: skip
+    fly(what, tmp_path / "run")
+    path.unlink()
+    again = resim(tmp_path / "run" / "bag")
+    assert again.identical
+    assert again.ticks == 101
+
+
+@pytest.mark.parametrize(
+    ("method", "prewarping"), [("hold", None), ("tustin", None), ("tustin", 3.0)]
+)
+def test_continuous_systems_are_discretised_as_by_python_control(
+    method: Any, prewarping: Any
+) -> None:
+    rng = np.random.default_rng(2)
+    a, b, c, d = (rng.standard_normal(shape) for shape in ((3, 3), (3, 2), (2, 3), (2, 2)))
+    ours = discretised(LinearSettings(method=method, prewarping=prewarping), a, b, c, d, 0.01)
+    kind = "zoh" if method == "hold" else "bilinear"
+    theirs = control.sample_system(control.ss(a, b, c, d), 0.01, kind, prewarp_frequency=prewarping)
+    z = np.exp(1j * 0.01 * np.array([0.3, 3.0, 100.0]))
+    for one in z:
+        value = ours[2] @ np.linalg.solve(one * np.eye(3) - ours[0], ours[1]) + ours[3]
+        np.testing.assert_allclose(value, theirs(one), rtol=1e-9)
+
+
+def test_a_law_with_a_state_takes_over_without_a_step_and_does_not_wind_up() -> None:
+    integral = {"a": np.eye(2).tolist(), "b": (0.15 * np.eye(2, 4)).tolist(),
+                "c": np.eye(2).tolist(), "d": D.tolist(), "period": 0.01}  # fmt: skip
+    law = built(system=integral, tracking_time=1.0).law
+    for tick in (7, 8):
+        measurement, reference = asked(tick)
+        law.reset(measurement, None, reference, np.array([37.0, -21.5]))
+        np.testing.assert_allclose(law.update(measurement, None, reference), [37.0, -21.5])
+    far = Reference(np.array([1.0, 0.0]), NONE, NONE, np.zeros(0))
+    for tick in range(9, 3000):
+        effort = law.update(asked(tick)[0], None, far)
+    assert effort[0] == 150.0
+    # held at the limit, the demand stands off it by what the integral gains in T_t
+    assert law._x[0] + 460.0 < 150.0 + 1.0 * 15.0 + 460.0 * 0.02
+
+
+def test_its_form_for_lanes_gives_its_own_efforts() -> None:
+    rng = np.random.default_rng(5)
+    system = {"a": (0.9 * np.eye(3)).tolist(), "b": rng.standard_normal((3, 5)).tolist(),
+              "c": (50.0 * rng.standard_normal((2, 3))).tolist(),
+              "d": rng.standard_normal((2, 5)).tolist(), "period": 0.01,
+              "inputs": ["error.base_yaw", "position.hub_pitch", "reference_rate.hub_pitch",
+                         "rate.base_yaw", "tip.beam_positive"]}  # fmt: skip
+    it = built(system=system, allow_unstable=True)
+    pairs = [asked(k, 3) for k in range(30)]
+    linear = CONTROLLERS["linear"].linear
+    assert linear is not None
+    form = linear(it.estimator, it.law, [reference for _, reference in pairs])
+    assert form is not None
+    z, before, effort = np.zeros(3), None, np.zeros(2)
+    for k, (measurement, reference) in enumerate(pairs):
+        y = np.concatenate((measurement.joint_position, measurement.joint_velocity,
+                            measurement.tip_deflection[:1]))  # fmt: skip
+        if before is not None:
+            z = (
+                form.observer.state @ z
+                + form.observer.effort @ effort
+                + form.observer.before @ before
+            )
+        before = y
+        demand = form.law.demand[k] + form.law.from_state @ z + form.law.from_output @ y
+        effort = np.clip(demand, -form.law.limit, form.law.limit)
+        np.testing.assert_allclose(it.law.update(measurement, None, reference), effort, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"system": {"d": (-D).tolist()}}, r"not stable .* spectral radius of one tick is 1\."),
+        ({"system": {"d": D.tolist(), "period": 0.02}}, r"system\.period: 0\.02 s is not allowed"),
+        ({"system": {"d": D[:1].tolist()}}, r"system\.d: give 2 rows of 4 numbers"),
+        (
+            {"system": {"d": D[:, :1].tolist(), "inputs": ["speed.base_yaw"]}},
+            "system.inputs: speed",
+        ),
+        ({"system": {"d": D.tolist(), "outputs": ["effort.x", "effort.y"]}}, "system.outputs"),
+        ({"system": {"e": 1}}, "unknown key"),
+        ({"file": "law.txt"}, "give a file that ends in"),
+        ({"file": "nowhere.npz"}, "nowhere.npz: cannot be read"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_one_line(settings: Any, words: str) -> None:
+    with pytest.raises(BadInput, match=words) as refused:
+        built(**settings)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_unstable_loop_flies_where_it_is_allowed() -> None:
+    built(system={"d": (-D).tolist()}, allow_unstable=True)
