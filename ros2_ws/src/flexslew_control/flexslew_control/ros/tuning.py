@@ -9,7 +9,7 @@ from flexslew_msgs import srv
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from flexslew_control.controllers import CONTROLLERS, CommonSettings, with_file, law_values
+from flexslew_control.controllers import CONTROLLERS, CommonSettings, law_values, with_file
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
