@@ -128,8 +128,8 @@ def build(settings: LinearSettings, plant: PlantDescription) -> tuple[Estimator,
     system = _folded(settings, model, plant.period)
     m, limit = len(plant.joint_names), plant.effort_limit
     share = 0.0 if settings.tracking_time is None else plant.period / settings.tracking_time
-    law = LinearLaw(system, limit, share * np.linalg.pinv(system.c).reshape(-1, m),
-                    settings.feedforward)  # fmt: skip
+    back = np.asarray(share * np.linalg.pinv(system.c).reshape(-1, m), dtype=np.float64)
+    law = LinearLaw(system, limit, back, settings.feedforward)
     if settings.system is not None and not settings.allow_unstable:
         _require_stable(settings, plant, system)
     return MeasuredJoints(), law
