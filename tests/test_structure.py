@@ -158,3 +158,78 @@ def test_no_key_of_a_table_stands_as_a_string_outside_of_its_file() -> None:
                 wrong.append(f"{place}: {key}")
     assert not wrong, "\n".join(wrong)
     assert stated == set(STATED)
+
+
+def compared_kinds(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield where the kind of an event is compared with a text."""
+    for node in ast.walk(tree):
+        if (
+            isinstance(node, ast.Compare)
+            and ast.unparse(node.left) in ("event.kind", "e.kind")
+            and any(isinstance(c, ast.Constant | ast.Tuple | ast.Set) for c in node.comparators)
+        ):
+            yield node
+
+
+SENTENCES = {"message", "reason", "words", "why"}  # names of what people read
+
+
+def read_sentences(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield where code looks into a sentence: a part of it, its beginning or its end."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn):
+            part = isinstance(node.left, ast.Constant) and isinstance(node.left.value, str)
+            if part and sentence(node.comparators[0]):
+                yield node
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            looks = ("startswith", "endswith", "removeprefix", "removesuffix", "partition", "find")
+            if node.func.attr in looks and sentence(node.func.value):
+                yield node
+
+
+def sentence(node: ast.AST) -> bool:
+    """Return whether an expression is what somebody reads: a message, a reason, an error's text."""
+    if isinstance(node, ast.Attribute):
+        return node.attr in SENTENCES
+    if isinstance(node, ast.Name):
+        return node.id in SENTENCES
+    if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
+        return node.slice.value in SENTENCES
+    if isinstance(node, ast.Call):
+        named = isinstance(node.func, ast.Name) and node.func.id == "str"
+        called = isinstance(node.func, ast.Attribute) and node.func.attr in ("get", "lower")
+        values = [a.value for a in node.args if isinstance(a, ast.Constant)]
+        error = named and any(ERROR.search(ast.unparse(argument)) for argument in node.args)
+        return error or (called and bool(SENTENCES & {str(value) for value in values}))
+    return False
+
+
+ERROR = re.compile(r"\b(error|refused|refusal|failure|why)\b")
+
+
+def test_no_code_reads_a_sentence() -> None:
+    wrong = []
+    for path in FILES:
+        if path.name == "older.py":  # logs of before say it in words alone
+            continue
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        wrong += [
+            f"{path.relative_to(SOURCE)}:{node.lineno}: {ast.unparse(node)}"
+            for node in (*read_sentences(tree), *compared_kinds(tree))
+        ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '"is not ready" in event.data["reason"]',
+        '"is not ready" in event.data.get("reason", "")',
+        'str(error).removeprefix(f"{path}: ")',
+        'words.startswith("fault:")',
+        'reply.message.endswith("late")',
+        '"late" not in self.message',
+    ],
+)
+def test_what_reads_a_sentence_is_found(line: str) -> None:
+    assert list(read_sentences(ast.parse(line)))

@@ -1,5 +1,6 @@
 """Errors for the user: each message is one line with cause and remedy."""
 
+from dataclasses import replace
 from typing import Any
 
 from flexslew_plant.refusal import NOTHING, Refusal, one_line
@@ -33,6 +34,11 @@ class BadInput(FlexslewError):
         """What is not allowed, part by part."""
         refusal: Refusal = self.args[0]
         return refusal
+
+
+def without_source(error: FlexslewError) -> str:
+    """Return an error in one line that does not repeat the file that everybody knows."""
+    return str(replace(error.refusal, source="")) if isinstance(error, BadInput) else str(error)
 
 
 class PlanFailed(FlexslewError):

@@ -12,12 +12,15 @@ from pydantic.json_schema import SkipJsonSchema
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
+from flexslew_plant.refusal import Refusal
 
 _T = TypeVar("_T")
 _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
 _MOST = 1_000_000  # values in a YAML text with aliases
 _SHORT = 10_000  # characters that cannot nest too deep for the stack
 DEEPEST = 32  # lists and keys in one another
+
+WHOLE = "(whole file)"  # the key of an error that is about no single one
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -44,6 +47,10 @@ def section(cls: type[_T]) -> type[_T]:
     return dataclass(frozen=True, kw_only=True, config=config)(cls)  # type: ignore[return-value]
 
 
+class Placed(ValueError):
+    """A section cannot be what it says: the words name the place from the top of the file on."""
+
+
 def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> Any:
     """Return values as an instance of the section `kind`.
 
@@ -59,7 +66,7 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
     try:
         return _adapter(kind).validate_python(values, context=trust)
     except ValidationError as error:
-        raise BadInput(_one_line(error, kind, values, source)) from None
+        raise BadInput(_refusal(error, kind, values, source)) from None
 
 
 def plain(section_value: Any) -> Any:
@@ -199,28 +206,26 @@ def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     return result
 
 
-def _one_line(error: ValidationError, kind: Any, values: Any, source: str) -> str:
-    """Say the first error as `file: key: value is not allowed: why`."""
+def _refusal(error: ValidationError, kind: Any, values: Any, source: str) -> Refusal:
+    """Return the first error; a key of nothing is the whole file."""
     first = error.errors()[0]
     place = [str(part) for part in first["loc"]]
-    key = ".".join(_written(first, values)) or "(whole file)"
+    written = _written(first, values)
+    key = ".".join(written) or WHOLE
     if first["type"] == "unexpected_keyword_argument":
         known = _known_keys(error, kind, place[:-1])
         close = difflib.get_close_matches(place[-1], known, n=1)
         hint = f"did you mean {close[0]}? " if close else ""
         allowed = f"allowed here: {', '.join(known)}" if known else "remove it"
-        return f"{source}: {key}: unknown key; {hint}{allowed}"
+        return Refusal(f"unknown key; {hint}{allowed}", key, source=source)
     others = {_written(one, values) for one in error.errors()} - {_written(first, values)}
     more = f" (and {len(others)} more)" if others else ""
     if first["type"] in _MISSING and not isinstance(first["loc"][-1], int):
-        return f"{source}: {key}: is missing{more}"
+        return Refusal(f"is missing{more}", key, source=source)
     if first["type"] == "value_error" and isinstance(first["input"], dict):  # checked as a whole
-        words = _reason(first)
-        named = key == "(whole file)" or words.startswith(f"{key}.")  # by the words themselves
-        return f"{source}: {words}{more}" if named else f"{source}: {key}: {words}{more}"
-    value = repr(first["input"])
-    value = value if len(value) <= 60 else value[:57] + "..."
-    return f"{source}: {key}: {value} is not allowed: {_reason(first)}{more}"
+        placed = not written or isinstance(first["ctx"]["error"], Placed)
+        return Refusal(f"{_reason(first)}{more}", "" if placed else key, source=source)
+    return Refusal(f"{_reason(first)}{more}", key, first["input"], source)
 
 
 _MISSING = ("missing", "missing_argument", "missing_keyword_only_argument")

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, get_args
 
 from flexslew_lab.console.desk import Desk, line
 from flexslew_plant.errors import BadInput
+from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import load_yaml, validated, yaml_text
 from flexslew_plant.settings_fields import FieldMeaning, own_meanings
 
@@ -70,7 +71,7 @@ def number_of(name: str, value: Any) -> float:
     try:
         return float(validated(float, value, name))
     except BadInput as error:
-        raise BadInput(str(error).replace("(whole file): ", "")) from None
+        raise BadInput(error.refusal.why, key=name, value=value) from None
 
 
 def moment(name: str, value: Any) -> float:
@@ -153,11 +154,11 @@ class Form:
         """Return the values of the fields that are not empty; None: a field is wrong."""
         return self._read({})
 
-    def refuse(self, words: str) -> bool:
-        """Tell an error beside the field that it names; return whether there is one."""
+    def refuse(self, why: Refusal) -> bool:
+        """Tell a refusal beside the field that it names; return whether there is one."""
         for name in sorted(self._errors, key=len, reverse=True):
-            if words.startswith((f"{name}:", f"{name}.")):
-                self._tell(name, words)
+            if why.key == name or why.key.startswith(f"{name}."):
+                self._tell(name, str(why))
                 return True
         return False
 
@@ -204,5 +205,6 @@ def _value(key: Key, text: str) -> Any:
             raise BadInput(", ".join(key.options), key=key.name, value=text)
         return text
     if len(text) > _LONGEST:
-        raise BadInput(f"{len(text)} characters are too many: at most {_LONGEST}", key.name)
+        words = f"{len(text)} characters are too many: at most {_LONGEST}"
+        raise BadInput(words, key=key.name)
     return load_yaml(text, key.name)

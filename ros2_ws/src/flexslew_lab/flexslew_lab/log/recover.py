@@ -168,7 +168,8 @@ def _copy(path: Path, target: Path) -> Recovery:
                 writer.close()
         raise
     except (BadInput, ValueError) as error:  # damage that hides where the next record starts
-        reason, bytes_lost = str(error).removeprefix(f"{path}: "), path.stat().st_size - stream.at
+        reason = error.refusal.why if isinstance(error, BadInput) else str(error)
+        bytes_lost = path.stat().st_size - stream.at
     if stream.cut:
         reason, bytes_lost = stream.cut.reason, stream.cut.lost
     if writer is None:

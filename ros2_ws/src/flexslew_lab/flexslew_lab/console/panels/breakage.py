@@ -1,6 +1,7 @@
 """Disturb the joints, break parts of the bench, and end both."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from flexslew_lab.console.desk import Desk, Reply
@@ -54,24 +55,18 @@ class _Injection:
         try:
             at = moment("from", given.pop("from", 0.0))
             if 0.0 < at <= self._view.time:
-                raise BadInput(f"from: {at:g} is past: the bench is at {self._view.time:.2f} s")
+                words = f"{at:g} is past: the bench is at {self._view.time:.2f} s"
+                raise BadInput(words, key="from")
             until = {"until": given.pop("until")} if "until" in given else {}
             text = yaml_text({**made(given), **until}, flow=True)
             injected_entry(text, at)
         except BadInput as error:
-            words = str(error)
-            if self._form is None or not self._form.refuse(_bare(words)):
-                self._reply.tell(RequestResult(False, words))
+            why = error.refusal
+            bare = replace(why, source="", key=why.key.rpartition(".")[2])  # that of the field
+            if self._form is None or not self._form.refuse(bare):
+                self._reply.tell(RequestResult(False, str(why)))
             return
         self._reply.ask(topics.INJECT_FAULT, {"fault": text, "at": at, "who": who})
-
-
-def _bare(words: str) -> str:
-    """Return an error from the key on: the words before it name the section."""
-    rest = words.removeprefix("fault: ")
-    head, _, _ = rest.partition(":")
-    key = head.rpartition(".")[2]
-    return rest.replace(head, key, 1)
 
 
 class DisturbPanel:

@@ -83,9 +83,8 @@ class PlanPanel:
         try:
             values = self._request(given)
         except BadInput as error:
-            words = str(error)
-            if not self._form.refuse(words):
-                self._reply.tell(RequestResult(False, words))
+            if not self._form.refuse(error.refusal):
+                self._reply.tell(RequestResult(False, str(error)))
             return
         self._iterations = []
         self._progress.content = ""
@@ -121,19 +120,17 @@ class PlanPanel:
             goal[key.removeprefix(_GOAL)] = number_of(key, given[key])
         more = given.get("more", {})
         if not isinstance(more, dict):
-            raise BadInput("more: give keys, for example {functions: 12}")
+            raise BadInput("give keys, for example {functions: 12}", key="more")
         if "start" not in given:
-            raise BadInput(f"start: is missing; the bench is at {self._view.time:.2f} s")
+            raise BadInput(f"is missing; the bench is at {self._view.time:.2f} s", key="start")
         start = moment("start", given["start"])
         if start <= self._view.time:
-            raise BadInput(f"start: {start:g} is past: the bench is at {self._view.time:.2f} s")
+            words = f"{start:g} is past: the bench is at {self._view.time:.2f} s"
+            raise BadInput(words, key="start")
         values = {"method": self._method.value, "goal": goal, "start": start, **more}
         if "duration" in given:
             values["duration"] = given["duration"]
-        try:
-            plan_settings(values, "")
-        except BadInput as error:
-            raise BadInput(str(error).removeprefix(": ")) from None
+        plan_settings(values, "")
         return values
 
     def _iterate(self, news: Iterate) -> None:

@@ -60,9 +60,9 @@ class TunePanel:
             nested = overridden({}, changes)
             _check(known.law, known.settings, changes)
         except BadInput as error:
-            words = str(error)
-            if not (self._form.refuse(words) or self._at.refuse(words)):
-                self._reply.tell(RequestResult(False, words))
+            why = error.refusal
+            if not (self._form.refuse(why) or self._at.refuse(why)):
+                self._reply.tell(RequestResult(False, str(why)))
             return
         text = yaml_text(nested, flow=True)
         values = {"settings": text, "at": when, "who": who}
@@ -101,7 +101,4 @@ def _check(law: str, text: str, changes: dict[str, object]) -> None:
     handover = values.pop(_HANDOVER, 1.0)
     if number_of(_HANDOVER, handover) < 0.0:
         raise BadInput("at least 0", key=_HANDOVER, value=handover)
-    try:
-        validated(CONTROLLERS[law].settings, values, "")
-    except BadInput as error:
-        raise BadInput(str(error).removeprefix(": ")) from None
+    validated(CONTROLLERS[law].settings, values, "")

@@ -32,7 +32,7 @@ def check_log(path: Path) -> list[Finding]:
     try:
         overview = bag.overview
     except BadInput as error:
-        return [Finding(False, "checksums, schemas and sequence", _after(error, bag.path))]
+        return [Finding(False, "checksums, schemas and sequence", error.refusal.why)]
     words = f"{sum(overview.counts.values())} messages on {len(overview.counts)} topics"
     findings.append(Finding(True, "checksums, schemas and sequence", words))
     bare = overview.unprotected
@@ -59,7 +59,7 @@ def check_log(path: Path) -> list[Finding]:
     try:
         findings += check_ticks(bag)
     except BadInput as error:
-        findings.append(Finding(False, "ticks", _after(error, bag.path)))
+        findings.append(Finding(False, "ticks", error.refusal.why))
     drops = [e for e in overview.events if isinstance(e.what, RecordingEnded)]
     words = "; ".join(f"{e.time:g} s: {e.message}" for e in drops[:5]) or "none reported"
     findings.append(Finding(not drops, "drops", words))
@@ -78,7 +78,8 @@ def _index(path: Path, messages: int) -> Finding:
         counts = [r.body for r in summary_records(summary) if r.opcode == STATISTICS]
         count = struct.unpack_from("<Q", counts[0])[0] if counts else 0
     except (BadInput, struct.error) as error:
-        return Finding(False, "index", str(error).removeprefix(f"{path}: "))
+        why = error.refusal.why if isinstance(error, BadInput) else str(error)
+        return Finding(False, "index", why)
     if count != messages:
         words = f"it counts {count} messages, the file has {messages}"
         return Finding(False, "index", f"{words}; `log recover` makes it again")
@@ -106,7 +107,3 @@ def _folder(path: Path, counts: dict[str, int]) -> Finding:
         return Finding(False, METADATA_FILE, f"not readable: {json.dumps(str(error))[:80]}")
     ok = listed == counts
     return Finding(ok, METADATA_FILE, "fits the file" if ok else "counts other messages")
-
-
-def _after(error: BadInput, path: Path) -> str:
-    return str(error).removeprefix(f"{path}: ")

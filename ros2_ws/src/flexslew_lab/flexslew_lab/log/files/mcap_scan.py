@@ -82,7 +82,8 @@ class RecordStream:
                 opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
                 room = self._size - at - _HEAD.size
                 if len(head) < _HEAD.size or opcode not in _DATA_RECORDS or length > room:
-                    self._stop(at, finished, self._why(head, opcode, length, room))
+                    known = len(head) < _HEAD.size or opcode in _DATA_RECORDS
+                    self._stop(at, finished, known, self._why(head, opcode, length, room))
                     return
                 what = "a metadata record" if opcode == METADATA else "a record"
                 check_size(what, length, f"{self.path}: byte {at}")
@@ -97,8 +98,9 @@ class RecordStream:
                 yield Record(opcode, body, at)
                 at = self.at
 
-    def _stop(self, at: int, finished: bool, why: str) -> None:
-        if finished or why.startswith("unknown"):
+    def _stop(self, at: int, finished: bool, known: bool, why: str) -> None:
+        """Note where the file is cut; damage, where it was finished or holds what no log has."""
+        if finished or not known:
             raise self._damaged(at, why)
         self.cut = Cut(at, self._size - at, why)
 

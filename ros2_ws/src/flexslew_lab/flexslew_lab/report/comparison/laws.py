@@ -26,7 +26,7 @@ from flexslew_lab.trial.trial import (
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.errors import BadInput, PlanFailed, without_source
 from flexslew_plant.events import Event
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed
@@ -149,7 +149,7 @@ def compared_laws(
                 progress(k * len(benches) + len(flights), last)
             entries.append(ComparedLaw(candidate.name, "", tuple(flights)))
         except (BadInput, PlanFailed) as refused:
-            words = str(refused).removeprefix(f"{source}: ")
+            words = without_source(refused)
             entries.append(ComparedLaw(candidate.name, words))
             progress((k + 1) * len(benches), last)
     return LawComparison(trial, _error_names(trial), tuple(entries))

@@ -17,7 +17,7 @@ from flexslew_lab.trial.trial import (
     plan_section_of,
     plant_of,
 )
-from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.errors import BadInput, PlanFailed, without_source
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import initial_positions
 
@@ -203,5 +203,5 @@ def _planned(trial: Trial, source: str, method: str, variant: Variant) -> Entry:
         settings = other_method(trial.plan, method, f"{source}: plan", **own)
         plan = make_plan(settings, plant, feedback)
     except (BadInput, PlanFailed) as refused:
-        return Entry(name, None, str(refused).removeprefix(f"{source}: "))
+        return Entry(name, None, without_source(refused))
     return Entry(name, plan, "")

@@ -32,11 +32,10 @@ def comparison_page(comparison: Comparison) -> str:
 def robustness(comparison: Comparison) -> Group:
     """Return the residual tip deflection against stiffness and payload, method by method."""
     panels = []
-    for words, curves in (
-        ("error of the stiffness", [e.by_stiffness for e in comparison.flown]),
-        ("error of the payload", [e.by_payload for e in comparison.flown]),
+    for words, payload, curves in (
+        ("error of the stiffness", False, [e.by_stiffness for e in comparison.flown]),
+        ("error of the payload", True, [e.by_payload for e in comparison.flown]),
     ):
-        payload = words.endswith("payload")
         panel = Panel(f"{words}, residual tip deflection", "m", log=True, height=260)
         panel.x_title = f"{words} [%]"
         for number, (entry, flights) in enumerate(zip(comparison.flown, curves, strict=True)):

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import Positive, section
+from flexslew_plant.settings import Placed, Positive, section
 from flexslew_plant.testbeds.contract import HingeTurn, RigidTurn, UnitSizes
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.kernels import Kernels
@@ -95,9 +95,9 @@ class SpacecraftTestbed:
             craft = self.craft
             channels(craft, self.sensors, UNITS[self.units])
         except BadInput as error:
-            raise ValueError(str(error)) from None
+            raise Placed(str(error)) from None
         if not craft.drives:
-            raise ValueError("testbed: has no actuators; give actuators, wheels or a driven hinge")
+            raise Placed("testbed: has no actuators; give actuators, wheels or a driven hinge")
 
     @property
     def modes(self) -> int:
