@@ -1,10 +1,8 @@
 """A session at the bench in a real browser: every row of the page, and its log flown again.
 
-It takes a browser that draws in software minutes beside other tests:
-`FLEXSLEW_BROWSER=1 ./flexslew test tests/ros/test_console.py`.
+A browser that draws in software takes all of the machine: no other test runs beside it.
 """
 
-import os
 from pathlib import Path
 
 import pytest
@@ -18,8 +16,8 @@ from .console_page import Page, console, trial_file
 pytest.importorskip("viser")
 
 
+@pytest.mark.alone
 @pytest.mark.timeout(1200)
-@pytest.mark.skipif("FLEXSLEW_BROWSER" not in os.environ, reason="set FLEXSLEW_BROWSER=1")
 def test_a_session_worked_by_hand_flies_again_with_the_same_bits(tmp_path: Path) -> None:
     run = tmp_path / "run"
     trial = str(trial_file(tmp_path, 30.0))

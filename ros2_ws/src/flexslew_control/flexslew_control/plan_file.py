@@ -12,13 +12,11 @@ import yaml
 
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import bounded
+from flexslew_plant.settings import YamlDumper, YamlLoader, bounded
 
 VERSION = 1  # of the layout of the file
 _ARRAYS = ("position", "velocity", "effort", "state")
 _GAINS = "gains"  # an array that most plans, their files and their hashes lack
-_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def plan_hash(plan: Plan) -> str:
@@ -62,7 +60,7 @@ def save_plan(plan: Plan, path: Path | str) -> None:
     partial = target.with_name(f".{target.name}.{os.getpid()}")
     try:
         with partial.open("w", encoding="utf-8") as file:
-            yaml.dump(content, file, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
+            yaml.dump(content, file, Dumper=YamlDumper, sort_keys=False, default_flow_style=None)
         partial.replace(target)
     except OSError as error:
         partial.unlink(missing_ok=True)
@@ -77,7 +75,7 @@ def load_plan(path: Path | str) -> Plan:
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
-        content = bounded(yaml.load(text, Loader=_Loader), str(path), len(text))
+        content = bounded(yaml.load(text, Loader=YamlLoader), str(path), len(text))
     except OSError as error:
         raise BadInput(f"cannot be read: {error.strerror}", path) from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError):

@@ -1,6 +1,7 @@
 """Sections of a trial file: one YAML section is one frozen dataclass, checked on the way in."""
 
 import difflib
+import re
 from collections.abc import Hashable
 from math import inf
 from typing import Annotated, Any, TypeAlias, TypeVar, dataclass_transform
@@ -92,7 +93,7 @@ def load_yaml(text: str, source: str) -> Any:
     try:
         if len(text) > _SHORT:
             _require_flat(text, source)
-        return bounded(yaml.load(text, Loader=_Loader), source, len(text))
+        return bounded(yaml.load(text, Loader=YamlLoader), source, len(text))
     except yaml.YAMLError as error:
         where = getattr(error, "problem_mark", None)
         line = f" line {where.line + 1}, column {where.column + 1}" if where else ""
@@ -151,7 +152,7 @@ class _DuplicateKeyError(yaml.MarkedYAMLError):
     """A key stands twice in one mapping."""
 
 
-class _Loader(yaml.CSafeLoader):
+class YamlLoader(yaml.CSafeLoader):
     """Reads plain data; of two equal keys YAML would silently keep the last."""
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
@@ -172,12 +173,18 @@ class _Loader(yaml.CSafeLoader):
         return super().construct_mapping(node, deep)
 
 
-class _Plain(yaml.CSafeDumper):
+class YamlDumper(yaml.CSafeDumper):
     """Writes every value where it stands: ROS and rosbag2 read no aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
         """Return True, always."""
         return True
+
+
+# 1e-5, 1.0e3 and 1e-05, as Python and JSON write numbers: YAML 1.1 takes them for texts
+_NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)[eE][-+]?[0-9]+$")
+for _side in (YamlLoader, YamlDumper):  # what is written as a text must come back as one
+    _side.add_implicit_resolver("tag:yaml.org,2002:float", _NUMBER, [*"+-.0123456789"])
 
 
 def yaml_text(values: Any, flow: bool | None = None) -> str:
@@ -187,7 +194,7 @@ def yaml_text(values: Any, flow: bool | None = None) -> str:
         values: dictionaries, lists and scalars.
         flow: True all on one line, None the innermost lists only, False nothing.
     """
-    return str(yaml.dump(values, Dumper=_Plain, sort_keys=False, default_flow_style=flow))
+    return str(yaml.dump(values, Dumper=YamlDumper, sort_keys=False, default_flow_style=flow))
 
 
 def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -14,7 +13,6 @@ from flexslew_lab.cli.terminal import for_people, print_table, say
 from flexslew_plant.errors import BadInput
 
 LONG = ("console", "day", "study_bad_days")  # benchmarks that take long, or much of the machine
-_FAILED = 1  # exit code of pytest: tests ran, and some failed
 
 
 def bench(
@@ -73,8 +71,8 @@ def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
     Without arguments two run side by side, a file at a time: first those that need no ROS, then
-    those over ROS, and at last, alone, those that hold a bench against the wall clock. What has
-    failed over ROS is shown and runs once more, alone: there the machine decides, too.
+    those over ROS, and at last, alone, those that hold a bench against the wall clock. A test that
+    fails has failed: none runs twice.
 
     Example: `./flexslew test tests/plant -k energy`
     """
@@ -82,12 +80,9 @@ def test(context: typer.Context) -> None:
         raise typer.Exit(_pytest(*context.args))
     two = ("-n", "2", "--dist", "loadfile")
     code = _pytest(*two, "--ignore", "tests/ros")
-    with TemporaryDirectory() as folder:  # what has failed here, and not in another terminal
-        ros = ("tests/ros", "-o", f"cache_dir={folder}")
-        over_ros = max(_pytest(*two, *ros, "-m", "not alone"), _pytest(*ros, "-m", "alone"))
-        if over_ros == _FAILED:
-            say("what has failed over ROS, once more:")
-            over_ros = _pytest(*ros, "--last-failed", "--last-failed-no-failures", "none")
+    over_ros = max(
+        _pytest(*two, "tests/ros", "-m", "not alone"), _pytest("tests/ros", "-m", "alone")
+    )
     raise typer.Exit(max(code, over_ros))
 
 

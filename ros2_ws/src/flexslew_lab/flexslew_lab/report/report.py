@@ -20,6 +20,7 @@ from flexslew_lab.report.run_data import RunData, read_run
 from flexslew_lab.report.scene_data import scene_of
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.events import IN_CHARGE, BentFar, Switched, largest
+from flexslew_plant.settings import load_yaml
 
 EVENTS = 300  # of a run that the table shows
 HEADLINES = (
@@ -236,7 +237,7 @@ def _beliefs(run: RunData) -> list[str]:
     """Return what the last plan assumes, unlike the bench, if it says so."""
     if not run.overview.plans:
         return []
-    summary = yaml.safe_load(run.overview.plans[-1].summary) or {}
+    summary = load_yaml(run.overview.plans[-1].summary, "plan") or {}
     words = summary.get("believes", "") if isinstance(summary, dict) else ""
     return [f"the plan assumes: {words}"] if words else []
 
