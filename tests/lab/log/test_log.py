@@ -7,7 +7,7 @@ import resource
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow.csv
@@ -397,3 +397,17 @@ def test_an_export_of_an_unknown_topic_names_those_there(bag: Path, tmp_path: Pa
 
 def test_units_are_read_from_the_comments() -> None:
     assert units_of("flexslew_msgs/msg/PlantState", "energy") == ("J",)
+
+
+@pytest.mark.parametrize("kind", ["parquet", "csv"])
+def test_an_export_replaces_a_link_and_does_not_write_through_it(
+    bag: Path, tmp_path: Path, kind: Literal["parquet", "csv"]
+) -> None:
+    outside, out = tmp_path / "outside", tmp_path / "out"
+    outside.write_text("mine")
+    out.mkdir()
+    for name in (f"truth.{kind}", "columns.json"):
+        (out / name).symlink_to(outside)
+    export_log(bag, out, kind, topics=["/truth"])
+    assert outside.read_text() == "mine"
+    assert (out / f"truth.{kind}").stat().st_size > 1000

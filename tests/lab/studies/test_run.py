@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_lab.studies import store as store_module
 from flexslew_lab.studies.cases import Case, case_of
 from flexslew_lab.studies.execution.pool import InThisProcess
 from flexslew_lab.studies.findings.summary import passed
@@ -49,7 +48,7 @@ def killed_at(moment: int, work: Callable[[], object]) -> None:
 
         return counted
 
-    store_module.os.fsync = tick(os.fsync)
+    os.fsync = tick(os.fsync)
     Path.rename = tick(Path.rename)  # type: ignore[method-assign]
     work()
     os._exit(0)

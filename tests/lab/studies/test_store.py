@@ -60,7 +60,7 @@ def test_a_full_disk_is_said_and_loses_nothing(
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("flexslew_lab.studies.store.os.fsync", full)
+        patch.setattr("flexslew_lab.studies.disk.os.fsync", full)
         with pytest.raises(RunFault, match="no space left"):
             store.add([result(1, 0.1)])
     assert store.statuses(2).tolist() == [1, 0]

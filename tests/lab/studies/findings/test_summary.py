@@ -74,6 +74,7 @@ def stored(study_of: Callable[..., Study], tmp_path: Path) -> Callable[..., Any]
         )
         samples = sample_table(study)
         identity = {
+            "study": {"study": study.settings.study},
             "columns": [NAME],
             "variants": [variant.label for variant in study.variants],
             "varied": [varied.name for varied in study.varied],

@@ -11,7 +11,7 @@ from flexslew_lab.cli.interrupt import NODES, patient
 from flexslew_lab.cli.log import Json, demand
 from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.study_words import progress, side_by_side, tell
-from flexslew_lab.cli.terminal import for_people, print_table, short
+from flexslew_lab.cli.terminal import for_people, print_table, say, short
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE, Trust
 
@@ -52,6 +52,7 @@ def run(
     from flexslew_lab.studies.findings.summary import passed
     from flexslew_lab.studies.finish import finished, keep_worst
     from flexslew_lab.studies.run import default_folder, prepare, run_study
+    from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import load_study, study_path
 
     if retry not in (None, "failed"):
@@ -66,6 +67,8 @@ def run(
         for_people.print(line, highlight=False)
     folder = out or default_folder(wanted, part)
     executor = _executor(ready, workers, dask)
+    if Store(folder).exists:
+        _tell_damaged(Store(folder))
     try:
         with progress(wanted.settings.study) as advance, patient(NODES):
             store = run_study(ready, folder, executor, part, retry is not None, advance)
@@ -97,11 +100,15 @@ def status(file: Place, out: Out = None, trust: TrustOption = None, as_json: Jso
         "ok": int((statuses == 1).sum()),
         "failed": int((statuses == 2).sum()),
         "missing": int((statuses == 0).sum()),
+        "damaged": store.damaged,
     }
     if as_json:
         print(json.dumps(counts, indent=2))
     else:
-        print_table(("", store.identity["study"]["study"]), counts.items())
+        shown = [(k, v) for k, v in counts.items() if k != "damaged"]
+        print_table(("", store.identity["study"]["study"]), shown)
+    _tell_damaged(store)
+    demand(not store.damaged)
 
 
 @study.command()
@@ -115,6 +122,7 @@ def report(
 
     Example: `./flexslew study report runs/study-before runs/study-after`
     """
+    from flexslew_lab.log.files.whole_file import write_whole
     from flexslew_lab.studies.findings.page import comparison_page
     from flexslew_lab.studies.findings.summary import passed, summary
     from flexslew_lab.studies.run import flights_of
@@ -129,18 +137,20 @@ def report(
         from flexslew_lab.studies.findings.page import study_page
 
         (one, store), page = opened[0], out or opened[0][1].folder / "report.html"
-        page.write_text(study_page(one, store, found[0]), encoding="utf-8")
+        write_whole(page, study_page(one, store, found[0]))
     else:
         page = out or Path("studies.html")
-        page.write_text(comparison_page(opened, found), encoding="utf-8")
+        write_whole(page, comparison_page(opened, found))
     for_people.print(f"written {page}")
+    for _, store in opened:
+        _tell_damaged(store)
     if len(found) == 1:
         tell(found[0] | {"report": str(page)}, as_json)
     elif as_json:
         print(json.dumps(found, indent=2))
     else:
         side_by_side(found)
-    demand(all(map(passed, found)))
+    demand(all(map(passed, found)) and not any(store.damaged for _, store in opened))
 
 
 @study.command()
@@ -208,6 +218,7 @@ def list_studies(as_json: Json = False) -> None:
     Example: `./flexslew study list`
     """
     from flexslew_lab.studies.run import RUNS
+    from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import SHIPPED, shipped_names
 
     rows: list[dict[str, Any]] = []
@@ -215,12 +226,23 @@ def list_studies(as_json: Json = False) -> None:
         first = (SHIPPED / f"{name}.yaml").read_text().splitlines()[0]
         rows.append({"study": name, "where": "shipped", "about": first.removeprefix("# ")})
     for path in sorted(RUNS.glob("*/study.json")):
-        name = json.loads(path.read_text())["study"]["study"]
-        rows.append({"study": name, "where": str(path.parent), "about": ""})
+        name, about = path.parent.name, ""
+        try:
+            name = Store(path.parent).identity["study"].get("study", name)
+        except BadInput as error:
+            about = str(error)
+        rows.append({"study": name, "where": str(path.parent), "about": about})
     if as_json:
         print(json.dumps(rows, indent=2))
     else:
         print_table(("study", "where", "about"), [row.values() for row in rows])
+
+
+def _tell_damaged(store: "Store") -> None:
+    for name in store.damaged:
+        say(
+            f"{store.folder}: {name} is damaged; its trials count as not flown until the study runs"
+        )
 
 
 def _opened(place: str, out: Path | None, trust: list[str] | None) -> tuple["Study", "Store"]:
@@ -236,7 +258,7 @@ def _opened(place: str, out: Path | None, trust: list[str] | None) -> tuple["Stu
         store = Store(Path(place))
         if not store.exists:
             raise BadInput("holds no study", place)
-        return load_study(store.folder / "study.yaml", Trust.of(trust or ())), store
+        return load_study(store.description, Trust.of(trust or ())), store
     wanted = load_study(study_path(place), ANY_CODE)
     store = Store(out or default_folder(wanted))
     if not store.exists:

@@ -15,6 +15,7 @@ import pyarrow.parquet
 from flexslew_lab.log.bag_columns import Block
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.column_names import column_name
+from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.log.messages.cdr import Field, fields
 from flexslew_lab.log.messages.schemas import definition, field_types, type_hash
 from flexslew_plant.errors import BadInput
@@ -96,7 +97,7 @@ def export_log(
             str(files[t].name): {c.name: {"unit": c.unit, "field": c.source} for c in columns[t]}
             for t in wanted
         }
-        (out / "columns.json").write_text(json.dumps(described, indent=1), encoding="utf-8")
+        write_whole(out / "columns.json", json.dumps(described, indent=1))
     return Exported(files, rows, skipped)
 
 
@@ -214,6 +215,9 @@ def _schema(overview: Overview, topic: str, columns: list[_Column]) -> pa.Schema
 
 
 def _sink(path: Path, schema: pa.Schema, kind: str) -> Any:
+    """Return what writes a table; a link that lies at its place is replaced, never followed."""
+    if path.is_symlink():
+        path.unlink()
     if kind == "csv":
         return pyarrow.csv.CSVWriter(path, schema)
     return pyarrow.parquet.ParquetWriter(path, schema, compression="zstd")

@@ -9,6 +9,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup, escape
 
+from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_plant.errors import BadInput
 
 _BREAKS = re.compile(r"(?<=[_./:-])(?=\w)")  # where a long name may go on in the next line
@@ -43,7 +44,7 @@ def write_page(page: str, out: Path) -> Path:
     """
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(page, encoding="utf-8")
+        write_whole(out, page)
     except OSError as error:
         raise BadInput(f"{out}: cannot be written: {error.strerror}") from None
     return out

@@ -96,7 +96,7 @@ def write_plan(
     group = figures.planned(plan, units, limits)
     page = render("plan.html.j2", title=plan.method, subtitle=f"to {goal}", group=group, rows=rows)
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(page, encoding="utf-8")
+    write_whole(out, page)
     return out
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from flexslew_lab.studies.cases import case_of, case_trial
+from flexslew_lab.studies.disk import own_folder
 from flexslew_lab.studies.findings.summary import summary
 from flexslew_lab.studies.flight import Flown, Plans, columns_of, flown
 from flexslew_lab.studies.lanes.check import TOLERANCE, apart
@@ -78,12 +79,12 @@ def keep_worst(
     name = next(iter(study.settings.criteria), "residual_tip_deflection")
     folders = []
     wanted = [entry["index"] for entry in found["metrics"][name]["worst"][: int(words[1])]]
-    place = store.folder / _WORST
+    place = own_folder(store.folder / _WORST)
     for path in sorted(place.glob("*")) if place.is_dir() else []:
         if not path.name.isdigit() or int(path.name) not in wanted:
-            shutil.rmtree(path)
+            shutil.rmtree(own_folder(path))
     for number in wanted:
-        folder = place / str(number)
+        folder = own_folder(place / str(number))
         if not (folder / "metrics.json").is_file():
             if folder.exists():
                 shutil.rmtree(folder)

@@ -1,8 +1,8 @@
 """The shards of a study joined into one folder."""
 
-import shutil
 from pathlib import Path
 
+from flexslew_lab.studies.disk import put
 from flexslew_lab.studies.identity import require_same
 from flexslew_lab.studies.run import flights_of, note
 from flexslew_lab.studies.store import Store
@@ -24,6 +24,10 @@ def merged(folders: list[Path], out: Path, trust: Trust) -> tuple[Study, Store]:
     """
     shards = [Store(folder) for folder in folders]
     for shard in shards:
+        if shard.damaged:
+            raise BadInput(
+                f"{shard.folder / 'parts' / shard.damaged[0]}: is damaged; run that shard again"
+            )
         require_same(shards[0].identity, shard.identity, shard.folder)
         if shard.folder.resolve() == out.resolve():
             raise BadInput(f"--out: {out} is one of the shards; choose another folder")
@@ -38,7 +42,7 @@ def merged(folders: list[Path], out: Path, trust: Trust) -> tuple[Study, Store]:
             whole.create(shards[0].identity, shards[0].samples)
         for name in ("study.yaml", "trial.yaml", "samples.csv"):
             if (shards[0].folder / name).is_file():
-                shutil.copyfile(shards[0].folder / name, out / name)
+                put(out / name, (shards[0].folder / name).read_bytes())
         for shard in shards:
             whole.adopt(shard)
         told = [flights_of(shard) for shard in shards]
@@ -46,4 +50,4 @@ def merged(folders: list[Path], out: Path, trust: Trust) -> tuple[Study, Store]:
         flown = sum(one.get("flown", 0) for one in told)
         note(whole, wall_time=wall, flown=flown, trials_per_second=flown / wall if wall else None)
         whole.write_table()
-    return load_study(out / "study.yaml", trust), whole
+    return load_study(whole.description, trust), whole

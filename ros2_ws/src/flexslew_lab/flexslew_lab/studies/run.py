@@ -1,6 +1,5 @@
 """A study from its file to its folder: what is missing is flown, then it is summed up."""
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.findings.stopping import looks, settled
 from flexslew_lab.studies.flight import Flown, Plans, metric_columns, plan_key
 from flexslew_lab.studies.identity import identity_of, require_same
+from flexslew_lab.studies.seals import opened_json
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study, known_metric
 from flexslew_lab.trial.trial import bench_settings, build_controllers
@@ -139,17 +139,18 @@ def run_study(
 
 
 def flights_of(store: Store) -> dict[str, Any]:
-    """Return the records of all runs of a study together."""
+    """Return the records of all runs of a study together.
+
+    Raises:
+        BadInput: their file is damaged.
+    """
     path = store.folder / _FLIGHTS
-    if not path.is_file():
-        return {}
-    found: dict[str, Any] = json.loads(path.read_text())
-    return found
+    return opened_json(path) if path.is_file() else {}
 
 
 def note(store: Store, **facts: Any) -> None:
     """Write facts of the run beside its results."""
-    store.write_text(_FLIGHTS, json.dumps(flights_of(store) | facts, indent=2) + "\n")
+    store.write_facts(_FLIGHTS, flights_of(store) | facts)
 
 
 def _last(study: Study, samples: pa.Table, variant: int) -> int:

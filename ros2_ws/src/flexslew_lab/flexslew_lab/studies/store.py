@@ -1,15 +1,13 @@
-"""The folder of a study: samples, results in parts that are only ever added, and what it is of.
+"""The folder of a study: samples, results in parts, the table of both, and what it is of.
 
-A part is written beside its place, flushed to the disk and renamed, so that a kill at any moment
-leaves whole parts alone. Where a trial stands in several parts the last one counts.
+Every file is written beside its place, flushed to the disk and renamed, so that a kill at any
+moment leaves whole files alone; and what is read again carries its SHA-256.
 """
 
-import errno
-import json
+import hashlib
 import os
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +17,19 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from flexslew_lab.studies.disk import HALF, own_folder, put, told
 from flexslew_lab.studies.flight import Flown
-from flexslew_plant.errors import BadInput, RunFault
+from flexslew_lab.studies.parts import Parts, written
+from flexslew_lab.studies.seals import check_text, opened_json, sealed_json, sealed_text
+from flexslew_plant.errors import BadInput
 from flexslew_plant.file_lock import lock_file
 
 _SAMPLES, _TABLE, _IDENTITY, _PARTS = "samples.parquet", "table.parquet", "study.json", "parts"
+_DESCRIPTION = ("study.yaml", "trial.yaml")
 _LOCK = ".writing"
 _GROUP = 8_192  # trials that are sorted at once
+_SHAPE: dict[str, type] = {"study": dict, "variants": list, "varied": list, "columns": list}
+_DIGEST = "samples_sha256"
 
 
 class Store:
@@ -38,7 +42,9 @@ class Store:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._identity: dict[str, Any] | None = None
+        self._samples_sha256: str | None = None  # None: an older folder
         self._samples: pa.Table | None = None
+        self._parts = Parts(folder / _PARTS)
 
     @property
     def exists(self) -> bool:
@@ -50,27 +56,57 @@ class Store:
         """What is in the folder and does not belong to a study."""
         own = (_SAMPLES, _PARTS, _LOCK)
         names = [path.name for path in self.folder.iterdir()] if self.folder.exists() else []
-        return [name for name in names if name not in own and not name.endswith(".half")]
+        return [name for name in names if name not in own and not name.endswith(HALF)]
+
+    @property
+    def damaged(self) -> list[str]:
+        """The parts that are not as they were written; their trials count as not flown."""
+        return self._parts.damaged
 
     @property
     def identity(self) -> dict[str, Any]:
         """What the study is of; see identity.identity_of.
 
         Raises:
-            BadInput: the folder holds no study.
+            BadInput: the folder holds no study, or that file is damaged.
         """
         if self._identity is None:
-            try:
-                self._identity = json.loads((self.folder / _IDENTITY).read_text())
-            except (OSError, ValueError):
-                raise BadInput("holds no study", self.folder) from None
+            if not self.exists:
+                raise BadInput("holds no study", self.folder)
+            found = opened_json(self.folder / _IDENTITY)
+            self._samples_sha256 = found.pop(_DIGEST, None)
+            for key, kind in _SHAPE.items():
+                if not isinstance(found.get(key), kind):
+                    raise BadInput("is missing or of no use", self.folder / _IDENTITY, key)
+            self._identity = found
         return self._identity
 
     @property
     def samples(self) -> pa.Table:
-        """The table of samples, see cases.sample_table."""
+        """The table of samples, see cases.sample_table.
+
+        Raises:
+            BadInput: the file is damaged.
+        """
         if self._samples is None:
-            self._samples = pq.read_table(self.folder / _SAMPLES)
+            needed = {"sample", "replicate", "seed", *self.identity["varied"]}
+            path = self.folder / _SAMPLES
+            try:
+                content = path.read_bytes()
+                found = pq.read_table(pa.BufferReader(content))
+            except (OSError, pa.ArrowException):
+                found, content = None, b""
+            digest = hashlib.sha256(content).hexdigest()
+            if (
+                found is None
+                or digest != (self._samples_sha256 or digest)
+                or not needed <= set(found.column_names)
+            ):
+                raise BadInput(
+                    f"{path}: is damaged; take it from a copy, or move the folder away and run the "
+                    "study again"
+                )
+            self._samples = found
         return self._samples
 
     @property
@@ -78,13 +114,24 @@ class Store:
         """The sorted table."""
         return self.folder / _TABLE
 
+    @property
+    def description(self) -> Path:
+        """The study's file in the folder, after checking it and its trial's.
+
+        Raises:
+            BadInput: one of them is damaged.
+        """
+        for name in _DESCRIPTION:
+            check_text(self.folder / name)
+        return self.folder / _DESCRIPTION[0]
+
     def create(self, identity: dict[str, Any], samples: pa.Table) -> None:
         """Write the samples and what they are of, before anything is flown."""
-        with _told(self.folder / _PARTS):
-            (self.folder / _PARTS).mkdir(parents=True, exist_ok=True)
-        self._put(self.folder / _SAMPLES, lambda path: pq.write_table(samples, path))
-        text = json.dumps(identity, indent=2) + "\n"
-        self._put(self.folder / _IDENTITY, lambda path: path.write_text(text))
+        self._parts.make()
+        content = written(samples)
+        put(self.folder / _SAMPLES, content)
+        known = identity | {_DIGEST: hashlib.sha256(content).hexdigest()}
+        put(self.folder / _IDENTITY, sealed_json(known).encode())
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -93,7 +140,7 @@ class Store:
         Raises:
             BadInput: somebody writes here already.
         """
-        with _told(self.folder / _LOCK):
+        with told(self.folder / _LOCK):
             self.folder.mkdir(parents=True, exist_ok=True)
             handle = lock_file(self.folder / _LOCK)
         if handle is None:
@@ -128,34 +175,45 @@ class Store:
                 },
             }
         )
-        number = 1 + max((int(p.stem.split("-")[1]) for p in self._parts()), default=-1)
-        part = self.folder / _PARTS / f"part-{number:06d}.parquet"
-        self._put(part, lambda path: pq.write_table(rows, path))
+        self._parts.add(rows)
 
     def adopt(self, other: "Store") -> int:
-        """Add the parts of another store of the same study; return how many trials they hold."""
+        """Add the sound parts of another store of the same study; return how many trials."""
         count = 0
-        for part in other._parts():
-            rows = pq.read_table(part)
+        for rows in other._parts.read():
             count += rows.num_rows
-            number = 1 + max((int(p.stem.split("-")[1]) for p in self._parts()), default=-1)
-            place = self.folder / _PARTS / f"part-{number:06d}.parquet"
-            self._put(place, partial(pq.write_table, rows))
+            self._parts.add(rows)
         return count
 
     def statuses(self, count: int) -> NDArray[np.int8]:
-        """Return 0 for every trial that is missing, 1 for ok, 2 for failed, shape (count,)."""
+        """Return 0 for every trial that is missing, 1 for ok, 2 for failed, shape (count,).
+
+        Raises:
+            BadInput: a part holds trials that the study does not have.
+        """
+        self._spans(count)
         found = np.zeros(count, dtype=np.int8)
-        for part in self._parts():
-            rows = pq.read_table(part, columns=["index", "status"])
+        for rows in self._parts.read(["index", "status"]):
             ok = pc.equal(rows["status"], "ok").to_numpy()
             found[rows["index"].to_numpy()] = np.where(ok, 1, 2)
         return found
 
     def table(self, columns: list[str], numbers: Collection[int] | None = None) -> pa.Table:
-        """Return columns of the sorted table, see write_table, of all trials or of some."""
+        """Return columns of the sorted table, see write_table, of all trials or of some.
+
+        Raises:
+            BadInput: the table is damaged.
+        """
         wanted = None if numbers is None else [("index", "in", numbers)]
-        return pq.read_table(self.table_path, columns=columns, filters=wanted)
+        try:
+            return pq.read_table(
+                self.table_path, columns=columns, filters=wanted, page_checksum_verification=True
+            )
+        except (OSError, KeyError, pa.ArrowException):
+            raise BadInput(
+                f"{self.table_path}: is damaged; ./flexslew study report {self.folder} writes it "
+                "again"
+            ) from None
 
     @property
     def columns(self) -> list[str]:
@@ -168,34 +226,41 @@ class Store:
         Raises:
             BadInput: no trial has been flown yet.
         """
-        parts = self._parts()
-        spans = [_span(part) for part in parts]
+        spans = self._spans(self.samples.num_rows * len(self.identity["variants"]))
         if not spans:
-            raise BadInput("no trial has been flown yet", self.folder)
-
-        def write(path: Path) -> None:
-            writer: pq.ParquetWriter | None = None
-            for start in range(0, max(last for _, last in spans) + 1, _GROUP):
-                end = start + _GROUP
-                near = [
-                    part
-                    for part, (first, last) in zip(parts, spans, strict=True)
-                    if first < end and last >= start
-                ]
-                rows = self._rows(near, start, end) if near else None
-                if rows is None or not rows.num_rows:
-                    continue
-                if writer is None:
-                    writer = pq.ParquetWriter(path, rows.schema)
-                writer.write_table(rows)
-            if writer is not None:
-                writer.close()
-
-        self._put(self.table_path, write)
+            lost = "".join(f"; {name} is damaged" for name in self.damaged)
+            raise BadInput(f"no trial has been flown yet{lost}", self.folder)
+        sink = pa.BufferOutputStream()
+        writer: pq.ParquetWriter | None = None
+        for start in range(0, max(last for _, _, last in spans) + 1, _GROUP):
+            end = start + _GROUP
+            near = [path for path, first, last in spans if first < end and last >= start]
+            rows = self._rows(near, start, end) if near else None
+            if rows is None or not rows.num_rows:
+                continue
+            if writer is None:
+                writer = pq.ParquetWriter(sink, rows.schema, write_page_checksum=True)
+            writer.write_table(rows)
+        if writer is not None:
+            writer.close()
+        put(self.table_path, sink.getvalue())
         return self.table_path
+
+    def _spans(self, count: int) -> list[tuple[Path, int, int]]:
+        """Return the sound parts, each with its smallest and largest number.
+
+        Raises:
+            BadInput: one holds a trial that the study of `count` trials does not have.
+        """
+        spans = self._parts.spans()
+        for path, _, last in spans:
+            if last >= count:
+                raise BadInput(f"trial {last} is not one of 0 to {count - 1}", path)
+        return spans
 
     def _rows(self, parts: list[Path], start: int, end: int) -> pa.Table:
         """Return the last results of the trials from `start` to before `end`, sorted."""
+        names = self.identity["variants"]
         rows = pa.concat_tables([pq.read_table(part) for part in parts])
         numbers = rows["index"].to_numpy()
         rows = rows.filter(pa.array((numbers >= start) & (numbers < end)))
@@ -203,7 +268,6 @@ class Store:
         _, from_behind = np.unique(numbers[::-1], return_index=True)
         rows = rows.take(pa.array(len(numbers) - 1 - from_behind))
         numbers = rows["index"].to_numpy()
-        names = self.identity["variants"]
         samples = self.samples.take(pa.array(numbers // len(names)))
         head = {
             "index": rows["index"],
@@ -219,61 +283,16 @@ class Store:
     def write_text(self, name: str, text: str) -> Path:
         """Write a file of the study and return its path."""
         path = self.folder / name
-        self._put(path, lambda place: place.write_text(text, encoding="utf-8"))
+        put(path, (sealed_text(text) if name in _DESCRIPTION else text).encode())
         return path
 
+    def write_facts(self, name: str, facts: dict[str, Any]) -> None:
+        """Write a JSON file of the study."""
+        put(self.folder / name, sealed_json(facts).encode())
+
     def clean(self) -> None:
-        """Take away what a kill has left half written."""
-        for folder in (self.folder, self.folder / _PARTS):
-            for path in folder.glob("*.half"):
+        """Take away what a kill has left half written, and set aside what is damaged."""
+        for folder in (self.folder, own_folder(self.folder / _PARTS)):
+            for path in folder.glob(f"*{HALF}"):
                 path.unlink()
-
-    def _parts(self) -> list[Path]:
-        return sorted((self.folder / _PARTS).glob("part-*.parquet"))
-
-    def _put(self, place: Path, write: Callable[[Path], Any]) -> None:
-        """Write a file whole or not at all.
-
-        Raises:
-            RunFault: the disk is full.
-        """
-        half = place.with_name(place.name + ".half")
-        with _told(place):
-            try:
-                write(half)
-                with half.open("rb+") as file:
-                    os.fsync(file.fileno())
-                half.rename(place)
-                folder = os.open(place.parent, os.O_RDONLY)
-                try:
-                    os.fsync(folder)
-                finally:
-                    os.close(folder)
-            except OSError:
-                half.unlink(missing_ok=True)
-                raise
-
-
-@contextmanager
-def _told(place: Path) -> Iterator[None]:
-    """Say in one line why something cannot be written.
-
-    Raises:
-        RunFault: the disk is full.
-        BadInput: anything else.
-    """
-    try:
-        yield
-    except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise BadInput(f"cannot be written: {error}", place) from None
-        raise RunFault(
-            f"{place.parent}: no space left on the disk; all results up to the last part "
-            "is there; make room and run the study again"
-        ) from None
-
-
-def _span(part: Path) -> tuple[int, int]:
-    """Return the smallest and the largest number in a part."""
-    numbers = pq.read_table(part, columns=["index"])["index"].to_numpy()
-    return int(numbers.min()), int(numbers.max())
+        self._parts.set_aside()

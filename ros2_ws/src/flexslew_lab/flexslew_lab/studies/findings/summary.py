@@ -61,6 +61,7 @@ def summary(study: Study, store: Store, flights: dict[str, Any]) -> dict[str, An
         "reasons": _counted(rows["reason"].filter(failed)),
         "paired": paired(study, store, list(study.settings.criteria) or chosen[:1]),
         "sensitivity": _sensitivity(study, store, list(study.settings.criteria) or chosen[:1]),
+        "damaged": store.damaged,
         "check": flights.get("check"),
         "stopped": flights.get("stopped"),
     }

@@ -1,0 +1,98 @@
+"""The results of a study in parts that are only ever added; where a trial stands in several, the
+last one counts. A part that is not as it was written is named and not read.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from flexslew_lab.studies.disk import own_folder, put, told
+from flexslew_lab.studies.seals import is_sound, part_name, part_number
+
+_DAMAGED = ".damaged"
+
+
+class Parts:
+    """Parts of a study on disk.
+
+    Args:
+        folder: of the parts.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._spans: dict[Path, tuple[int, int] | None] = {}  # of parts seen; None: damaged
+
+    @property
+    def damaged(self) -> list[str]:
+        """The names of parts that are not as they were written."""
+        return [path.name for path in self._paths() if self._span(path) is None]
+
+    def make(self) -> None:
+        """Make the folder."""
+        with told(self.folder):
+            own_folder(self.folder).mkdir(parents=True, exist_ok=True)
+
+    def add(self, rows: pa.Table) -> None:
+        """Write rows as the next part.
+
+        Raises:
+            RunFault: the disk is full; what was written before is whole.
+        """
+        content = written(rows)
+        number = 1 + max((part_number(p.name) or 0 for p in self._paths()), default=-1)
+        place = self.folder / part_name(number, content)
+        put(place, content)
+        self._spans.pop(place, None)
+
+    def read(self, columns: list[str] | None = None) -> Iterator[pa.Table]:
+        """Yield the rows of every sound part, the oldest first."""
+        for path in self._paths():
+            if self._span(path) is not None:
+                yield pq.read_table(path, columns=columns)
+
+    def spans(self) -> list[tuple[Path, int, int]]:
+        """Return every sound part with the smallest and the largest number in it."""
+        found = [(path, self._span(path)) for path in self._paths()]
+        return [(path, *span) for path, span in found if span is not None]
+
+    def set_aside(self) -> None:
+        """Rename what is damaged, so that its trials are missing and are flown again."""
+        for path in self._paths():
+            if self._span(path) is None:
+                path.rename(path.with_name(path.name + _DAMAGED))
+
+    def _paths(self) -> list[Path]:
+        if not own_folder(self.folder).is_dir():
+            return []
+        return sorted(p for p in self.folder.iterdir() if part_number(p.name) is not None)
+
+    def _span(self, path: Path) -> tuple[int, int] | None:
+        """Return the smallest and the largest number in a part; None if it is damaged."""
+        if path not in self._spans:
+            self._spans[path] = _span(path)
+        return self._spans[path]
+
+
+def written(rows: pa.Table) -> bytes:
+    """Return a table as a Parquet file, with checksums of its pages."""
+    sink = pa.BufferOutputStream()
+    pq.write_table(rows, sink, write_page_checksum=True)
+    return bytes(sink.getvalue())
+
+
+def _span(path: Path) -> tuple[int, int] | None:
+    try:
+        content = path.read_bytes()
+        if not is_sound(path.name, content):
+            return None
+        rows = pq.read_table(pa.BufferReader(content))
+        numbers = rows["index"].to_numpy()
+    except (OSError, KeyError, pa.ArrowException):
+        return None
+    if not len(numbers) or numbers.dtype != np.int64 or numbers.min() < 0:
+        return None
+    return int(numbers.min()), int(numbers.max())
