@@ -174,7 +174,9 @@ def test_a_planner_of_ones_own_plans_from_its_file(tmp_path: Any) -> None:
 
 def test_turns_of_appendages_are_no_slew() -> None:
     slew = plan_settings({"method": "none"}, "trial.yaml")
-    with pytest.raises(BadInput, match="retargeting is not allowed: it does not plan what none do"):
+    with pytest.raises(
+        BadInput, match="'retargeting' is not allowed: it does not plan what none do"
+    ):
         other_method(slew, "retargeting", "trial.yaml")
     turn = plan_settings({"method": "retargeting"}, "trial.yaml")
     with pytest.raises(BadInput, match="none is not allowed: it does not plan what retargeting"):
@@ -183,7 +185,7 @@ def test_turns_of_appendages_are_no_slew() -> None:
 
 def test_a_manoeuvre_that_a_method_does_not_know_is_refused_in_one_line() -> None:
     settings = plan_settings({"method": "none"}, "trial.yaml")
-    with pytest.raises(BadInput, match=r"trial\.yaml: method: wishing is not allowed: optimized"):
+    with pytest.raises(BadInput, match=r"trial\.yaml: method: 'wishing' is not allowed: optimized"):
         other_method(settings, "wishing", "trial.yaml")
     hub = plan_settings({"method": "time_optimal", "goal": {"hub": 1.0}}, "trial.yaml")
     with pytest.raises(

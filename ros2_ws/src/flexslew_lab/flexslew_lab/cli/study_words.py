@@ -18,16 +18,7 @@ from rich.progress import (
 from rich.text import Text
 
 from flexslew_lab.cli.terminal import for_people, print_table, say, short
-from flexslew_lab.studies.findings.criteria import Verdict
-from flexslew_lab.studies.findings.tables import (
-    QUANTILE_NAMES,
-    bounded,
-    criterion_words,
-    metric_tables,
-    pair_rows,
-)
 
-_COLOURS = {Verdict.PASSED: "green", Verdict.REFUTED: "red", Verdict.UNDECIDED: "yellow"}
 _OFTEN = 30.0  # between two lines where no bar can be drawn [wall s]
 
 
@@ -89,6 +80,15 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
     if as_json:
         print(json.dumps(found, indent=2))
         return
+    from flexslew_lab.studies.findings.criteria import Verdict
+    from flexslew_lab.studies.findings.tables import (
+        QUANTILE_NAMES,
+        criterion_words,
+        metric_tables,
+        pair_rows,
+    )
+
+    colours = {Verdict.PASSED: "green", Verdict.REFUTED: "red", Verdict.UNDECIDED: "yellow"}
     rate = found["trials_per_second"]
     rows = [
         ("trials", f"{found['trials']} of {found['planned']}, {found['failed']} failed"),
@@ -111,7 +111,7 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
     for row in found["criteria"]:
         verdict = Verdict(row["verdict"])
         for_people.print(
-            Text.assemble((verdict.value, _COLOURS[verdict]), " ", criterion_words(row)),
+            Text.assemble((verdict.value, colours[verdict]), " ", criterion_words(row)),
             highlight=False,
             soft_wrap=True,
         )
@@ -119,6 +119,8 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
 
 def side_by_side(found: list[dict[str, Any]]) -> None:
     """Print the 99 % quantiles of two studies beside each other."""
+    from flexslew_lab.studies.findings.tables import bounded
+
     first, second = found
     lines = []
     for name, metric in first["metrics"].items():
