@@ -179,7 +179,7 @@ def test_turns_of_appendages_are_no_slew() -> None:
     ):
         other_method(slew, "retargeting", "trial.yaml")
     turn = plan_settings({"method": "retargeting"}, "trial.yaml")
-    with pytest.raises(BadInput, match="none is not allowed: it does not plan what retargeting"):
+    with pytest.raises(BadInput, match="'none' is not allowed: it does not plan what retargeting"):
         other_method(turn, "none", "trial.yaml")
 
 
