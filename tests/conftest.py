@@ -19,7 +19,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Give a test that asks for a `case` as many of them as --cases says."""
-    if "case" in metafunc.fixturenames:
+    own = any("case" in mark.args[0] for mark in metafunc.definition.iter_markers("parametrize"))
+    if "case" in metafunc.fixturenames and not own:
         first, count = metafunc.config.option.seed, metafunc.config.option.cases
         metafunc.parametrize("case", range(first, first + count), indirect=True)
 

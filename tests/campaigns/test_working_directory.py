@@ -15,6 +15,7 @@ HIDING = ("typer", "numpy", "json", "click", "yaml", "rclpy", "pydantic", "numba
           "sitecustomize", "usercustomize", "flexslew_lab", "flexslew_plant", "mcap")  # fmt: skip
 COMMANDS = (
     ["--help"], ["trials"], ["trial", "m1", "--in-process", "--set", "duration=0.1", "--set",
+    "goal_tolerance=10.0", "--set",
     "plan={method: none, goal: {base_yaw: 0.01}, duration: 0.05}", "--out", "run"],
     ["log", "info", "nothing"], ["study", "list"], ["reproduce", "nobody"],
 )  # fmt: skip

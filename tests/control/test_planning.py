@@ -12,7 +12,7 @@ GOAL = "{method: none}"
 
 def test_a_request_that_can_be_used_is_passed_on_with_the_gains() -> None:
     made = plan_request(GOAL, "", 0.01, [150.0], ((1.0,), (2.0,)))
-    assert made == PlanRequest({"method": "none"}, "", 0.01, (150.0,), (1.0,), (2.0,))
+    assert made == PlanRequest({"method": "none"}, "", 0.01, (150.0,), (1.0,), (2.0,), {})
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, math.nan, math.inf])

@@ -15,6 +15,10 @@ FREE_STATE = ("proportional_integral", "collocated_pid", "disturbance_accommodat
 # planned_gains is not ready without a plan that has gains: test_retargeting_laws
 LAWS = [law for law in CONTROLLERS if law != "planned_gains"]
 PAIRS = list(itertools.permutations(LAWS, 2))
+# gains alone, of errors and their rates; without a system the law is the plan's effort
+SETTINGS: dict[str, Any] = {
+    "linear": {"system": {"d": [[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]]}}
+}
 
 
 class Seen(Observer):
@@ -43,7 +47,7 @@ class Seen(Observer):
 
 
 def built(name: Any) -> Any:
-    return build_controller(name, name, {}, plant(0.01, LIMIT), "test")
+    return build_controller(name, name, SETTINGS.get(name, {}), plant(0.01, LIMIT), "test")
 
 
 def swap(outgoing: Any, incoming: Any) -> Any:

@@ -6,6 +6,7 @@ import pytest
 
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study, parse_study
+from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import yaml_text
 
 TRIAL: dict[str, Any] = {
@@ -37,7 +38,7 @@ def study_of(tmp_path: Path) -> Callable[..., Study]:
         (tmp_path / "small.yaml").write_text(yaml_text(TRIAL | (flown or {})))
         text = yaml_text({k: v for k, v in (STUDY | keys).items() if v is not None})
         (tmp_path / "study.yaml").write_text(text)
-        return parse_study(text, str(tmp_path / "study.yaml"), tmp_path)
+        return parse_study(text, str(tmp_path / "study.yaml"), tmp_path, ANY_CODE)
 
     return make
 

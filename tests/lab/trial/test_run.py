@@ -4,6 +4,7 @@ import pytest
 
 from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.trial import parse_trial
+from flexslew_plant.own_code import ANY_CODE
 
 LAW = """
 class Tired:
@@ -30,7 +31,7 @@ schedule:
 def test_a_law_that_raises_is_told_with_file_and_line_and_counted(tmp_path: Path) -> None:
     law = tmp_path / "tired.py"
     law.write_text(LAW)
-    trial = parse_trial(TRIAL.format(law=law), "t.yaml")
+    trial = parse_trial(TRIAL.format(law=law), "t.yaml", ANY_CODE)
     result = run_trial(trial, "t.yaml", tmp_path / "run", in_process=True, report=False)
     assert result.exit_code == 3
     assert "0.24 s: mine is silent: pd_feedforward takes over (" in result.message

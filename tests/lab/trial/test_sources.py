@@ -19,7 +19,7 @@ def test_every_shipped_trial_is_known_by_its_name_and_says_what_it_is(shipped: A
     assert trial.name == shipped.name
     assert source == str(shipped.path)
     assert 20 < len(shipped.about) < 300
-    assert parse_trial(trial_text(trial), "again") == trial
+    assert parse_trial(trial_text(trial), "again", trial.trust) == trial
 
 
 def test_no_name_is_m1_and_a_file_wins_over_a_shipped_name(

@@ -7,6 +7,7 @@ from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial, trial_text
 from flexslew_plant.errors import BadInput
+from flexslew_plant.refusal import Cause
 
 DEMO = trial_path("swap_demo")
 LIMIT = 150.0  # [N m]
@@ -61,7 +62,7 @@ def test_the_silence_of_the_demo_is_found_and_handed_over(demo: tuple[Any, Any])
     assert fault.data["fault"]["controller"] == "proportional_integral"
     assert fault.tick == 7500
     assert fallback.tick == 7504
-    assert fallback.data == {"from": "proportional_integral", "to": "lqr"}
+    assert fallback.data == {"from": "proportional_integral", "to": "lqr", "cause": Cause.NO_ANSWER}
     assert not events(run, "brake")
 
 

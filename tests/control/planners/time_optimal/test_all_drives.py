@@ -80,7 +80,10 @@ def test_the_symbolic_model_is_the_testbed(variant: str, modes: int) -> None:
 def test_what_cannot_be_done_is_said_in_one_line(
     monkeypatch: pytest.MonkeyPatch, one_start: None
 ) -> None:
-    with pytest.raises(BadInput, match="robust: true is not allowed: a slew by all drives"):
+    with pytest.raises(
+        BadInput,
+        match="robust: True is not allowed: a slew that more than one",
+    ):
         planned({"base_yaw": 1.0, "hub_pitch": 0.5}, robust=True)
     with pytest.raises(BadInput, match="drives: all is not allowed: there is one"):
         planned({"mass": 1.0}, model={"kind": "floating_oscillator"}, amplitude=1.0, drives="all")

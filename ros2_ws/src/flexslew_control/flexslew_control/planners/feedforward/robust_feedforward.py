@@ -103,7 +103,7 @@ def joint_range(settings: RobustFeedforward, slew: Slew) -> Matrix | None:
                 f"the joint goes from {slew.start[j]:g} to {slew.goal[j]:g}, which must lie inside",
                 "plan",
                 f"joint_range.{name}",
-                f"[{low:g}, {high:g}]",
+                [low, high],
             )
         found[:, j] = low, high
     return found

@@ -129,7 +129,7 @@ def found_slew(
                 "by all drives" if settings.drives == "all" else "that more than one drive makes"
             )
             raise BadInput(
-                f"a slew {needed} is not made robust; use robust: false", "plan", "robust", "true"
+                f"a slew {needed} is not made robust; use robust: false", "plan", "robust", True
             )
         goal = np.concatenate((last, rest))
         return fastest_slew(asked.testbed, start, goal, amplitude, progress)
