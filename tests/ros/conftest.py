@@ -1,6 +1,7 @@
 """Every ROS process of the tests stays on 127.0.0.1, in a domain of its own."""
 
 import os
+from pathlib import Path
 
 import pytest
 
@@ -12,4 +13,7 @@ def _strict_loopback() -> None:
     os.environ.pop(SETTING, None)
     prepare(os.environ)
     os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+    # nodes of the tests are modules of this checkout, which python -P looks for nowhere else
+    root = str(Path(__file__).parents[2])
+    os.environ["PYTHONPATH"] = os.pathsep.join((root, os.environ.get("PYTHONPATH", "")))
     os.environ.pop("ROS_DOMAIN_ID", None)

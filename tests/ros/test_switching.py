@@ -84,7 +84,7 @@ def test_every_switch_is_answered_with_who_is_in_charge(tmp_path: Path) -> None:
         "stranger": ("unknown controller nobody", "pd_feedforward"),
         "mute": ("output_feedback never answered; lqr is in charge", "lqr"),
         "strict": ("its effort would step by", ""),
-        "-1.0": ("max_effort_step: -1 is not allowed: 0 or more", "lqr"),
+        "-1.0": ("max_effort_step: -1.0 is not allowed: 0 or more", "lqr"),
         "nan": ("max_effort_step: nan is not allowed: 0 or more", "lqr"),
     }
     for name, (said, active) in words.items():
