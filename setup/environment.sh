@@ -25,7 +25,7 @@ case ${FLEXSLEW_NETWORK:-0} in
     export "$flexslew_profile=$flexslew_profiles/loopback.xml"
     ;;
   1)
-    if [ "${!flexslew_profile:-}" = "$flexslew_profiles/loopback.xml" ]; then
+    if [ "${!flexslew_profile:-}" -ef "$flexslew_profiles/loopback.xml" ]; then # an installed one may be a link
       unset "$flexslew_profile" ROS_AUTOMATIC_DISCOVERY_RANGE SKIP_DEFAULT_XML_FILE
     fi
     export "$flexslew_profile=${!flexslew_profile:-$flexslew_profiles/network.xml}"

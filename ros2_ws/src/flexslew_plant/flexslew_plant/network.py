@@ -44,7 +44,8 @@ def prepare(environment: MutableMapping[str, str]) -> None:
     """
     name, other = (OLDER, NEWER) if environment.get("ROS_DISTRO") == "jazzy" else (NEWER, OLDER)
     if on_network(environment):
-        if environment.get(name) == str(LOOPBACK):  # of a shell that stayed on the loopback
+        # of a shell that stayed on the loopback, by whichever link
+        if os.path.realpath(environment.get(name, "")) == os.path.realpath(LOOPBACK):
             for own in (name, RANGE, SKIP):
                 environment.pop(own, None)
         environment.setdefault(name, str(NETWORK))
