@@ -98,7 +98,12 @@ def output_matrix(model: Designed, with_tip: bool) -> Matrix:
     """Return C of y = C x: joint positions, joint rates and, if measured, the first tip.
 
     Shape (2 joints, 2 n), or one row more.
+
+    Raises:
+        BadInput: a tip shall be measured, and there is none.
     """
+    if with_tip and not len(model.appendages.tip):
+        raise BadInput("the testbed has no tip to measure; leave the noise of the tip out")
     n, m = model.coordinates, model.joints
     c = np.zeros((2 * m + with_tip, 2 * n))
     c[:m, :m] = np.eye(m)
