@@ -85,7 +85,7 @@ def test_what_cannot_be_done_is_said_in_one_line(
         match="robust: True is not allowed: a slew that more than one",
     ):
         planned({"base_yaw": 1.0, "hub_pitch": 0.5}, robust=True)
-    with pytest.raises(BadInput, match="drives: all is not allowed: there is one"):
+    with pytest.raises(BadInput, match="drives: 'all' is not allowed: there is one"):
         planned({"mass": 1.0}, model={"kind": "floating_oscillator"}, amplitude=1.0, drives="all")
     with pytest.raises(PlanFailed, match=r"takes 18\.49\d+ s with 100 N m, 15 s allowed"):
         planned({"base_yaw": 1.0, "hub_pitch": 0.5}, longest=15.0)

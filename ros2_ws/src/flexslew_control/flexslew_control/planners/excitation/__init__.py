@@ -1,0 +1,1 @@
+"""Plans that shake a bench to identify it."""

@@ -1,0 +1,237 @@
+"""Records of other benches: a CSV file, or any rosbag2, with columns chosen by name."""
+
+import csv
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_lab.identification.record import Output, Quantity, Record
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+
+_TIME = ("time", "t", "stamp")  # names of a CSV's column of times [s]
+_MOST_MISSING = 5.0  # longest gap that is filled, in periods
+_JITTER = 0.3  # of a period: the standard deviation beyond which a record is refused
+_INDEX = re.compile(r"^(?P<field>.*?)\[(?P<index>\d+)\]$")
+
+
+class Columns(NamedTuple):
+    """Series of one clock each, by name."""
+
+    series: dict[str, tuple[Vector, Vector]]  # times [s] and values
+    source: str
+
+
+class Repaired(NamedTuple):
+    """What was done to put series on ticks, in words, for people."""
+
+    record: Record
+    words: tuple[str, ...]
+
+
+def foreign_record(
+    path: Path, inputs: tuple[str, ...], outputs: tuple[str, ...], period: float | None = None
+) -> Repaired:
+    """Return a record of a CSV file or a bag, on ticks.
+
+    An input `torque_1` or `/effort.data[0]` is held until its next value; an output is read at the
+    ticks, with a straight line where a sample is late or missing. Names of outputs say what they
+    are: `position.JOINT`, `rate.JOINT` by a `=` behind the column (`/joint_states.position[0]=
+    position.hub`), anything else is a deflection.
+
+    Args:
+        path: of the file, or the folder of the bag.
+        inputs: columns of efforts, each `column` or `column=joint`.
+        outputs: columns of sensors, each `column` or `column=name`.
+        period: of the ticks [s]; None: the median of the first input's.
+
+    Raises:
+        BadInput: no such column, a gap or jitter beyond what can be mended; with the numbers.
+    """
+    wanted = [_named(text) for text in (*inputs, *outputs)]
+    columns = (read_csv if path.suffix == ".csv" else read_bag)(path, [name for name, _ in wanted])
+    clock = columns.series[wanted[0][0]][0]
+    h = period or float(np.median(np.diff(clock)))
+    first = max(t[0] for t, _ in columns.series.values())
+    last = min(t[-1] for t, _ in columns.series.values())
+    ticks = int((last - first) / h + 1e-6)
+    if ticks < 1:
+        raise BadInput(f"{path}: the columns have no time in common")
+    grid = first + h * np.arange(ticks + 1)
+    words: list[str] = []
+    for name, _ in wanted:
+        words += _told(path, name, columns.series[name][0], h)
+    effort = np.column_stack([_held(columns.series[n], grid) for n, _ in wanted[: len(inputs)]])
+    measured = np.column_stack(
+        [np.interp(grid, *columns.series[n]) for n, _ in wanted[len(inputs) :]]
+    )
+    record = Record(
+        h,
+        effort[:-1],
+        measured,
+        tuple(label for _, label in wanted[: len(inputs)]),
+        tuple(_output(label) for _, label in wanted[len(inputs) :]),
+        str(path),
+        np.full(len(inputs), np.inf),
+    )
+    return Repaired(record.moved(), tuple(words))
+
+
+def _named(text: str) -> tuple[str, str]:
+    column, _, label = text.partition("=")
+    return column, label or column
+
+
+def _output(label: str) -> Output:
+    kind, _, joint = label.partition(".")
+    if kind == "position":
+        return Output(label, "rad", Quantity.JOINT_POSITION, joint)
+    if kind == "rate":
+        return Output(label, "rad/s", Quantity.JOINT_RATE, joint)
+    return Output(label, "m", Quantity.DEFLECTION)
+
+
+def _held(series: tuple[Vector, Vector], grid: Vector) -> Vector:
+    """Return the mean of a series that is held between its samples over each tick, and its last."""
+    t, values = series
+    area = np.concatenate(([0.0], np.cumsum(values[:-1] * np.diff(t))))
+    edges = np.append(grid, grid[-1] + (grid[-1] - grid[-2]))
+    whole = np.interp(edges, t, area)
+    held: Vector = np.diff(whole) / np.diff(edges)
+    held[-1] = values[-1]
+    return held
+
+
+def _told(path: Path, name: str, t: Vector, h: float) -> list[str]:
+    """Return what is wrong with a clock, in words; refuse what cannot be mended."""
+    steps = np.diff(t)
+    if (steps <= 0.0).any():
+        at = float(t[int(np.argmax(steps <= 0.0))])
+        raise BadInput(f"{path}: {name}: the time steps back at {at:.6g} s")
+    longest = float(steps.max())
+    if longest > _MOST_MISSING * h:
+        at = float(t[int(np.argmax(steps))])
+        raise BadInput(
+            f"{path}: {name}: no sample for {longest:.4g} s from {at:.6g} s on, more than "
+            f"{_MOST_MISSING:g} ticks of {h:.4g} s; cut the record there"
+        )
+    regular = steps[steps < 1.5 * h]
+    jitter = float(regular.std()) if regular.size else 0.0
+    if jitter > _JITTER * h:
+        raise BadInput(
+            f"{path}: {name}: the samples jitter by {jitter:.3g} s around {h:.4g} s: too much to "
+            "tell anything near the end of the band"
+        )
+    missing = int(np.sum(np.round(steps / h) - 1.0))
+    words = []
+    if missing:
+        words.append(f"{name}: {missing} samples are missing; a straight line stands there")
+    if jitter > 1e-3 * h:
+        words.append(f"{name}: jitter of {jitter:.2g} s; put on ticks of {h:.6g} s")
+    return words
+
+
+def read_csv(path: Path, names: list[str]) -> Columns:
+    """Return columns of a CSV file with a header; the column of times is `time`, `t` or `stamp`.
+
+    Raises:
+        BadInput: it cannot be read, has no times, a column is missing, or an entry is no number.
+    """
+    try:
+        with path.open(newline="") as file:
+            rows = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise BadInput(f"{path}: cannot be read: {error}") from None
+    if len(rows) < 2:
+        raise BadInput(f"{path}: holds no rows; a header and numbers are needed")
+    header = [name.strip() for name in rows[0]]
+    clock = next((name for name in _TIME if name in header), None)
+    if clock is None:
+        raise BadInput(f"{path}: no column of times; call it {', '.join(_TIME)}")
+    columns: dict[str, Vector] = {}
+    for name in (clock, *names):
+        if name not in header:
+            raise BadInput(f"{path}: no column {name}; there are {', '.join(header)}")
+        place = header.index(name)
+        try:
+            columns[name] = np.array([float(row[place]) for row in rows[1:]])
+        except (ValueError, IndexError):
+            line = next(k for k, row in enumerate(rows[1:], 2) if not _number(row, place))
+            raise BadInput(f"{path}: line {line}: {name}: give a number") from None
+    return Columns({name: (columns[clock], columns[name]) for name in names}, str(path))
+
+
+def _number(row: list[str], place: int) -> bool:
+    try:
+        float(row[place])
+    except (ValueError, IndexError):
+        return False
+    return True
+
+
+def read_bag(path: Path, names: list[str]) -> Columns:
+    """Return series of a rosbag2 by `/topic.field[index]`, at the messages' stamps.
+
+    A header's stamp is taken where there is one, else the time of recording.
+
+    Raises:
+        BadInput: it cannot be read, or there is no such topic, field or entry.
+    """
+    from rosbags.highlevel import AnyReader, AnyReaderError
+
+    wanted = [_place(path, name) for name in names]
+    found: dict[str, tuple[list[float], list[float]]] = {name: ([], []) for name in names}
+    try:
+        with AnyReader([path]) as reader:
+            topics = {place.topic for place in wanted}
+            connections = [c for c in reader.connections if c.topic in topics]
+            there = {c.topic for c in reader.connections}
+            for topic in topics - there:
+                raise BadInput(f"{path}: no topic {topic}; there are {', '.join(sorted(there))}")
+            for connection, stamp, raw in reader.messages(connections=connections):
+                message = reader.deserialize(raw, connection.msgtype)
+                at = _stamp(message, stamp)
+                for name, place in zip(names, wanted, strict=True):
+                    if place.topic == connection.topic:
+                        found[name][0].append(at)
+                        found[name][1].append(_entry(path, name, message, place))
+    except (AnyReaderError, OSError) as error:
+        raise BadInput(f"{path}: cannot be read: {error}") from None
+    series = {name: (np.array(t), np.array(values)) for name, (t, values) in found.items()}
+    for name, (t, _) in series.items():
+        if t.size < 2:
+            raise BadInput(f"{path}: {name}: {t.size} messages are no series")
+    return Columns(series, str(path))
+
+
+class _Place(NamedTuple):
+    topic: str
+    field: str
+    entry: int | None
+
+
+def _place(path: Path, name: str) -> _Place:
+    topic, _, field = name.partition(".")
+    if not topic.startswith("/") or not field:
+        raise BadInput(f"{path}: {name} is no column; write /topic.field or /topic.field[index]")
+    match = _INDEX.match(field)
+    return _Place(topic, match["field"] if match else field, int(match["index"]) if match else None)
+
+
+def _stamp(message: Any, recorded: int) -> float:
+    header = getattr(message, "header", None)
+    if header is None:
+        return recorded * 1e-9
+    return float(header.stamp.sec + header.stamp.nanosec * 1e-9)
+
+
+def _entry(path: Path, name: str, message: Any, place: _Place) -> float:
+    value = message
+    try:
+        for part in place.field.split("."):
+            value = getattr(value, part)
+        return float(value if place.entry is None else value[place.entry])
+    except (AttributeError, IndexError, TypeError, ValueError):
+        raise BadInput(f"{path}: {name}: the message has no such number") from None

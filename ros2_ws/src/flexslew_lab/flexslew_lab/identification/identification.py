@@ -1,0 +1,226 @@
+"""Runs in, a model with its bounds out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexslew_control.law import described
+from flexslew_control.message_fields import plan_of
+from flexslew_control.plan import Plan
+from flexslew_control.planners import EXCITATION
+from flexslew_lab.identification.frequency_response import FrequencyResponse, frequency_response
+from flexslew_lab.identification.from_bag import bag_of, record_of
+from flexslew_lab.identification.modal_fit import ModalLeastSquares
+from flexslew_lab.identification.modes import Interval, ModalModel, identify_modes
+from flexslew_lab.identification.physical_fit import PhysicalFit, fit_parameters, nested
+from flexslew_lab.identification.record import Record
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import Testbed, varied
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Validation:
+    """How the model explains a run that it was not made from.
+
+    Args:
+        source: the run.
+        outputs: names.
+        explained: part of each output's variance, 1 is all of it, (outputs,) [-].
+        over_noise: residual beside the noise that was identified, (outputs,) [-].
+    """
+
+    source: str
+    outputs: tuple[str, ...]
+    explained: Vector
+    over_noise: Vector
+
+
+@dataclass(frozen=True)
+class Identification:
+    """All that runs have told.
+
+    Args:
+        model: modes and inertias, of the first run.
+        response: of all runs with the same multisine; None: see `without_response`.
+        without_response: why there are no frequency responses.
+        physical: parameters that were fitted; None: none were asked for.
+        validation: of every further run.
+    """
+
+    model: ModalModel
+    response: FrequencyResponse | None
+    without_response: str
+    physical: PhysicalFit | None
+    validation: tuple[Validation, ...]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A run, as far as identification needs it."""
+
+    record: Record
+    plan: Plan | None  # that shook it
+    testbed: Testbed | None  # that its log says stood on the bench
+
+
+def experiment_of(run: Path) -> Experiment:
+    """Return what a run of this bench holds: measurements, plan and the testbed believed.
+
+    Raises:
+        BadInput: there is no bag, or it is damaged.
+    """
+    bag = bag_of(run)
+    testbed = _testbed(bag)
+    record = record_of(bag, testbed.model().appendages if testbed is not None else None)
+    plans = [plan_of(message, f"{bag.path}: plan") for message in bag.overview.plans]
+    shaken = [plan for plan in plans if plan.method == EXCITATION.name]
+    return Experiment(record, shaken[-1] if shaken else None, testbed)
+
+
+def _testbed(bag: BagReader) -> Testbed | None:
+    message = bag.overview.testbed
+    if message is None:
+        return None
+    try:
+        return described(message.settings, f"{bag.path}: /testbed").testbed
+    except BadInput:  # one's own class that this reader does not trust: modes need none
+        return None
+
+
+def identify(
+    experiments: list[Experiment],
+    band: tuple[float, float] | None = None,
+    fit: tuple[str, ...] = (),
+    start: dict[str, float] | None = None,
+    tell: Tell | None = None,
+) -> Identification:
+    """Return what runs say: responses of all, a model of the first, proved on the others.
+
+    Args:
+        experiments: at least one.
+        band: that was shaken [rad/s]; None: the plan's, or where the efforts have their power.
+        fit: paths of numbers in the testbed's section to fit.
+        start: first values of some of them.
+        tell: called with what is being done.
+
+    Raises:
+        BadInput: an experiment cannot tell; it says why, with the numbers.
+    """
+    first = experiments[0]
+    if band is None and first.plan is not None:
+        low, high = first.plan.summary["band"]
+        band = (float(low), float(high))
+    model = identify_modes(first.record, band, tell)
+    response, why = _response(experiments)
+    return Identification(
+        model,
+        response,
+        why,
+        _physical(first, model, fit, start or {}, tell) if fit else None,
+        tuple(validated_on(model, other.record) for other in experiments[1:]),
+    )
+
+
+def _response(experiments: list[Experiment]) -> tuple[FrequencyResponse | None, str]:
+    plans = [e.plan for e in experiments if e.plan is not None]
+    if len(plans) < len(experiments):
+        return None, "no plan of method excitation in the log says what was added"
+    try:
+        return frequency_response([e.record for e in experiments], plans), ""
+    except BadInput as error:
+        return None, str(error)
+
+
+def _physical(
+    first: Experiment,
+    model: ModalModel,
+    fit: tuple[str, ...],
+    start: dict[str, float],
+    tell: Tell | None,
+) -> PhysicalFit:
+    if first.testbed is None:
+        raise BadInput(f"{first.record.source}: --fit needs the testbed, which this log lacks")
+    testbed = varied(first.testbed, nested(start), "--start") if start else first.testbed
+    return fit_parameters(model, testbed, fit, tell)
+
+
+def validated_on(model: ModalModel, record: Record) -> Validation:
+    """Return how the modes of one record explain another.
+
+    Frequencies, damping ratios and residues stay; bias and the motion before the record are the new
+    record's own.
+
+    Raises:
+        BadInput: it has other inputs or outputs.
+    """
+    mine = model.record
+    if (record.inputs, record.outputs) != (mine.inputs, mine.outputs):
+        raise BadInput(f"{record.source}: has not the inputs and outputs of {mine.source}")
+    problem = ModalLeastSquares(record, model.fit.noise)
+    residual = problem.prediction_error(model.fit)
+    spread = record.measured.std(axis=0)
+    size = residual.std(axis=0)
+    return Validation(
+        record.source,
+        tuple(o.name for o in record.outputs),
+        1.0 - (size / np.where(spread > 0.0, spread, 1.0)) ** 2,
+        size / model.fit.noise,
+    )
+
+
+def summary(found: Identification) -> dict[str, Any]:
+    """Return the numbers as plain data, as --json prints them."""
+    model = found.model
+    physical = found.physical
+    return {
+        "source": model.record.source,
+        "duration": model.record.duration,
+        "band": list(model.band),
+        "modes": [
+            {
+                "frequency": _plain(mode.frequency),
+                "damping_ratio": _plain(mode.damping_ratio),
+                "periods": mode.periods,
+                "participation": dict(
+                    zip(model.record.inputs, mode.participation.tolist(), strict=True)
+                ),
+                "shape": mode.shape.tolist(),
+            }
+            for mode in model.modes
+        ],
+        "inertia": [[_plain(entry) for entry in row] for row in model.inertia],
+        "noise": dict(
+            zip((o.name for o in model.record.outputs), model.fit.noise.tolist(), strict=True)
+        ),
+        "white": {w.output: w.white for w in model.whiteness},
+        "frequency_response": None
+        if found.response is None
+        else {
+            "lines": len(found.response.frequency),
+            "periods": found.response.periods,
+            "least_coherence": float(found.response.coherence.min()),
+        },
+        "parameters": None
+        if physical is None
+        else {p.key: _plain(p.value) for p in physical.parameters},
+        "warnings": [] if physical is None else list(physical.warnings),
+        "validation": [
+            {
+                "source": v.source,
+                "explained": dict(zip(v.outputs, v.explained.tolist(), strict=True)),
+                "over_noise": dict(zip(v.outputs, v.over_noise.tolist(), strict=True)),
+            }
+            for v in found.validation
+        ],
+    }
+
+
+def _plain(one: Interval) -> dict[str, float]:
+    return {"value": one.value, "low": one.low, "high": one.high}

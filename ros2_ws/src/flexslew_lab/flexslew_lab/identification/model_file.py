@@ -1,0 +1,156 @@
+"""What an experiment has found, as a file that plans and laws believe."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexslew_lab.identification.modes import CONFIDENCE, Interval, ModalModel
+from flexslew_lab.identification.record import Quantity
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
+
+
+def testbed_of(found: ModalModel) -> IdentifiedTestbed:
+    """Return the bench that was found, as a testbed of kind identified.
+
+    Joints and efforts sit at the same places, so the residues of a mode among them are phi phi^T:
+    phi is their best approximation of rank one, and the tips follow from it.
+
+    Raises:
+        BadInput: the joints measured are not those that were shaken, or a mode's residues are no
+            phi phi^T, which no passive bench can have.
+    """
+    record, fit = found.record, found.fit
+    if not found.inertia:
+        raise BadInput(
+            f"{record.source}: shaken were {', '.join(record.inputs)}, measured "
+            f"{', '.join(record.joints) or 'no joints'}: a model needs both of every joint"
+        )
+    rows, tips = list(record.driven), record.columns(Quantity.DEFLECTION)
+    inverse = fit.inverse_inertia[rows]
+    inverse = 0.5 * (inverse + inverse.T)
+    if np.linalg.eigvalsh(inverse).min() <= 0.0:
+        raise BadInput(f"{record.source}: the rigid inertia that was found is not positive")
+    inertia = np.linalg.inv(inverse)
+    inertia = 0.5 * (inertia + inertia.T)
+    modes = []
+    for mode, residues in zip(fit.modes, fit.residues, strict=True):
+        phi = _mode_shape(residues[rows])
+        if phi is None:
+            raise BadInput(
+                f"{record.source}: the mode at {mode.frequency:.4g} rad/s answers its own drives "
+                "with the wrong sign: the sensors are not at the drives, or it is no mode"
+            )
+        deflection = residues[len(record.joints) :] @ phi / (phi @ phi)
+        modes.append(
+            FreeMode(
+                frequency=mode.frequency,
+                damping_ratio=max(mode.damping_ratio, 0.0),
+                joints=tuple(phi.tolist()),
+                tips=tuple(deflection.tolist()),
+            )
+        )
+    places = record.columns(Quantity.JOINT_POSITION)
+    units = [record.outputs[places[row]].unit for row in rows]
+    limits = np.where(np.isfinite(record.limits), record.limits, 1e6)
+    return IdentifiedTestbed(
+        joints=record.inputs,
+        joint_units=tuple("m" if unit == "m" else "rad" for unit in units),
+        inertia=tuple(tuple(row) for row in inertia.tolist()),
+        free_modes=tuple(modes),
+        modes=len(modes),
+        appendages=tuple(record.outputs[k].name.removeprefix("tip.") for k in tips),
+        effort_limit=tuple(limits.tolist()),
+    )
+
+
+def _mode_shape(residues: Matrix) -> Vector | None:
+    """Return phi of the nearest phi phi^T to square residues; None: there is none."""
+    values, vectors = np.linalg.eigh(0.5 * (residues + residues.T))
+    if values[-1] <= 0.0 or values[-1] < abs(values[0]):
+        return None
+    phi = np.asarray(np.sqrt(values[-1]) * vectors[:, -1])
+    return phi if phi[int(np.argmax(np.abs(phi)))] > 0.0 else -phi
+
+
+def file_text(found: ModalModel, fitted: dict[str, Any] | None = None) -> tuple[str, str]:
+    """Return `identified.yaml`, and why it holds no model to believe; empty: it does.
+
+    Args:
+        found: modes and inertias.
+        fitted: keys of the bench's own testbed that were fitted, nested; they are the model then.
+    """
+    content: dict[str, Any] = {
+        "source": found.record.source,
+        "band": list(found.band),
+        "confidence": CONFIDENCE,
+        "modes": [
+            {
+                "frequency": _interval(mode.frequency),
+                "damping_ratio": _interval(mode.damping_ratio),
+                "periods": round(mode.periods, 1),
+            }
+            for mode in found.modes
+        ],
+        "inertia": [[_interval(entry) for entry in row] for row in found.inertia],
+    }
+    why = ""
+    try:
+        testbed = testbed_of(found)
+        content |= {"model": plain(testbed), "appendage": modal_data(testbed)}
+    except BadInput as error:
+        why = str(error)
+    if fitted is not None:
+        content["model"], why = fitted, ""
+    return yaml_text(content), why
+
+
+def _clamped(testbed: IdentifiedTestbed) -> Vector:
+    model = testbed.model()
+    k, m = model.modes, model.joints
+    start = 1 + m * m + m * k
+    return np.asarray(np.sqrt(model.packed[start : start + k]))
+
+
+def modal_data(testbed: IdentifiedTestbed) -> dict[str, Any]:
+    """Return the appendage's modes with the joints held: frequencies, coupling to the joints, tips.
+
+    Modal masses are 1 kg; `coupling` is the momentum about each joint per unit of a mode's rate.
+    """
+    model = testbed.model()
+    m, k = model.joints, model.modes
+    coupling = model.packed[1 + m * m : 1 + m * m + m * k].reshape(m, k)
+    whole = replace(testbed, modes=k)
+    damping = model.packed[1 + m * m + m * k + k :].reshape(k, k)
+    frequencies = _clamped(whole)
+    return {
+        "frequencies": frequencies.tolist(),
+        "damping_ratios": (np.diag(damping) / (2.0 * frequencies)).tolist(),
+        "coupling": {name: coupling[j].tolist() for j, name in enumerate(testbed.joints)},
+        "tips": {
+            name: model.appendages.tip[j].tolist() for j, name in enumerate(testbed.appendages)
+        },
+    }
+
+
+def _interval(one: Interval) -> dict[str, float]:
+    return {"value": one.value, "low": one.low, "high": one.high}
+
+
+def write_model(path: Path, text: str) -> None:
+    """Write the file whole or not at all.
+
+    Raises:
+        BadInput: it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_name(path.name + ".part")
+        part.write_text(text)
+        part.replace(path)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written: {error.strerror}") from None

@@ -1,0 +1,274 @@
+"""The modes of a record: where they start, how many there are, and how well they are known."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import welch
+from scipy.stats import chi2, norm
+
+from flexslew_lab.identification.modal_fit import (
+    ModalFit,
+    ModalLeastSquares,
+    Solution,
+    modal_fit,
+    noise_of,
+    refined,
+)
+from flexslew_lab.identification.oscillators import Oscillator
+from flexslew_lab.identification.record import Record
+from flexslew_lab.identification.subspace import METHODS, Poles, slowed, stable
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+
+CONFIDENCE = 0.95
+_ORDERS = tuple(range(4, 29, 2))
+_WHITE_LAGS = 25  # of the residual's autocorrelation
+_SEPARATE = 0.01  # relative distance of two modes, at least
+_SINGULAR = 1e4  # condition number from which inertias cannot be told apart
+_POWER = 0.99  # of the efforts that lies in the band, where nobody says what it is
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate and where the truth lies with a probability of CONFIDENCE."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One mode of the free bench.
+
+    Args:
+        frequency: undamped [rad/s].
+        damping_ratio: [-].
+        periods: how many of it the record holds.
+        participation: how strongly each input drives it, largest 1, (inputs,).
+        shape: displacement of each output per unit of it, largest 1, (displacements,).
+    """
+
+    frequency: Interval
+    damping_ratio: Interval
+    periods: float
+    participation: Vector
+    shape: Vector
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Whether a residual is noise: Ljung and Box's sum over the first lags.
+
+    Args:
+        output: its name.
+        statistic: of the sum.
+        bound: that white noise keeps to with a probability of 99 %.
+    """
+
+    output: str
+    statistic: float
+    bound: float
+
+    @property
+    def white(self) -> bool:
+        """Whether it looks like white noise."""
+        return self.statistic <= self.bound
+
+
+@dataclass(frozen=True)
+class ModalModel:
+    """Modes and inertias of a record.
+
+    Args:
+        record: that it is from.
+        band: where modes were looked for [rad/s].
+        modes: rising.
+        inertia: of the rigid bench as its joints see it, entries of the inverse of R0; empty where
+            a joint that is shaken is not measured.
+        fit: all numbers, with covariances.
+        starts: what subspace identification found.
+        whiteness: of the residual of every output.
+    """
+
+    record: Record
+    band: tuple[float, float]
+    modes: tuple[Mode, ...]
+    inertia: tuple[tuple[Interval, ...], ...]
+    fit: ModalFit
+    starts: tuple[Poles, ...]
+    whiteness: tuple[Whiteness, ...]
+
+
+def identify_modes(
+    record: Record,
+    band: tuple[float, float] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> ModalModel:
+    """Return the modes of a record with their confidence intervals.
+
+    Candidates are the poles that subspace identification finds again at every order; frequencies,
+    damping ratios, residues and initial conditions are then those of the least squared residual,
+    and a mode that does not pay for its parameters (Schwarz's criterion) goes.
+
+    Args:
+        record: of an experiment.
+        band: that was shaken [rad/s]; None: where the efforts have their power.
+        progress: called with what is being done.
+
+    Raises:
+        BadInput: the drives were saturated, the record is shorter than two periods of the band, or
+            ctrlsys is missing.
+    """
+    tell = progress or (lambda words: None)
+    band = band or power_band(record)
+    _require(record, band)
+    slow = slowed(record, band[1])
+    starts = []
+    for name, method in METHODS.items():
+        tell(f"poles by {name}")
+        starts.append(method(slow, _ORDERS))
+    low, high = 0.5 * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
+    candidates = _merged([mode for poles in starts for mode in stable(poles, low, high)])
+    tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
+    solution = _selected(record, candidates)
+    fit = modal_fit(solution)
+    return ModalModel(
+        record,
+        band,
+        _described(fit, record),
+        _inertia(fit, record),
+        fit,
+        tuple(starts),
+        tuple(_whiteness(o.name, fit.residual[:, k]) for k, o in enumerate(record.outputs)),
+    )
+
+
+def power_band(record: Record) -> tuple[float, float]:
+    """Return the frequencies between which the efforts have their power [rad/s]."""
+    length = min(record.ticks, max(record.ticks // 8, 1024))
+    f, power = welch(record.effort, 1.0 / record.period, nperseg=length, axis=0)
+    share = np.cumsum(power[1:].sum(axis=1))
+    share /= share[-1]
+    last = int(np.searchsorted(share, _POWER))
+    first = int(np.searchsorted(share, 0.5 * (1.0 - _POWER)))
+    w = 2.0 * np.pi * f[1:]
+    return float(w[min(first, len(w) - 2)]), float(w[max(last, first + 1)])
+
+
+def _require(record: Record, band: tuple[float, float]) -> None:
+    """Refuse what cannot tell, with the numbers."""
+    if record.saturated > 0.01:
+        raise BadInput(
+            f"{record.source}: a drive was at its limit in {record.saturated:.0%} of the ticks, "
+            "and the fit needs the effort as it was asked: shake less"
+        )
+    periods = record.duration * band[1] / (2.0 * np.pi)
+    if periods < 10.0:
+        raise BadInput(
+            f"{record.source}: {record.duration:g} s hold {periods:.2g} periods of {band[1]:.3g} "
+            "rad/s, the end of the band; at least 10 are needed"
+        )
+
+
+def _merged(found: list[Oscillator]) -> tuple[Oscillator, ...]:
+    """Return the modes without doubles, rising."""
+    kept: list[Oscillator] = []
+    for mode in found:  # the first method's word goes before the second's
+        if all(abs(mode.frequency / other.frequency - 1.0) > _SEPARATE for other in kept):
+            kept.append(mode)
+    return tuple(sorted(kept, key=lambda mode: mode.frequency))
+
+
+def _selected(record: Record, modes: tuple[Oscillator, ...]) -> Solution:
+    """Return the refined modes that pay for their parameters."""
+    first = noise_of(ModalLeastSquares(record, _rough_noise(record)).solve(modes, slopes=False))
+    kept = _pruned(record, modes, first)
+    solution, noise = refined(record, kept, first)
+    fewer = _pruned(record, solution.modes, noise)
+    if len(fewer) < len(solution.modes):
+        solution, _ = refined(record, fewer, noise)
+    return solution
+
+
+def _rough_noise(record: Record) -> Vector:
+    """Return the noise of every output as differences of third order show it."""
+    jumps = np.diff(record.measured, n=3, axis=0).std(axis=0) / np.sqrt(20.0)
+    spread = record.measured.std(axis=0)
+    return np.asarray(np.maximum(jumps, 1e-9 * np.maximum(spread, 1e-300)))
+
+
+def _pruned(record: Record, modes: tuple[Oscillator, ...], noise: Vector) -> tuple[Oscillator, ...]:
+    """Return the modes without those whose absence costs less than their parameters."""
+    problem = ModalLeastSquares(record, noise)
+    kept = list(modes)
+    now = problem.solve(tuple(kept), slopes=False).cost if kept else 0.0
+    rows = record.measured.size
+    groups = len(problem.groups)
+    price = 0.5 * np.log(rows) * (2 + groups * (record.effort.shape[1] + 2))
+    while kept:
+        costs = [_cost_without(problem, kept, one) for one in kept]
+        least = int(np.argmin(costs))
+        if costs[least] - now > price:
+            break
+        now = costs[least]
+        del kept[least]
+    return tuple(kept)
+
+
+def _cost_without(problem: ModalLeastSquares, modes: list[Oscillator], one: Oscillator) -> float:
+    return problem.solve(tuple(m for m in modes if m is not one), slopes=False).cost
+
+
+def _described(fit: ModalFit, record: Record) -> tuple[Mode, ...]:
+    found = []
+    spread = np.sqrt(np.diag(fit.covariance))
+    for k, mode in enumerate(fit.modes):
+        residues = fit.residues[k]
+        left, _, right = np.linalg.svd(residues)
+        shape, drive = left[:, 0], right[0]
+        sign = 1.0 if drive[int(np.argmax(np.abs(drive)))] > 0.0 else -1.0
+        found.append(
+            Mode(
+                interval(mode.frequency, spread[2 * k]),
+                interval(mode.damping_ratio, spread[2 * k + 1]),
+                record.duration * mode.frequency / (2.0 * np.pi),
+                sign * drive / np.abs(drive).max(),
+                sign * shape / np.abs(shape).max(),
+            )
+        )
+    return tuple(found)
+
+
+def _inertia(fit: ModalFit, record: Record) -> tuple[tuple[Interval, ...], ...]:
+    """Return the inverse of R0 with intervals by the delta method."""
+    rows, inputs = list(record.driven), len(record.inputs)
+    inverse = fit.inverse_inertia[rows]
+    # a drive on an appendage moves the same rigid body as those on the platform do
+    if not rows or np.linalg.cond(inverse) > _SINGULAR:
+        return ()
+    inertia = np.linalg.inv(inverse)
+    slopes = -np.kron(inertia, inertia.T)  # d vec(J)/d vec(R0), row by row
+    places = np.array([row * inputs + k for row in rows for k in range(inputs)])
+    covariance = fit.inverse_inertia_covariance[np.ix_(places, places)]
+    spread = np.sqrt(np.diag(slopes @ covariance @ slopes.T))
+    return tuple(
+        tuple(interval(inertia[i, j], spread[i * len(inertia) + j]) for j in range(len(inertia)))
+        for i in range(len(inertia))
+    )
+
+
+def interval(value: float, deviation: float) -> Interval:
+    """Return a normal estimate's interval."""
+    half = float(norm.ppf(0.5 + 0.5 * CONFIDENCE)) * float(deviation)
+    return Interval(float(value), float(value) - half, float(value) + half)
+
+
+def _whiteness(name: str, residual: Vector) -> Whiteness:
+    n = len(residual)
+    centred = residual - residual.mean()
+    size = float(centred @ centred) or 1.0
+    lags = [float(centred[k:] @ centred[:-k]) / size for k in range(1, _WHITE_LAGS + 1)]
+    statistic = n * (n + 2.0) * sum(r * r / (n - k) for k, r in enumerate(lags, 1))
+    return Whiteness(name, statistic, float(chi2.ppf(0.99, _WHITE_LAGS)))

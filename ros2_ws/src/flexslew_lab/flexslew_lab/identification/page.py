@@ -1,0 +1,165 @@
+"""The page of an identification: verdict, modes, responses with bands, poles, whiteness."""
+
+from typing import Any
+
+import numpy as np
+
+from flexslew_lab.identification.frequency_response import FrequencyResponse
+from flexslew_lab.identification.identification import Identification
+from flexslew_lab.identification.modes import Interval
+from flexslew_lab.report.page import render
+from flexslew_lab.report.panels import Group, Panel, legend, style
+from flexslew_plant.arrays import Vector
+
+_SHOWN = 2000  # points of a residual's curve
+
+
+def identification_page(found: Identification) -> str:
+    """Return the identification as HTML that needs nothing else."""
+    model = found.model
+    groups = [stabilisation(found)]
+    if found.response is not None:
+        groups.insert(0, responses(found.response))
+    groups.append(residuals(found))
+    return render(
+        "identification.html.j2",
+        title=model.record.source,
+        verdict=verdict(found),
+        modes=[
+            [
+                _shown(mode.frequency),
+                _shown(mode.damping_ratio),
+                f"{mode.periods:.0f}",
+                ", ".join(
+                    f"{name} {value:+.2f}"
+                    for name, value in zip(model.record.inputs, mode.participation, strict=True)
+                ),
+            ]
+            for mode in model.modes
+        ],
+        joints=model.record.inputs,
+        inertia=[
+            (name, [_shown(entry) for entry in row])
+            for name, row in zip(model.record.inputs, model.inertia, strict=False)
+        ],
+        parameters=[]
+        if found.physical is None
+        else [(p.key, _shown(p.value)) for p in found.physical.parameters],
+        warnings=[] if found.physical is None else list(found.physical.warnings),
+        without_response=found.without_response,
+        whiteness=[
+            (w.output, f"{w.statistic:.1f}", f"{w.bound:.1f}", "white" if w.white else "coloured")
+            for w in model.whiteness
+        ],
+        validation=[
+            (
+                v.source,
+                [
+                    (name, f"{100.0 * part:.3f}", f"{over:.2f}")
+                    for name, part, over in zip(v.outputs, v.explained, v.over_noise, strict=True)
+                ],
+            )
+            for v in found.validation
+        ],
+        groups=groups,
+    )
+
+
+def verdict(found: Identification) -> str:
+    """Return in one sentence what was found and whether to trust it."""
+    model = found.model
+    count = len(model.modes)
+    words = [
+        f"{count} mode{'s' * (count != 1)} between {model.band[0]:.3g} and "
+        f"{model.band[1]:.3g} rad/s from {model.record.duration:.4g} s"
+    ]
+    coloured = [w.output for w in model.whiteness if not w.white]
+    words.append(
+        f"the residual of {', '.join(coloured)} is not white: something moves that the model lacks"
+        if coloured
+        else "what is left is white noise"
+    )
+    words += [
+        f"{100.0 * float(v.explained.min()):.2f} % or more of {v.source} explained"
+        for v in found.validation
+    ]
+    return "; ".join(words) + "."
+
+
+def responses(response: FrequencyResponse) -> Group:
+    """Return magnitudes over frequency with the radius that holds the truth with 95 %."""
+    panels = []
+    w = response.frequency
+    names: list[str] = []
+    for o, output in enumerate(response.outputs):
+        panel = Panel(output.name, output.unit, log=True, height=200, x_title="frequency [rad/s]")
+        for i, name in enumerate(response.inputs):
+            look = style(i)
+            size, radius = np.abs(response.response[:, o, i]), response.radius[:, o, i]
+            panel.line(w, size, f"from {name}", look, mode="lines+markers", marker={"size": 4})
+            for edge in (size + radius, np.maximum(size - radius, 1e-3 * size)):
+                panel.line(w, edge, f"from {name}", {**look, "width": 0.6, "dash": "dot"})
+            if f"from {name}" not in names:
+                names.append(f"from {name}")
+        values = np.abs(response.response[:, o])
+        panel.y_range = (float(values.min()), float(values.max()))
+        panels.append(panel)
+    words = (
+        "From each effort to each output at the lines of the excitation; dotted: 95 % of the "
+        f"truth lie between ({response.periods} periods averaged)."
+    )
+    return Group("Frequency responses", words, panels, legend(names))
+
+
+def stabilisation(found: Identification) -> Group:
+    """Return the poles of every order, and the modes that were kept as lines."""
+    panel = Panel("order", height=260, x_title="frequency [rad/s]")
+    names = []
+    for k, poles in enumerate(found.model.starts):
+        points = [(m.frequency, order) for order, ms in poles.by_order.items() for m in ms]
+        shown = [p for p in points if found.model.band[0] * 0.5 <= p[0] <= found.model.band[1]]
+        x, y = (np.array([p[axis] for p in shown], dtype=np.float64) for axis in (0, 1))
+        look = {"size": 6, "color": style(k)["color"], "symbol": k}
+        panel.line(x, y, poles.method, {}, mode="markers", marker=look)
+        names.append(poles.method)
+    top = max((max(p.by_order, default=1) for p in found.model.starts), default=1)
+    for mode in found.model.modes:
+        w = mode.frequency.value
+        panel.line(np.array([w, w]), np.array([0.0, top]), "kept", {"color": "#1d2733", "width": 1})
+    return Group(
+        "Stabilisation",
+        "Poles by the order of the model; a mode of the bench is found again at every order. "
+        "Lines: the modes that were kept and refined on the whole record.",
+        [panel],
+        legend(names),
+    )
+
+
+def residuals(found: Identification) -> Group:
+    """Return the autocorrelation of every output's residual."""
+    panels = []
+    fit = found.model.fit
+    n = len(fit.residual)
+    lags = np.arange(0, 60)
+    for k, output in enumerate(found.model.record.outputs):
+        panel = Panel(f"{output.name}, residual {fit.noise[k]:.3g} {output.unit}", height=110)
+        panel.x_title = "lag [ticks]"
+        panel.line(lags.astype(float), _autocorrelation(fit.residual[:, k], lags), "", style(k))
+        panel.limits = (2.58 / np.sqrt(n), -2.58 / np.sqrt(n))
+        panels.append(panel)
+    return Group(
+        "Is the residual white?",
+        "Autocorrelation of what the model leaves; 99 % of white noise stays between the lines.",
+        panels,
+    )
+
+
+def _autocorrelation(values: Vector, lags: Any) -> Vector:
+    centred = values - values.mean()
+    size = float(centred @ centred) or 1.0
+    return np.array([float(centred[k:] @ centred[: len(centred) - k]) / size for k in lags])
+
+
+def _shown(one: Interval) -> str:
+    half = 0.5 * (one.high - one.low)
+    return f"{one.value:.6g} ± {half:.2g}"

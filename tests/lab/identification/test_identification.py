@@ -1,0 +1,276 @@
+"""Benches with errors that the experiment does not know are found again, with honest intervals."""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+from tests.lab.identification.shaken import bench, shaken
+
+from flexslew_control.law import PlantDescription
+from flexslew_control.planners import make_plan, plan_settings
+from flexslew_lab.identification.foreign import foreign_record
+from flexslew_lab.identification.frequency_response import frequency_response
+from flexslew_lab.identification.identification import identify, summary, validated_on
+from flexslew_lab.identification.model_file import file_text, modal_data
+from flexslew_lab.identification.model_file import testbed_of as found_testbed
+from flexslew_lab.identification.modes import identify_modes
+from flexslew_lab.identification.physical_fit import fit_parameters
+from flexslew_lab.identification.record import Output, Quantity, Record
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
+from flexslew_plant.testbeds import believed, varied
+
+OSCILLATOR = {"band": [0.1, 6.0], "largest_excursion": [0.2]}, (np.array([0.5]), np.array([1.0]))
+CSA = (
+    {"band": [0.18, 14.0], "largest_excursion": [0.001]},
+    (np.array([460.0, 460.0]), np.array([920.0, 920.0])),
+)
+SEEDS = 12  # of the oscillator: as many benches
+
+
+def truth(testbed: Any) -> tuple[Any, Any, Any]:
+    model = testbed.model()
+    linear = model.linearise(model.rest({}))
+    poles = linear.eigenvalues
+    poles = poles[poles.imag > 1e-6]
+    poles = poles[np.argsort(np.abs(poles))]
+    rigid = linear.mass[: model.joints, : model.joints]
+    return np.abs(poles), -poles.real / np.abs(poles), rigid
+
+
+def oscillator(seed: int, **more: Any) -> tuple[Any, Any]:
+    rng = np.random.default_rng(seed)
+    nominal = bench(kind="floating_oscillator", damping_ratio=0.005)
+    true = nominal.scaled(rng.uniform(0.8, 1.2))
+    return true, shaken(true, *OSCILLATOR, rng, believed=nominal, **more)
+
+
+def csa(seed: int) -> tuple[Any, Any]:
+    rng = np.random.default_rng(seed)
+    nominal = bench(kind="csa", modes=3, damping_ratio=0.005)
+    true = nominal.scaled(rng.uniform(0.8, 1.2), rng.uniform(0.8, 1.2))
+    return true, shaken(true, *CSA, rng, believed=nominal)
+
+
+def test_benches_of_other_stiffness_are_found_in_closed_loop_and_the_intervals_hold_them() -> None:
+    """At 20 dB, from ten minutes: .2 %, 15 % and 1 % are asked for; 95 % of the intervals."""
+    held = 0
+    for seed in range(SEEDS):
+        true, experiment = oscillator(seed)
+        (w,), (zeta,), rigid = truth(true)
+        found = identify_modes(experiment.record, (0.1, 6.0))
+        (mode,) = found.modes
+        assert mode.frequency.value == pytest.approx(w, rel=2e-3)
+        assert mode.damping_ratio.value == pytest.approx(zeta, rel=0.15)
+        inertia = found.inertia[0][0]
+        assert inertia.value == pytest.approx(rigid[0, 0], rel=0.01)
+        for interval, value in (
+            (mode.frequency, w),
+            (mode.damping_ratio, zeta),
+            (inertia, rigid[0, 0]),
+        ):
+            held += interval.low <= value <= interval.high
+    # two-sided 99.9 % of a binomial: intervals that are too wide fail with more seeds only
+    assert held >= binom.ppf(0.0005, 3 * SEEDS, 0.95)
+
+
+def test_the_testbed_of_csa_is_found_with_all_modes_inertias_and_clamped_frequencies() -> None:
+    true, experiment = csa(3)
+    w, zeta, rigid = truth(true)
+    found = identify_modes(experiment.record, (0.18, 14.0))
+    assert [m.frequency.value for m in found.modes] == pytest.approx(w, rel=2e-3)
+    assert [m.damping_ratio.value for m in found.modes] == pytest.approx(zeta, rel=0.15)
+    for k in range(2):
+        assert found.inertia[k][k].value == pytest.approx(rigid[k, k], rel=0.01)
+    assert all(one.white for one in found.whiteness)
+    model = true.model()
+    linear = model.linearise(model.rest({}))
+    held = np.sqrt(np.diag(linear.stiffness)[2:] / np.diag(linear.mass)[2:])
+    clamped = modal_data(found_testbed(found))["frequencies"]
+    assert clamped == pytest.approx(np.sort(held), rel=2e-3)
+
+
+def test_what_was_found_is_a_model_that_a_planner_believes(tmp_path: Path) -> None:
+    true, experiment = oscillator(5)
+    text, why = file_text(identify_modes(experiment.record, (0.1, 6.0)))
+    assert why == ""
+    path = tmp_path / "identified.yaml"
+    path.write_text(text)
+    seen = believed(true, {"file": str(path)}, "plan: model")
+    assert seen.kind == "identified"
+    assert seen.model().joint_names == true.model().joint_names
+    settings = plan_settings(
+        {"method": "optimized_feedforward", "goal": {"mass": 1.0}, "duration": 12.0,
+         "functions": 20, "track": "planned", "model": {"file": str(path)}},
+        "here",
+    )  # fmt: skip
+    plant = PlantDescription(true, 0.01, np.array(true.effort_limit))
+    plan = make_plan(settings, plant)
+    x = np.zeros(4)
+    for effort in plan.effort:
+        x = true.model().advance(x, effort, 0.01)
+    assert abs(x[1]) < 2e-3  # the stretch that a plan for the nominal spring leaves is .03 m
+
+
+@pytest.mark.parametrize("words", ["nothing: 1\n", "model: 3\n"])
+def test_a_file_without_a_model_is_refused_by_name(tmp_path: Path, words: str) -> None:
+    path = tmp_path / "no_model.yaml"
+    path.write_text(words)
+    true = bench(kind="floating_oscillator")
+    with pytest.raises(BadInput, match=r"plan: model: file: .*no_model.yaml: holds no keys under"):
+        believed(true, {"file": str(path)}, "plan: model")
+
+
+def test_parameters_of_the_equations_are_found_from_a_start_that_is_20_percent_off() -> None:
+    true, experiment = csa(1)
+    stiffness = 1.2 * true.parameters.bending_stiffness
+    start = varied(
+        true, {"damping_ratio": 0.006, "parameters": {"bending_stiffness": stiffness}}, "here"
+    )
+    found = identify_modes(experiment.record, (0.18, 14.0))
+    fit = fit_parameters(
+        found, start, ("testbed.parameters.bending_stiffness", "testbed.damping_ratio")
+    )
+    found_stiffness, damping = (p.value for p in fit.parameters)
+    assert found_stiffness.value == pytest.approx(true.parameters.bending_stiffness, rel=2e-3)
+    assert damping.value == pytest.approx(0.005, rel=0.05)
+    assert fit.warnings == ()
+    assert fit.changes["parameters"]["bending_stiffness"] == found_stiffness.value
+
+
+def test_parameters_that_act_alike_are_named_and_a_wrong_key_lists_the_right_ones() -> None:
+    true, experiment = oscillator(2)
+    found = identify_modes(experiment.record, (0.1, 6.0))
+    with pytest.raises(BadInput, match=r"--fit: parameters.mas is not a number .*driven_mass"):
+        fit_parameters(found, true, ("testbed.parameters.mas",))
+    with pytest.raises(BadInput, match=r"--fit: damping_ratio: 0 is no start"):
+        fit_parameters(found, bench(kind="floating_oscillator"), ("damping_ratio",))
+
+
+def test_frequency_responses_are_consistent_in_closed_loop() -> None:
+    """The circles hold 95 % of the truth, where Y/U alone would be biased by the noise fed back."""
+    inside = []
+    for seed in range(6):
+        true, experiment = oscillator(seed, ratio=0.3)
+        response = frequency_response([experiment.record], [experiment.plan])
+        model = true.model()
+        linear = model.linearise(model.rest({}))
+        n = len(linear.state_matrix)
+        for line, w in enumerate(response.frequency):
+            x = np.linalg.solve(1j * w * np.eye(n) - linear.state_matrix, linear.state_input_matrix)
+            away = np.abs(response.response[line, :, 0] - np.array([x[0], x[2], x[1]]).ravel())
+            inside += (away <= response.radius[line, :, 0]).tolist()
+    # leakage of the slow transient is left in the lowest lines: 2 % beside the binomial's
+    assert 0.92 < np.mean(inside) <= 0.99
+
+
+def test_a_second_run_proves_the_first_and_another_bench_does_not() -> None:
+    _, first = oscillator(1)
+    rng = np.random.default_rng(8)
+    _, other = oscillator(4)
+    found = identify([first, first])
+    assert found.validation[0].over_noise == pytest.approx(np.ones(3), rel=0.02)
+    assert found.validation[0].explained.min() > 0.98
+    assert validated_on(found.model, other.record).over_noise.max() > 2.0
+    told = summary(found)
+    assert told["modes"][0]["frequency"]["low"] < told["modes"][0]["frequency"]["high"]
+    assert rng is not None
+
+
+def test_what_cannot_tell_is_refused_with_the_numbers() -> None:
+    _, experiment = oscillator(0)
+    record = experiment.record
+    still = Record(
+        record.period, 0.0 * record.effort, record.measured, record.inputs, record.outputs,
+        "quiet", record.limits,
+    )  # fmt: skip
+    with pytest.raises(BadInput, match="quiet: no effort moves"):
+        still.moved()
+    with pytest.raises(BadInput, match=r"2 s hold .* periods of 6 rad/s.*at least 10"):
+        identify_modes(record.cut(0, 200), (0.1, 6.0))
+    limits = np.quantile(np.abs(record.effort), [0.9])
+    tight = Record(
+        record.period, np.clip(record.effort, -limits, limits), record.measured, record.inputs,
+        record.outputs, "tight", limits,
+    )  # fmt: skip
+    with pytest.raises(BadInput, match=r"tight: a drive was at its limit in 10% of the ticks"):
+        identify_modes(tight, (0.1, 6.0))
+    with pytest.raises(BadInput, match="10 ticks are not enough"):
+        record.cut(0, 10)
+    hole = record.measured.copy()
+    hole[77, 1] = np.nan
+    with pytest.raises(BadInput, match=r"rate.mass has no value at tick 77"):
+        Record(record.period, record.effort, hole, record.inputs, record.outputs, "x", limits)
+
+
+def csv_of(path: Path, record: Record, t: Any) -> None:
+    held = np.vstack((record.effort, record.effort[-1:]))
+    rows = np.column_stack((t, held, record.measured))
+    names = ["time", "u", "x", "v", "s"]
+    np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="")
+
+
+def test_a_csv_file_of_another_bench_gives_the_same_mode(tmp_path: Path) -> None:
+    true, experiment = oscillator(6)
+    record = experiment.record
+    path = tmp_path / "lab.csv"
+    csv_of(path, record, record.period * np.arange(record.ticks + 1))
+    columns = ("u=mass",), ("x=position.mass", "v=rate.mass", "s")
+    repaired = foreign_record(path, *columns)
+    assert repaired.words == ()
+    (w,), _, _ = truth(true)
+    (mode,) = identify_modes(repaired.record, (0.1, 6.0)).modes
+    assert mode.frequency.value == pytest.approx(w, rel=1e-4)
+
+
+def test_gaps_and_jitter_are_told_and_what_cannot_be_mended_is_refused(tmp_path: Path) -> None:
+    _, experiment = oscillator(6)
+    record = experiment.record.cut(0, 4000)
+    t = record.period * np.arange(record.ticks + 1)
+    path = tmp_path / "lab.csv"
+    columns = ("u=mass",), ("x=position.mass",)
+    kept = np.delete(np.arange(len(t)), [700, 701, 2000])
+    part = np.column_stack((t, np.append(record.effort, 0.0), record.measured))[kept]
+    np.savetxt(path, part, delimiter=",", header="time,u,x,v,s", comments="")
+    words = foreign_record(path, *columns).words
+    assert any("3 samples are missing" in one for one in words)
+    kept = np.delete(np.arange(len(t)), np.arange(900, 1000))
+    part = np.column_stack((t, np.append(record.effort, 0.0), record.measured))[kept]
+    np.savetxt(path, part, delimiter=",", header="time,u,x,v,s", comments="")
+    with pytest.raises(BadInput, match=r"no sample for 1.01 s from 8.99 s on"):
+        foreign_record(path, *columns)
+    csv_of(path, record, t + 0.004 * np.random.default_rng(1).uniform(-1.0, 1.0, len(t)) * 1.2)
+    with pytest.raises(BadInput, match="jitter"):
+        foreign_record(path, *columns)
+    with pytest.raises(BadInput, match=r"no column z; there are time, u, x, v, s"):
+        foreign_record(path, ("z",), ("x",))
+    path.write_text("time,u,x\n0,1,2\n1,one,2\n")
+    with pytest.raises(BadInput, match=r"line 3: u: give a number"):
+        foreign_record(path, ("u",), ("x",))
+
+
+def test_the_file_says_what_was_found() -> None:
+    _, experiment = oscillator(9)
+    content = load_yaml(file_text(identify_modes(experiment.record, (0.1, 6.0)))[0], "file")
+    assert content["model"]["kind"] == "identified"
+    assert content["modes"][0]["frequency"]["low"] < content["modes"][0]["frequency"]["value"]
+    rising = [mode["frequency"]["value"] for mode in content["modes"]]
+    assert all(a < b for a, b in pairwise(rising))
+
+
+def test_a_sensor_that_no_joint_moves_needs_no_model() -> None:
+    """Modes are found where nobody says what the inputs are attached to."""
+    _, experiment = oscillator(9)
+    record = experiment.record
+    tip = (Output("strain", "V", Quantity.DEFLECTION),)
+    alone = Record(
+        record.period, record.effort, record.measured[:, 2:], record.inputs, tip, "x", record.limits
+    )
+    found = identify_modes(alone, (0.1, 6.0))
+    assert len(found.modes) == 1
+    text, why = file_text(found)
+    assert "a model needs both of every joint" in why
+    assert "model" not in load_yaml(text, "file")
