@@ -7,11 +7,12 @@ import numpy as np
 from numba import types
 
 from flexslew_control.law import PlantDescription
-from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.planners.excitation.excitation import Excitation, plan_excitation
 from flexslew_control.planners.slew import Feedback
 from flexslew_lab.identification.identification import Experiment
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import initial_state, read_testbed
 from flexslew_plant.testbeds.compiled.bound import ADVANCE
 
@@ -97,9 +98,9 @@ def shaken(
         believed: that the plan is made for; None: the testbed.
         period: one tick [s].
     """
-    asked = plan_settings({"method": "excitation", **plan}, "here")
+    asked = validated(Excitation, plan, "here")
     feedback = Feedback(kp=tuple(gains[0]), kd=tuple(gains[1]))
-    made = make_plan(asked, plant_of(believed or testbed, period), feedback)
+    made = plan_excitation(asked, plant_of(believed or testbed, period), feedback)
     model = testbed.model()
     outputs = 2 * model.joints + len(model.appendages.names)
     push = np.vstack((made.effort, np.zeros((200, model.joints))))

@@ -9,8 +9,6 @@ import pytest
 from scipy.stats import binom
 from tests.lab.identification.shaken import bench, shaken
 
-from flexslew_control.law import PlantDescription
-from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.identification.foreign import foreign_record
 from flexslew_lab.identification.frequency_response import frequency_response
 from flexslew_lab.identification.identification import identify, summary, validated_on
@@ -21,7 +19,7 @@ from flexslew_lab.identification.physical_fit import fit_parameters
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml
-from flexslew_plant.testbeds import believed, varied
+from flexslew_plant.testbeds import varied
 
 OSCILLATOR = {"band": [0.1, 6.0], "largest_excursion": [0.2]}, (np.array([0.5]), np.array([1.0]))
 CSA = (
@@ -91,37 +89,6 @@ def test_the_testbed_of_csa_is_found_with_all_modes_inertias_and_clamped_frequen
     held = np.sqrt(np.diag(linear.stiffness)[2:] / np.diag(linear.mass)[2:])
     clamped = modal_data(found_testbed(found))["frequencies"]
     assert clamped == pytest.approx(np.sort(held), rel=2e-3)
-
-
-def test_what_was_found_is_a_model_that_a_planner_believes(tmp_path: Path) -> None:
-    true, experiment = oscillator(5)
-    text, why = file_text(identify_modes(experiment.record, (0.1, 6.0)))
-    assert why == ""
-    path = tmp_path / "identified.yaml"
-    path.write_text(text)
-    seen = believed(true, {"file": str(path)}, "plan: model")
-    assert seen.kind == "identified"
-    assert seen.model().joint_names == true.model().joint_names
-    settings = plan_settings(
-        {"method": "optimized_feedforward", "goal": {"mass": 1.0}, "duration": 12.0,
-         "functions": 20, "track": "planned", "model": {"file": str(path)}},
-        "here",
-    )  # fmt: skip
-    plant = PlantDescription(true, 0.01, np.array(true.effort_limit))
-    plan = make_plan(settings, plant)
-    x = np.zeros(4)
-    for effort in plan.effort:
-        x = true.model().advance(x, effort, 0.01)
-    assert abs(x[1]) < 2e-3  # the stretch that a plan for the nominal spring leaves is .03 m
-
-
-@pytest.mark.parametrize("words", ["nothing: 1\n", "model: 3\n"])
-def test_a_file_without_a_model_is_refused_by_name(tmp_path: Path, words: str) -> None:
-    path = tmp_path / "no_model.yaml"
-    path.write_text(words)
-    true = bench(kind="floating_oscillator")
-    with pytest.raises(BadInput, match=r"plan: model: file: .*no_model.yaml: holds no keys under"):
-        believed(true, {"file": str(path)}, "plan: model")
 
 
 def test_parameters_of_the_equations_are_found_from_a_start_that_is_20_percent_off() -> None:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from flexslew_control.law import PlantDescription
-from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.planners.excitation.excitation import Excitation, plan_excitation
 from flexslew_control.planners.excitation.signals import lines_of, multisine, orthogonal
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import read_testbed
 
 SIGNALS = ("multisine", "chirp", "random_binary", "impulse")
@@ -18,8 +19,8 @@ SIGNALS = ("multisine", "chirp", "random_binary", "impulse")
 def planned(kind: str = "csa", gains: Any = (460.0, 920.0), **keys: Any) -> Any:
     testbed = read_testbed({"kind": kind}, "here")
     plant = PlantDescription(testbed, 0.01, np.array(testbed.effort_limit))
-    settings = plan_settings({"method": "excitation", **keys}, "here")
-    return make_plan(settings, plant, Feedback(kp=(gains[0],), kd=(gains[1],))), plant
+    settings = validated(Excitation, keys, "here")
+    return plan_excitation(settings, plant, Feedback(kp=(gains[0],), kd=(gains[1],))), plant
 
 
 @pytest.mark.parametrize("kind", ["csa", "floating_oscillator", "hub_with_appendages"])

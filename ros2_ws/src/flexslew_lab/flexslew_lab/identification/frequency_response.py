@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners import EXCITATION
+from flexslew_control.planners.excitation.excitation import EXCITATION
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput

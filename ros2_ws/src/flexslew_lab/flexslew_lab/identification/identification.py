@@ -10,7 +10,7 @@ import numpy as np
 from flexslew_control.law import described
 from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
-from flexslew_control.planners import EXCITATION
+from flexslew_control.planners.excitation.excitation import EXCITATION
 from flexslew_lab.identification.frequency_response import FrequencyResponse, frequency_response
 from flexslew_lab.identification.from_bag import bag_of, record_of
 from flexslew_lab.identification.modal_fit import ModalLeastSquares
