@@ -1,6 +1,5 @@
 """What an experiment has found, as a file that plans and laws believe."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -109,13 +108,6 @@ def file_text(found: ModalModel, fitted: dict[str, Any] | None = None) -> tuple[
     return yaml_text(content), why
 
 
-def _clamped(testbed: IdentifiedTestbed) -> Vector:
-    model = testbed.model()
-    k, m = model.modes, model.joints
-    start = 1 + m * m + m * k
-    return np.asarray(np.sqrt(model.packed[start : start + k]))
-
-
 def modal_data(testbed: IdentifiedTestbed) -> dict[str, Any]:
     """Return the appendage's modes with the joints held: frequencies, coupling to the joints, tips.
 
@@ -124,9 +116,9 @@ def modal_data(testbed: IdentifiedTestbed) -> dict[str, Any]:
     model = testbed.model()
     m, k = model.joints, model.modes
     coupling = model.packed[1 + m * m : 1 + m * m + m * k].reshape(m, k)
-    whole = replace(testbed, modes=k)
-    damping = model.packed[1 + m * m + m * k + k :].reshape(k, k)
-    frequencies = _clamped(whole)
+    first = 1 + m * m + m * k
+    frequencies = np.sqrt(model.packed[first : first + k])
+    damping = model.packed[first + k :].reshape(k, k)
     return {
         "frequencies": frequencies.tolist(),
         "damping_ratios": (np.diag(damping) / (2.0 * frequencies)).tolist(),
