@@ -66,8 +66,16 @@ class PageClient:
         return next(uuid for uuid, e in self.inputs.items() if e["label"] == label)
 
     def reach(self) -> None:
-        """Wait for the server to answer a ping: it has read what was sent before."""
-        assert self.socket.ping().wait(60.0)
+        """Wait for the server to answer a ping: it has read what was sent before.
+
+        Raises:
+            ConnectionClosed: it has ended the connection instead; with its reason.
+            TimeoutError: it does not answer.
+        """
+        answered = self.socket.ping(ack_on_close=True).wait(60.0)
+        self.socket.ping()  # raises where the connection is closed
+        if not answered:
+            raise TimeoutError("the server of the page has not answered a ping for a minute")
 
     def _hear(self) -> None:
         decompress = zstandard.ZstdDecompressor().decompress

@@ -8,6 +8,7 @@ import random
 import re
 import signal
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from threading import Thread
 from time import monotonic, sleep
@@ -51,7 +52,7 @@ def test_a_bench_stays_whole_whatever_is_clicked_and_flies_again(tmp_path: Path,
         for number in range(ACTIONS):
             uuid, element = rng.choice(sorted(page.inputs.items(), key=lambda it: it[1]["label"]))
             page.set(uuid, anything(rng, element))
-            page.reach()
+            reach(page, run)
             if number % 5 == 0:
                 page.set(page.named("Start"), True)
         until(lambda: (run / "bag").exists(), page)
@@ -92,6 +93,20 @@ def test_a_hung_page_and_a_killed_console_change_no_bit(tmp_path: Path) -> None:
     flight = Flight(trial, tmp_path / "flight", 100, begin, [viewer])
     assert killed
     assert flight.metrics["trajectory_hash"] == alone.metrics["trajectory_hash"]
+
+
+def reach(page: PageClient, run: Path) -> None:
+    """Wait for the console to have read what was sent; if it does not, tell where it stands."""
+    try:
+        page.reach()
+    except TimeoutError:
+        for cmdline in Path("/proc").glob("[0-9]*/cmdline"):
+            with suppress(OSError):  # one that has just ended
+                words = cmdline.read_bytes()
+                if b"console_node" in words and str(run).encode() in words:
+                    os.kill(int(cmdline.parent.name), signal.SIGUSR1)
+        sleep(2.0)  # it writes its stacks without Python, which may be what is held up
+        pytest.fail((run / "nodes.log").read_text()[-20_000:])
 
 
 def opened(log: Path) -> str:

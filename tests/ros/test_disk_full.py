@@ -1,6 +1,7 @@
 """A recorder on a small disk that is full in the middle of the run."""
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.recording.bag_writer import RecordingStopped
 from flexslew_lab.log.recover import recover
 from flexslew_lab.metrics.from_bag import metrics_of
+from flexslew_lab.trial.run import run_trial
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import EVENTS, TOPICS
 
@@ -117,3 +119,19 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(small_disk: Any, tmp_pat
     assert recovery.unrecorded_ticks == TICKS - metrics["ticks"]
     assert list(BagReader(tmp_path / "whole").messages()) == list(BagReader(small_disk).messages())
     assert wrong(tmp_path / "whole") == {"end of the run": recovery.statement}
+
+
+def test_a_run_folder_that_is_removed_in_flight_is_a_fault(tmp_path: Path) -> None:
+    trial = slew(duration=0.01 * TICKS)
+    ticks: list[int] = []
+
+    def progress(tick: int, last: int) -> None:
+        if not ticks:
+            shutil.rmtree(tmp_path / "run")
+        ticks.append(tick)
+
+    result = run_trial(trial, "test", tmp_path / "run", report=False, progress=progress)
+    assert result.exit_code == 3
+    assert "recorder ended during the run" in result.message
+    assert "bag_0.mcap: recording stopped: No such file or directory" in result.message
+    assert ticks[-1] > 0.9 * TICKS  # it tells them now and then

@@ -101,7 +101,7 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "long_truth": (
         lambda: chunk_of(
-            many("/truth", encode(TOPICS["/truth"].type, {"position": np.zeros(5 * MIB)}), 1)
+            many("/truth", encode(TOPICS["/truth"].type, {"position": np.zeros(3 * MIB // 4)}), 1)
         ),
         "the file ends between two records",
     ),
@@ -111,7 +111,7 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "long_events": (
         lambda: b"".join(chunk_of(many("/events", LONG, 20, 20 * n)) for n in range(3)),
-        "events, plans and statuses of ",
+        "unpacks to more than 8.3 MiB, 64 times its size",
     ),
     "metadata": (
         lambda: record_bytes(

@@ -23,7 +23,7 @@ from flexslew_lab.log.files.mcap_scan import (
     chunk_records,
 )
 from flexslew_lab.log.files.mcap_summary import Summary, find_summary, summary_records
-from flexslew_lab.log.files.read_limits import CHANNELS, check_size, most_chunks
+from flexslew_lab.log.files.read_limits import CHANNELS, Unpacked, check_size, most_chunks
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
@@ -68,8 +68,12 @@ class BagIndex:
         self._lookup = Lookup(self.path)
         self._sets: dict[frozenset[int], int] = {}  # of channels; most chunks hold the same ones
         summary = find_summary(self.path)
-        rows, kinds = bytearray(), array("H")
+        rows, kinds, whole = bytearray(), array("H"), 0
         for place in self._indexed(summary) if summary else self._scanned():
+            if place.at < whole:
+                words = "damaged: its index names a chunk twice; `log recover` makes it again"
+                raise BadInput(words, self.path)
+            whole = place.at + place.length
             rows += _ROW.pack(*place[:4])
             kinds.append(self._sets.setdefault(place.channels, len(self._sets)))
             if len(kinds) > most_chunks() or len(self._sets) > SETS:
@@ -86,8 +90,9 @@ class BagIndex:
 
     def messages(self, topics: Collection[str], start: int = 0) -> Iterator[BagMessage]:
         """Yield the messages of the topics from a log time [ns] on, in their order."""
+        unpacked = Unpacked(self.path)
         for place in self._places(topics, self._rows["end"] >= start):
-            for message in self._chunk(place, topics):
+            for message in self._chunk(place, topics, unpacked):
                 if message.stamp >= start:
                     yield message
 
@@ -101,8 +106,9 @@ class BagIndex:
         depth = 1 << 62 if everybody else TOPICS[topic].depth
         found: deque[BagMessage] = deque()
         names: set[str] = set()
+        unpacked = Unpacked(self.path)
         for place in self._places([topic], self._rows["start"] < before, backwards=True):
-            chunk = [m for m in self._chunk(place, [topic]) if m.stamp < before]
+            chunk = [m for m in self._chunk(place, [topic], unpacked) if m.stamp < before]
             for message in reversed(chunk):
                 if everybody:
                     if found and message.stamp < found[-1].stamp - STATUS_EVERY:
@@ -126,15 +132,17 @@ class BagIndex:
         for row in rows[::-1] if backwards else rows:
             yield int(row["at"]), int(row["length"])
 
-    def _chunk(self, place: tuple[int, int], topics: Collection[str]) -> Iterator[BagMessage]:
+    def _chunk(
+        self, place: tuple[int, int], topics: Collection[str], unpacked: Unpacked
+    ) -> Iterator[BagMessage]:
         at, length = place
         with open(self.path, "rb") as file:
             record = _record(file, at, self.path)
         if record.opcode != CHUNK or len(record.body) + _HEAD.size != length:
             raise BadInput(f"damaged at byte {at}: its index names another record", self.path)
-        for m in chunk_records(
-            chunk_content(record.body, f"{self.path}: byte {at}"), str(self.path)
-        ):
+        data = chunk_content(record.body, f"{self.path}: byte {at}")
+        unpacked.add(len(data))
+        for m in chunk_records(data, str(self.path)):
             if isinstance(m, RawMessage):
                 topic, kind = self._lookup.topic(m.channel)
                 if topic in topics:
@@ -159,12 +167,14 @@ class BagIndex:
                 yield _Place(start, end, place, size, channels)
 
     def _scanned(self) -> Iterator[_Place]:
+        unpacked = Unpacked(self.path)
         for record in RecordStream(self.path):
             if record.opcode in (SCHEMA, CHANNEL):
                 self._lookup.take(record)
             elif record.opcode == CHUNK:
                 channels = set()
                 data = chunk_content(record.body, f"{self.path}: byte {record.offset}")
+                unpacked.add(len(data))
                 for m in chunk_records(data, str(self.path)):
                     if isinstance(m, RawMessage):
                         channels.add(m.channel)

@@ -33,7 +33,7 @@ from flexslew_lab.log.files.mcap_scan import (
     read_header,
     read_metadata,
 )
-from flexslew_lab.log.files.read_limits import check_size
+from flexslew_lab.log.files.read_limits import TEXT, Unpacked, check_size
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.logged_event import logged_event
@@ -42,6 +42,7 @@ from flexslew_lab.log.messages.record_schema import (
     check_record,
     check_run_record,
     check_truth,
+    texts_of,
 )
 from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
@@ -206,6 +207,8 @@ class BagReader:
                 rare += _EVENT_SIZE + _TEXT_SIZE * len(message.data)
                 events.append(logged_event(message, str(self.path)))
             else:
+                before = statuses.get(getattr(message, "controller", ""))
+                self._unpacked.add(TEXT * sum(map(len, texts_of(message, before))))
                 check_record(topic, message, str(self.path))
             if topic == "/plan" and message.hash not in plans:
                 rare += len(data)
@@ -256,6 +259,7 @@ class BagReader:
 
     def _chunks(self) -> Iterator[tuple[bytes, Lookup]]:
         stream = RecordStream(self.path)
+        self._unpacked = Unpacked(self.path)
         lookup = Lookup(self.path, counted=not self._foreign)
         self._records: dict[str, dict[str, str]] = {}
         self._bare: list[int] = []  # where chunks without a checksum are
@@ -263,7 +267,9 @@ class BagReader:
             if record.opcode == CHUNK:
                 if not has_checksum(record.body):
                     self._bare.append(record.offset)
-                yield chunk_content(record.body, f"{self.path}: byte {record.offset}"), lookup
+                content = chunk_content(record.body, f"{self.path}: byte {record.offset}")
+                self._unpacked.add(len(content))
+                yield content, lookup
             elif record.opcode in (SCHEMA, CHANNEL):
                 lookup.take(record)
             elif record.opcode == METADATA:

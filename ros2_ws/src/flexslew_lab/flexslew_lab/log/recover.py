@@ -23,6 +23,7 @@ from flexslew_lab.log.files.mcap_scan import (
     has_checksum,
     read_metadata,
 )
+from flexslew_lab.log.files.read_limits import Unpacked
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.logged_text import logged_yaml
@@ -141,7 +142,7 @@ def _copy(path: Path, target: Path) -> Recovery:
     trial: dict[str, str] = {}
     run: dict[str, str] = {}
     chunks_lost, reason, bytes_lost = 0, "", 0
-    bare = 0  # chunks without a checksum
+    bare, unpacked = 0, Unpacked(path)  # chunks without a checksum; all of them
     try:
         for record in stream:
             if record.opcode == METADATA:
@@ -161,6 +162,7 @@ def _copy(path: Path, target: Path) -> Recovery:
                 except BadInput:
                     chunks_lost += 1
                     continue
+                unpacked.add(len(content))
                 _copy_chunk(content, lookup, writer, tally)
     except RecordingStopped:  # the new file has no room
         if writer is not None:

@@ -8,7 +8,7 @@ from time import monotonic
 from flexslew_msgs import msg
 
 from flexslew_lab.log.bag_layout import TOPICS
-from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
+from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.log.recording.recording import Recording
 from flexslew_lab.log.recording.recording_order import RecordingOrder, of_namespace
 from flexslew_lab.ros.hidden_listener import HiddenListener
@@ -83,12 +83,13 @@ class Recorder:
         return True
 
     def close(self) -> None:
-        """Make the bag whole."""
+        """Make the bag whole.
+
+        Raises:
+            RecordingStopped: it is not on the disk.
+        """
         self._take(last=True)
-        try:
-            self._recording.close()
-        except RecordingStopped as error:
-            self.node.get_logger().error(str(error))
+        self._recording.close()
 
     def _expects_more(self, now: float) -> bool:
         """Return whether those who leave after the plant may still have something to say."""

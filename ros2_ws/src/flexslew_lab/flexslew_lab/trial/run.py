@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +14,7 @@ from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.recording.bag_observer import BagObserver
-from flexslew_lab.log.recording.bag_writer import BagWriter
+from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.metrics.goal import missed_goal
 from flexslew_lab.metrics.own import own_metrics
@@ -124,8 +123,11 @@ def run_trial(
     if missed and not result.exit_code:
         result = result._replace(exit_code=CHECK_FAILED, message=missed)
     if report and reader is not None and result.metrics and outcome.exit_code != 130:
-        bare = _without_feedforward(trial, source, folder)
-        write_report([reader], folder / "report.html", bare)
+        try:
+            bare = _without_feedforward(trial, source, folder)
+            write_report([reader], folder / "report.html", bare)
+        except (RecordingStopped, OSError) as error:
+            return _unwritten(result, error)
         if bare is not None:
             result = result._replace(bare_metrics=metrics_from(bare))
     return result
@@ -178,7 +180,12 @@ def _in_process(
         observer = BagObserver(writer, bare)
         observer.announce(trial, bench, plan, controllers)
         fly(bench, controllers, observer, lambda tick: progress(tick, last))
-        writer.close({"messages": str(writer.messages)})
+        try:
+            observer.close()
+        except RecordingStopped as error:
+            if bare:
+                raise
+            return Outcome(3, str(error))
     words = bench.failure or "a controller fell silent" * bench.faulted
     return Outcome(3 if bench.faulted else 0, words)
 
@@ -222,15 +229,27 @@ def _finished(
     folder: Path, bag: Path, outcome: Outcome, trust: Trust
 ) -> tuple[Result, BagReader | None]:
     """Write metrics.json; return what is known of the run, and its bag where there is one."""
-    metrics: dict[str, Any] = {}
-    message, reader = outcome.message, None
-    with suppress(BadInput):  # an interrupted run may hold no tick at all
+    result = Result(folder, outcome.exit_code, outcome.message, {}, {})
+    reader = None
+    try:
         reader = BagReader(bag, trust=trust)
-        metrics = metrics_from(reader)
-        (folder / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
+        result = result._replace(metrics=metrics_from(reader))
         if outcome.exit_code == 3:
-            message = "; ".join(_takeovers(reader.overview.events)) or message
-    return Result(folder, outcome.exit_code, message, metrics, {}), reader
+            words = _takeovers(reader.overview.events)
+            if not words or not result.metrics["log_complete"]:
+                words.append(outcome.message)
+            result = result._replace(message="; ".join(words))
+        (folder / "metrics.json").write_text(json.dumps(result.metrics, indent=2) + "\n")
+    except (BadInput, OSError) as error:
+        if outcome.exit_code != 130:  # an interrupted run may hold no tick at all
+            result = _unwritten(result, error)
+    return result, reader
+
+
+def _unwritten(result: Result, error: Exception) -> Result:
+    """Return a result that says what is not on the disk, with exit code 3."""
+    words = "; ".join(part for part in (result.message, str(error)) if part)
+    return result._replace(exit_code=3, message=words)
 
 
 def _takeovers(events: Sequence[Event]) -> list[str]:

@@ -1,5 +1,6 @@
 """The process of a node: its signals, its exit code."""
 
+import faulthandler
 import gc
 import signal
 import sys
@@ -22,7 +23,7 @@ class Served(Protocol):
 
     It may also have `interrupted()`, called when somebody wants it to end; where that returns True,
     it stops its loop itself, or is interrupted again. And `close()`, which finishes what must be
-    whole; the nodes of the loop leave the graph after it.
+    whole, or raises FlexslewError: exit code 3; the nodes of the loop leave the graph after it.
     """
 
     def poll(self) -> float:
@@ -44,6 +45,16 @@ def _run(loop: Loop, served: Served) -> int:
                 return 130
 
 
+def _closed(served: Served) -> int:
+    """Finish what must be whole; return 3 where that failed."""
+    try:
+        getattr(served, "close", lambda: None)()
+    except FlexslewError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 3
+    return 0
+
+
 def within(namespace: str) -> list[str]:
     """Return the command line of a node in a namespace; empty: in none."""
     name = "/" + namespace.strip("/")
@@ -59,6 +70,7 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
     """
     # our own handlers: rclpy's would invalidate the context before the last words are said
     _interrupts.install()
+    faulthandler.register(signal.SIGUSR1)  # tells where each thread stands, whatever holds it up
     served = loop = None
     code = 0
     try:
@@ -78,7 +90,7 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
         _interrupts.ignore()
         if served is not None and loop is not None:
             loop.close(HURRIED if code == 130 else LAST_WORDS)
-            getattr(served, "close", lambda: None)()
+            code = _closed(served) or code
             loop.leave(code)
         # the graph hears of our leaving only if the participant is really destroyed
         del served, loop

@@ -1,5 +1,7 @@
 """The MCAP file while it is written: whole records only, checksums, and the index at its end."""
 
+import errno
+import os
 import struct
 import tempfile
 import zlib
@@ -131,6 +133,16 @@ class McapFile:
         )
         crc = zlib.crc32(footer[:-4], self._crc)
         self._write(footer[:-4] + struct.pack("<I", crc) + MAGIC)
+
+    def demand_place(self) -> None:
+        """Check that the file that was written is the one that is found by its name.
+
+        Raises:
+            OSError: somebody has removed or moved it meanwhile.
+        """
+        named, written = os.stat(self.path), os.fstat(self._stream.fileno())
+        if (named.st_dev, named.st_ino) != (written.st_dev, written.st_ino):
+            raise FileNotFoundError(errno.ENOENT, "another file has taken its place")
 
     def close(self) -> None:
         """Give the files back to the system."""

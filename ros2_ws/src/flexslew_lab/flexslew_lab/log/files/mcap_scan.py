@@ -171,7 +171,7 @@ def chunk_records(data: bytes, where: str) -> Iterator[Record | RawMessage]:
     """Yield schemas and channels (as records) and messages of an unpacked chunk.
 
     Raises:
-        BadInput: the records do not fill the chunk.
+        BadInput: the records do not fill the chunk, or are none that a chunk may hold.
 
     """
     at, end = 0, len(data)
@@ -191,6 +191,8 @@ def chunk_records(data: bytes, where: str) -> Iterator[Record | RawMessage]:
             yield RawMessage(channel, sequence, stamp, data[at + message : stop])
         elif opcode in _SCHEMA_LIKE:
             yield Record(opcode, data[at + head : stop], at)
+        else:  # zeros, for example: records without content, a ninth of them as many
+            raise BadInput(f"damaged chunk: it holds a record of kind {opcode}", where)
         at = stop
 
 

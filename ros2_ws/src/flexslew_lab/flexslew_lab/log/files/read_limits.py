@@ -1,6 +1,7 @@
-"""How much of a log is taken into memory at once: a bag may claim, or unpack to, gigabytes."""
+"""How much of a log is taken into memory at once, and unpacked at all: a bag may be crafted."""
 
 from contextvars import ContextVar
+from pathlib import Path
 
 from flexslew_plant.errors import BadInput
 
@@ -16,6 +17,10 @@ _PARTS = {
     "a message definition": 64,
 }
 CHANNELS = 256  # of one file
+# What a file unpacks to, as a multiple of its size; a bench that rests writes 3 times that
+_RATIO = 64
+_SLACK = 8  # part of the largest chunk that a small file may unpack to beyond it
+TEXT = 32  # what a byte of YAML costs of the same [B]
 
 _largest: ContextVar[int] = ContextVar("largest", default=LARGEST)
 
@@ -43,6 +48,33 @@ def check_size(what: str, size: int, source: str) -> None:
             "trust this log, raise the limit with --largest-chunk",
             source,
         )
+
+
+class Unpacked:
+    """What one pass over a file has unpacked: it bounds the time by the size of the file.
+
+    Args:
+        path: of the file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._allowed = _largest.get() // _SLACK + _RATIO * path.stat().st_size
+        self._sum = 0
+
+    def add(self, size: int) -> None:
+        """Take a part of this size [B].
+
+        Raises:
+            BadInput: a file of this size holds no more in earnest.
+        """
+        self._sum += size
+        if self._sum > self._allowed:
+            raise BadInput(
+                f"unpacks to more than {self._allowed / MIB:.1f} MiB, {_RATIO} times its size; if "
+                "you trust this log, raise the limit with --largest-chunk",
+                self._path,
+            )
 
 
 def most_chunks() -> int:

@@ -1,5 +1,6 @@
 """What every record of a log must look like, checked when it is read: a bag may be crafted."""
 
+from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -20,6 +21,7 @@ Sizes = dict[str, tuple[int, ...]]  # of the arrays of a message, by field
 Names = Annotated[tuple[Text, ...], Field(max_length=JOINTS)]
 
 
+@lru_cache(maxsize=64)  # a controller repeats itself
 def _yaml(text: str) -> str:
     try:
         logged_yaml(text, "the text")
@@ -98,6 +100,15 @@ def check_record(topic: str, message: Any, source: str) -> None:
         for name in _PLAN_ARRAYS:
             if not np.isfinite(getattr(message, name)).all():
                 raise BadInput(f"{name}: a number is not finite", where)
+
+
+def texts_of(message: Any, before: Any = None) -> list[str]:
+    """Return the YAML texts of a message of a latched topic that the one before had not."""
+    names = ("settings",) if hasattr(message, "controller") else ("request", "summary", "versions")
+    texts = [getattr(message, name, "") for name in names]
+    return [
+        text for name, text in zip(names, texts, strict=True) if text != getattr(before, name, "")
+    ]
 
 
 def check_truth(columns: dict[str, Any], source: str, before: Sizes) -> Sizes:

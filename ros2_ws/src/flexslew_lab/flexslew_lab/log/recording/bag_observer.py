@@ -8,7 +8,7 @@ from flexslew_control.message_fields import plan_fields, state_bytes
 from flexslew_control.plan import Plan
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import encode
-from flexslew_lab.log.recording.bag_writer import BagWriter
+from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.trial.trial import Trial, bench_settings, law_of
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.measurement import Measurement
@@ -27,6 +27,8 @@ from flexslew_plant.settings import plain, yaml_text
 class BagObserver:
     """Topics of a run, written tick by tick. Implements in_process.Observer.
 
+    A disk that takes no more ends the recording and not the run.
+
     Args:
         writer: of the bag.
         bare: without measurements and answers, for a flight that others are compared with.
@@ -35,6 +37,7 @@ class BagObserver:
     def __init__(self, writer: BagWriter, bare: bool = False) -> None:
         self._writer, self._bare = writer, bare
         self._now = Stamp(0, 0)
+        self.stopped: RecordingStopped | None = None  # why nothing is written any more
 
     def announce(
         self, trial: Trial, bench: Bench, plan: Plan | None, controllers: dict[str, Controller]
@@ -89,9 +92,22 @@ class BagObserver:
         """Write an event."""
         self._put("/events", **event_fields(event))
 
+    def close(self) -> None:
+        """Make the bag whole.
+
+        Raises:
+            RecordingStopped: it is not on the disk.
+        """
+        self._writer.close({"messages": str(self._writer.messages)})
+
     def _put(self, topic: str, **message: Any) -> None:
         self._write(topic, encode(TOPICS[topic].type, message))
 
     def _write(self, topic: str, data: bytes) -> None:
+        if self.stopped is not None:
+            return
         at = self._now.sec * 10**9 + self._now.nanosec
-        self._writer.write(topic, TOPICS[topic].type, data, at)
+        try:
+            self._writer.write(topic, TOPICS[topic].type, data, at)
+        except RecordingStopped as error:
+            self.stopped = error

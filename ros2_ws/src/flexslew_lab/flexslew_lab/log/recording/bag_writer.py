@@ -188,6 +188,7 @@ class BagWriter:
         self._file.add_metadata(ROSBAG_RECORD, {"serialized_metadata": yaml_text(content, False)})
         counts = {track.channel: track.count for track in self._tracks.values() if track.count}
         self._file.finish(self._records, counts, start, end)
+        self._file.guarded(self._file.demand_place)
         self._file.guarded(write_description, self.folder / METADATA_FILE, content)
 
     def _new_track(self, topic: str, type_name: str) -> _Track:
