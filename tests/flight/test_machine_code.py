@@ -49,14 +49,10 @@ def laws_of(trial: Trial, settings: dict[str, dict[str, Any]]) -> dict[str, Any]
     return fitting
 
 
-def specialisations() -> dict[str, int]:
-    """Return how many there are in this process, by function."""
-    found: dict[str, int] = {}
-    for one in gc.get_objects():
-        if isinstance(one, CPUDispatcher):
-            name = f"{one.py_func.__module__}.{one.py_func.__qualname__}"
-            found[name] = found.get(name, 0) + len(one.overloads)
-    return found
+def specialisations() -> dict[CPUDispatcher, int]:
+    """Return how many each function of this process has, and so keep all of them alive."""
+    functions = [one for one in gc.get_objects() if isinstance(one, CPUDispatcher)]
+    return {function: len(function.overloads) for function in functions}
 
 
 def flown(trial: Trial) -> list[str]:
@@ -73,7 +69,11 @@ def flown(trial: Trial) -> list[str]:
     bench.fly((len(names) + 1) * TICKS)
     assert len(bench.of_kind("switched")) == len(names) - 1, bench.events
     after = specialisations()
-    return [name for name in after if after[name] != before.get(name, 0)]
+    return [
+        f"{function.py_func.__module__}.{function.py_func.__qualname__}{function.signatures}"
+        for function, count in after.items()
+        if count != before.get(function, 0)
+    ]
 
 
 @pytest.mark.parametrize(
