@@ -21,6 +21,23 @@ def test_both_kinds_of_arrays_meet_one_specialisation() -> None:
     assert len(scaled.signatures) == 1
 
 
+def test_no_call_asks_the_compiler_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    @compiled_once("out")
+    def summed(x: Vector, y: Vector, out: Vector) -> None:
+        out[0] = x[0] + y[0]
+
+    out, free, kept = np.empty(1), np.ones(2), np.ones(2)
+    kept.flags.writeable = False
+    pairs = [(x, y) for x in (free, kept) for y in (free, kept)]
+    for x, y in pairs:
+        summed(x, y, out)
+    asked: list[object] = []
+    monkeypatch.setattr(summed, "compile", asked.append)
+    for x, y in pairs:
+        summed(x, y, out)
+    assert asked == []
+
+
 def test_machine_code_that_writes_into_what_it_only_reads_does_not_compile() -> None:
     @compiled_once()
     def wrong(x: Vector) -> None:

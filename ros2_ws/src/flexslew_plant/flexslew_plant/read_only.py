@@ -27,7 +27,12 @@ def for_all_access(dispatcher: Any, written: tuple[str, ...]) -> Any:
             kind if name in written else read_only(kind)
             for name, kind in zip(names, given, strict=True)
         )
-        return compile_it(taken if result is None else result(*taken))
+        entry = compile_it(taken if result is None else result(*taken))
+        if taken != given:
+            # told to the dispatcher, which else asks here at every such call, for a quarter of a
+            # millisecond
+            dispatcher._insert([kind._code for kind in given], entry, False)
+        return entry
 
     dispatcher.compile = compile_for_all
     return dispatcher
