@@ -18,14 +18,15 @@ UNLIMITED = {name for name in SLEWS if not PLANNERS[name].feedforward}
 
 
 def planned(method: Any, period: float = 0.05, limit: Any = (150.0, 150.0), **more: Any) -> Any:
-    values = {"method": method, "goal": GOALS[method], **more}
+    values = {"method": method, "goal": GOALS[method], **PLANNERS[method].example, **more}
     return make_plan(plan_settings(values, "trial.yaml"), plant(period, limit))
 
 
 @pytest.mark.parametrize("method", SLEWS)
 def test_every_planner_keeps_the_contract(method: Any) -> None:
     heard: list[Any] = []
-    settings = plan_settings({"method": method, "goal": GOALS[method], "start": 2.0}, "t")
+    quick = PLANNERS[method].example
+    settings = plan_settings({"method": method, "goal": GOALS[method], "start": 2.0, **quick}, "t")
     plan = make_plan(settings, plant(0.05, (150.0, 150.0)), progress=heard.append)
     assert plan.method == method == plan.request["method"]
     assert plan.joint_names == ("base_yaw", "hub_pitch")

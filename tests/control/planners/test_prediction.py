@@ -30,6 +30,7 @@ OTHERS: dict[str, Any] = {
     "none": {},
     "reference_only": {"duration": 25.0},
     "robust_feedforward": {"duration": 28.0},
+    "minimax_feedforward": PLANNERS["minimax_feedforward"].example,
     "time_optimal": {"goal": {"base_yaw": 0.8}, "reserve": 0.2},
 }
 

@@ -86,6 +86,9 @@ PLANS = {
     "reference_only": "{method: reference_only, duration: 12.0}",
     "optimized_feedforward": "{method: optimized_feedforward, duration: 12.0}",
     "robust_feedforward": "{method: robust_feedforward, duration: 12.0, payload_errors: [-.1, .1]}",
+    "minimax_feedforward": (
+        "{method: minimax_feedforward, duration: 12.0, pieces: 20, ensemble: {draw: corners}}"
+    ),
     "input_shaping": "{method: input_shaping, duration: 10.0}",
     "start_coast_stop": "{method: start_coast_stop, amplitude: 10.0, pulse_frequency: 1.0}",
 }

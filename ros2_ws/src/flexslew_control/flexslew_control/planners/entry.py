@@ -48,6 +48,7 @@ class PlannerEntry:
             finds it, or adds to it.
         compared: keys of its section where it is compared with other methods.
         variants: compared too.
+        example: keys of its section for a plan that is made quickly, where its defaults take long.
         by_law: keys that each law of a comparison sets as it needs them (LawEntry.plans), as they
             are for a law that needs none; None: one plan serves every law.
     """
@@ -59,6 +60,7 @@ class PlannerEntry:
     takes_duration: bool = False
     compared: Mapping[str, Any] = field(default_factory=dict)
     variants: tuple[Variant, ...] = ()
+    example: Mapping[str, Any] = field(default_factory=dict)
     by_law: Mapping[str, Any] | None = None
 
     @property

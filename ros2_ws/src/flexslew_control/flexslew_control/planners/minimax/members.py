@@ -1,0 +1,115 @@
+"""The models for which one feedforward shall do: an ensemble about what the planner believes."""
+
+import itertools
+from dataclasses import field
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+from scipy.stats import qmc
+
+from flexslew_control.planners.slew import Slew
+from flexslew_plant.arrays import Matrix
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
+from flexslew_plant.settings import flat, plain, section
+from flexslew_plant.testbeds import Model, Testbed, varied
+
+Spread = tuple[float, float]
+MOST = 400  # members
+_SCALES = ("stiffness", "payload")  # by name, see Testbed.scaled
+_PREFIX = "testbed."  # as a study writes its keys
+
+
+@section
+class Ensemble:
+    """What may differ from the model that the planner believes in, and which models stand for it.
+
+    The model itself is always a member, the first one.
+    """
+
+    # lowest and highest relative error, by `stiffness`, `payload` or a key of the testbed [-]
+    vary: dict[str, Spread] = field(default_factory=lambda: {"stiffness": (-0.2, 0.2)})
+    draw: Literal["grid", "corners", "sampled"] = "grid"
+    count: Annotated[int, Field(ge=1, le=MOST)] = 11  # levels of each key; sampled: members
+    seed: Annotated[int, Field(ge=0)] = 1  # of what is sampled
+
+
+class Member(NamedTuple):
+    """One model of an ensemble."""
+
+    errors: dict[str, float]  # relative, by key [-]
+    model: Model
+
+
+def members_of(asked: Ensemble, slew: Slew) -> tuple[Member, ...]:
+    """Return the members of an ensemble, the one that the planner believes in first.
+
+    Args:
+        asked: the `ensemble` section.
+        slew: what the planner believes.
+
+    Raises:
+        BadInput: a key that the testbed lacks or that is no number, a range that holds no zero,
+            or too many members.
+    """
+    keys = tuple(asked.vary)
+    for key, (low, high) in asked.vary.items():
+        if not -1.0 < low <= 0.0 <= high:
+            why = "lowest and highest relative error, above -1 and about 0"
+            raise BadInput(why, "plan", f"ensemble.vary.{key}", [low, high])
+    points = _points(asked)
+    if len(points) > MOST:
+        raise BadInput(f"{len(points)} members, at most {MOST}", "plan", "ensemble", asked.count)
+    nominal = Member(dict.fromkeys(keys, 0.0), slew.model)
+    found = [nominal]
+    for point in points:
+        if point.any():
+            errors = dict(zip(keys, point.tolist(), strict=True))
+            found.append(Member(errors, _changed(slew.testbed, errors).model()))
+    return tuple(found)
+
+
+def _points(asked: Ensemble) -> Matrix:
+    """Return the relative errors of the members, shape (members, keys)."""
+    ranges = np.array(list(asked.vary.values()), dtype=np.float64).reshape(-1, 2)
+    if not len(ranges):
+        return np.zeros((1, 0))
+    if asked.draw == "sampled":
+        cube = qmc.Sobol(len(ranges), rng=np.random.default_rng(asked.seed))
+        with np.errstate(all="ignore"):
+            unit = cube.random_base2(int(np.ceil(np.log2(asked.count))))[: asked.count]
+        return np.asarray(ranges[:, 0] + unit * np.diff(ranges, axis=1)[:, 0])
+    levels = 2 if asked.draw == "corners" else asked.count
+    axes = [
+        np.unique(np.linspace(ends[0], ends[1], levels)) if levels > 1 else [0.0] for ends in ranges
+    ]
+    return np.array(list(itertools.product(*axes)), dtype=np.float64)
+
+
+def _changed(testbed: Testbed, errors: dict[str, float]) -> Testbed:
+    """Return the testbed with relative errors of some of its numbers.
+
+    Raises:
+        BadInput: it has no such number.
+    """
+    scales = {key: 1.0 + error for key, error in errors.items() if key in _SCALES}
+    known = flat(plain(testbed))
+    for key, error in errors.items():
+        if key in _SCALES:
+            continue
+        name = key.removeprefix(_PREFIX)
+        value = known.get(name)
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            numbers = [k for k, v in known.items() if isinstance(v, float)]
+            raise BadInput(
+                f"{name} is no number of the testbed; allowed: {', '.join((*_SCALES, *numbers))}",
+                "plan",
+                "ensemble.vary",
+            )
+        changes: Any = value * (1.0 + error)
+        for part in reversed(name.split(".")):
+            changes = {part: changes}
+        trust = Trust(frozenset({testbed.kind}))
+        testbed = varied(testbed, changes, f"plan: ensemble: {name}", trust)
+    return testbed.scaled(**scales) if scales else testbed

@@ -1,0 +1,253 @@
+"""The answer of a plant that is not linear: its flight, and the exact derivatives of every tick.
+
+The flight of a member is taken tick by tick as on the bench. Its derivatives by the efforts follow
+from those of the integrator's step, x(k + 1) = f(x(k), u(k)):
+    dx_i(k + 1) = F_i dx_i(k) + G_i (dw + [Kp Kd] (dy_0(k) - dy_i(k))),
+    dx_0(k + 1) = F_0 dx_0(k) + G_0 dw,
+with 0 the nominal member, whose path is the reference.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numba import types
+
+from flexslew_control.planners.feedforward.shooting import final_sensitivity, roll_out
+from flexslew_control.planners.minimax.response import Grid, Indices
+from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled
+from flexslew_plant.testbeds import Model
+from flexslew_plant.testbeds.compiled.bound import ADVANCE
+from flexslew_plant.testbeds.compiled.dynamics import STAGES
+
+
+class Flight(NamedTuple):
+    """One member under the efforts of a plan and the feedback about the nominal path."""
+
+    states: Matrix  # at the ticks, (ticks + 1, 2 n)
+    applied: Matrix  # feedforward and feedback, (ticks, joints) [N m or N]
+
+
+def flight(
+    model: Model, start: Vector, efforts: Matrix, gains: Matrix, path: Matrix | None, period: float
+) -> Flight:
+    """Return the flight of a member.
+
+    Args:
+        model: equations of motion.
+        start: state at the first tick, shape (2 n,).
+        efforts: of the plan, shape (ticks, joints).
+        gains: [Kp Kd], shape (joints, 2 joints).
+        path: of the nominal member, (ticks + 1, 2 n); None: this is the nominal member.
+        period: one tick [s].
+    """
+    m, n = model.joints, model.coordinates
+    if path is None:
+        gains, path = np.zeros_like(gains), np.zeros((len(efforts) + 1, start.size))
+    drive = efforts + np.hstack((path[:-1, :m], path[:-1, n : n + m])) @ gains.T
+    states, applied = _kernel()(
+        model.integrate, model.packed, start, np.ascontiguousarray(drive),
+        np.ascontiguousarray(gains), period, n, model.before_modes,
+    )  # fmt: skip
+    return Flight(states, applied)
+
+
+@lru_cache
+def _kernel() -> Callable[..., tuple[Matrix, Matrix]]:
+    """Return _flown as machine code, the same for all testbeds."""
+    vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
+    kernel: Any = compiled(_flown)
+    sizes = types.float64, types.int64, types.int64
+    both = types.UniTuple(matrix, 2)
+    kernel.compile(both(ADVANCE, vector, vector, matrix, matrix, *sizes))
+    kernel.disable_compile()  # never for the type of one testbed's function
+    return cast(Callable[..., tuple[Matrix, Matrix]], kernel)
+
+
+def _flown(
+    advance: Callable[..., None],
+    p: Vector,
+    start: Vector,
+    drive: Matrix,
+    gains: Matrix,
+    period: float,
+    n: int,
+    before_modes: int,
+) -> tuple[Matrix, Matrix]:
+    """Return the states and the applied efforts under u = drive - [Kp Kd] y."""
+    ticks, m = drive.shape
+    path, x, u = np.empty((ticks + 1, start.size)), start.copy(), np.empty(m)
+    applied = np.empty((ticks, m))
+    path[0] = x
+    for k in range(ticks):
+        for j in range(m):
+            u[j] = drive[k, j]
+            for i in range(m):
+                u[j] -= gains[j, i] * x[i] + gains[j, m + i] * x[n + i]
+            applied[k, j] = u[j]
+        advance(p, k * period, u, period, 1, before_modes, x)
+        path[k + 1] = x
+    return path, applied
+
+
+def step_derivatives(
+    model: Model, start: Vector, applied: Matrix, period: float
+) -> tuple[Tensor, Tensor]:
+    """Return F and G of every tick, (ticks, 2 n, 2 n) and (ticks, 2 n, joints).
+
+    Args:
+        model: equations of motion.
+        start: state at the first tick, shape (2 n,).
+        applied: efforts held over each tick, shape (ticks, joints).
+        period: one tick [s].
+    """
+    n, m, ticks = model.coordinates, model.joints, len(applied)
+    sizes, none = ((0,) * n, (0,) * m), np.zeros(m)
+    edges = period * np.arange(ticks + 1, dtype=np.float64)
+    states, accelerations = np.empty((ticks * STAGES, 2 * n)), np.empty((ticks * STAGES, n))
+    drive = np.repeat(applied, STAGES, axis=0)
+    kernels, p = model.kernels, model.packed
+    roll_out(kernels, p, start, edges, drive, none, none, sizes, states, accelerations)
+    by_stage, flat = np.empty((ticks * STAGES, m * 2 * n)), np.empty((ticks, 4 * n * n))
+    final_sensitivity(
+        kernels, p, edges, none, none, sizes, states, accelerations, by_stage, flat
+    )  # fmt: skip
+    by_joint = by_stage.reshape(ticks, STAGES, m, 2 * n).sum(axis=1)
+    return flat.reshape(ticks, 2 * n, 2 * n).swapaxes(1, 2), by_joint.swapaxes(1, 2)
+
+
+@compiled
+def path_derivatives(
+    f: Tensor, g: Tensor, gains: Matrix, reference: Tensor, edges: Vector, out: Tensor
+) -> None:
+    """Write the derivatives of the states at all ticks by the weights.
+
+    Args:
+        f: of every tick, shape (ticks, 2 n, 2 n).
+        g: of every tick, shape (ticks, 2 n, joints).
+        gains: [Kp Kd], shape (joints, 2 joints).
+        reference: derivatives of the nominal path, (ticks + 1, 2 n, weights).
+        edges: ticks at which pieces begin, and the end, shape (pieces + 1,).
+        out: shape (ticks + 1, 2 n, weights).
+    """
+    ticks, size, m = g.shape
+    n, weights = size // 2, out.shape[2]
+    effort = np.empty((m, weights))
+    out[0] = 0.0
+    piece = 0
+    for k in range(ticks):
+        if k >= edges[piece + 1]:
+            piece += 1
+        known = (piece + 1) * m  # later weights have moved nothing yet
+        for j in range(m):
+            for w in range(known):
+                value = 0.0
+                for i in range(m):
+                    value += gains[j, i] * (reference[k, i, w] - out[k, i, w])
+                    value += gains[j, m + i] * (reference[k, n + i, w] - out[k, n + i, w])
+                effort[j, w] = value
+            effort[j, piece * m + j] += 1.0
+        for r in range(size):
+            for w in range(weights):
+                out[k + 1, r, w] = 0.0
+            for c in range(size):
+                factor = f[k, r, c]
+                if factor != 0.0:
+                    for w in range(known):
+                        out[k + 1, r, w] += factor * out[k, c, w]
+            for j in range(m):
+                factor = g[k, r, j]
+                for w in range(known):
+                    out[k + 1, r, w] += factor * effort[j, w]
+
+
+@dataclass(frozen=True)
+class TabledPath:
+    """The answer of a member about one flight; see response.Path.
+
+    Args:
+        grid: the ticks and pieces.
+        about: weights of the flight, shape (weights,).
+        values: the channels at every tick but the last, (ticks, channels).
+        slopes: their derivatives, (ticks, channels, weights).
+        end: the deviation from the rest at the goal at the last tick: derivatives and offsets.
+    """
+
+    grid: Grid
+    about: Vector
+    values: Matrix
+    slopes: Tensor
+    end: tuple[Matrix, Vector]
+
+    def flown(self, weights: Vector) -> Matrix:
+        """Return the channels at every tick but the last, (ticks, channels)."""
+        return np.asarray(self.values + self.slopes @ (weights - self.about))
+
+    def rows(self, ticks: Indices, channel: int) -> tuple[Matrix, Vector]:
+        """Return the derivatives of a channel at some ticks, (k, weights), and its offsets."""
+        slopes = self.slopes[np.asarray(ticks, dtype=int), channel]
+        return slopes, self.values[ticks, channel] - slopes @ self.about
+
+
+def channels(model: Model, flown: Flight) -> Matrix:
+    """Return the channels at every tick but the last, (ticks, channels)."""
+    m, n = model.joints, model.coordinates
+    states = flown.states[:-1]
+    tips, rates = states[:, m:n] @ model.appendages.tip.T, states[:, n : n + m]
+    return np.hstack((tips, flown.applied, states[:, :m], rates))
+
+
+class Derived(NamedTuple):
+    """A member's path and the derivatives of its states."""
+
+    path: TabledPath
+    states: Tensor  # (ticks + 1, 2 n, weights)
+
+
+def tabled(
+    model: Model,
+    flown: Flight,
+    nominal: Tensor | None,
+    gains: Matrix,
+    goal: Vector,
+    grid: Grid,
+    weights: Vector,
+) -> Derived:
+    """Return the answer of a member about a flight.
+
+    Args:
+        model: of the member.
+        flown: its flight.
+        nominal: derivatives of the nominal member's states; None: this is the nominal member.
+        gains: [Kp Kd], shape (joints, 2 joints).
+        goal: joint positions, shape (joints,).
+        grid: the ticks and pieces.
+        weights: of the flight.
+    """
+    m, n = model.joints, model.coordinates
+    f, g = step_derivatives(model, flown.states[0], flown.applied, grid.period)
+    states = np.empty((grid.ticks + 1, 2 * n, grid.size))
+    edges = np.array(grid.edges, dtype=np.float64)
+    own = gains if nominal is not None else np.zeros_like(gains)
+    about = nominal if nominal is not None else states
+    path_derivatives(np.ascontiguousarray(f), np.ascontiguousarray(g), own, about, edges, states)
+    tips = model.appendages.tip
+    slopes = np.empty((grid.ticks, len(tips) + 3 * m, grid.size))
+    slopes[:, : len(tips)] = tips @ states[:-1, m:n]
+    demand = slopes[:, len(tips) : len(tips) + m]
+    demand[:] = 0.0
+    if nominal is not None:
+        away = nominal[:-1] - states[:-1]
+        demand += gains[:, :m] @ away[:, :m] + gains[:, m:] @ away[:, n : n + m]
+    piece = np.repeat(np.arange(grid.pieces), np.diff(grid.edges))
+    for j in range(m):
+        demand[np.arange(grid.ticks), j, piece * m + j] += 1.0
+    slopes[:, len(tips) + m : len(tips) + 2 * m] = states[:-1, :m]
+    slopes[:, len(tips) + 2 * m :] = states[:-1, n : n + m]
+    rest = np.zeros(2 * n)
+    rest[:m] = goal
+    offset = flown.states[-1] - rest - states[-1] @ weights
+    path = TabledPath(grid, weights, channels(model, flown), slopes, (states[-1], offset))
+    return Derived(path, states)

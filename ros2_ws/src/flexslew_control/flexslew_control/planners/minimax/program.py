@@ -1,0 +1,134 @@
+"""What is asked of an ensemble, as a convex program: the members' answers, the limits, the end."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_control.planners.minimax.response import Grid, Response
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import PlanFailed
+
+
+class Infeasible(PlanFailed):
+    """No efforts within the limits lead to the goal in this time."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What every member keeps to at every tick; infinite where there is no limit.
+
+    Args:
+        demand: of the drives, shape (joints,) [N m or N].
+        joint: lowest and highest positions, shape (2, joints) [rad or m].
+        rate: largest rates of the joints, shape (joints,) [rad/s or m/s].
+        tip: largest |tip|, of the whole flight [m].
+    """
+
+    demand: Vector
+    joint: Matrix
+    rate: Vector
+    tip: float
+
+
+class Trust(NamedTuple):
+    """Where the responses of a plant that is not linear are good enough.
+
+    The end and all limits may be missed inside it, by a share that is priced.
+    """
+
+    about: Vector  # weights [N m or N]
+    radius: float  # of the limit of each drive [-]
+    price: float  # of missing [m]
+
+
+@dataclass(frozen=True)
+class Program:
+    """What is asked for.
+
+    Args:
+        responses: of the members, the nominal one first.
+        grid: the pieces whose efforts are sought.
+        limits: that every member keeps to.
+        exact: whether the nominal member ends at rest, modes included.
+        ringing: whether nothing damps the members, so that amplitudes count.
+        span: farthest way of a joint [rad or m].
+        rho: what effort costs [m/N^2 or m/(N m)^2].
+        trust: where the responses are good enough; None: everywhere.
+    """
+
+    responses: Sequence[Response]
+    grid: Grid
+    limits: Limits
+    exact: bool
+    ringing: bool
+    span: float
+    rho: float = 0.0
+    trust: Trust | None = None
+
+    @property
+    def end_rows(self) -> Matrix:
+        """What of the nominal member's deviation from the rest at the goal is zero at the end."""
+        rest = self.responses[0].rest
+        return np.eye(len(rest.closed)) if self.exact else rest.rigid
+
+    def end_missed(self, end: Vector) -> Vector:
+        """Return what is not zero of a deviation at the end, as shares of the whole way.
+
+        Args:
+            end: of the nominal member, shape (2 n,) or (2 n, k).
+        """
+        rows, n = self.end_rows, len(self.end_rows[0]) // 2
+        lasts = self.grid.ticks * self.grid.period
+        bent, rate = (np.linalg.norm(half, axis=1) for half in (rows[:, :n], rows[:, n:]))
+        missed: Vector = ((rows @ end).T / (self.span * (bent + rate / lasts))).T
+        return missed
+
+
+class Key(NamedTuple):
+    """Which row of the whole program a row is."""
+
+    member: int
+    channel: int
+    tick: int
+    side: float  # 1 below the highest value, -1 above the lowest; 0 within the residual
+
+
+class Optimum(NamedTuple):
+    """The efforts of a program."""
+
+    weights: Vector  # of the pieces, see Grid [N m or N]
+    residuals: Vector  # of the members, (members,) [m]
+    bound: float  # that no efforts of these pieces pass below, of g + rho |p|^2 [m]
+    missed: float  # share of the end and the limits that is missed inside a Trust [-]
+    rows: tuple[Key, ...] = ()  # that held it up
+
+    @property
+    def worst(self) -> float:
+        """The largest residual of a member [m]."""
+        return float(self.residuals.max())
+
+
+def limits_of(response: Response, limits: Limits) -> tuple[Vector, Vector, Vector]:
+    """Return the lowest and highest values of each channel, and their size, (channels,) each."""
+    tips = np.full(response.tips, limits.tip)
+    high = np.concatenate((tips, limits.demand, limits.joint[1], limits.rate))
+    low = np.concatenate((-tips, -limits.demand, limits.joint[0], -limits.rate))
+    size = np.max(np.abs(np.where(np.isfinite((low, high)), (low, high), 0.0)), axis=0)
+    return low, high, np.where(size > 0.0, size, 1.0)
+
+
+def residual(response: Response, end: Vector, ringing: bool, flown: Matrix) -> float:
+    """Return the largest |tip| of a member after the end [m].
+
+    Args:
+        response: of the member.
+        end: its deviation from the rest at the goal at the last tick, shape (2 n,).
+        ringing: whether nothing damps it, so that the sum of the amplitudes counts.
+        flown: its channels at all ticks.
+    """
+    if ringing:
+        amplitude = np.hypot(*(response.rest.modes @ end).reshape(2, -1))
+        return float((response.rest.tip_of_modes @ amplitude).max(initial=0.0))
+    return float(np.abs(flown[response.grid.ticks :, : response.tips]).max(initial=0.0))

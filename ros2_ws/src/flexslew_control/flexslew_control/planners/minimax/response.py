@@ -1,0 +1,205 @@
+"""How one member answers the efforts of a slew: affine in them, tick by tick as on the bench.
+
+Every member flies the same drive under the joint feedback,
+    u_i(k) = w(k) + Kp (r(k) - y_i(k)) + Kd (r'(k) - y_i'(k)),
+held over each tick, where w are the efforts of the plan and r the path of the nominal member under
+them alone. So the feedback has nothing to do on the nominal member. After the last tick N the
+reference is the goal at rest and w is zero: the deviation e from the rest at the goal obeys
+    e(k + 1) = (F - G [Kp Kd]) e(k).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from flexslew_control.controllers.sampled_loop import LinearPlant
+from flexslew_plant.arrays import Matrix, Tensor, Vector
+from flexslew_plant.testbeds import Model
+
+Indices = Sequence[int] | np.ndarray
+
+
+class Grid(NamedTuple):
+    """The ticks of a slew, cut into pieces of whole ticks over which the efforts are held."""
+
+    edges: tuple[int, ...]  # ticks at which pieces begin, and the end, rising
+    joints: int
+    period: float  # [s]
+    watched: int  # ticks after the end
+
+    @property
+    def ticks(self) -> int:
+        """N, of the slew."""
+        return self.edges[-1]
+
+    @property
+    def pieces(self) -> int:
+        """How many pieces each joint has."""
+        return len(self.edges) - 1
+
+    @property
+    def size(self) -> int:
+        """How many weights: those of the first piece's joints, then the next one's."""
+        return self.pieces * self.joints
+
+    def held(self, weights: Vector) -> Matrix:
+        """Return the efforts of every tick, shape (ticks, joints)."""
+        return np.repeat(weights.reshape(self.pieces, self.joints), np.diff(self.edges), axis=0)
+
+
+def grid_of(duration: float, pieces: int, joints: int, period: float, watched: float) -> Grid:
+    """Return the ticks of a duration, cut into at most so many pieces of nearly equal length.
+
+    Args:
+        duration: of the slew [s].
+        pieces: at most; no piece is shorter than a tick.
+        joints: how many.
+        period: one tick [s].
+        watched: after the end [s].
+    """
+    ticks = max(int(np.ceil(duration / period - 1e-9)), 1)
+    edges = np.unique(np.round(np.linspace(0.0, ticks, min(pieces, ticks) + 1)).astype(int))
+    return Grid(tuple(edges.tolist()), joints, period, int(np.ceil(watched / period)))
+
+
+class AtRest(NamedTuple):
+    """The motion about the rest at the goal, after the last tick.
+
+    The channels are the tips, then of every joint the demand, the position and the rate.
+    """
+
+    closed: Matrix  # of one tick, (2 n, 2 n)
+    reads: Tensor  # from deviation to the channels some ticks later, (watched + 1, channels, 2 n)
+    modes: Matrix  # from deviation to eta and eta'/w of every flexible mode, (2 modes, 2 n)
+    tip_of_modes: Matrix  # |tips| of one unit of every amplitude, (tips, modes)
+    rigid: Matrix  # from deviation to position and rate of the rigid motions, (2 rigid, 2 n)
+
+
+def at_rest(model: Model, goal: Vector, gains: Matrix, period: float, watched: int) -> AtRest:
+    """Return the motion of a model about its rest at the goal.
+
+    With K phi = w^2 M phi, phi^T M phi = 1 the amplitude of a free mode is |(eta, eta'/w)|,
+    eta = phi^T M e; what moves without being bent has w = 0.
+
+    Args:
+        model: equations of motion.
+        goal: joint positions, shape (joints,).
+        gains: [Kp Kd] on positions and rates of the joints, shape (joints, 2 joints).
+        period: one tick [s].
+        watched: ticks after the last one.
+    """
+    n, m = model.coordinates, model.joints
+    place = model.rest(dict(zip(model.joint_names, goal.tolist(), strict=True)))
+    plant = LinearPlant(model, place)
+    f, g = plant.step(period)
+    seen = joint_readings(n, m)
+    tip = np.zeros((len(model.appendages.names), 2 * n))
+    tip[:, m:n] = model.appendages.tip
+    linear = model.linearise(place)
+    factor = np.linalg.cholesky(linear.mass)
+    inner = np.linalg.solve(factor, linear.stiffness)
+    square, vectors = np.linalg.eigh(np.linalg.solve(factor, inner.T))
+    shapes = np.linalg.solve(factor.T, vectors)
+    rest = square <= 1e-9 * max(float(square[-1]), 1e-300)
+    left = shapes.T @ linear.mass
+    nothing = np.zeros_like(left)
+    bent, rate = np.hstack((left, nothing)), np.hstack((nothing, left))
+    w = np.sqrt(square[~rest])
+    closed = f - g @ gains @ seen
+    return AtRest(
+        closed,
+        _reads(np.vstack((tip, -gains @ seen, seen)), closed, watched + 1),
+        np.vstack((bent[~rest], rate[~rest] / w[:, None])),
+        np.abs(tip[:, :n] @ shapes[:, ~rest]),
+        np.vstack((bent[rest], rate[rest])),
+    )
+
+
+def _reads(read: Matrix, closed: Matrix, count: int) -> Tensor:
+    """Return read closed^k for k = 0, 1, ..., shape (count, channels, 2 n)."""
+    found = np.empty((count, *read.shape))
+    found[0], power, known = read, closed, 1
+    while known < count:
+        more = min(known, count - known)
+        found[known : known + more] = found[:more] @ power
+        power, known = power @ power, known + more
+    return found
+
+
+def joint_readings(n: int, m: int) -> Matrix:
+    """Return what reads positions and rates of the joints off a state, shape (2 m, 2 n)."""
+    seen = np.zeros((2 * m, 2 * n))
+    seen[:m, :m] = seen[m:, n : n + m] = np.eye(m)
+    return seen
+
+
+class Path(Protocol):
+    """The answer of one member up to the last tick, affine in the weights."""
+
+    def flown(self, weights: Vector) -> Matrix:
+        """Return the channels at every tick but the last, (ticks, channels)."""
+
+    def rows(self, ticks: Indices, channel: int) -> tuple[Matrix, Vector]:
+        """Return the derivatives of a channel at some ticks, (k, weights), and its offsets."""
+
+    @property
+    def end(self) -> tuple[Matrix, Vector]:
+        """The deviation from the rest at the goal at the last tick: derivatives and offsets."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """The answer of one member: up to the last tick, and about the rest at the goal after it.
+
+    Args:
+        path: up to the last tick.
+        rest: after it.
+        grid: the ticks.
+        goal: joint positions, shape (joints,).
+    """
+
+    path: Path
+    rest: AtRest
+    grid: Grid
+    goal: Vector
+
+    @property
+    def tips(self) -> int:
+        """How many tips are read: the first channels; demands and joints follow."""
+        return len(self.rest.tip_of_modes)
+
+    @cached_property
+    def level(self) -> Vector:
+        """What the channels read at rest at the goal, shape (channels,)."""
+        m = self.goal.size
+        return np.concatenate((np.zeros(self.tips + m), self.goal, np.zeros(m)))
+
+    def flown(self, weights: Vector) -> Matrix:
+        """Return the channels at all ticks, shape (ticks + watched + 1, channels)."""
+        slope, offset = self.path.end
+        return np.vstack((self.path.flown(weights), self.later(slope @ weights + offset)))
+
+    def later(self, end: Vector) -> Matrix:
+        """Return the channels from the last tick on, shape (watched + 1, channels).
+
+        Args:
+            end: deviation from the rest at the goal at the last tick, shape (2 n,).
+        """
+        return np.asarray(self.rest.reads @ end + self.level)
+
+    def rows(self, ticks: Indices, channel: int) -> tuple[Matrix, Vector]:
+        """Return the derivatives of a channel at some ticks, (k, weights), and its offsets."""
+        ticks = np.asarray(ticks, dtype=int)
+        over = ticks >= self.grid.ticks
+        slopes, offsets = np.empty((ticks.size, self.grid.size)), np.empty(ticks.size)
+        if not over.all():
+            slopes[~over], offsets[~over] = self.path.rows(ticks[~over], channel)
+        if over.any():
+            reads = self.rest.reads[ticks[over] - self.grid.ticks, channel]
+            slope, offset = self.path.end
+            slopes[over] = reads @ slope
+            offsets[over] = reads @ offset + self.level[channel]
+        return slopes, offsets

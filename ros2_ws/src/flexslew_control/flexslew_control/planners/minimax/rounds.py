@@ -1,0 +1,156 @@
+"""The least worst residual over an ensemble: a second-order cone program with rows on demand.
+
+    minimise    g + rho |p|^2
+    subject to  A p = b                                  the nominal member's end
+                |demand_i(k)| <= limit, tips and joints within theirs    every member, every tick
+                |tip_i(k)| <= g                          every member, every tick after the end
+
+The rows of ticks are too many and nearly all slack: the program is solved with few, flown on all
+members at all ticks, and solved again with those that were violated most, until none is. Each
+program has fewer rows than the whole one, so its dual objective is a lower bound of the optimum.
+Where nothing damps the vibration, the amplitudes of the modes stand for the tips (Boyd and
+Vandenberghe, chapter 4): sum_r |phi_r| |(eta_r, eta_r'/w_r)| <= g.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import argrelmax
+
+from flexslew_control.planners.minimax.cones import Cones
+from flexslew_control.planners.minimax.program import Key, Optimum, Program, limits_of, residual
+from flexslew_control.planners.minimax.response import Response
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import PlanFailed
+
+_CLOSE = 1e-3  # relative distance of residual and bound at which the program is solved
+_ROUNDING = 1e-6  # of a limit [-]
+_ROUNDS = 40
+_A_ROUND = 12  # rows that a member's channel gains in each round
+_FIRST_ROWS = 5  # of each member's tips, after the end
+
+# round, weights, worst residual and bound [m]
+Listener = Callable[[int, Vector, float, float], None]
+
+
+class Goal(NamedTuple):
+    """When a program counts as solved."""
+
+    close: float = _CLOSE  # relative distance of cost and bound
+    enough: float | None = None  # a residual that is good enough, or out of reach [m]
+    rounds: int | None = None  # after which the last solution does, whatever it misses
+    feasible: bool = False  # whether any efforts do that keep to the limits
+
+
+SOLVED = Goal()
+
+
+def _unheard(number: int, weights: Vector, worst: float, bound: float) -> None:
+    """Nobody listens."""
+
+
+def solved(
+    program: Program, listener: Listener = _unheard, goal: Goal = SOLVED, known: Sequence[Key] = ()
+) -> Optimum:
+    """Return the efforts with the least worst residual.
+
+    Args:
+        program: what is asked for.
+        listener: called with every round.
+        goal: when it counts as solved.
+        known: rows that held up a similar program.
+
+    Raises:
+        Infeasible: no efforts within the limits lead to the goal in this time.
+        PlanFailed: the program was not solved.
+    """
+    cones = Cones(program, goal.feasible)
+    if cones.ticks_count:
+        _first_rows(cones)
+    for key in known:
+        if key.side:
+            cones.add(key.member, key.channel, [key.tick], key.side)
+        elif cones.ticks_count:
+            cones.add_residual(key.member, key.channel, [key.tick])
+    best: Optimum | None = None
+    for k in range(goal.rounds or _ROUNDS):
+        kept, found = _round(cones)
+        listener(k, found.weights, found.worst, found.bound)
+        if kept and goal.feasible:
+            return found
+        if kept and (best is None or cones.cost(found) < cones.cost(best)):
+            best = found
+        if best is not None:
+            best = best._replace(bound=max(best.bound, found.bound))
+        if _done(cones, goal, best, found):
+            return best or found
+        cones.scale = max(found.worst, 1e-12) if np.isfinite(found.worst) else cones.scale
+    if best is None and goal.rounds is None:
+        raise PlanFailed(f"the limits were not kept after {_ROUNDS} rounds")
+    return best or found
+
+
+def _first_rows(cones: Cones) -> None:
+    """Add some ticks after the end of every tip, denser at first."""
+    grid = cones.program.grid
+    spread = np.unique(np.geomspace(1, grid.watched, _FIRST_ROWS).astype(int)) - 1
+    for i, response in enumerate(cones.program.responses):
+        for tip in range(response.tips):
+            cones.add_residual(i, tip, grid.ticks + spread)
+
+
+def _round(cones: Cones) -> tuple[bool, Optimum]:
+    """Return whether all limits were kept, and the solution; add the rows that it violates."""
+    program, ticks = cones.program, cones.program.grid.ticks
+    weights, bound, missed = cones.solve()
+    kept, residuals = True, np.empty(len(program.responses))
+    for i, response in enumerate(program.responses):
+        flown = response.flown(weights)
+        slope, offset = response.path.end
+        residuals[i] = residual(response, slope @ weights + offset, program.ringing, flown)
+        kept &= _keep(cones, i, response, flown, missed)
+        if cones.ticks_count:
+            level = (1.0 + 0.5 * _CLOSE) * max(bound - cones.price * missed, 0.0)
+            for tip in range(response.tips):
+                if (new := _peaks(np.abs(flown[ticks:, tip]) - level)).size:
+                    cones.add_residual(i, tip, ticks + new)
+    return kept, Optimum(weights, residuals, bound, missed, cones.held)
+
+
+def _done(cones: Cones, goal: Goal, best: Optimum | None, found: Optimum) -> bool:
+    """Return whether the best solution that keeps to the limits is good enough, or none can be."""
+    if goal.enough is not None and found.bound > goal.enough:
+        return True
+    if best is None:
+        return False
+    if goal.enough is not None and best.worst <= goal.enough:
+        return True
+    return cones.cost(best) <= (1.0 + goal.close) * found.bound + 1e-9 * cones.scale
+
+
+def _peaks(beyond: Vector) -> Vector:
+    """Return the ticks of the largest local peaks of what is above zero."""
+    padded = np.concatenate(([-np.inf], beyond, [-np.inf]))
+    peaks = argrelmax(padded, mode="clip")[0] - 1
+    if not peaks.size:  # flat
+        peaks = np.array([int(np.argmax(beyond))])
+    peaks = peaks[beyond[peaks] > 0.0]
+    return np.asarray(peaks[np.argsort(-beyond[peaks])][:_A_ROUND])
+
+
+def _keep(cones: Cones, member: int, response: Response, flown: Matrix, missed: float) -> bool:
+    """Return whether a member keeps to the limits, but for a share that is missed.
+
+    Else the rows of the worst ticks are added.
+    """
+    kept = True
+    low, high, size = limits_of(response, cones.program.limits)
+    for side, limit in ((-1.0, low), (1.0, high)):
+        for channel in np.flatnonzero(np.isfinite(limit)):
+            beyond = side * (flown[:, channel] - limit[channel])
+            beyond -= (missed + _ROUNDING) * size[channel]
+            if beyond.max() > 0.0:
+                kept = False
+                cones.add(member, int(channel), _peaks(beyond), side)
+    return kept

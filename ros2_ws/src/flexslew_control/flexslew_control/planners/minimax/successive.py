@@ -1,0 +1,262 @@
+"""The least worst residual of plants that are not linear: successive convex programs.
+
+All members are flown with the present efforts; the convex program about these flights gives the
+step inside a trust region; it is taken if the true merit falls, and the region grows or shrinks by
+how well the program foretold the gain (Nocedal and Wright, chapters 4 and 18). The merit is the
+worst residual plus a price on what misses the end or the limits. What is found is a local optimum:
+the bound of the last program holds near it and nowhere else.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_control.planners.minimax.members import Member
+from flexslew_control.planners.minimax.nonlinear_path import (
+    Flight,
+    TabledPath,
+    channels,
+    flight,
+    tabled,
+)
+from flexslew_control.planners.minimax.program import (
+    Infeasible,
+    Key,
+    Program,
+    Trust,
+    limits_of,
+    residual,
+)
+from flexslew_control.planners.minimax.response import AtRest, Grid, Indices, Response
+from flexslew_control.planners.minimax.rounds import Goal, solved
+from flexslew_plant.arrays import Matrix, Vector
+
+_GOAL = Goal(close=0.02, rounds=5)  # of every program
+_FIRST_RADIUS = 0.3  # of the limits
+_SMALLEST_RADIUS = 1e-4
+_GOOD, _POOR = 0.7, 0.2  # shares of the foretold gain, above and below which the region changes
+_SETTLED = 5e-3  # relative gain at which it ends
+_DEARER = 5.0  # times, of the price of missing
+_MET = 1e-4  # share of end and limits that may be missed
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """The members of a slew, as they are flown.
+
+    Args:
+        members: the nominal one first.
+        rests: about the goal, one per member.
+        ends: joint positions at the start and at the goal, shape (joints,) each.
+        gains: [Kp Kd], shape (joints, 2 joints).
+        grid: ticks and pieces.
+        limit: of the drives, shape (joints,) [N m or N].
+    """
+
+    members: Sequence[Member]
+    rests: Sequence[AtRest]
+    ends: tuple[Vector, Vector]
+    gains: Matrix
+    grid: Grid
+    limit: Vector
+
+    def flown(self, weights: Vector) -> list[Flight]:
+        """Return the flights of all members."""
+        efforts, flights = self.grid.held(weights), list[Flight]()
+        for i, member in enumerate(self.members):
+            model = member.model
+            start = np.zeros(2 * model.coordinates)
+            start[: model.joints] = self.ends[0]
+            path = flights[0].states if i else None
+            flights.append(flight(model, start, efforts, self.gains, path, self.grid.period))
+        return flights
+
+    def deviation(self, flown: Flight) -> Vector:
+        """Return how far a flight ends from the rest at the goal, shape (2 n,)."""
+        goal = self.ends[1]
+        away: Vector = flown.states[-1].copy()
+        away[: goal.size] -= goal
+        return away
+
+    def responses(self, weights: Vector, flights: Sequence[Flight]) -> list[Response]:
+        """Return the answers of all members about their flights."""
+        found, nominal = list[Response](), None
+        goal = self.ends[1]
+        for member, rest, flown in zip(self.members, self.rests, flights, strict=True):
+            derived = tabled(member.model, flown, nominal, self.gains, goal, self.grid, weights)
+            nominal = derived.states if nominal is None else nominal
+            found.append(Response(derived.path, rest, self.grid, goal))
+        return found
+
+    def fixed(self, weights: Vector, flights: Sequence[Flight]) -> list[Response]:
+        """Return what was flown as responses that know no other weights."""
+        return [
+            Response(
+                FlownPath(channels(member.model, flown), weights.size, self.deviation(flown)),
+                rest,
+                self.grid,
+                self.ends[1],
+            )
+            for member, rest, flown in zip(self.members, self.rests, flights, strict=True)
+        ]
+
+    def moved(self, program: Program, weights: Vector, flights: Sequence[Flight]) -> list[Response]:
+        """Return responses with the derivatives of a program and the values of other flights."""
+        found = []
+        for old, member, flown in zip(program.responses, self.members, flights, strict=True):
+            assert isinstance(old.path, TabledPath)
+            slope = old.path.end[0]
+            path = replace(
+                old.path,
+                about=weights,
+                values=channels(member.model, flown),
+                end=(slope, self.deviation(flown) - slope @ weights),
+            )
+            found.append(replace(old, path=path))
+        return found
+
+
+class FlownPath(NamedTuple):
+    """What a member did with one choice of weights; see response.Path."""
+
+    values: Matrix  # (ticks, channels)
+    size: int  # of the weights
+    deviation: Vector  # from the rest at the goal, (2 n,)
+
+    def flown(self, weights: Vector) -> Matrix:
+        """Return the channels at every tick but the last, (ticks, channels)."""
+        return self.values
+
+    def rows(self, ticks: Indices, channel: int) -> tuple[Matrix, Vector]:
+        """Return no derivatives and the values of a channel at some ticks."""
+        values: Vector = self.values[ticks, channel]
+        return np.zeros((values.size, self.size)), values
+
+    @property
+    def end(self) -> tuple[Matrix, Vector]:
+        """No derivatives and the deviation at the last tick."""
+        return np.zeros((self.deviation.size, self.size)), self.deviation
+
+
+class Merit(NamedTuple):
+    """What a flight of all members comes to."""
+
+    residuals: Vector  # of the members, (members,) [m]
+    misses: Vector  # largest share of the end or a limit that each misses, (members,) [-]
+    cost: float  # with rho and the price [m]
+
+    @property
+    def missed(self) -> float:
+        """The largest share that is missed [-]."""
+        return float(self.misses.max())
+
+
+class Local(NamedTuple):
+    """A local optimum."""
+
+    weights: Vector
+    merit: Merit
+    steps: int
+    settled: bool
+
+
+def merit_of(
+    program: Callable[[Sequence[Response]], Program],
+    ensemble: Ensemble,
+    weights: Vector,
+    flights: Sequence[Flight],
+    price: float,
+) -> Merit:
+    """Return what the flights of all members come to.
+
+    Args:
+        program: from the members' responses to what is asked for.
+        ensemble: the members.
+        weights: that were flown.
+        flights: of the members.
+        price: of what is missed [m].
+    """
+    residuals, misses = np.empty(len(flights)), np.zeros(len(flights))
+    responses = ensemble.fixed(weights, flights)
+    asked = program(responses)
+    for i, response in enumerate(responses):
+        signals, end = response.flown(weights), response.path.end[1]
+        residuals[i] = residual(response, end, asked.ringing, signals)
+        low, high, size = limits_of(response, asked.limits)
+        for beyond in (low - signals.min(axis=0), signals.max(axis=0) - high):
+            misses[i] = max(misses[i], float((beyond / size).max(initial=0.0)))
+        if i == 0:
+            misses[i] = max(misses[i], float(np.abs(asked.end_missed(end)).max(initial=0.0)))
+    cost = residuals.max() + asked.rho * float(weights @ weights) + price * misses.max()
+    return Merit(residuals, misses, float(cost) if np.isfinite(cost) else np.inf)
+
+
+def improved(
+    program: Callable[[Sequence[Response]], Program],
+    ensemble: Ensemble,
+    start: Vector,
+    price: float,
+    steps: int,
+    listener: Callable[[int, Vector, Merit, float], None] = lambda *_: None,
+) -> Local:
+    """Return the local optimum near some efforts.
+
+    Args:
+        program: from the members' responses to what is asked for.
+        ensemble: the members.
+        start: weights.
+        price: of what is missed [m].
+        steps: at most.
+        listener: called with number, weights, merit and the bound of the program [m].
+    """
+    weights, radius, known = start, _FIRST_RADIUS, tuple[Key, ...]()
+    unit = np.tile(ensemble.limit, ensemble.grid.pieces)
+    flights = ensemble.flown(weights)
+    asked = program(ensemble.responses(weights, flights))
+    merit = merit_of(program, ensemble, weights, flights, price)
+    for k in range(steps):
+        trust = Trust(weights, radius, price)
+        try:
+            found = solved(replace(asked, trust=trust), goal=_GOAL, known=known)
+        except Infeasible:  # the changes of the start are too large
+            return Local(weights, merit, k, False)
+        known = found.rows
+        foretold = found.worst + price * found.missed
+        foretold += asked.rho * float(found.weights @ found.weights)
+        flights = ensemble.flown(found.weights)
+        new = merit_of(program, ensemble, found.weights, flights, price)
+        promised = merit.cost - foretold
+        step = found.weights
+        if promised > 0.0 and merit.cost - new.cost < _GOOD * promised:
+            # the same derivatives about what was flown: a correction of second order
+            corrected = replace(asked, responses=ensemble.moved(asked, found.weights, flights))
+            again = solved(replace(corrected, trust=trust), goal=_GOAL, known=known)
+            others = ensemble.flown(again.weights)
+            other = merit_of(program, ensemble, again.weights, others, price)
+            if other.cost < new.cost:
+                step, flights, new = again.weights, others, other
+        gain = merit.cost - new.cost
+        share = gain / promised if promised > 0.0 else 0.0
+        size = float(np.abs((step - weights) / unit).max())
+        little = min(promised, gain if gain > 0.0 else promised) <= _SETTLED * merit.cost
+        if gain > 0.0:
+            weights, merit = step, new
+        settled = little and merit.missed <= _MET
+        if little and not settled:  # missing is too cheap
+            price *= _DEARER
+            merit = merit._replace(cost=merit.cost + (1.0 - 1.0 / _DEARER) * price * merit.missed)
+        if gain > 0.0:
+            listener(k + 1, weights, merit, found.bound)
+            if not settled:
+                asked = program(ensemble.responses(weights, flights))
+        if settled:
+            return Local(weights, merit, k + 1, True)
+        if share > _GOOD and size > 0.9 * radius:
+            radius = min(2.0 * radius, 2.0)
+        elif share < _POOR:
+            radius = 0.5 * min(radius, size)
+        if radius < _SMALLEST_RADIUS:
+            break
+    return Local(weights, merit, steps, False)

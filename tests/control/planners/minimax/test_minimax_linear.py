@@ -1,0 +1,234 @@
+"""The floating oscillator, whose optima were computed independently."""
+
+import json
+import re
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.plants import plant
+
+from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.planners.minimax.linear_path import is_linear
+from flexslew_control.planners.minimax.members import members_of
+from flexslew_control.planners.minimax.minimax_feedforward import MinimaxFeedforward, question_of
+from flexslew_control.planners.minimax.optimum import convex_program
+from flexslew_control.planners.minimax.rounds import solved
+from flexslew_control.planners.prediction import predicted
+from flexslew_control.planners.slew import slew_of
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.testbeds import TESTBEDS, read_testbed
+from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
+
+OPEN = {"kp": [0.0], "kd": [0.0]}
+PD = {"kp": [0.5], "kd": [1.0]}
+
+
+def plan(period: float = 0.01, testbed: Any = None, **more: Any) -> Any:
+    return made(json.dumps({"goal": {"mass": 1.0}, "feedback": OPEN, **more}), period, testbed)
+
+
+@lru_cache
+def made(section: Any, period: Any, testbed: Any) -> Any:
+    values = {"method": "minimax_feedforward", **json.loads(section)}
+    bench = plant(period, (1.0,), testbed or FloatingOscillatorTestbed())
+    return make_plan(plan_settings(values, "trial.yaml"), bench)
+
+
+def left(flown: Any, error: float) -> float:
+    """Return what a plan leaves on a plant whose stiffness has an error [m]."""
+    values = {**flown.request, "model": {"parameters": {"stiffness": 1.0 + error}}}
+    slew = slew_of(plan_settings(values, "t"), plant(flown.period, (1.0,), oscillator()))
+    return predicted(flown, slew).tip_deflection
+
+
+def oscillator() -> FloatingOscillatorTestbed:
+    return FloatingOscillatorTestbed()
+
+
+# worst tips [m] within 5 %: duration, feedback, exact at nominal
+TABLE = [
+    (4.5, OPEN, False, 0.234),
+    (5.0, OPEN, False, 0.165),
+    (5.866, OPEN, False, 0.0262),
+    (5.866, OPEN, True, 0.0507),
+    (7.0, OPEN, False, 0.0107),
+    (8.0, OPEN, False, 1.6e-3),
+    (10.0, OPEN, False, 1.2e-4),
+    (12.0, OPEN, False, 9.1e-6),
+    (5.866, PD, True, 0.0223),
+    (10.0, PD, True, 1.25e-3),
+    (15.0, PD, True, 1.39e-5),
+]
+
+
+@pytest.mark.parametrize(("duration", "feedback", "exact", "worst"), TABLE)
+def test_the_optimum_is_the_one_that_was_computed_independently(
+    duration: float, feedback: Any, exact: bool, worst: float
+) -> None:
+    found = plan(duration=duration, feedback=feedback, exact_nominal=exact).summary
+    assert found["worst_residual"] < 1.05 * worst
+    assert found["worst_residual"] > 0.94 * worst  # finer pieces gain a little
+    assert found["lower_bound"] <= found["worst_residual"] < 1.002 * found["lower_bound"]
+
+
+@pytest.mark.parametrize("feedback", [OPEN, PD])
+def test_what_is_promised_is_flown_on_members_and_between_them(feedback: Any) -> None:
+    flown = plan(duration=8.0, feedback=feedback)
+    promised = flown.summary["worst_residual"]
+    errors = np.linspace(-0.2, 0.2, 23)
+    worst = max(left(flown, error) for error in errors)
+    assert 0.9 * promised < worst < 1.1 * promised
+    for member in flown.summary["members"]:
+        by_tick = left(flown, member["errors"]["stiffness"])
+        assert by_tick <= 1.001 * member["residual"] + 1e-9
+        assert by_tick > 0.99 * member["residual"] - 1e-9
+
+
+def test_more_time_is_never_worse() -> None:
+    worst = [plan(duration=t).summary["worst_residual"] for t in (4.5, 5.0, 7.0, 8.0, 10.0, 12.0)]
+    assert worst == sorted(worst, reverse=True)
+
+
+def test_the_shortest_slew_is_that_of_liu_and_wie_if_it_is_exact_at_nominal() -> None:
+    """Liu and Wie (1992): 5.865958 s leave .0507 m."""
+    exact = plan(residual_bound=0.0507, duration=9.0, exact_nominal=True)
+    free = plan(residual_bound=0.0507, duration=9.0)
+    assert exact.duration == pytest.approx(5.865958, rel=0.01)
+    assert free.duration < exact.duration - 0.1
+    assert exact.summary["worst_residual"] <= 0.0507
+    shorter = plan(duration=exact.duration - 0.02, exact_nominal=True).summary
+    assert shorter["lower_bound"] > 0.0507
+
+
+def test_every_limit_is_kept_by_every_member_at_every_tick() -> None:
+    limits = {
+        "joint_range": {"mass": [-0.02, 1.03]},
+        "rate_limit": {"mass": 0.25},
+        "tip_limit": 0.3,
+        "reserve": 0.1,
+    }
+    section = {"duration": 12.0, "feedback": PD, **limits}
+    bound, free = plan(**section), plan(duration=12.0, feedback=PD)
+    assert free.summary["worst_residual"] < bound.summary["worst_residual"] < 1e-3
+    settings = plan_settings({**bound.request, **section}, "t")
+    assert isinstance(settings, MinimaxFeedforward)
+    slew = slew_of(settings, plant(0.01, (1.0,), oscillator()))
+    for member in members_of(settings.ensemble, slew):
+        model, x, ticks = member.model, np.zeros(4), []
+        for k in range(bound.ticks):
+            r = bound.reference(k)
+            effort = r.effort + 0.5 * (r.position - x[:1]) + 1.0 * (r.velocity - x[2:3])
+            ticks.append([*np.abs(effort), x[0], abs(x[2]), abs(x[1])])
+            x = model.advance(x, effort, 0.01)
+        effort_peak, high, rate, tip = np.max(ticks, axis=0)
+        assert effort_peak <= 0.9 * (1.0 + 1e-5)
+        assert np.min(ticks, axis=0)[1] >= -0.02 - 1e-5
+        assert high <= 1.03 + 1e-5
+        assert rate <= 0.25 * (1.0 + 1e-4)
+        assert tip <= 0.3 * (1.0 + 1e-4)
+
+
+def test_effort_has_its_price() -> None:
+    dear, cheap = plan(duration=10.0, rho=1e-2), plan(duration=10.0)
+    assert np.sum(dear.effort**2) < 0.8 * np.sum(cheap.effort**2)
+    assert dear.summary["worst_residual"] > cheap.summary["worst_residual"]
+
+
+@pytest.mark.parametrize(
+    ("ensemble", "members"),
+    [
+        ({"vary": {}}, 1),
+        ({"draw": "corners"}, 3),
+        ({"vary": {"parameters.free_mass": [-0.1, 0.1], "stiffness": [-0.1, 0.1]}, "count": 3}, 9),
+        ({"vary": {"testbed.parameters.free_mass": [-0.1, 0.1]}, "draw": "corners"}, 3),
+        ({"draw": "sampled", "count": 6}, 7),
+    ],
+)
+def test_members_are_drawn_from_any_keys(ensemble: Any, members: int) -> None:
+    found = plan(duration=10.0, ensemble=ensemble, pieces=20).summary
+    assert len(found["members"]) == members
+    assert not any(found["members"][0]["errors"].values())
+
+
+def test_the_answer_of_a_linear_member_is_affine_and_that_of_its_flight() -> None:
+    values = {"method": "minimax_feedforward", "duration": 3.1, "feedback": PD, "pieces": 7}
+    settings: Any = plan_settings({**values, "goal": {"mass": 1.0}}, "t")
+    slew = slew_of(settings, plant(0.05, (1.0,), oscillator()))
+    question = question_of(settings, slew)
+    members = members_of(settings.ensemble, slew)
+    program = convex_program(question, members)
+    weights = np.random.default_rng(0).standard_normal(program.grid.size)
+    efforts, nominal = program.grid.held(weights), [np.zeros(4)]
+    for u in efforts:
+        nominal.append(slew.model.advance(nominal[-1], u, 0.05))
+    for member, response in zip(members[:3], program.responses, strict=False):
+        x, rows = np.zeros(4), []
+        for k in range(len(efforts) + 30):
+            y, over = nominal[k] if k < len(efforts) else np.array([1.0, 0.0, 0.0, 0.0]), k >= 62
+            u = (0.0 if over else efforts[k]) + 0.5 * (y[:1] - x[:1]) + 1.0 * (y[2:3] - x[2:3])
+            rows.append([x[1], u[0], x[0], x[2]])
+            x = member.model.advance(x, u, 0.05)
+        flown = response.flown(weights)[: len(rows)]
+        np.testing.assert_allclose(flown, rows, atol=1e-11)
+        for channel in range(4):
+            slopes, offsets = response.rows([0, 8, 9, 61, 62, 70], channel)
+            expected = flown[[0, 8, 9, 61, 62, 70], channel]
+            np.testing.assert_allclose(slopes @ weights + offsets, expected, atol=1e-11)
+
+
+def test_the_bound_is_one() -> None:
+    """No random change of the optimal efforts that keeps the end leaves less than the bound."""
+    settings: Any = plan_settings(plan(duration=5.0, pieces=12).request, "t")
+    slew = slew_of(settings, plant(0.01, (1.0,), oscillator()))
+    program = convex_program(question_of(settings, slew), members_of(settings.ensemble, slew))
+    best = solved(program)
+    rows = program.end_rows @ program.responses[0].path.end[0]
+    free = np.linalg.svd(rows)[2][len(rows) :]
+    rng = np.random.default_rng(1)
+    for size in (1e-3, 1e-2, 0.1):
+        change = size * rng.standard_normal(len(free)) @ free
+        other = np.clip(best.weights + change, -1.0, 1.0)
+        amplitudes = [
+            np.hypot(*(r.rest.modes @ (r.path.end[0] @ other + r.path.end[1])))
+            * r.rest.tip_of_modes
+            for r in program.responses
+        ]
+        assert np.max(amplitudes) > best.bound
+
+
+def test_which_plants_are_linear() -> None:
+    found = {name: is_linear(read_testbed({"kind": name}, "t").model()) for name in TESTBEDS}
+    assert found["floating_oscillator"]
+    assert not any(found[n] for n in ("csa", "hub_with_appendages", "varying_oscillator"))
+
+
+def test_too_short_a_slew_names_the_shortest_that_is_feasible() -> None:
+    with pytest.raises(PlanFailed, match="no efforts within the limits lead") as caught:
+        plan(duration=2.0)
+    enough = float(re.search(r"a duration of ([\d.]+) s \(now 2 s\)", str(caught.value))[1])
+    assert 2.828 < enough < 2.86  # a rigid body of 2 kg: 2 sqrt(2) s
+    assert plan(duration=enough).duration == enough
+    with pytest.raises(PlanFailed, match=r"no slew of 5 s leaves 0\.001 m .*; one of .* s does"):
+        plan(duration=5.0, residual_bound=0.001)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"ensemble": {"vary": {"stiffness": [0.1, 0.2]}}}, "about 0"),
+        ({"ensemble": {"vary": {"parameters.colour": [-0.1, 0.1]}}}, "no number of the testbed"),
+        ({"ensemble": {"vary": {"payload": [-0.1, 0.1]}}}, "payload"),
+        ({"ensemble": {"draw": "all"}}, "draw"),
+        ({"joint_range": {"hub": [0.0, 1.0]}}, "joint_range: hub is not a joint"),
+        ({"joint_range": {"mass": [0.1, 1.0]}}, "must lie inside"),
+        ({"rate_limit": {"hub": 1.0}}, "rate_limit: hub is not a joint"),
+        ({"tip_limit": 0.0}, "tip_limit"),
+        ({"pieces": 1}, "pieces"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(wrong: Any, words: str) -> None:
+    with pytest.raises(BadInput, match=words) as caught:
+        plan(duration=6.0, **wrong)
+    assert "\n" not in str(caught.value)
