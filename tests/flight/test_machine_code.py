@@ -27,6 +27,7 @@ MODES = {
     "floating_oscillator": [1],
     "varying_oscillator": [0],
     "hub_with_appendages": [1],
+    "identified": [1],
 }
 NEED_A_PLAN = {"planned_gains"}  # which call no machine code
 SPACECRAFT = ["own_spacecraft", "scole_full"]

@@ -42,8 +42,8 @@ def test_the_largest_amplitude_keeps_the_limits_when_it_is_flown(kind: str, sign
     used = max((effort / plant.effort_limit / 0.4).max(), (away / 0.01).max())
     assert used > 0.9
     assert plan.summary["predicted_excursion"] == pytest.approx(
-        dict(zip(model.joint_names, away.tolist(), strict=True)), rel=1e-6
-    )
+        dict(zip(model.joint_names, away.tolist(), strict=True)), rel=1e-4
+    )  # what .01 rad leave that is not linear
     np.testing.assert_array_equal(plan.position, np.zeros_like(plan.position))
 
 

@@ -25,6 +25,7 @@ from flexslew_plant.settings import plain, validated
 
 # isort: split
 # the planners, a line each
+from flexslew_control.planners.excitation.excitation import EXCITATION as EXCITATION
 from flexslew_control.planners.feedforward.optimized_feedforward import OPTIMIZED as OPTIMIZED
 from flexslew_control.planners.feedforward.robust_feedforward import ROBUST as ROBUST
 from flexslew_control.planners.input_shaping.input_shaping import SHAPING as SHAPING

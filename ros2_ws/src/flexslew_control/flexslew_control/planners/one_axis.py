@@ -10,7 +10,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import believed, initial_positions
+from flexslew_plant.testbeds import believed, initial_positions, with_model_file
 from flexslew_plant.testbeds.contract import RigidTurn, Turning
 
 RELEVANT = "relevant"  # as `model: modes`: those that matter
@@ -102,7 +102,8 @@ def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) 
             "one axis at a time: give one joint"
         )
     k = names.index(moving[0])
-    changes = getattr(settings, "model", None)
+    given = getattr(settings, "model", None)
+    changes = None if given is None else with_model_file(given, "plan: model")
     count = (changes or {}).get("modes", 1 if changes is None else None)
     if count is not None and (not isinstance(count, int) or count < 0):
         raise BadInput(f"plan: model: modes: {count!r} is not allowed: a number, or relevant")

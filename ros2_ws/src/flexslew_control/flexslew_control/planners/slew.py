@@ -83,6 +83,13 @@ def slew_of(settings: Any, plant: PlantDescription, feedback: Feedback | None = 
     """
     testbed = believed(plant.testbed, getattr(settings, "model", None), "plan: model", plant.trust)
     names = testbed.model().joint_names
+    if names != plant.joint_names:
+        raise BadInput(
+            f"all joints of the bench, {', '.join(plant.joint_names)}, in this order",
+            "plan",
+            "model.joints",
+            list(names),
+        )
     first = initial_positions(testbed) | _checked(
         getattr(settings, "initial", None), names, "initial"
     )

@@ -14,6 +14,7 @@ from flexslew_lab.cli.checkout import bench, test
 from flexslew_lab.cli.compare import Sets, TrialFile, compare
 from flexslew_lab.cli.console import console
 from flexslew_lab.cli.early import OPERATING
+from flexslew_lab.cli.identify import identify
 from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, SOON, patient, while_running
 from flexslew_lab.cli.log import Json, bag_of, log, reading_limits, recover
 from flexslew_lab.cli.missing import remedy, require_ros
@@ -235,6 +236,7 @@ for often in (
     compare,
     model,
     analyse,
+    identify,
     recover,
     resim,
     check,

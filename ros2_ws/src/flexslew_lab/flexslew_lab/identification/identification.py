@@ -20,6 +20,7 @@ from flexslew_lab.identification.record import Record
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.testbeds import Testbed, varied
 
 Tell = Callable[[str], None]
@@ -70,26 +71,30 @@ class Experiment:
     testbed: Testbed | None  # that its log says stood on the bench
 
 
-def experiment_of(run: Path) -> Experiment:
+def experiment_of(run: Path, trust: Trust = NO_CODE) -> Experiment:
     """Return what a run of this bench holds: measurements, plan and the testbed believed.
+
+    Args:
+        run: its folder, or a bag.
+        trust: which class of the user's own its testbed may be.
 
     Raises:
         BadInput: there is no bag, or it is damaged.
     """
     bag = bag_of(run)
-    testbed = _testbed(bag)
+    testbed = _testbed(bag, trust)
     record = record_of(bag, testbed.model().appendages if testbed is not None else None)
     plans = [plan_of(message, f"{bag.path}: plan") for message in bag.overview.plans]
     shaken = [plan for plan in plans if plan.method == EXCITATION.name]
     return Experiment(record, shaken[-1] if shaken else None, testbed)
 
 
-def _testbed(bag: BagReader) -> Testbed | None:
+def _testbed(bag: BagReader, trust: Trust) -> Testbed | None:
     message = bag.overview.testbed
     if message is None:
         return None
     try:
-        return described(message.settings, f"{bag.path}: /testbed").testbed
+        return described(message.settings, f"{bag.path}: /testbed", trust).testbed
     except BadInput:  # one's own class that this reader does not trust: modes need none
         return None
 

@@ -5,6 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from flexslew_control.analysis.linear_plant import continuous_plant
+from flexslew_control.analysis.model_file import save_model
+from flexslew_control.analysis.rest import rest_of
 from flexslew_lab.identification.modes import CONFIDENCE, Interval, ModalModel
 from flexslew_lab.identification.record import Quantity
 from flexslew_plant.arrays import Matrix, Vector
@@ -106,6 +109,20 @@ def file_text(found: ModalModel, fitted: dict[str, Any] | None = None) -> tuple[
     if fitted is not None:
         content["model"], why = fitted, ""
     return yaml_text(content), why
+
+
+def save_system(found: ModalModel, path: Path) -> None:
+    """Write the bench that was found as a linear system with named signals.
+
+    Args:
+        found: modes and inertias.
+        path: ends in .mat, .npz, .json or .yaml.
+
+    Raises:
+        BadInput: see testbed_of and save_model.
+    """
+    testbed: Any = testbed_of(found)
+    save_model(continuous_plant(rest_of(testbed)), path)
 
 
 def modal_data(testbed: IdentifiedTestbed) -> dict[str, Any]:

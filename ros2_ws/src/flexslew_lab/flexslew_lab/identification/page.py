@@ -65,6 +65,24 @@ def identification_page(found: Identification) -> str:
     )
 
 
+def summary_rows(found: Identification) -> list[tuple[str, str]]:
+    """Return what was found, for a terminal."""
+    model = found.model
+    rows = []
+    for k, mode in enumerate(model.modes, 1):
+        rows.append((f"mode {k}, frequency [rad/s]", _shown(mode.frequency)))
+        words = f"{_shown(mode.damping_ratio)} over {mode.periods:.0f} periods"
+        rows.append((f"mode {k}, damping ratio", words))
+    for k, (name, row) in enumerate(zip(model.record.inputs, model.inertia, strict=False)):
+        rows.append((f"inertia, {name}", _shown(row[k])))
+    if found.physical is not None:
+        rows += [(p.key, _shown(p.value)) for p in found.physical.parameters]
+        rows += [("warning", words) for words in found.physical.warnings]
+    if found.without_response:
+        rows.append(("no frequency responses", found.without_response))
+    return rows
+
+
 def verdict(found: Identification) -> str:
     """Return in one sentence what was found and whether to trust it."""
     model = found.model

@@ -39,7 +39,7 @@ from flexslew_plant.settings import (
     validated,
     yaml_text,
 )
-from flexslew_plant.testbeds import TestbedSettings, default_testbed
+from flexslew_plant.testbeds import TestbedSettings, default_testbed, with_model_file
 
 
 def _default_law_alone() -> dict[str, dict[str, Any]]:
@@ -158,13 +158,24 @@ def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
 
 
 def _with_files(trial: Trial, source: str) -> Trial:
-    """Return the trial with what its controllers' files hold in place of their names."""
+    """Return the trial with what the files of laws and models hold in place of their names.
+
+    So a log holds all that flew, and is flown again without the files.
+    """
     read = {}
     for name, values in trial.controllers.items():
         law, _ = law_of(name, values or {})
-        if values and "file" in values:
-            read[name] = with_file(law, values, f"{source}: controllers.{name}")
-    return replace(trial, controllers={**trial.controllers, **read}) if read else trial
+        own, place = dict(values or {}), f"{source}: controllers.{name}"
+        if "file" in own:
+            own = with_file(law, own, place)
+        if isinstance(own.get("model"), dict):
+            own["model"] = with_model_file(own["model"], f"{place}.model")
+        read[name] = own if values else values
+    plan: Any = trial.plan
+    model = getattr(plan, "model", None)
+    if isinstance(model, dict):
+        plan = replace(plan, model=with_model_file(model, f"{source}: plan.model"))
+    return replace(trial, controllers=read, plan=plan)
 
 
 def trial_text(trial: Trial) -> str:

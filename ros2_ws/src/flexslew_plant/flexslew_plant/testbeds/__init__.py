@@ -18,12 +18,14 @@ from flexslew_plant.testbeds.contract import Testbed as Testbed
 from flexslew_plant.testbeds.entry import TestbedEntry as TestbedEntry
 from flexslew_plant.testbeds.model import Appendages as Appendages
 from flexslew_plant.testbeds.model import Model as Model
+from flexslew_plant.testbeds.model_file import with_model_file as with_model_file
 
 # isort: split
 # the testbeds, a line each
 from flexslew_plant.testbeds.csa.testbed import CSA as CSA
 from flexslew_plant.testbeds.floating_oscillator import OSCILLATOR as OSCILLATOR
 from flexslew_plant.testbeds.hub_with_appendages import HUB as HUB
+from flexslew_plant.testbeds.identified import IDENTIFIED as IDENTIFIED
 from flexslew_plant.testbeds.spacecraft.testbed import SPACECRAFT as SPACECRAFT
 from flexslew_plant.testbeds.varying_oscillator import VARYING as VARYING
 
@@ -128,18 +130,38 @@ def believed(
 
     Args:
         testbed: that stands on the bench.
-        changes: the `model` section of a plan or a law; None: none.
+        changes: the `model` section of a plan or a law, or `file`: one that an identification
+            wrote; None: none.
         source: for an error.
         trust: which other kinds of the user's own may be loaded.
 
     Raises:
-        BadInput: see read_testbed.
+        BadInput: see read_testbed and with_model_file.
     """
-    given = changes or {}
+    given = with_model_file(changes or {}, source)
     if given.get("kind", testbed.kind) != testbed.kind:
         own = TESTBEDS[given["kind"]].settings.simplified if given["kind"] in TESTBEDS else {}
-        return read_testbed(_merged(dict(own), given), source, trust)
+        other = read_testbed(_merged(dict(own), given), source, trust)
+        return _of_same_joints(other, testbed, source)
     return varied(testbed, _merged(dict(testbed.simplified), given), source, trust)
+
+
+def _of_same_joints(other: Testbed, testbed: Testbed, source: str) -> Testbed:
+    """Check that a model of another kind has joints of the bench alone.
+
+    Raises:
+        BadInput: it has others.
+    """
+    here, there = testbed.model().joint_names, other.model().joint_names
+    if not set(there) <= set(here):
+        raise BadInput(
+            f"a model with the joints of the bench, {', '.join(here)}; {other.kind} has "
+            f"{', '.join(there)}",
+            source,
+            "joints",
+            list(there),
+        )
+    return other
 
 
 def initial_positions(testbed: Testbed) -> dict[str, float]:

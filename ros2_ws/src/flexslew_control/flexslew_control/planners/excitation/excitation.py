@@ -1,6 +1,6 @@
 """A plan that shakes the bench, so that its log tells what it is made of."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -9,25 +9,17 @@ from pydantic import Field
 from flexslew_control.law import PlantDescription, per_joint
 from flexslew_control.plan import Plan
 from flexslew_control.planners.entry import PlannerEntry
-from flexslew_control.planners.excitation.signals import (
-    Phases,
-    chirp,
-    impulse,
-    lines_of,
-    multisine,
-    orthogonal,
-    random_binary,
-)
+from flexslew_control.planners.excitation.experiments import Experiments, divided, signal
+from flexslew_control.planners.excitation.limits import Predicted, Room, within_limits
+from flexslew_control.planners.excitation.signals import Phases
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, slew_of
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, PerJoint, Positive, plain, section
 from flexslew_plant.testbeds.model import Model
 
 _BELOW, _ABOVE = 0.4, 2.5  # default band, in parts of the lowest and the highest frequency
-_TRIES = 4  # of an amplitude that keeps the limits
-_SMALL = 1e-3  # of the effort limits: the amplitude from which one within limits is scaled
 
 
 @section
@@ -57,25 +49,6 @@ class Excitation:
     feedback: Feedback | None = None  # that flies it; null: of the controller in charge
 
 
-@dataclass(frozen=True)
-class Experiments:
-    """How the ticks of a shaking are divided: taper, experiments of whole periods, taper.
-
-    Args:
-        period: ticks of one period.
-        repeated: periods of an experiment.
-        count: experiments, one per joint that is shaken.
-        taper: ticks of the rise, and of the fall.
-        after: ticks at rest after the fall, to a whole duration.
-    """
-
-    period: int
-    repeated: int
-    count: int
-    taper: int
-    after: int
-
-
 def plan_excitation(
     settings: Excitation,
     plant: PlantDescription,
@@ -101,12 +74,11 @@ def plan_excitation(
     model = slew.model
     shaken = _shaken(settings, model)
     band = _band(settings, slew)
-    parts = _divided(settings, len(shaken), band, slew.period)
-    share, size = settings.effort_share, slew.effort_limit.size
+    parts = divided(settings, len(shaken), band, slew.period)
+    size = slew.effort_limit.size
     unit = np.zeros((parts.taper * 2 + parts.count * parts.repeated * parts.period, size))
-    unit[:, shaken] = _signal(settings, parts, band, slew.period)
+    unit[:, shaken] = signal(settings, parts, band, slew.period)
     unit = np.vstack((unit, np.zeros((parts.after, size))))
-    peak = share * slew.effort_limit
     if settings.amplitude is not None:
         names = tuple(model.joint_names[k] for k in shaken)
         given = np.zeros(size)
@@ -120,7 +92,7 @@ def plan_excitation(
                 f"{slew.effort_limit[over][0]:g}"
             )
     else:
-        effort, flown = _within(settings, slew, unit * slew.effort_limit, peak)
+        effort, flown = within_limits(slew, unit * slew.effort_limit, room_of(settings, slew))
     return _plan(settings, slew, effort, band, parts, flown)
 
 
@@ -153,114 +125,11 @@ def _band(settings: Excitation, slew: Slew) -> tuple[float, float]:
     return _BELOW * float(frequencies[0]), min(_ABOVE * float(frequencies[-1]), highest)
 
 
-def _divided(settings: Excitation, joints: int, band: tuple[float, float], h: float) -> Experiments:
-    ticks, taper = round(settings.duration / h), round(settings.taper / h)
-    share = (ticks - 2 * taper) // joints
-    if settings.resolution is None:
-        period = share // 4
-    else:
-        period = round(2.0 * np.pi / settings.resolution / h)
-    repeated = share // period if period > 0 else 0
-    if repeated < 2 or not lines_of(band, period, h).size:
-        lowest = 2.0 * np.pi / band[0]
-        needed = 2.0 * joints * max(period * h, lowest) + 2.0 * settings.taper
-        raise BadInput(
-            f"plan: duration: {settings.duration:g} is not allowed: {joints} experiments of two "
-            f"periods with lines in the band need {needed:.4g} s, or a coarser resolution"
-        )
-    return Experiments(
-        period, repeated, joints, taper, ticks - 2 * taper - joints * repeated * period
-    )
-
-
-def _signal(
-    settings: Excitation, parts: Experiments, band: tuple[float, float], h: float
-) -> Matrix:
-    """Return what shakes each joint, with a peak of 1, over all experiments and both tapers."""
-    rng = np.random.default_rng(settings.seed)
-    one = _one_period(settings, parts, band, h, rng)
-    turns = orthogonal(parts.count)
-    columns = []
-    for joint in range(parts.count):
-        periods = []
-        for factor in turns[:, joint]:
-            turned = np.fft.irfft(np.fft.rfft(one) * factor, parts.period)
-            periods.append(
-                np.tile(turned if abs(factor.imag) > 1e-9 else one * factor.real, parts.repeated)
-            )
-        whole = np.concatenate(periods)
-        rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(parts.taper) + 0.5) / max(parts.taper, 1))
-        before = np.resize(periods[0][::-1], parts.taper)[::-1] * rise
-        after = np.resize(periods[-1], parts.taper) * rise[::-1]
-        columns.append(np.concatenate((before, whole, after)))
-    signal = np.column_stack(columns)
-    return np.asarray(signal / np.abs(signal).max(axis=0))
-
-
-def _one_period(
-    settings: Excitation,
-    parts: Experiments,
-    band: tuple[float, float],
-    h: float,
-    rng: np.random.Generator,
-) -> Vector:
-    if settings.signal == "multisine":
-        lines = lines_of(band, parts.period, h)
-        size = (lines / lines[0]) ** settings.slope
-        return multisine(lines, size, parts.period, settings.phases, rng)
-    if settings.signal == "chirp":
-        return chirp(band, parts.period, h)
-    if settings.signal == "random_binary":
-        return random_binary(band, parts.period, h, rng)
-    return impulse(band, parts.period, h)
-
-
-@dataclass(frozen=True)
-class _Flown:
-    """The largest values of a shaking that is flown on the believed model."""
-
-    effort: Vector  # with the feedback, (joints,) [N m or N]
-    excursion: Vector  # of the joints, (joints,) [rad or m]
-    tip: float  # [m]
-
-
-def _within(
-    settings: Excitation, slew: Slew, effort: Matrix, peak: Vector
-) -> tuple[Matrix, _Flown]:
-    """Return the efforts scaled to the largest that keep the limits, and how they fly."""
+def room_of(settings: Excitation, slew: Slew) -> Room:
+    """Return the limits that a shaking of no given amplitude keeps."""
     names = slew.model.joint_names
-    room = per_joint("plan: largest_excursion", settings.largest_excursion, names)
-    scale, flown = _SMALL, None
-    for _ in range(_TRIES):
-        flown = _fly(slew, scale * effort)
-        used = max(
-            float((flown.effort / peak).max()),
-            float((flown.excursion / room).max()),
-            flown.tip / settings.largest_tip if settings.largest_tip else 0.0,
-        )
-        if 0.98 < used <= 1.0:
-            break
-        scale *= 0.99 / used
-    assert flown is not None
-    return scale * effort, flown
-
-
-def _fly(slew: Slew, effort: Matrix) -> _Flown:
-    """Return the largest values when the believed model is shaken under its feedback."""
-    model, h = slew.model, slew.period
-    rest = model.rest(slew.named(slew.start))
-    x = np.concatenate((rest, np.zeros(model.coordinates)))
-    most, away, tip = np.zeros(effort.shape[1]), np.zeros(model.joints), 0.0
-    tips = model.appendages.tip
-    for k, push in enumerate(effort):
-        position, rate = model.joint_state(x)
-        error = position - slew.start
-        total = push - slew.kp * error - slew.kd * rate
-        total = np.clip(total, -slew.effort_limit, slew.effort_limit)
-        x = model.advance(x, total, h, t=k * h)
-        most, away = np.maximum(most, np.abs(total)), np.maximum(away, np.abs(error))
-        tip = max(tip, float(np.abs(tips @ model.modal_state(x)[0]).max(initial=0.0)))
-    return _Flown(most, away, tip)
+    excursion = per_joint("plan: largest_excursion", settings.largest_excursion, names)
+    return Room(settings.effort_share * slew.effort_limit, excursion, settings.largest_tip)
 
 
 def _plan(
@@ -269,7 +138,7 @@ def _plan(
     effort: Matrix,
     band: tuple[float, float],
     parts: Experiments,
-    flown: _Flown | None,
+    flown: Predicted | None,
 ) -> Plan:
     ticks = len(effort)
     peaks = np.abs(effort).max(axis=0)

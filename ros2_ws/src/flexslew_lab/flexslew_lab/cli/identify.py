@@ -1,0 +1,149 @@
+"""Subcommand that identifies a bench from logs of its experiments."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.replay import TrustOption
+from flexslew_lab.cli.terminal import for_people, link, print_table, say
+from flexslew_lab.trial.outputs import new_folder, writable_file
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import Trust
+
+if TYPE_CHECKING:
+    from flexslew_lab.identification.identification import Experiment
+
+MODEL, PAGE = "identified.yaml", "identification.html"
+
+
+def identify(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(help="Runs or bags; the first gives the model, the others prove it."),
+    ],
+    fit: Annotated[
+        str | None, typer.Option(help="Keys of the testbed to fit, with commas between.")
+    ] = None,
+    start: Annotated[
+        list[str] | None, typer.Option(help="key=value, where a fit begins; may be repeated.")
+    ] = None,
+    band: Annotated[
+        str | None, typer.Option(help="low,high [rad/s]; else the excitation's own.")
+    ] = None,
+    inputs: Annotated[
+        str | None, typer.Option(help="Columns of efforts in a file of another bench.")
+    ] = None,
+    outputs: Annotated[str | None, typer.Option(help="Columns of its sensors.")] = None,
+    period: Annotated[float | None, typer.Option(help="Its ticks [s]; else the median.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the results; else the run's.")] = None,
+    system: Annotated[
+        Path | None, typer.Option(help="Also a linear system: .mat, .npz or .json.")
+    ] = None,
+    trust: TrustOption = None,
+    as_json: Json = False,
+) -> None:
+    """Identify modes, inertias and parameters of a bench from what its sensors said.
+
+    Leaves identified.yaml, which `plan.model: {file: ...}` believes, and a page. Of a CSV file or
+    a rosbag2 of another bench, name the columns: `--inputs "u=hub" --outputs "x=position.hub"`.
+
+    Example: `./flexslew identify runs/shake_csa-20260101-120000 --fit parameters.bending_stiffness`
+    """
+    from flexslew_lab.identification.identification import identify as identified
+    from flexslew_lab.identification.identification import summary
+    from flexslew_lab.identification.model_file import file_text, save_system, write_model
+    from flexslew_lab.identification.page import identification_page, summary_rows, verdict
+    from flexslew_lab.report.page import write_page
+
+    experiments = [_experiment(run, inputs, outputs, period, trust) for run in runs]
+    folder = out or _beside(runs[0])
+    for name in (MODEL, PAGE):
+        writable_file(folder / name, "--out")
+    if system is not None:
+        writable_file(system, "--system")
+    with for_people.status("identifying") as status:
+        found = identified(
+            experiments,
+            _band(band),
+            tuple(key.strip() for key in fit.split(",")) if fit else (),
+            _starts(start),
+            status.update,
+        )
+    text, without_model = file_text(
+        found.model, None if found.physical is None else found.physical.changes
+    )
+    write_model(folder / MODEL, text)
+    page = write_page(identification_page(found), folder / PAGE)
+    if system is not None:
+        save_system(found.model, system)
+    if as_json:
+        print(json.dumps(summary(found), indent=2))
+    else:
+        print_table(("", runs[0].name), summary_rows(found))
+        say(verdict(found), "bold")
+    if without_model:
+        say(f"no model to plan with: {without_model}", "red")
+    say(f"written {folder / MODEL} and {link(page)}")
+
+
+def _experiment(
+    run: Path,
+    inputs: str | None,
+    outputs: str | None,
+    period: float | None,
+    trust: list[str] | None,
+) -> "Experiment":
+    from flexslew_lab.identification.foreign import foreign_record
+    from flexslew_lab.identification.identification import Experiment, experiment_of
+
+    if not run.exists():
+        raise BadInput("no such run", run)
+    if inputs is None and outputs is None:
+        if run.suffix == ".csv":
+            raise BadInput("name its columns: --inputs and --outputs", run)
+        return experiment_of(run, Trust.of(trust or ()))
+    if not inputs or not outputs:
+        raise BadInput(f"{run}: --inputs and --outputs belong together")
+    repaired = foreign_record(run, _names(inputs), _names(outputs), period)
+    for words in repaired.words:
+        say(f"{run}: {words}")
+    return Experiment(repaired.record, None, None)
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def _beside(run: Path) -> Path:
+    """Return the folder of a run of this bench; for anything else a new one."""
+    if run.is_dir() and (run / "bag").is_dir():
+        return run
+    return new_folder("identification", None)
+
+
+def _band(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        low = high = 0.0
+    if not 0.0 < low < high < float("inf"):
+        raise BadInput("two numbers, low,high [rad/s]", key="--band", value=text)
+    return low, high
+
+
+def _starts(assignments: list[str] | None) -> dict[str, float]:
+    found = {}
+    for assignment in assignments or []:
+        key, sign, value = assignment.partition("=")
+        try:
+            found[key.strip().removeprefix("testbed.")] = float(value)
+        except ValueError:
+            sign = ""
+        if not sign:
+            raise BadInput("key=value with a number", key="--start", value=assignment)
+    return found
