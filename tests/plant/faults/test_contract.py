@@ -13,7 +13,7 @@ from flexslew_plant.faults import FAULTS, FaultSettings, Names, Timed, check_fau
 from flexslew_plant.faults.injection import Faults
 from flexslew_plant.settings import plain, validated
 
-NAMES = Names(("left", "right"), ("boom",))
+NAMES = Names(("left", "right"), ("boom",), (150.0, 20.0))
 EXAMPLES = {"joint": "right", "channel": "joint_position", "of": "left", "controller": "first"}
 
 
@@ -78,4 +78,4 @@ def test_a_name_that_the_testbed_lacks_is_refused_with_the_known_ones(kind: Any)
     check_fault(fault, NAMES, "schedule.0.fault")
     if fault.subject(NAMES) is not None:
         with pytest.raises(BadInput, match=r"schedule\.0\.fault\.\w+: the testbed has no \w+; all"):
-            check_fault(fault, Names(("other",), ()), "schedule.0.fault")
+            check_fault(fault, Names(("other",), (), (1.0,)), "schedule.0.fault")

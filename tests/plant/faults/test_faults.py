@@ -393,6 +393,8 @@ def test_a_reset_forgets_what_was_injected_and_keeps_what_was_scheduled() -> Non
         ("{kind: command_lost, probability: 2}", "probability"),
         ("{kind: command_lost, propability: 1}", "propability"),
         ("{kind: actuator_stuck, joint: elbow}", "elbow"),
+        ("{kind: actuator_stuck, joint: hub_pitch, effort: 1e6}", "fault.fault.effort"),
+        ("{kind: actuator_stuck, joint: hub_pitch, effort: -1e6}", "its effort limit"),
         ("{kind: sensor_bias, channel: tip_deflection, of: base_yaw, bias: 1}", "beam_positive"),
         ("{disturbance: {elbow: 1.0}}", "elbow"),
         ("{switch: second}", "switch_controller"),
@@ -409,6 +411,14 @@ def test_a_wrong_fault_is_refused_in_one_line_and_changes_nothing(text: str, wor
     assert "\n" not in done.message
     bench.advance()
     assert [event.kind for event in bench.events] == ["missed"]
+
+
+def test_no_motor_gives_more_than_its_limit_by_a_fault_of_the_schedule() -> None:
+    most = settings().testbed.effort_limit[1]
+    stuck = {"kind": "actuator_stuck", "joint": "hub_pitch", "effort": most}
+    Bench(settings(stuck))
+    with pytest.raises(BadInput, match=r"schedule\.0\.fault\.effort: .*hub_pitch gives at most"):
+        Bench(settings({**stuck, "effort": np.nextafter(most, np.inf)}))
 
 
 def test_nothing_breaks_unless_the_trial_allows_it() -> None:

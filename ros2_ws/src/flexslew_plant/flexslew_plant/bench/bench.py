@@ -83,7 +83,9 @@ class Bench:
             )
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
         require_allowed(settings.schedule, settings.faults_enabled)
-        self._names = Names(self.model.joint_names, self.appendages.names)
+        self._names = Names(
+            self.model.joint_names, self.appendages.names, tuple(self.limit.tolist())
+        )
         self._known = [
             injection_of(entry, self._names, settings.period, f"schedule.{i}")
             for i, entry in enumerate(settings.schedule)

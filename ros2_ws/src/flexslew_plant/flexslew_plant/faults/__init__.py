@@ -44,12 +44,17 @@ def check_fault(fault: Fault, names: Names, place: str) -> None:
         place: where the fault stands, for the error.
 
     Raises:
-        BadInput: an unknown joint or appendage, with the known ones.
+        BadInput: an unknown joint or appendage, with the known ones; an effort beyond the limit.
     """
     about = fault.subject(names)
     if about is not None and about.name not in about.known:
         known = ", ".join(about.known)
         raise BadInput(f"{place}.{about.key}: the testbed has no {about.name}; allowed: {known}")
+    if about is not None and about.effort is not None:
+        most = names.limits[names.joints.index(about.name)]
+        if not abs(about.effort) <= most:
+            words = f"{about.name} gives at most {most:g}, its effort limit"
+            raise BadInput(words, key=f"{place}.effort", value=about.effort)
 
 
 class Timed(NamedTuple):

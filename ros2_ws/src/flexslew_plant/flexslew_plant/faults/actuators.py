@@ -26,8 +26,8 @@ class ActuatorStuck:
     effort: float | None = None  # [N m or N]; null: the last one before the fault
 
     def subject(self, names: Names) -> Subject:
-        """Return the joint."""
-        return Subject("joint", self.joint, names.joints)
+        """Return the joint, and the effort that it is to give."""
+        return Subject("joint", self.joint, names.joints, self.effort)
 
     def begin(self, situation: Situation) -> Effect:
         """Return the effect on what the motors give."""

@@ -30,6 +30,7 @@ class Names(NamedTuple):
 
     joints: tuple[str, ...]
     appendages: tuple[str, ...]
+    limits: tuple[float, ...]  # of the effort of each joint [N m or N]
 
     def of(self, channel: str) -> tuple[str, ...]:
         """Return who has a sensor of this channel."""
@@ -42,6 +43,7 @@ class Subject(NamedTuple):
     key: str
     name: str
     known: tuple[str, ...]
+    effort: float | None = None  # that the joint gives, within its limit [N m or N]
 
 
 class OnAnyTestbed:

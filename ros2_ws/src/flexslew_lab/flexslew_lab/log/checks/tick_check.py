@@ -7,6 +7,7 @@ import numpy as np
 from flexslew_lab.log.bag_columns import Block
 from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.checks.blind_sensors import BlindSensors
 from flexslew_lab.log.checks.end_check import check_ends
 from flexslew_lab.log.checks.finding import Finding as Finding
 from flexslew_plant.events import Started, SwitchRefused
@@ -30,12 +31,13 @@ class _Sender:
 
     def __init__(self, refused: Container[Key]) -> None:
         self._refused = refused
-        self.repeated, self.contradictions, self.backwards = 0, 0, 0
+        self.repeated, self.contradictions, self.backwards, self.resized = 0, 0, 0, 0
         self._last: Columns = {}  # its last message
 
     def add(self, columns: Columns) -> None:
         """Take the next messages."""
         before = self._last or {name: column[:1] for name, column in columns.items()}
+        self.resized += any(c.shape[1:] != before[name].shape[1:] for name, c in columns.items())
         tick, epoch, sec, nanosec = (
             np.append(before[name], columns[name]).astype(np.int64)
             for name in ("tick", "epoch", *_stamp_names(columns))
@@ -62,12 +64,14 @@ class _Topic:
     Args:
         name: of the topic.
         refused: see _Sender.
+        blind: which readings may be NaN.
     """
 
-    def __init__(self, name: str, refused: Container[Key]) -> None:
-        self._name, self._refused = name, refused
+    def __init__(self, name: str, refused: Container[Key], blind: BlindSensors) -> None:
+        self._name, self._refused, self._blind = name, refused, blind
         self._senders: dict[str, _Sender] = {}
-        self.messages, self._gaps, self._missing, self._not_finite = 0, 0, 0, 0
+        self.messages, self._gaps, self._missing = 0, 0, 0
+        self._not_finite, self._blinded = 0, 0
         self._first_gap = ""
         self.newest: Key = (0, -1)  # -1: none
         self.first: dict[int, int] = {}  # tick of each epoch
@@ -77,12 +81,22 @@ class _Topic:
         """Take the next messages."""
         columns = block.columns
         self.messages += len(block.stamp)
-        floats = (c for c in columns.values() if c.dtype.kind == "f")
-        self._not_finite += sum(int((~np.isfinite(c)).sum()) for c in floats)
+        for name, column in columns.items():
+            if column.dtype.kind == "f" and not np.isfinite(column).all():
+                self._find(name, columns)
         self._follow(columns["epoch"].astype(np.int64), columns["tick"].astype(np.int64))
         # a block has one layout, and with it one text; late answers come among those of others
         name = str(columns["controller"][0]) if self._name in _ANSWERS else ""
         self._senders.setdefault(name, _Sender(self._refused)).add(columns)
+
+    def _find(self, name: str, columns: Columns) -> None:
+        """Count the numbers of a column that are not finite, with a reason and without."""
+        wrong = ~np.isfinite(columns[name])
+        blind = np.zeros(len(wrong), dtype=bool)
+        if self._name == "/measurement":
+            blind = self._blind.at(name, columns["epoch"], columns["tick"])
+        self._blinded += int(wrong[blind].sum())
+        self._not_finite += int(wrong[~blind].sum())
 
     def _follow(self, epoch: np.ndarray, tick: np.ndarray) -> None:
         """Count the ticks that are missing from the sequence, whichever node sends."""
@@ -110,6 +124,7 @@ class _Topic:
         repeated = sum(sender.repeated for sender in senders)
         contradictions = sum(sender.contradictions for sender in senders)
         backwards = sum(sender.backwards for sender in senders)
+        resized = sum(sender.resized for sender in senders)
         missing = f"{self._missing} ticks missing in {self._gaps} gaps, {self._first_gap}"
         answers, truth = self._name in _ANSWERS, self._name == "/truth"
         facts = (  # whether it is there, whether it is wrong, words
@@ -117,7 +132,9 @@ class _Topic:
             (repeated, truth, f"{repeated} repetitions, the same to the bit"),
             (contradictions, True, f"{contradictions} ticks twice, and not the same"),
             (backwards, True, f"{backwards} times the stamp steps back"),
+            (resized, True, f"{resized} times its arrays change their size"),
             (self._not_finite, True, f"{self._not_finite} numbers are not finite"),
+            (self._blinded, False, f"{self._blinded} readings are NaN under a fault"),
         )
         words = [text for there, _, text in facts if there]
         ok = not any(there and wrong for there, wrong, _ in facts)
@@ -141,7 +158,8 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
 def check_ticks(bag: BagReader) -> Iterator[Finding]:
     """Yield what there is to say of log times, of /clock, and of each topic of every tick."""
     refused = {(e.epoch, e.tick) for e in bag.overview.events if isinstance(e.what, SwitchRefused)}
-    topics = {name: _Topic(name, refused) for name in TICKED}
+    blind = BlindSensors(bag.overview.events)
+    topics = {name: _Topic(name, refused, blind) for name in TICKED}
     rising, last = True, -1
     clock = _Clock()
     for block in bag.blocks([*TICKED, "/clock"], checked=False):
