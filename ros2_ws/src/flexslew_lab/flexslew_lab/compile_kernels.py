@@ -47,7 +47,7 @@ def default_bench(modes: int) -> None:
     plan = make_plan(wanted, plant_of(trial))
     for name in CONTROLLERS:
         _fly(replace(trial, active=name), plan)
-    Friction(ActuatorSettings(), trial.period)  # compiles its kernel
+    Friction(plant_of(trial).testbed.model().own_motors, ActuatorSettings(), trial.period)
 
 
 def shipped_trial(name: str) -> None:

@@ -14,6 +14,7 @@ from flexslew_plant.read_only import for_all_access
 Vector: TypeAlias = NDArray[np.float64]  # one index
 Matrix: TypeAlias = NDArray[np.float64]  # two indices
 Tensor: TypeAlias = NDArray[np.float64]  # three indices
+Indices: TypeAlias = NDArray[np.int64]  # which entries of a vector
 
 NOTHING: Vector = np.zeros(0)  # of what has no numbers
 NOTHING.flags.writeable = False

@@ -26,7 +26,7 @@ def flown(
     model: Any, x: Any, period: Any, ticks: Any, effort: Any = lambda time: 0.0, **actuator: Any
 ) -> Any:
     """Return the states at the ticks, (ticks + 1, 2 n), without a bench around."""
-    friction = Friction(ActuatorSettings(**actuator), period)
+    friction = Friction(model.own_motors, ActuatorSettings(**actuator), period)
     m, n = model.joints, model.coordinates
     states = [np.array(x, dtype=float)]
     for k in range(ticks):
@@ -82,11 +82,11 @@ def test_the_friction_of_many_coupled_joints_is_in_balance() -> None:
         half = rng.normal(size=(4, 4))
         mobility = half @ half.T + 0.01 * np.eye(4)
         free, v = rng.normal(size=4), rng.normal(size=4)
-        law, dt = (0.3, 0.5, 1e-3), 0.05
+        law, dt = (np.full(4, 0.3), np.full(4, 0.5), 1e-3), 0.05
         r = balanced(np.zeros(4), free, mobility, v, *law, dt)
         for i, a in enumerate(np.diag(mobility)):
             g = free[i] + mobility[i] @ r - a * r[i]
-            after = slid(v[i], g, a * law[0], a * law[1], law[2], dt)
+            after = slid(v[i], g, a * 0.3, a * 0.5, 1e-3, dt)
             assert after == pytest.approx(v[i] + dt * (g + a * r[i]), abs=1e-7)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.hardware.actuator import ActuatorSettings
+from flexslew_plant.bench.hardware.friction import coefficients
 from flexslew_plant.testbeds import Testbed, initial_positions
 from flexslew_plant.testbeds.model import Model
 
@@ -99,9 +100,12 @@ def slopes(
         a[:n, :n] = _turned(model, q, v, t)
     a[n:] = -np.linalg.solve(mass, np.hstack((stiffness, damping)))
     b = np.vstack((np.zeros_like(driving), np.linalg.solve(mass, driving)))
-    if friction is not None and model.leading is None:
-        rubbing = friction.viscous_friction + friction.coulomb_friction / friction.coulomb_speed
-        a[n:, n : n + model.joints] -= rubbing * b[n:]
+    if friction is not None:
+        _, chosen, _, rate, sign = model.own_motors
+        viscous, coulomb = coefficients(model.own_motors, friction)
+        rubbing = viscous + coulomb / friction.coulomb_speed
+        at = rate - (model.positions - n)  # displacements are along v, not q
+        a[n:, at] -= sign * rubbing * b[n:, chosen]
     return a, b
 
 

@@ -55,7 +55,7 @@ class Bench:
 
     Raises:
         BadInput: a schedule entry names what the testbed does not have, or breaks something
-            although faults are off.
+            although faults are off; or what has no motors shall have friction.
     """
 
     question: Measurement  # of this tick
@@ -75,12 +75,7 @@ class Bench:
         self.actuator = Actuator(settings.actuator, self.limit, settings.period)
         chosen = settings.plausibility
         self._plausibility = Plausibility(chosen, settings.period) if chosen else None
-        self._friction = friction_of(settings.actuator, settings.period)
-        if self._friction is not None and self.model.kernels.actuation is not None:
-            raise BadInput(
-                "actuator: viscous_friction and coulomb_friction are not allowed here: the "
-                "actuators of this testbed are not motors in its joints; give 0.0"
-            )
+        self._friction = friction_of(settings.actuator, self.model, settings.period)
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
         require_allowed(settings.schedule, settings.faults_enabled)
         self._names = Names(

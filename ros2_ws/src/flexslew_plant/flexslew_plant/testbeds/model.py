@@ -3,16 +3,27 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Indices, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
 from flexslew_plant.testbeds.compiled.bound import Bound, bound
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.tangent import tangent_jacobian
+
+
+class Motors(NamedTuple):
+    """Actuators that turn one coordinate against the platform, where friction acts, too."""
+
+    names: tuple[str, ...]  # of their joints
+    efforts: Indices  # which of the actuators, shape (k,)
+    position: Indices  # where their coordinates stand in a state, shape (k,)
+    rate: Indices  # where the rates of these, shape (k,)
+    sign: Vector  # of the coordinate along the effort: -1 for a wheel, which reacts, shape (k,)
 
 
 @dataclass(frozen=True)
@@ -33,6 +44,8 @@ class Model:
         leading: how many entries of v stand before the modes; None: the joints.
         reading: from a state to where each joint is and how fast; None: the first entries.
         placed: from joint positions by name to q at rest; None: the first entries.
+        motors: those of the actuators; None: all, one in each joint, unless the kernels say
+            what the efforts act on.
     """
 
     kernels: Kernels
@@ -47,6 +60,7 @@ class Model:
     leading: int | None = None
     reading: Callable[[Vector], tuple[Vector, Vector]] | None = None
     placed: Callable[[Mapping[str, float]], Vector] | None = None
+    motors: Motors | None = None
 
     @cached_property
     def joints(self) -> int:
@@ -72,6 +86,15 @@ class Model:
     def positions(self) -> int:
         """How many entries q has: n, or one more for each unit quaternion."""
         return self.coordinates + self.kernels.extra_positions
+
+    @cached_property
+    def own_motors(self) -> Motors:
+        """The motors in joints and wheels; none of other actuators."""
+        if self.motors is not None:
+            return self.motors
+        count = self.joints if self.kernels.actuation is None else 0
+        each = np.arange(count)
+        return Motors(self.joint_names[:count], each, each, self.positions + each, np.ones(count))
 
     @cached_property
     def _bound(self) -> Bound:

@@ -1,11 +1,19 @@
 """The motors: torque limit, quantisation, slew rate and first-order lag; see friction, too."""
 
 from math import expm1
+from typing import Annotated, TypeAlias
 
 import numpy as np
+from pydantic import Discriminator, Tag
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.settings import NonNegative, Positive, section
+
+# one number for all motors, or one by name
+PerMotor: TypeAlias = Annotated[
+    Annotated[NonNegative, Tag("all")] | Annotated[dict[str, NonNegative], Tag("by name")],
+    Discriminator(lambda given: "by name" if isinstance(given, dict) else "all"),
+]
 
 
 @section
@@ -15,8 +23,9 @@ class ActuatorSettings:
     lag: NonNegative = 0.0  # time constant of the torque [s]
     slew_rate: NonNegative = 0.0  # largest change of the torque [N m/s]; 0: no limit
     quantisation: NonNegative = 0.0  # torques are multiples of it [N m]; 0: none
-    viscous_friction: NonNegative = 0.0  # [N m s/rad]
-    coulomb_friction: NonNegative = 0.0  # [N m]
+    # of every motor, or by name of motors (others: 0) [N m s/rad], [N m]
+    viscous_friction: PerMotor = 0.0
+    coulomb_friction: PerMotor = 0.0
     coulomb_speed: Positive = 1e-4  # friction grows as tanh(v / coulomb_speed) [rad/s]
 
 

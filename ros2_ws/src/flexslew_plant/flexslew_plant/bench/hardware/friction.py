@@ -1,18 +1,21 @@
-"""Friction in the joints, integrated with the dynamics: stable at any period, also at rest.
+"""Friction in the motors, integrated with the dynamics: stable at any period, also at rest.
 
-Each joint slides under f(v) = c v + F tanh(v / v_c), which is stiff near rest. Over a tick the rest
-of the dynamics accelerates a joint by its mean g, so that v' = g - a f(v) with a its mobility, the
-joint's entry of M^-1. That scalar equation is solved to its end; the impulse that it takes is the
-mean friction, with which the testbed is integrated over the tick. g is the one that this gives.
+Each motor, of a joint or of a reaction wheel, slides under f(v) = c v + F tanh(v / v_c), which is
+stiff near rest. Over a tick the rest of the dynamics accelerates it by its mean g, so that
+v' = g - a f(v), with v its rate and a its mobility: of B^T v and of B^T M^-1 B, its entries. That
+scalar equation is solved to its end; the impulse that it takes is the mean friction, with which
+the testbed is integrated over the tick. g is the one that this gives.
 The method is of second order and exact in steady sliding and in steady creep.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled, compiled_once
 from flexslew_plant.bench.hardware.actuator import ActuatorSettings
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.model import Model, Motors
 
 _ROUNDS = 30  # at most, of integrations of a tick
 _SWEEPS = 200  # at most, over the joints
@@ -65,8 +68,8 @@ def balanced(
     free: Vector,
     mobility: Matrix,
     v: Vector,
-    viscous: float,
-    coulomb: float,
+    viscous: Vector,
+    coulomb: Vector,
     speed: float,
     dt: float,
 ) -> Vector:
@@ -80,8 +83,8 @@ def balanced(
         free: accelerations of the joints without friction, shape (m,).
         mobility: block of M^-1 of the joints, shape (m, m).
         v: their rates, shape (m,).
-        viscous: c [N m s/rad].
-        coulomb: F [N m].
+        viscous: c, shape (m,) [N m s/rad].
+        coulomb: F, shape (m,) [N m].
         speed: v_c [rad/s].
         dt: [s].
     """
@@ -91,7 +94,7 @@ def balanced(
         for i in range(r.size):
             a = mobility[i, i]
             g = free[i] + mobility[i] @ r - a * r[i]
-            after = slid(v[i], g, a * viscous, a * coulomb, speed, dt)
+            after = slid(v[i], g, a * viscous[i], a * coulomb[i], speed, dt)
             found = ((after - v[i]) / dt - g) / a
             change = max(change, abs(found - r[i]))
             r[i] = found
@@ -101,18 +104,23 @@ def balanced(
 
 
 class Friction:
-    """The friction of the joints.
+    """The friction of the motors.
 
     Args:
+        motors: where they are among efforts and states.
         settings: the `actuator` section.
         period: one tick [s].
+
+    Raises:
+        BadInput: it names what is no motor.
     """
 
-    def __init__(self, settings: ActuatorSettings, period: float) -> None:
-        self._law = settings.viscous_friction, settings.coulomb_friction, settings.coulomb_speed
+    def __init__(self, motors: Motors, settings: ActuatorSettings, period: float) -> None:
+        self._motors = motors
+        self._law = *coefficients(motors, settings), settings.coulomb_speed
         self._period = period
         one = np.ones(1)
-        balanced(one, one, np.eye(1), one, *self._law, period)  # compiled before tick 0
+        balanced(one, one, np.eye(1), one, one, one, 1.0, period)  # compiled before tick 0
 
     def advance(
         self, x: Vector, effort: Vector, mobility: Matrix, step: Callable[[Vector], Vector]
@@ -120,21 +128,24 @@ class Friction:
         """Return the state a tick later, friction included.
 
         Args:
-            x: state [q, v], joints first, shape (2 n,).
-            effort: on the joints, held, shape (m,) [N m or N].
-            mobility: block of M(q)^-1 of the joints, shape (m, m).
+            x: state [q, v].
+            effort: of all actuators, held, shape (efforts,) [N m or N].
+            mobility: of all actuators, B^T M^-1 B, shape (efforts, efforts).
             step: returns the state a tick later under a held effort.
         """
-        m, n, dt = effort.size, x.size // 2, self._period
-        v, r = x[n : n + m], np.zeros(m)
+        chosen, at, speed, sign, dt = *self._motors[1:], self._period
+        mobility = np.ascontiguousarray(mobility[np.ix_(chosen, chosen)])
+        v, r = sign * x[speed], np.zeros(len(chosen))
         for _ in range(_ROUNDS):
-            after = step(effort + r)
-            rate = after[n : n + m]
+            total = effort.astype(np.float64)
+            total[chosen] += r
+            after = step(total)
+            rate = sign * after[speed]
             if not np.isfinite(rate).all():
                 break
             free = (rate - v) / dt - mobility @ r
             found = balanced(r, free, mobility, v, *self._law, dt)
-            found = self._dissipative(found, r, after[:m] - x[:m], mobility)
+            found = self._dissipative(found, r, sign * (after[at] - x[at]), mobility)
             if np.abs(found - r).max() <= _CLOSE * np.abs(found).max():
                 break
             r = found
@@ -162,8 +173,37 @@ class Friction:
         return np.where(along, np.clip(still, least, most), found)
 
 
-def friction_of(settings: ActuatorSettings, period: float) -> Friction | None:
-    """Return the friction of the joints, or None where there is none."""
-    if settings.viscous_friction or settings.coulomb_friction:
-        return Friction(settings, period)
-    return None
+def coefficients(motors: Motors, settings: ActuatorSettings) -> tuple[Vector, Vector]:
+    """Return viscous and Coulomb coefficient of every motor, each of shape (motors,).
+
+    Raises:
+        BadInput: a name is that of no motor.
+    """
+    found = []
+    for key in ("viscous_friction", "coulomb_friction"):
+        given = getattr(settings, key)
+        if not isinstance(given, Mapping):
+            found.append(np.full(len(motors.names), given, dtype=np.float64))
+            continue
+        unknown = sorted(set(given) - set(motors.names))
+        if unknown:
+            words = f"names of motors: {', '.join(motors.names)}"
+            raise BadInput(words, "actuator", key, unknown[0])
+        found.append(np.array([given.get(name, 0.0) for name in motors.names], dtype=np.float64))
+    return found[0], found[1]
+
+
+def friction_of(settings: ActuatorSettings, model: Model, period: float) -> Friction | None:
+    """Return the friction of the motors, or None where there is none.
+
+    Raises:
+        BadInput: no actuator is a motor, or a name is that of none.
+    """
+    if not (settings.viscous_friction or settings.coulomb_friction):
+        return None
+    if not model.own_motors.names:
+        raise BadInput(
+            "actuator: viscous_friction and coulomb_friction are not allowed here: no actuator of "
+            "this testbed is a motor in a joint or a wheel; give 0.0"
+        )
+    return Friction(model.own_motors, settings, period)

@@ -21,6 +21,7 @@ from flexslew_plant.testbeds.scene import Scene
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed, stiffened
 from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of
 from flexslew_plant.testbeds.spacecraft.channels import channels
 from flexslew_plant.testbeds.spacecraft.clamped import Clamped, clamped
 from flexslew_plant.testbeds.spacecraft.drawing import scene_of
@@ -275,6 +276,7 @@ def _model(same: _Same) -> Model:
         leading=craft.sizes[1] - craft.modes,
         reading=lambda x: _read(p, x, len(drives)),
         placed=lambda positions: placed(craft, positions),
+        motors=motors_of(craft),
     )
 
 
