@@ -19,9 +19,9 @@ from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed, stiffened
 from flexslew_plant.testbeds.spacecraft.assembly.spacecraft import spacecraft
-from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of
 from flexslew_plant.testbeds.spacecraft.channels import channels
 from flexslew_plant.testbeds.spacecraft.clamped import Clamped, clamped
 from flexslew_plant.testbeds.spacecraft.drawing import scene_of
