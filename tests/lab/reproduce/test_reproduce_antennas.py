@@ -1,6 +1,6 @@
 """`./flexslew reproduce antennas`: the parts that take seconds; the command flies all rows."""
 
-from flexslew_lab.reproduce import antennas
+from flexslew_lab.reproduce import antennas, trial_flights
 
 
 def test_every_constant_is_as_published() -> None:
@@ -18,3 +18,9 @@ def test_the_planar_antenna_flies_as_published() -> None:
     rows = antennas._example_4()
     assert [row["item"] for row in rows if not row["ok"]] == []
     assert len(rows) == 12
+
+
+def test_the_shipped_trials_fly_as_published() -> None:
+    rows = trial_flights.shipped_trials(("antenna_2", "antenna_4"))
+    assert [row for row in rows if not row["ok"]] == []
+    assert len(rows) == 7

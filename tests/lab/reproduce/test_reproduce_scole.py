@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_loop, radius
-from flexslew_lab.reproduce.scole import TABLE, numbers
+from flexslew_lab.reproduce.scole import TABLE, _eight_modes, numbers
 from flexslew_lab.reproduce.scole_flights import flown, shipped
 from flexslew_lab.trial.trial import bench_settings, build_controllers
 from flexslew_plant.bench.bench import Bench
@@ -40,3 +40,15 @@ def test_a_sampled_loop_is_judged_as_it_flies() -> None:
     stiff[6:] = damped[6:] = 0.0
     assert radius(collocated_loop(plant, stiff, damped, 1e-3)) < 1.0
     assert radius(collocated_loop(plant, stiff, damped, 1.0)) > 1.0
+
+
+def test_the_undamped_eight_modes_are_shown_and_say_why_they_are_not_flown() -> None:
+    rows = _eight_modes()
+    assert [row["reference"] for row in rows] == [
+        *TABLE["no damping (a), six modes"],
+        *TABLE["no damping (b), six modes"],
+    ]
+    for row in rows:
+        assert row["ok"] is None
+        assert "eight modes" in row["item"]
+        assert "spectral radius of one tick is 1.0" in row["because"]

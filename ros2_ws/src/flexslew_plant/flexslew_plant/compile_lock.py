@@ -28,6 +28,8 @@ from numba import config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.compiler_lock import global_compiler_lock
 
+from flexslew_plant.compile_news import compiling
+
 
 class FilesForGood(IndexDataCacheFile):  # type: ignore[misc]
     """The files of a function's cache, each written once, before the index names it."""
@@ -110,7 +112,8 @@ def one_at_a_time(dispatcher: Any, lock: CompileLock | None = None) -> Any:
             return compile_it(signature)
 
     dispatcher.compile = compile_alone
-    dispatcher._cache = _LockedCache(dispatcher._cache, held)
+    name = f"{function.__module__}.{function.__name__}"
+    dispatcher._cache = _LockedCache(dispatcher._cache, held, name)
     return dispatcher
 
 
@@ -120,13 +123,14 @@ class _LockedCache:
     Args:
         cache: of Numba.
         lock: that whoever compiles holds.
+        name: of the function.
     """
 
-    def __init__(self, cache: Any, lock: CompileLock) -> None:
+    def __init__(self, cache: Any, lock: CompileLock, name: str) -> None:
         if isinstance(cache, FunctionCache):
             stamp = cache._impl.locator.get_source_stamp()
             cache._cache_file = FilesForGood(cache.cache_path, cache._impl.filename_base, stamp)
-        self._cache, self._lock = cache, lock
+        self._cache, self._lock, self._name = cache, lock, name
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return the machine code; None: it is not there, and the lock is held."""
@@ -134,7 +138,10 @@ class _LockedCache:
         if found is not None:
             return found
         self._lock.take()
-        return self._cache.load_overload(signature, context)
+        found = self._cache.load_overload(signature, context)
+        if found is None:
+            compiling(self._name)
+        return found
 
     def __getattr__(self, name: str) -> Any:
         """Return what else Numba asks of it."""

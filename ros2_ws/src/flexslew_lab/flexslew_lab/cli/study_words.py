@@ -13,12 +13,13 @@ from rich.progress import (
     Progress,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
 from rich.text import Text
 
 from flexslew_lab.cli.terminal import for_people, print_table, say, short
+from flexslew_lab.studies.execution.pace import Pace
 
+ESTIMATING = "estimating the time left"
 _OFTEN = 30.0  # between two lines where no bar can be drawn [wall s]
 
 
@@ -36,43 +37,50 @@ def progress(name: str) -> Iterator[Callable[[int, int], None]]:
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
+        TextColumn("{task.fields[left]}"),
     )
-    with Progress(*columns, console=for_people, transient=True, speed_estimate_period=60.0) as bar:
-        task = bar.add_task(f"{name} [dim]trials[/dim]", total=None)
-        yield lambda done, wanted: bar.update(task, completed=done, total=wanted)
+    pace = Pace()
+    with Progress(*columns, console=for_people, transient=True) as bar:
+        task = bar.add_task(f"{name} [dim]trials[/dim]", total=None, left=ESTIMATING)
+
+        def advance(done: int, wanted: int) -> None:
+            pace.take(done, monotonic())
+            bar.update(task, completed=done, total=wanted, left=left_words(pace.left(wanted)))
+
+        yield advance
 
 
 class _Lines:
     """Says how far a study is, at most every half minute."""
 
     def __init__(self, name: str) -> None:
-        self._name = name
+        self._name, self._pace = name, Pace()
         self._began = self._last = monotonic()
-        self._first: int | None = None  # trials that were there already
 
     def __call__(self, done: int, wanted: int) -> None:
         now = monotonic()
-        if self._first is None:
-            self._first = done
-        elif now - self._last >= _OFTEN:
+        self._pace.take(done, now)
+        if now - self._last >= _OFTEN:
             self._last = now
-            say(f"{self._name}: {far(done, wanted, done - self._first, now - self._began)}")
+            say(f"{self._name}: {far(done, wanted, now - self._began, self._pace.left(wanted))}")
 
 
-def far(done: int, wanted: int, flown: int, seconds: float) -> str:
+def far(done: int, wanted: int, seconds: float, left: float | None) -> str:
     """Return in words how far a study is.
 
     Args:
         done: trials, those of earlier runs too.
         wanted: trials.
-        flown: of this run.
-        seconds: that it took for them [wall s].
+        seconds: since this run began [wall s].
+        left: until its end [wall s]; None: not known yet.
     """
-    left = timedelta(seconds=round(seconds * (wanted - done) / max(flown, 1)))
-    words = f"{done} of {wanted} trials, {timedelta(seconds=round(seconds))} so far"
-    return f"{words}, {left} left" if flown else words
+    so_far = timedelta(seconds=round(seconds))
+    return f"{done} of {wanted} trials, {so_far} so far, {left_words(left)}"
+
+
+def left_words(left: float | None) -> str:
+    """Return how long a study will take yet, in words."""
+    return ESTIMATING if left is None else f"{timedelta(seconds=round(left))} left"
 
 
 def tell(found: dict[str, Any], as_json: bool) -> None:

@@ -21,7 +21,7 @@ class Reproduction(NamedTuple):
     figures_name: str = ""
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return {item, paper, reference, ours, tolerance, ok}, row by row.
+        """Return the rows of rows.KEYS.
 
         `paper` is the number that the paper prints, or `not printed`.
         """

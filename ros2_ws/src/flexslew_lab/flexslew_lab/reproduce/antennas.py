@@ -13,9 +13,10 @@ from flexslew_control.controllers.retargeting.disturbance_accommodating import (
 from flexslew_control.controllers.retargeting.modal_space import modal_gains
 from flexslew_lab.reproduce import antenna_flights as flights
 from flexslew_lab.reproduce.antennas_figures import antennas_figures as antennas_figures
-from flexslew_lab.reproduce.laws import row
 from flexslew_lab.reproduce.membrane_flights import half_way, membrane_peaks
 from flexslew_lab.reproduce.planar_antenna import ROUNDED, constant
+from flexslew_lab.reproduce.rows import relative
+from flexslew_lab.reproduce.trial_flights import shipped_trials
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.beam import wave_numbers
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
@@ -44,13 +45,14 @@ def antennas_rows() -> list[dict[str, Any]]:
         *_example_3(),
         *_example_4(),
         *_example_5(),
+        *shipped_trials(),
     ]
 
 
 def _peaks(example: str, columns: dict[str, tuple[float, float]]) -> list[dict[str, Any]]:
     """Return rows of one flight: name to reference and ours."""
     return [
-        row(f"{example}: {name}", NOT_PRINTED, reference, ours, _ONE)
+        relative(f"{example}: {name}", NOT_PRINTED, reference, ours, _ONE)
         for name, (reference, ours) in columns.items()
     ]
 
@@ -66,9 +68,10 @@ def _beam_constants() -> list[dict[str, Any]]:
         b = wave_numbers(5)[j]
         ours = (np.cosh(b) + np.cos(b)) / (np.sinh(b) + np.sin(b))
         rows += [
-            row(f"C_{j + 1} of (4-1) [-]", str(c[0]), c[1], float(ours), 1e-6),
-            row(f"phi-bar_{j + 1} / m [-]", str(bar[0]), bar[1], abs(float(translation[j])), 1e-5),
-            row(f"phi-tilde_{j + 1} / (m l) [-]", str(tilde[0]), tilde[1],
+            relative(f"C_{j + 1} of (4-1) [-]", str(c[0]), c[1], float(ours), 1e-6),
+            relative(f"phi-bar_{j + 1} / m [-]", str(bar[0]), bar[1],
+                abs(float(translation[j])), 1e-5),
+            relative(f"phi-tilde_{j + 1} / (m l) [-]", str(tilde[0]), tilde[1],
                 abs(float(rotation[j])), 1e-4),
         ]  # fmt: skip
     return rows
@@ -90,8 +93,8 @@ def _example_1() -> list[dict[str, Any]]:
     five, one = (flights.printed_tips(modes) for modes in (5, 1))
     words = "example 1, m_e, S_e, I_e as printed: tip"
     largest, apart = float(abs(five).max()), float(abs(five - one).max())
-    rows.append(row(f"{words}, five modes [ft]", NOT_PRINTED, 0.01538, largest, _ONE))
-    rows.append(row(f"{words}, one mode against five [ft]", NOT_PRINTED, 5.1e-5, apart, _ONE))
+    rows.append(relative(f"{words}, five modes [ft]", NOT_PRINTED, 0.01538, largest, _ONE))
+    rows.append(relative(f"{words}, one mode against five [ft]", NOT_PRINTED, 5.1e-5, apart, _ONE))
     return rows
 
 
@@ -131,8 +134,8 @@ def _example_2() -> list[dict[str, Any]]:
     gain, _ = regulator(a, b, weight, w.effort_rate * np.eye(m))
     slowest = float(np.linalg.eigvals(a - b @ gain).real.max())
     condition = float(np.linalg.cond(before.input_matrix))
-    rows.append(row("example 2: condition of B* [-]", NOT_PRINTED, 174.26, condition, 1e-4))
-    rows.append(row("example 2: slowest pole [1/s]", NOT_PRINTED, -0.184709, slowest, 1e-5))
+    rows.append(relative("example 2: condition of B* [-]", NOT_PRINTED, 174.26, condition, 1e-4))
+    rows.append(relative("example 2: slowest pole [1/s]", NOT_PRINTED, -0.184709, slowest, 1e-5))
     return rows
 
 
@@ -140,7 +143,7 @@ def _example_3() -> list[dict[str, Any]]:
     references = {"none": 2.20635, "zero": 0.684887, "imsc": 0.763104}
     named = {"none": "uncontrolled", "zero": "perturbation", "imsc": "independent modal space"}
     rows = [
-        row(f"example 3, {named[law]}: peak [m]", NOT_PRINTED, reference,
+        relative(f"example 3, {named[law]}: peak [m]", NOT_PRINTED, reference,
             float(abs(flights.changing_path(3, law)).max()), 1e-4)
         for law, reference in references.items()
     ]  # fmt: skip
@@ -151,11 +154,11 @@ def _example_3() -> list[dict[str, Any]]:
         ("gd", 10.698574, gains.rate),
     ):
         item = f"example 3: gain {name} of zero order"
-        rows.append(row(item, NOT_PRINTED, reference, float(ours[0, 0]), 1e-6))
+        rows.append(relative(item, NOT_PRINTED, reference, float(ours[0, 0]), 1e-6))
     stiffening, _ = modal_gains(np.array([100.0]), 0.01)
     static = 100.0 / (100.0 + float(stiffening[0]))
     item = "example 3: static error of independent modal space [m]"
-    rows.append(row(item, NOT_PRINTED, 0.7071, static, 1e-4))
+    rows.append(relative(item, NOT_PRINTED, 0.7071, static, 1e-4))
     return rows
 
 
@@ -181,10 +184,10 @@ def _example_4() -> list[dict[str, Any]]:
         ("K_e [lb/ft]", "49.449", 49.449453, stiffness, 1e-6),
         ("Lambda from the rounded M0 [1/s^2]", "369.2661", 369.26608, float(squares[-1]), 1e-6),
     ):
-        rows.append(row(f"example 4: {item}", paper, reference, ours, tolerance))
+        rows.append(relative(f"example 4: {item}", paper, reference, ours, tolerance))
     for end, reference in (("zero", 5.5), ("adiabatic", 0.099)):
         item = f"example 4: RMS error of P, P1(tf) {end}"
-        rows.append(row(item, NOT_PRINTED, reference, flights.riccati_error(4, end), _ONE))
+        rows.append(relative(item, NOT_PRINTED, reference, flights.riccati_error(4, end), _ONE))
     return rows
 
 
@@ -199,16 +202,16 @@ def _example_5() -> list[dict[str, Any]]:
         ("I_xx [slug ft^2]", "7.712", 7.704756, float(second[1, 1] + second[2, 2])),
         ("I_zz [slug ft^2]", "1.274", 1.272345, float(second[0, 0] + second[1, 1])),
     ):
-        rows.append(row(f"example 5: {item}", paper, reference, ours, 1e-6))
+        rows.append(relative(f"example 5: {item}", paper, reference, ours, 1e-6))
     for k, reference in enumerate(_OMEGA):
         ours = float(shape.frequencies[(0, 1, 2, 3, 6, 7)[k]])
         item = f"example 5: omega_{k + 1} [rad/s]"
-        rows.append(row(item, NOT_PRINTED, reference, ours, 1e-6))
+        rows.append(relative(item, NOT_PRINTED, reference, ours, 1e-6))
     for k, (printed, reference, ours) in enumerate(
         zip(_PRINTED, _MEMBRANE, _membrane_constants(shape), strict=True)
     ):
         item = f"example 5: mode constant {k + 1} of (4-21) [-]"
-        rows.append(row(item, str(printed), reference, ours, 1e-3))
+        rows.append(relative(item, str(printed), reference, ours, 1e-3))
     case, path = flights.example("antenna_5_1"), flights.open_path("antenna_5_1")
     linear = (*_largest(path)[1:4], float(abs(case.tips(path)).max()))
     for name, references, peaks in (

@@ -27,14 +27,12 @@ from flexslew_lab.reproduce.csa_flights import (
     residual_tip,
     step_response,
 )
+from flexslew_lab.reproduce.rows import Row, absolute, at_most
 from flexslew_plant.testbeds.csa import CsaTestbed, beam
 
 
 def csa_rows() -> list[dict[str, Any]]:
-    """Return {item, paper, reference, ours, tolerance, ok} for every public number, recomputed.
-
-    The tolerance is absolute; `paper` is what the paper prints, empty where it prints nothing.
-    """
+    """Return the row of every public number, recomputed."""
     return [
         *_model_rows(),
         *_linear_rows(),
@@ -45,24 +43,12 @@ def csa_rows() -> list[dict[str, Any]]:
     ]
 
 
-def _row(
-    item: str, reference: float, ours: float, tolerance: float, paper: str = ""
-) -> dict[str, Any]:
-    ok = bool(abs(ours - reference) <= tolerance)
-    return {
-        "item": item,
-        "paper": paper,
-        "reference": reference,
-        "ours": float(ours),
-        "tolerance": tolerance,
-        "ok": ok,
-    }
+def _row(item: str, reference: float, ours: float, tolerance: float, paper: str = "") -> Row:
+    return absolute(item, paper, reference, float(ours), tolerance)
 
 
-def _at_most(item: str, limit: float, ours: float, paper: str = "") -> dict[str, Any]:
-    """Return a line whose reference is an upper bound."""
-    found = _row(f"{item} (at most)", limit, ours, 0.0, paper)
-    return {**found, "ok": bool(ours <= limit)}
+def _at_most(item: str, limit: float, ours: float, paper: str = "") -> Row:
+    return at_most(item, paper, limit, float(ours))
 
 
 @lru_cache

@@ -11,6 +11,7 @@ from flexslew_control.controllers.pd_feedforward import PdFeedforwardSettings
 from flexslew_control.law import Estimator, Law, PlantDescription, Reference
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.input_shaping.start_coast_stop import StartCoastStop
+from flexslew_lab.reproduce.rows import relative
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaInitial, CsaParameters, CsaTestbed
@@ -146,26 +147,15 @@ def ofc_rows() -> list[dict[str, Any]]:
         for case, references in _TABLE.items():
             run, finish = slew(case, pitch)
             if case == "tracking_a":
-                rows.append(row(f"{where}: end [s]", _FILE, end, finish, 0.001 / end))
+                rows.append(relative(f"{where}: end [s]", _FILE, end, finish, 0.001 / end))
             values = zip(_QUANTITY, references[column], figures(run, finish), strict=False)
             for i, (quantity, reference, ours) in enumerate(values):
                 slack = max(_TOLERANCE[i], _ROUNDING[i] / reference)
-                rows.append(row(f"{where}, {case}: {quantity}", _FILE, reference, ours, slack))
+                rows.append(relative(f"{where}, {case}: {quantity}", _FILE, reference, ours, slack))
     for stiffness, name, tracking, pd in ((0.9, "-10 %", 0.261, 2.78), (1.1, "+10 %", 0.202, 2.39)):
         for case, reference in (("tracking_a", tracking), ("pd", pd)):
             ours = figures(*slew(case, 0.5, stiffness))[0]
-            rows.append(row(f"EI {name}, {case}: residual tip [m]", _FILE, reference, ours, 0.1))
+            rows.append(
+                relative(f"EI {name}, {case}: residual tip [m]", _FILE, reference, ours, 0.1)
+            )
     return rows
-
-
-def row(item: str, source: str, reference: float, ours: float, tolerance: float) -> dict[str, Any]:
-    """Return a line of a reproduction: ok where ours is within the relative tolerance."""
-    ok = abs(ours - reference) <= tolerance * abs(reference)
-    return {
-        "item": item,
-        "paper": source,
-        "reference": reference,
-        "ours": ours,
-        "tolerance": tolerance,
-        "ok": bool(ok),
-    }

@@ -6,24 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.trial.in_process import Observer, fly
-from flexslew_lab.trial.trial import bench_settings, build_controllers
+from flexslew_lab.reproduce.trial_flights import states
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.testbeds.spacecraft.motions import Motions, Pointing
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 from flexslew_plant.testbeds.spacecraft.units import FOOT
 
 _FREE = {"controllers": {"pd_feedforward": {"kp": [0.0], "kd": [0.0]}}, "active": "pd_feedforward"}
-
-
-class _States(Observer):
-    def __init__(self) -> None:
-        self.rows: list[Truth] = []
-
-    def truth(self, truth: Truth) -> None:
-        """Keep the state."""
-        self.rows.append(truth)
 
 
 class MembraneFlight(NamedTuple):
@@ -38,13 +27,9 @@ def membrane_flight(case: int, controlled: bool) -> MembraneFlight:
     """Return what the platform and the membrane do in one of the two cases."""
     changes: dict[str, Any] = {} if controlled else _FREE
     trial = shipped(f"antenna_5_{case}", changes)
-    bench, seen = Bench(bench_settings(trial)), _States()
-    controllers = build_controllers(trial, bench, trial.name)
-    fly(bench, {trial.active: controllers[trial.active]}, seen)
+    position, velocity = states(trial)
     testbed = trial.testbed
     assert isinstance(testbed, Pointing)
-    position = np.array([row.position for row in seen.rows])
-    velocity = np.array([row.velocity for row in seen.rows])
     return MembraneFlight(
         testbed.motions(position, velocity, {}), position[:, -trial.testbed.modes :]
     )

@@ -11,7 +11,8 @@ from flexslew_control.controllers.pd_feedforward import PdFeedforwardSettings
 from flexslew_control.controllers.proportional_integral import PiGains, ProportionalIntegral
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, outputs
 from flexslew_control.law import Estimate, Estimator, Reference
-from flexslew_lab.reproduce.laws import PERIOD, closed_loop, plant_of, row
+from flexslew_lab.reproduce.laws import PERIOD, closed_loop, plant_of
+from flexslew_lab.reproduce.rows import at_most, relative
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaTestbed
@@ -41,9 +42,9 @@ def _gain_rows(gains: PiGains) -> list[dict[str, Any]]:
         for column in (0, 2):
             item = f"{name} of base_yaw on {'theta' if column == 0 else 'q'}"
             found = float(matrix[0, column])
-            rows.append(row(item, _FILE, expected[column], found, 1e-6))
+            rows.append(relative(item, _FILE, expected[column], found, 1e-6))
         pitch = float(matrix[1, 1])
-        rows.append(row(f"{name} of hub_pitch", _FILE, _PITCH_GAINS[name], pitch, 1e-6))
+        rows.append(relative(f"{name} of hub_pitch", _FILE, _PITCH_GAINS[name], pitch, 1e-6))
     return rows
 
 
@@ -143,8 +144,8 @@ def _rejection_rows(believed: CsaTestbed) -> list[dict[str, Any]]:
         error = abs(pushed.state[:, 0])
         large = float(np.nonzero(error > 1e-3)[0].max() * PERIOD)
         rows += [
-            row(f"PI with {name}: peak yaw [rad]", _FILE, peak, float(error.max()), 0.01),
-            row(f"PI with {name}: below 1 mrad after [s]", _FILE, time, large, 0.01),
+            relative(f"PI with {name}: peak yaw [rad]", _FILE, peak, float(error.max()), 0.01),
+            relative(f"PI with {name}: below 1 mrad after [s]", _FILE, time, large, 0.01),
         ]
     return rows
 
@@ -165,8 +166,8 @@ def pi_rows() -> list[dict[str, Any]]:
     pd = pd_feedforward.build(PdFeedforwardSettings(), plant)
     left = closed_loop(believed, pd, _STILL, 900.0, disturbance=_PUSH).state[-1, 0]
     rows += [
-        row("PD: yaw under 5 N m [rad]", _FILE, _PUSH / 460.0, float(left), 0.01),
-        _below("PI: yaw after 150 s of 5 N m [rad]", _FILE, 1e-6, abs(float(pushed.state[-1, 0]))),
+        relative("PD: yaw under 5 N m [rad]", _FILE, _PUSH / 460.0, float(left), 0.01),
+        at_most("PI: yaw after 150 s of 5 N m [rad]", _FILE, 1e-6, abs(float(pushed.state[-1, 0]))),
         *_rejection_rows(believed),
     ]
     for time, name, reference in ((None, "none", 0.226), (2.0, "2 s", 0.066)):
@@ -175,10 +176,5 @@ def pi_rows() -> list[dict[str, Any]]:
         run = closed_loop(real, built, partial(_held, 0.5, 0.0), 60.0)
         over = float(run.state[:, 0].max() - 0.5)
         item = f"overshoot of a 0.5 rad step, anti-windup {name} [rad]"
-        rows.append(row(item, _FILE, reference, over, 0.01))
+        rows.append(relative(item, _FILE, reference, over, 0.01))
     return rows
-
-
-def _below(item: str, source: str, limit: float, ours: float) -> dict[str, Any]:
-    """Return a line whose reference is an upper bound."""
-    return {**row(item, source, limit, ours, 0.0), "item": f"{item} (at most)", "ok": ours <= limit}

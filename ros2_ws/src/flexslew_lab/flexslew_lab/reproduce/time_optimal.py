@@ -17,6 +17,7 @@ from flexslew_control.planners.time_optimal.switching_time_optimisation import (
 )
 from flexslew_control.planners.time_optimal.time_optimal import found_durations, on_ticks
 from flexslew_lab.report.panels import COLOURS
+from flexslew_lab.reproduce.rows import absolute
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds import Testbed
@@ -58,14 +59,12 @@ _SLEWS: dict[str, tuple[Testbed, float, float, bool, str, tuple[float, ...]]] = 
 
 
 def time_optimal_rows() -> list[dict[str, Any]]:
-    """Return {item, paper, reference, ours, tolerance, ok} for every public number, recomputed."""
+    """Return the row of every public number, recomputed."""
     rows: list[dict[str, Any]] = []
     solved: dict[str, tuple[BangBang, Vector]] = {}
 
     def add(item: str, paper: str, reference: float, ours: float, tolerance: float) -> None:
-        ok = bool(abs(ours - reference) <= tolerance)
-        rows.append({"item": item, "paper": paper, "reference": reference, "ours": float(ours),
-                     "tolerance": tolerance, "ok": ok})  # fmt: skip
+        rows.append(absolute(item, paper, reference, float(ours), tolerance))
 
     for name, (_, _, _, _, paper, times) in _SLEWS.items():
         slew, durations = solved[name] = _solved(name)

@@ -1,0 +1,108 @@
+"""The shipped trials of Kwak (1989), flown on the bench as they are."""
+
+from typing import Any
+
+import numpy as np
+
+from flexslew_lab.reproduce.rows import Row, relative
+from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.trial.in_process import Observer, fly
+from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, plan_of_trial
+from flexslew_plant.arrays import Matrix
+from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.testbeds.spacecraft.motions import Pointing
+from flexslew_plant.testbeds.spacecraft.units import FOOT
+
+# peaks of the trials as they are shipped, by the names of their columns: of antenna_1 by an
+# independent sampled regulator at 1 ms; of the others those of the continuous linear equations
+# (2 %: the bench holds efforts and does not linearise)
+_TRIALS: tuple[tuple[str, dict[str, Any], float, dict[str, float]], ...] = (
+    (
+        "antenna_1",
+        {},
+        1e-3,
+        {"R_y [ft]": 0.00019359, "theta_x [rad]": 0.00064673, "tip [ft]": 0.0061457},
+    ),
+    (
+        "antenna_2",
+        {},
+        0.02,
+        {
+            "R_x [ft]": 5.4305e-5,
+            "R_y [ft]": 5.4230e-5,
+            "R_z [ft]": 8.2804e-5,
+            "theta_y [rad]": 2.1567e-4,
+        },
+    ),
+    (
+        "antenna_4",
+        {"plan": {"end_condition": "zero"}},
+        0.02,
+        {
+            "R_y [ft]": 0.000872318,
+            "R_z [ft]": 0.000855591,
+            "theta_x [rad]": float(np.radians(0.237500)),
+        },
+    ),
+)
+
+
+class _States(Observer):
+    def __init__(self) -> None:
+        self.rows: list[Truth] = []
+
+    def truth(self, truth: Truth) -> None:
+        """Keep the state."""
+        self.rows.append(truth)
+
+
+def states(trial: Trial) -> tuple[Matrix, Matrix]:
+    """Return q and v of a trial's flight at all ticks, its controller in charge alone."""
+    bench, seen = Bench(bench_settings(trial)), _States()
+    controller = build_controllers(trial, bench, trial.name)[trial.active]
+    plan = plan_of_trial(trial)
+    refused = controller.adopt(plan) if plan is not None else None
+    assert refused is None, refused
+    fly(bench, {trial.active: controller}, seen)
+    assert not bench.failure, bench.failure
+    return (
+        np.array([row.position for row in seen.rows]),
+        np.array([row.velocity for row in seen.rows]),
+    )
+
+
+def peaks(name: str, changes: dict[str, Any] | None = None) -> dict[str, float]:
+    """Return the largest motions of a shipped antenna trial, in the units of its paper.
+
+    Args:
+        name: of the trial.
+        changes: keys of its file.
+    """
+    trial = shipped(name, changes)
+    testbed = trial.testbed
+    assert isinstance(testbed, Pointing)
+    m = testbed.motions(*states(trial), {})
+    place, turned = abs(m.place).max(axis=0) / FOOT, abs(m.turned).max(axis=0)
+    tip = max(float(abs(moved).max()) for moved in m.tips.values()) / FOOT
+    found = {f"R_{axis} [ft]": float(x) for axis, x in zip("xyz", place, strict=True)}
+    found |= {f"theta_{axis} [rad]": float(x) for axis, x in zip("xyz", turned, strict=True)}
+    return {**found, "tip [ft]": tip}
+
+
+def shipped_trials(names: tuple[str, ...] = ()) -> list[Row]:
+    """Return the peaks of the shipped trials, flown on the bench.
+
+    Args:
+        names: of those that are flown; empty: all.
+    """
+    rows = []
+    for name, changes, tolerance, references in _TRIALS:
+        if names and name not in names:
+            continue
+        ours = peaks(name, changes)
+        item = f"trial {name}" + (", P1(tf) = 0" if changes else "")
+        rows += [
+            relative(f"{item}: {column}", "not printed", reference, ours[column], tolerance)
+            for column, reference in references.items()
+        ]
+    return rows

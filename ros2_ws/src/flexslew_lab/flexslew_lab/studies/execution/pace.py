@@ -1,0 +1,57 @@
+"""How long a study will take yet, from the pace of its results."""
+
+from bisect import bisect_left
+
+_REPORTS = 6  # after the first, before anything is said
+_ALIKE = 1.4  # ratio of the paces of two stretches that count as one pace
+_LEAST = 5.0  # from the first report on [wall s]
+_STARTS = 0.5  # of the time before it, by which other processes may have started later [-]
+
+
+class Pace:
+    """Estimates the time left; says nothing before there is a pace to count with.
+
+    What comes before the first result (processes that start, machine code that is compiled) does
+    not count; as other processes may start later, half of it is waited for. The time since then is halved: only where trials come as fast in both halves as in
+    each other is there one pace, that of the later half. Chunks grow at first, and so does the
+    pace; until it stays, nothing is known.
+    """
+
+    def __init__(self) -> None:
+        self._times: list[float] = []  # of the reports [wall s]
+        self._done: list[int] = []  # trials by then
+        self._before: int | None = None  # trials that were there already
+        self._began = 0.0  # [wall s]
+
+    def take(self, done: int, now: float) -> None:
+        """Take a report.
+
+        Args:
+            done: trials, those of earlier runs too.
+            now: [wall s].
+        """
+        if self._before is None:
+            self._before, self._began = done, now
+        elif done > self._before:
+            self._times.append(now)
+            self._done.append(done)
+
+    def left(self, wanted: int) -> float | None:
+        """Return the wall seconds until all trials that are wanted are done; None: unknown."""
+        if self._done and self._done[-1] >= wanted:
+            return 0.0
+        if len(self._times) <= _REPORTS:
+            return None
+        first, last = self._times[0], self._times[-1]
+        if last - first < max(_LEAST, _STARTS * (first - self._began)):
+            return None
+        middle = bisect_left(self._times, 0.5 * (first + last))
+        early, late = self._rate(0, middle), self._rate(middle, len(self._times) - 1)
+        if not (early > 0.0 and late > 0.0 and 1.0 / _ALIKE < late / early < _ALIKE):
+            return None
+        return (wanted - self._done[-1]) / late
+
+    def _rate(self, begin: int, end: int) -> float:
+        """Return trials per second between two reports; 0: there is no time between them."""
+        seconds = self._times[end] - self._times[begin]
+        return (self._done[end] - self._done[begin]) / seconds if seconds > 0.0 else 0.0

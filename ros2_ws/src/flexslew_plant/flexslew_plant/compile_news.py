@@ -1,0 +1,16 @@
+"""Who wants to know that machine code is compiled. It loads no compiler itself."""
+
+from collections.abc import Callable
+
+_listeners: list[Callable[[str], None]] = []
+
+
+def tell_of_compiling(listener: Callable[[str], None]) -> None:
+    """Call a listener with the name of every function of this process before it is compiled."""
+    _listeners.append(listener)
+
+
+def compiling(name: str) -> None:
+    """Tell the listeners of a function that is compiled now."""
+    for listener in _listeners:
+        listener(name)
