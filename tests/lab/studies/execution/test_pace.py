@@ -32,7 +32,7 @@ def reports(
             chunks.learn(count, now - since)
             done += count
             found.append((now, done))
-        chunk = chunks.next(numbers, workers)  # type: ignore[arg-type]
+        chunk = chunks.next(numbers, workers)
         if chunk:
             takes = overhead + cost * float(rng.gamma(4.0, 0.25, len(chunk)).sum())
             takes += start * rng.uniform(0.7, 1.0) if now == 0.0 else 0.0

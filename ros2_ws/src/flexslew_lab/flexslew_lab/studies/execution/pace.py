@@ -12,9 +12,9 @@ class Pace:
     """Estimates the time left; says nothing before there is a pace to count with.
 
     What comes before the first result (processes that start, machine code that is compiled) does
-    not count; as other processes may start later, half of it is waited for. The time since then is halved: only where trials come as fast in both halves as in
-    each other is there one pace, that of the later half. Chunks grow at first, and so does the
-    pace; until it stays, nothing is known.
+    not count; as other processes may start later, half of it is waited for. The time since then
+    is halved: only where trials come about as fast in both halves is there one pace, that of the
+    later half. Chunks grow at first, and so does the pace; until it stays, nothing is known.
     """
 
     def __init__(self) -> None:
