@@ -11,7 +11,7 @@ import clarabel
 import numpy as np
 from scipy import sparse
 
-from flexslew_control.planners.minimax.program import Infeasible, Key, Optimum, Program, limits_of
+from flexslew_control.planners.minimax.program import Infeasible, Key, Optimum, Program
 from flexslew_control.planners.minimax.response import Indices
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
@@ -48,8 +48,8 @@ class Rows:
 class Cones:
     """One program with the rows that it has by now, in units in which all is about one."""
 
-    def __init__(self, program: Program, feasible_only: bool) -> None:
-        self.program, self.feasible_only = program, feasible_only
+    def __init__(self, program: Program, feasible_only: bool, accuracy: float = 1e-8) -> None:
+        self.program, self.feasible_only, self.accuracy = program, feasible_only, accuracy
         grid = program.grid
         self.unit = np.tile(program.limits.demand, grid.pieces)  # of the weights
         self.g = grid.size  # column of the residual
@@ -100,7 +100,7 @@ class Cones:
         """Add side * channel(k) <= its limit at some ticks of a member."""
         response = self.program.responses[member]
         slopes, offsets = response.rows(ticks, channel)
-        low, high, sizes = limits_of(response, self.program.limits)
+        low, high, sizes = self.program.limits.of(response.tips)
         limit, size = (low if side < 0.0 else high)[channel], sizes[channel]
         bounds = (side * limit - side * offsets) / size
         if response.tips <= channel < response.tips + self.program.grid.joints:
@@ -154,6 +154,7 @@ class Cones:
         settings.verbose = False
         settings.max_iter = 200
         settings.max_threads = 1
+        settings.tol_gap_abs = settings.tol_gap_rel = self.accuracy
         found = clarabel.DefaultSolver(
             sparse.diags(p, format="csc"),
             objective,

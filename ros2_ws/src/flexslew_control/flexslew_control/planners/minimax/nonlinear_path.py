@@ -7,7 +7,7 @@ from those of the integrator's step, x(k + 1) = f(x(k), u(k)):
 with 0 the nominal member, whose path is the reference.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple, cast
@@ -171,23 +171,26 @@ class TabledPath:
         grid: the ticks and pieces.
         about: weights of the flight, shape (weights,).
         values: the channels at every tick but the last, (ticks, channels).
-        slopes: their derivatives, (ticks, channels, weights).
+        slopes: derivatives of the channels that have limits, each (ticks, weights).
         end: the deviation from the rest at the goal at the last tick: derivatives and offsets.
     """
 
     grid: Grid
     about: Vector
     values: Matrix
-    slopes: Tensor
+    slopes: Mapping[int, Matrix]
     end: tuple[Matrix, Vector]
 
     def flown(self, weights: Vector) -> Matrix:
         """Return the channels at every tick but the last, (ticks, channels)."""
-        return np.asarray(self.values + self.slopes @ (weights - self.about))
+        found, change = self.values.copy(), weights - self.about
+        for channel, slopes in self.slopes.items():
+            found[:, channel] += slopes @ change
+        return found
 
     def rows(self, ticks: Indices, channel: int) -> tuple[Matrix, Vector]:
         """Return the derivatives of a channel at some ticks, (k, weights), and its offsets."""
-        slopes = self.slopes[np.asarray(ticks, dtype=int), channel]
+        slopes = self.slopes[channel][ticks]
         return slopes, self.values[ticks, channel] - slopes @ self.about
 
 
@@ -214,6 +217,7 @@ def tabled(
     goal: Vector,
     grid: Grid,
     weights: Vector,
+    wanted: Sequence[int],
 ) -> Derived:
     """Return the answer of a member about a flight.
 
@@ -225,6 +229,7 @@ def tabled(
         goal: joint positions, shape (joints,).
         grid: the ticks and pieces.
         weights: of the flight.
+        wanted: channels that have limits.
     """
     m, n = model.joints, model.coordinates
     f, g = step_derivatives(model, flown.states[0], flown.applied, grid.period)
@@ -233,21 +238,46 @@ def tabled(
     own = gains if nominal is not None else np.zeros_like(gains)
     about = nominal if nominal is not None else states
     path_derivatives(np.ascontiguousarray(f), np.ascontiguousarray(g), own, about, edges, states)
-    tips = model.appendages.tip
-    slopes = np.empty((grid.ticks, len(tips) + 3 * m, grid.size))
-    slopes[:, : len(tips)] = tips @ states[:-1, m:n]
-    demand = slopes[:, len(tips) : len(tips) + m]
-    demand[:] = 0.0
-    if nominal is not None:
-        away = nominal[:-1] - states[:-1]
-        demand += gains[:, :m] @ away[:, :m] + gains[:, m:] @ away[:, n : n + m]
-    piece = np.repeat(np.arange(grid.pieces), np.diff(grid.edges))
-    for j in range(m):
-        demand[np.arange(grid.ticks), j, piece * m + j] += 1.0
-    slopes[:, len(tips) + m : len(tips) + 2 * m] = states[:-1, :m]
-    slopes[:, len(tips) + 2 * m :] = states[:-1, n : n + m]
+    slopes = {channel: _slopes(model, channel, states, nominal, own, grid) for channel in wanted}
     rest = np.zeros(2 * n)
     rest[:m] = goal
-    offset = flown.states[-1] - rest - states[-1] @ weights
-    path = TabledPath(grid, weights, channels(model, flown), slopes, (states[-1], offset))
+    last = states[-1].copy()  # a view would keep the others
+    offset = flown.states[-1] - rest - last @ weights
+    path = TabledPath(grid, weights, channels(model, flown), slopes, (last, offset))
     return Derived(path, states)
+
+
+def _slopes(
+    model: Model,
+    channel: int,
+    states: Tensor,
+    nominal: Tensor | None,
+    gains: Matrix,
+    grid: Grid,
+) -> Matrix:
+    """Return the derivatives of a channel at every tick but the last, (ticks, weights).
+
+    Args:
+        model: of the member.
+        channel: which one.
+        states: derivatives of the member's states.
+        nominal: derivatives of the nominal member's states; None: this is the nominal member.
+        gains: [Kp Kd], shape (joints, 2 joints).
+        grid: the ticks and pieces.
+    """
+    m, n, tip = model.joints, model.coordinates, model.appendages.tip
+    before = states[:-1]
+    if channel < len(tip):
+        return np.tensordot(before[:, m:n], tip[channel], axes=(1, 0))
+    kind, j = divmod(channel - len(tip), m)
+    if kind:
+        return before[:, j + (kind - 1) * n].copy()
+    found = np.zeros((grid.ticks, grid.size))
+    if nominal is not None:
+        for i in range(m):
+            for gain, row in ((gains[j, i], i), (gains[j, m + i], n + i)):
+                if gain:
+                    found += gain * (nominal[:-1, row] - before[:, row])
+    piece = np.repeat(np.arange(grid.pieces), np.diff(grid.edges))
+    found[np.arange(grid.ticks), piece * m + j] += 1.0
+    return found

@@ -164,7 +164,7 @@ def _local(question: Question, members: tuple[Member, ...], progress: Progress) 
     stride, used = _stride(question), _outermost(members)
     grid = question.grid(question.duration, stride * slew.period)
     first, *others = starts(question, grid)
-    search = _Search(question, members, grid, report)
+    search = Search(question, members, grid, report)
     best, used = search.joined(first, used)
     for start in others:
         local = search.of(used).run(start, _A_START)
@@ -177,9 +177,12 @@ def _local(question: Question, members: tuple[Member, ...], progress: Progress) 
         period=slew.period,
         watched=stride * grid.watched,
     )
-    search = _Search(question, members, fine, report)
-    weights = search.joined(best.weights, used)[0].weights
-    merit = search.merit(weights)
+    search = Search(question, members, fine, report)
+    weights, merit = best.weights, search.merit(best.weights)
+    most = (1.0 + _WORSE) * best.merit.residuals.max()
+    if merit.residuals.max() > most or merit.missed > _MET:
+        weights = search.joined(weights, used)[0].weights
+        merit = search.merit(weights)
     if merit.missed > _MISSED:
         raise PlanFailed(
             f"no efforts were found that lead to the goal in {question.duration:g} s within the "
@@ -195,7 +198,7 @@ def _local(question: Question, members: tuple[Member, ...], progress: Progress) 
 
 
 @dataclass(frozen=True)
-class _Search:
+class Search:
     """The search of a local optimum on some members and a grid."""
 
     question: Question
@@ -209,7 +212,7 @@ class _Search:
         q = self.question
         rests = _rests(q, self.members, self.grid)
         ends = q.slew.start, q.slew.goal
-        return Flown(self.members, rests, ends, q.gains, self.grid, q.limits.demand)
+        return Flown(self.members, rests, ends, q.gains, self.grid, q.limits)
 
     @cached_property
     def price(self) -> float:
@@ -228,7 +231,7 @@ class _Search:
 
         return improved(self.program, self.ensemble, start, self.price, steps, listener)
 
-    def of(self, used: Sequence[int]) -> "_Search":
+    def of(self, used: Sequence[int]) -> "Search":
         """Return the search on some of the members."""
         return replace(self, members=tuple(self.members[i] for i in used))
 
@@ -255,6 +258,13 @@ class _Search:
         return merit_of(
             self.program, self.ensemble, weights, self.ensemble.flown(weights), self.price
         )
+
+
+def search_of(question: Question) -> Search:
+    """Return the search on all members and the ticks of the bench."""
+    members = members_of(question.ensemble, question.slew)
+    grid = question.grid(question.duration, question.slew.period)
+    return Search(question, members, grid, _Report(lambda update: None))
 
 
 def _outermost(members: Sequence[Member]) -> list[int]:

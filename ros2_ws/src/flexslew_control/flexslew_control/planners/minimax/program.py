@@ -31,6 +31,18 @@ class Limits:
     rate: Vector
     tip: float
 
+    def of(self, tips: int) -> tuple[Vector, Vector, Vector]:
+        """Return the lowest and highest values of each channel, and their size, (channels,) each.
+
+        Args:
+            tips: how many tips are read.
+        """
+        tip = np.full(tips, self.tip)
+        high = np.concatenate((tip, self.demand, self.joint[1], self.rate))
+        low = np.concatenate((-tip, -self.demand, self.joint[0], -self.rate))
+        size = np.max(np.abs(np.where(np.isfinite((low, high)), (low, high), 0.0)), axis=0)
+        return low, high, np.where(size > 0.0, size, 1.0)
+
 
 class Trust(NamedTuple):
     """Where the responses of a plant that is not linear are good enough.
@@ -108,15 +120,6 @@ class Optimum(NamedTuple):
     def worst(self) -> float:
         """The largest residual of a member [m]."""
         return float(self.residuals.max())
-
-
-def limits_of(response: Response, limits: Limits) -> tuple[Vector, Vector, Vector]:
-    """Return the lowest and highest values of each channel, and their size, (channels,) each."""
-    tips = np.full(response.tips, limits.tip)
-    high = np.concatenate((tips, limits.demand, limits.joint[1], limits.rate))
-    low = np.concatenate((-tips, -limits.demand, limits.joint[0], -limits.rate))
-    size = np.max(np.abs(np.where(np.isfinite((low, high)), (low, high), 0.0)), axis=0)
-    return low, high, np.where(size > 0.0, size, 1.0)
 
 
 def residual(response: Response, end: Vector, ringing: bool, flown: Matrix) -> float:

@@ -19,13 +19,15 @@ import numpy as np
 from scipy.signal import argrelmax
 
 from flexslew_control.planners.minimax.cones import Cones
-from flexslew_control.planners.minimax.program import Key, Optimum, Program, limits_of, residual
+from flexslew_control.planners.minimax.program import Key, Optimum, Program, Trust, residual
 from flexslew_control.planners.minimax.response import Response
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
 _CLOSE = 1e-3  # relative distance of residual and bound at which the program is solved
 _ROUNDING = 1e-6  # of a limit [-]
+_ACCURACY = 1e-4  # of each round's solution, beside that of the last [-]
+_NEAR = 0.4  # of the worst residual, and off a limit, at which a peak may come to hold the step up
 _ROUNDS = 40
 _A_ROUND = 12  # rows that a member's channel gains in each round
 _FIRST_ROWS = 5  # of each member's tips, after the end
@@ -65,7 +67,7 @@ def solved(
         Infeasible: no efforts within the limits lead to the goal in this time.
         PlanFailed: the program was not solved.
     """
-    cones = Cones(program, goal.feasible)
+    cones = Cones(program, goal.feasible, _ACCURACY * goal.close)
     if cones.ticks_count:
         _first_rows(cones)
     for key in known:
@@ -73,6 +75,8 @@ def solved(
             cones.add(key.member, key.channel, [key.tick], key.side)
         elif cones.ticks_count:
             cones.add_residual(key.member, key.channel, [key.tick])
+    if program.trust is not None:
+        _near_rows(cones, program.trust)
     best: Optimum | None = None
     for k in range(goal.rounds or _ROUNDS):
         kept, found = _round(cones)
@@ -98,6 +102,24 @@ def _first_rows(cones: Cones) -> None:
     for i, response in enumerate(cones.program.responses):
         for tip in range(response.tips):
             cones.add_residual(i, tip, grid.ticks + spread)
+
+
+def _near_rows(cones: Cones, trust: Trust) -> None:
+    """Add the peaks that are high, or near a limit, in the flights that a step starts from."""
+    program = cones.program
+    flights = [response.flown(trust.about) for response in program.responses]
+    ticks, tips = program.grid.ticks, program.responses[0].tips
+    worst = max(np.abs(flown[ticks:, :tips]).max() for flown in flights)
+    low, high, size = program.limits.of(tips)
+    for i, flown in enumerate(flights):
+        for side, limit in ((-1.0, low), (1.0, high)):
+            for channel in np.flatnonzero(np.isfinite(limit)):
+                beyond = side * (flown[:, channel] - limit[channel]) + _NEAR * size[channel]
+                cones.add(i, int(channel), _peaks(beyond), side)
+        if cones.ticks_count:
+            for tip in range(tips):
+                beyond = np.abs(flown[ticks:, tip]) - _NEAR * worst
+                cones.add_residual(i, tip, ticks + _peaks(beyond))
 
 
 def _round(cones: Cones) -> tuple[bool, Optimum]:
@@ -145,7 +167,7 @@ def _keep(cones: Cones, member: int, response: Response, flown: Matrix, missed: 
     Else the rows of the worst ticks are added.
     """
     kept = True
-    low, high, size = limits_of(response, cones.program.limits)
+    low, high, size = cones.program.limits.of(response.tips)
     for side, limit in ((-1.0, low), (1.0, high)):
         for channel in np.flatnonzero(np.isfinite(limit)):
             beyond = side * (flown[:, channel] - limit[channel])

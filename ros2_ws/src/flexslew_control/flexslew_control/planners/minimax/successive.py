@@ -24,16 +24,16 @@ from flexslew_control.planners.minimax.nonlinear_path import (
 from flexslew_control.planners.minimax.program import (
     Infeasible,
     Key,
+    Limits,
     Program,
     Trust,
-    limits_of,
     residual,
 )
 from flexslew_control.planners.minimax.response import AtRest, Grid, Indices, Response
 from flexslew_control.planners.minimax.rounds import Goal, solved
 from flexslew_plant.arrays import Matrix, Vector
 
-_GOAL = Goal(close=0.02, rounds=5)  # of every program
+_GOAL = Goal(close=0.02, rounds=3)  # of every program
 _FIRST_RADIUS = 0.3  # of the limits
 _SMALLEST_RADIUS = 1e-4
 _GOOD, _POOR = 0.7, 0.2  # shares of the foretold gain, above and below which the region changes
@@ -52,7 +52,7 @@ class Ensemble:
         ends: joint positions at the start and at the goal, shape (joints,) each.
         gains: [Kp Kd], shape (joints, 2 joints).
         grid: ticks and pieces.
-        limit: of the drives, shape (joints,) [N m or N].
+        limits: that every member keeps to.
     """
 
     members: Sequence[Member]
@@ -60,7 +60,14 @@ class Ensemble:
     ends: tuple[Vector, Vector]
     gains: Matrix
     grid: Grid
-    limit: Vector
+    limits: Limits
+
+    @property
+    def limited(self) -> list[int]:
+        """The channels that have limits."""
+        tips = len(self.rests[0].tip_of_modes)
+        low, high, _ = self.limits.of(tips)
+        return [int(c) for c in np.flatnonzero(np.isfinite(low) | np.isfinite(high))]
 
     def flown(self, weights: Vector) -> list[Flight]:
         """Return the flights of all members."""
@@ -83,9 +90,11 @@ class Ensemble:
     def responses(self, weights: Vector, flights: Sequence[Flight]) -> list[Response]:
         """Return the answers of all members about their flights."""
         found, nominal = list[Response](), None
-        goal = self.ends[1]
+        goal, wanted = self.ends[1], self.limited
         for member, rest, flown in zip(self.members, self.rests, flights, strict=True):
-            derived = tabled(member.model, flown, nominal, self.gains, goal, self.grid, weights)
+            derived = tabled(
+                member.model, flown, nominal, self.gains, goal, self.grid, weights, wanted
+            )
             nominal = derived.states if nominal is None else nominal
             found.append(Response(derived.path, rest, self.grid, goal))
         return found
@@ -184,7 +193,7 @@ def merit_of(
     for i, response in enumerate(responses):
         signals, end = response.flown(weights), response.path.end[1]
         residuals[i] = residual(response, end, asked.ringing, signals)
-        low, high, size = limits_of(response, asked.limits)
+        low, high, size = asked.limits.of(response.tips)
         for beyond in (low - signals.min(axis=0), signals.max(axis=0) - high):
             misses[i] = max(misses[i], float((beyond / size).max(initial=0.0)))
         if i == 0:
@@ -212,7 +221,7 @@ def improved(
         listener: called with number, weights, merit and the bound of the program [m].
     """
     weights, radius, known = start, _FIRST_RADIUS, tuple[Key, ...]()
-    unit = np.tile(ensemble.limit, ensemble.grid.pieces)
+    unit = np.tile(ensemble.limits.demand, ensemble.grid.pieces)
     flights = ensemble.flown(weights)
     asked = program(ensemble.responses(weights, flights))
     merit = merit_of(program, ensemble, weights, flights, price)

@@ -1,0 +1,126 @@
+"""Plants that are not linear: exact derivatives, promises kept, local optima."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.plants import plant
+
+from flexslew_control.planners import PLANNERS, make_plan, plan_settings
+from flexslew_control.planners.minimax.members import members_of
+from flexslew_control.planners.minimax.minimax_feedforward import question_of
+from flexslew_control.planners.minimax.nonlinear_path import channels, flight, tabled
+from flexslew_control.planners.minimax.optimum import search_of
+from flexslew_control.planners.prediction import predicted
+from flexslew_control.planners.slew import Feedback, slew_of
+from flexslew_plant.errors import PlanFailed
+from flexslew_plant.testbeds import read_testbed
+
+QUICK = PLANNERS["minimax_feedforward"].example
+GAINS = {"csa": Feedback(), "hub_with_appendages": Feedback(kp=(10.0,), kd=(20.0,))}
+
+
+def planned(kind: str = "csa", initial: Any = None, **more: Any) -> Any:
+    testbed = read_testbed({"kind": kind, **({"initial": initial} if initial else {})}, "t")
+    section = plan_settings({"method": "minimax_feedforward", **QUICK, **more}, "t")
+    bench = plant(0.05, testbed.effort_limit, testbed)
+    return make_plan(section, bench, GAINS[kind])
+
+
+def left(kind: str, plan: Any, error: float) -> float:
+    """Return what a plan leaves on its model with another stiffness [m]."""
+    model = read_testbed(plan.request["model"], "t").scaled(stiffness=1.0 + error)
+    slew = slew_of(
+        plan_settings({**plan.request, "model": None}, "t"), plant(0.05, model.effort_limit, model)
+    )
+    return predicted(plan, slew).tip_deflection
+
+
+@pytest.mark.parametrize("kind", GAINS)
+def test_the_derivatives_of_a_flight_are_exact(kind: str) -> None:
+    testbed = read_testbed({"kind": kind}, "t")
+    limit = testbed.effort_limit
+    values = {"method": "minimax_feedforward", **QUICK, "duration": 6.0, "pieces": 5}
+    settings: Any = plan_settings(values, "t")
+    slew = slew_of(settings, plant(0.1, limit, testbed), GAINS[kind])
+    question = question_of(settings, slew)
+    member = members_of(settings.ensemble, slew)[1].model
+    nominal, m = slew.model, slew.goal.size
+    grid = question.grid(6.0, 0.1)
+    rng = np.random.default_rng(0)
+    weights = 0.3 * rng.standard_normal(grid.size) * np.tile(limit, 5)
+    still = np.zeros(2 * nominal.coordinates)
+
+    def flown(weights: Any) -> Any:
+        first = flight(nominal, still, grid.held(weights), question.gains, None, 0.1)
+        other = flight(member, still, grid.held(weights), question.gains, first.states, grid.period)
+        return first, other
+
+    first, other = flown(weights)
+    every = range(1 + 3 * m)
+    about = tabled(nominal, first, None, question.gains, slew.goal, grid, weights, every)
+    found = tabled(
+        member, other, about.states, question.gains, slew.goal, grid, weights, every
+    ).path
+    np.testing.assert_allclose(found.flown(weights), channels(member, other), atol=1e-12)
+    for k in (0, 2 * m, grid.size - 1):
+        step = 1e-3 * np.eye(grid.size)[k]
+        (_, ahead), (_, behind) = flown(weights + step), flown(weights - step)
+        slopes = (channels(member, ahead) - channels(member, behind)) / 2e-3
+        for channel in every:
+            np.testing.assert_allclose(found.slopes[channel][:, k], slopes[:, channel], atol=1e-7)
+        end = (ahead.states[-1] - behind.states[-1]) / 2e-3
+        np.testing.assert_allclose(found.end[0][:, k], end, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_slews_keep_their_promise_on_members_and_between(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    start, goal = rng.uniform(-0.6, 0.6, 2), rng.uniform(-0.6, 0.6, 2)
+    plan = planned(
+        initial=dict(zip(("base_yaw", "hub_pitch"), start.tolist(), strict=True)),
+        goal=dict(zip(("base_yaw", "hub_pitch"), goal.tolist(), strict=True)),
+        duration=float(rng.uniform(22.0, 30.0)),
+        ensemble={"count": 7},
+    )
+    promised = plan.summary["worst_residual"]
+    worst = max(left("csa", plan, error) for error in np.linspace(-0.2, 0.2, 13))
+    assert 0.9 * promised < worst < 1.1 * promised
+    assert np.abs(plan.effort).max() <= 150.0
+
+
+def test_a_hub_with_appendages_keeps_its_promise_too() -> None:
+    plan = planned("hub_with_appendages", duration=7.0, ensemble={"count": 5})
+    promised = plan.summary["worst_residual"]
+    worst = max(left("hub_with_appendages", plan, e) for e in np.linspace(-0.2, 0.2, 9))
+    assert 0.9 * promised < worst < 1.1 * promised
+    assert plan.summary["lower_bound"] is None
+
+
+def test_the_step_is_the_best_one_near_it() -> None:
+    """No small random change of the efforts that keeps end and limits leaves less."""
+    plan = planned(duration=25.0)
+    settings: Any = plan_settings(plan.request, "t")
+    slew = slew_of(settings, plant(0.05), GAINS["csa"])
+    search = search_of(question_of(settings, slew))
+    edges = [0, *(np.flatnonzero(np.diff(plan.effort, axis=0).any(axis=1)) + 1).tolist()]
+    search = replace(search, grid=search.grid._replace(edges=(*edges, plan.ticks)))
+    weights = plan.effort[edges].ravel()
+    best = search.merit(weights)
+    assert best.missed < 2e-3
+    rng = np.random.default_rng(0)
+    for size in (1e-3, 1e-2, 5e-2):
+        for _ in range(3):
+            other = weights + size * 150.0 * rng.standard_normal(weights.size)
+            assert search.merit(other).cost > 0.99 * best.cost
+
+
+def test_more_time_and_more_torque_leave_less() -> None:
+    short, long = planned(duration=25.0), planned(duration=32.0)
+    assert long.summary["worst_residual"] < short.summary["worst_residual"]
+
+
+def test_too_short_a_slew_says_how_long_one_takes() -> None:
+    with pytest.raises(PlanFailed, match=r"miss by .* is enough; a rigid body takes 13\.72 s"):
+        planned(duration=10.0)
