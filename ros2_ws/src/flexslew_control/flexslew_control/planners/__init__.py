@@ -19,7 +19,7 @@ from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, software_versions, tick_times
 from flexslew_control.planners.slewing import Slewing, unheard
 from flexslew_plant.entries import table, union
-from flexslew_plant.errors import BadInput
+from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.settings import plain, validated
 
@@ -144,6 +144,9 @@ def other_method(settings: PlanSettings, method: str, source: str, **more: Any) 
     return plan_settings({**values, **more, "method": method}, source)
 
 
+_FARTHEST = 1e3  # a goal; beyond it only the numbers of planners are tested [rad or m]
+
+
 def make_plan(
     settings: PlanSettings,
     plant: PlantDescription,
@@ -162,7 +165,8 @@ def make_plan(
         progress: called with every update of an iteration, if the method has one.
 
     Raises:
-        PlanFailed: no such manoeuvre; the message carries the numbers.
+        PlanFailed: no such manoeuvre, or one whose numbers are beyond those of a computer; the
+            message carries the numbers.
         BadInput: period, limit, start or a joint cannot be used.
     """
     period, limit = plant.period, plant.effort_limit
@@ -170,6 +174,13 @@ def make_plan(
         raise BadInput("a positive number of seconds", key="period", value=period)
     if limit.ndim != 1 or not limit.size or not np.all(limit > 0.0):
         raise BadInput("positive, one per actuator", key="effort_limit", value=limit.tolist())
+    for name, value in (getattr(settings, "goal", None) or {}).items():
+        if isinstance(value, float) and not abs(value) <= _FARTHEST:
+            raise BadInput(f"at most {_FARTHEST:g} rad or m", key=f"goal.{name}", value=value)
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
-    plan = planner_of(settings).make(settings, plant, feedback, progress or unheard)
+    try:
+        plan = planner_of(settings).make(settings, plant, feedback, progress or unheard)
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        words = f"{settings.method}: its numbers are out of range ({error}); take another goal"
+        raise PlanFailed(words) from error
     return replace(plan, versions=software_versions())

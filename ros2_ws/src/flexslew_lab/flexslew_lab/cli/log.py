@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from flexslew_lab.cli.terminal import print_table, say
+from flexslew_lab.cli.terminal import print_line, print_table, say
 from flexslew_lab.trial.outputs import writable_folder
 
 log = typer.Typer(no_args_is_help=True, help="Inspect, check, recover and export bags.")
@@ -109,7 +109,7 @@ def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
         values = {**done._asdict(), "statement": done.statement}
         print(json.dumps(values | {k: str(values[k]) for k in ("source", "out")}, indent=2))
     else:
-        print(done.statement)
+        print_line(done.statement)
         say(str(done.out), "bold")
 
 

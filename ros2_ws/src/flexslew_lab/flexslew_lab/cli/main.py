@@ -146,7 +146,7 @@ def plan(
     def iteration(update: Any) -> None:
         size = f"  |Y| {update.norm_terminal_error:.3e}  |U| {update.norm_input:.4f}"
         known = not math.isnan(update.norm_input)  # a start of a multistart has none
-        for_people.print(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
+        say(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
 
     told = None if as_json else iteration
     made = make_plan(settings, plant_of(wanted), feedback_of(wanted), told)

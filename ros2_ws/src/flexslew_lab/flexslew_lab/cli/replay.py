@@ -9,7 +9,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn
 
 from flexslew_lab.cli.log import Bag, Json, bag_of, demand
-from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say
+from flexslew_lab.cli.terminal import for_people, link, print_line, print_table, progress, say
 from flexslew_lab.trial.domain import chosen_domain
 from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
@@ -73,7 +73,7 @@ def resim(
         ]
         print_table(("", "bit-identical" if again.identical else "DIFFERENT"), rows)
         if first is not None:
-            print(
+            print_line(
                 f"first difference: tick {first.tick} of epoch {first.epoch}, {first.field}: "
                 f"recorded {first.recorded!r}, here {first.ours!r}"
             )
@@ -142,12 +142,12 @@ def check(
             for row in result.rows
         ]
         print_table(columns, rows)
-        print(
+        print_line(
             f"{result.controller} ({result.law}): {result.ticks} answers compared, "
             f"{result.only_recorded} only in the log, {result.only_ours} only from this controller"
         )
         if first is not None:
-            print(
+            print_line(
                 f"first divergence: tick {first.tick} of epoch {first.epoch}, {first.field}: "
                 f"recorded {first.recorded!r}, here {first.ours!r}"
             )
@@ -236,9 +236,7 @@ def live(
 def _tell(missing: str, changed: dict[str, tuple[str, str]]) -> None:
     """Say what a comparison does not cover, and what else ran than was recorded."""
     for name, (there, here) in changed.items():
-        for_people.print(
-            f"{name} is another file: SHA-256 {there[:16]} in the log, {here[:16]} here"
-        )
+        say(f"{name} is another file: SHA-256 {there[:16]} in the log, {here[:16]} here")
     if missing:
         say(missing, head="partial: ")
 

@@ -64,7 +64,7 @@ def run(
     with for_people.status("preparing"):
         ready = prepare(wanted)
     for line in needed(wanted):
-        for_people.print(line, highlight=False)
+        say(line)
     folder = out or default_folder(wanted, part)
     executor = _executor(ready, workers, dask)
     if Store(folder).exists:
@@ -77,10 +77,10 @@ def run(
     if part.of == 1 and wanted.settings.lanes:
         _check_lanes(ready, store, workers)
     if part.of > 1:
-        for_people.print(f"[bold]{folder}[/bold]: join all shards with ./flexslew study merge")
+        say(": join all shards with ./flexslew study merge", head=str(folder), head_style="bold")
         return
     found = finished(wanted, store)
-    keep_worst(wanted, store, found, for_people.print)
+    keep_worst(wanted, store, found, say)
     tell(found, as_json)
     demand(passed(found))
 
@@ -141,7 +141,7 @@ def report(
     else:
         page = out or Path("studies.html")
         write_whole(page, comparison_page(opened, found))
-    for_people.print(f"written {page}")
+    say(f"written {page}")
     for _, store in opened:
         _tell_damaged(store)
     if len(found) == 1:
@@ -184,9 +184,9 @@ def fly(
         print(json.dumps(result.metrics, indent=2))
     else:
         print_table(("metric", "value"), [(k, short(v)) for k, v in result.metrics.items()])
-    for_people.print(f"[bold]{result.folder}[/bold]")
+    say(str(result.folder), "bold")
     if difference:
-        for_people.print(f"[red]{difference}[/red]")
+        say(difference, "red")
     demand(not difference)
 
 

@@ -7,6 +7,7 @@ from datetime import timedelta
 from time import monotonic
 from typing import Any
 
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -14,10 +15,10 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
 )
-from rich.text import Text
 
 from flexslew_lab.cli.terminal import for_people, print_table, say, short
 from flexslew_lab.studies.execution.pace import Pace
+from flexslew_plant.refusal import one_line
 
 ESTIMATING = "estimating the time left"
 _OFTEN = 30.0  # between two lines where no bar can be drawn [wall s]
@@ -41,7 +42,9 @@ def progress(name: str) -> Iterator[Callable[[int, int], None]]:
     )
     pace = Pace()
     with Progress(*columns, console=for_people, transient=True) as bar:
-        task = bar.add_task(f"{name} [dim]trials[/dim]", total=None, left=ESTIMATING)
+        task = bar.add_task(
+            f"{escape(one_line(name))} [dim]trials[/dim]", total=None, left=ESTIMATING
+        )
 
         def advance(done: int, wanted: int) -> None:
             pace.take(done, monotonic())
@@ -118,11 +121,7 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
         print_table((f"against {against}", "variant", "is", *heads), pair_rows(found))
     for row in found["criteria"]:
         verdict = Verdict(row["verdict"])
-        for_people.print(
-            Text.assemble((verdict.value, colours[verdict]), " ", criterion_words(row)),
-            highlight=False,
-            soft_wrap=True,
-        )
+        say(f" {criterion_words(row)}", head=verdict.value, head_style=colours[verdict])
 
 
 def side_by_side(found: list[dict[str, Any]]) -> None:

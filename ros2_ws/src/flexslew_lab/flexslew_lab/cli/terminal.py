@@ -1,4 +1,8 @@
-"""Output for people: progress, tables, short values."""
+"""Output for people: progress, tables, short values.
+
+All of it goes through this file. What is printed may come from a file of somebody else's: what does
+not show, as the sequences that a terminal obeys (title, clipboard), is escaped.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -6,9 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
 from rich.text import Text
+
+from flexslew_plant.refusal import one_line
 
 for_people = Console(stderr=True)  # standard output is for results
 
@@ -24,29 +31,38 @@ def progress(name: str, what: str = "ticks") -> Iterator[Callable[[int, int], No
     )
     hidden = not for_people.is_terminal  # a file would get an empty line
     with Progress(*columns, console=for_people, transient=True, disable=hidden) as bar:
-        task = bar.add_task(f"{name} [dim]{what}[/dim]", total=None)
+        task = bar.add_task(f"{escape(one_line(name))} [dim]{what}[/dim]", total=None)
         yield lambda tick, last: bar.update(task, completed=tick, total=last)
 
 
 def print_table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
     """Print a table on standard output, long words folded."""
     table = Table(
-        *(Column(Text(name), overflow="fold") for name in columns), box=None, header_style="bold"
+        *(Column(Text(one_line(name)), overflow="fold") for name in columns),
+        box=None,
+        header_style="bold",
     )
-    for row in rows:
-        table.add_row(*(Text(str(cell)) for cell in row))  # as it is: [s] is a unit, not a style
+    for row in rows:  # as it is: [s] is a unit, not a style
+        table.add_row(*(Text(one_line(str(cell))) for cell in row))
     Console().print(table)
 
 
-def say(words: str, style: str = "", head: str = "") -> None:
+def print_line(words: str) -> None:
+    """Print a result on standard output, as it is and on one line."""
+    print(one_line(words))
+
+
+def say(words: str, style: str = "", head: str = "", head_style: str = "red") -> None:
     """Tell a person something, as it is and on one line.
 
     Args:
         words: any text.
         style: of the words.
-        head: in red before them.
+        head: before them.
+        head_style: of the head.
     """
-    for_people.print(Text.assemble((head, "red"), (words, style)), highlight=False, soft_wrap=True)
+    line = Text.assemble((one_line(head), head_style), (one_line(words), style))
+    for_people.print(line, highlight=False, soft_wrap=True)
 
 
 def link(path: Path) -> str:

@@ -4,6 +4,7 @@ from rclpy.node import Node
 
 from flexslew_plant import topics
 from flexslew_plant.events import Event, Level
+from flexslew_plant.refusal import one_line
 from flexslew_plant.ros.messages import event_message
 from flexslew_plant.ros.offers import publisher
 
@@ -21,7 +22,7 @@ class EventLog:
     def tell(self, event: Event) -> None:
         """Publish and log an event."""
         self._publisher.publish(event_message(event))
-        words = f"t = {event.time:.2f} s: {event.message}"
+        words = one_line(f"t = {event.time:.2f} s: {event.message}")  # an operator's may be any
         # rclpy ties a severity to the line of the call
         if event.level == Level.INFO:
             self._logger.info(words)

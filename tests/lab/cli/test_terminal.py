@@ -1,0 +1,74 @@
+"""What a file says is shown on a terminal, and obeyed by none."""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+from flexslew_lab.cli import terminal
+from flexslew_lab.cli.main import main
+from flexslew_lab.cli.terminal import print_line, print_table, progress, say
+from flexslew_lab.log.bag_layout import TOPICS
+from flexslew_lab.log.messages.cdr import encode
+from flexslew_lab.log.recording.bag_writer import BagWriter
+
+TITLE, CLIPBOARD, RETURN = "\x1b]0;owned\x07", "\x1b]52;c;b3duZWQ=\x07", "\rok\n"
+HOSTILE = f"{TITLE}{CLIPBOARD}{RETURN}\x9b2J\u202e"
+COMMANDS = Path(terminal.__file__).parent
+
+
+def obeyed(text: str) -> list[str]:
+    """Return what a terminal would not show but obey."""
+    return [letter for letter in text if not letter.isprintable() and letter != "\n"]
+
+
+@pytest.mark.parametrize(
+    "show",
+    [
+        lambda: say(HOSTILE, head=HOSTILE),
+        lambda: print_line(HOSTILE),
+        lambda: print_table((HOSTILE, "b"), [(HOSTILE, 1)]),
+    ],
+)
+def test_what_does_not_show_is_escaped(show: object, capsys: pytest.CaptureFixture[str]) -> None:
+    show()  # type: ignore[operator]
+    shown = capsys.readouterr()
+    assert not obeyed(shown.out + shown.err)
+    assert "\\x1b]0;owned\\x07" in (shown.out + shown.err).replace("\n", "").replace(" ", "")
+
+
+def test_the_name_of_a_trial_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress(f"[/bold]{HOSTILE}") as advance:
+        advance(1, 2)
+    assert "owned\x07" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("path", sorted(COMMANDS.glob("*.py")), ids=lambda path: path.stem)
+def test_commands_print_through_one_door(path: Path) -> None:
+    """print() is for JSON, which escapes what does not show; consoles are those of the door."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if not isinstance(node, ast.Call) or path.stem == "terminal":
+            continue
+        words = ast.unparse(node.func)
+        json = node.args and ast.unparse(node.args[0]).startswith("json.dumps(")
+        assert words != "print" or json, ast.unparse(node)
+        assert not words.endswith((".print", "Console", ".echo", "stdout.write")), ast.unparse(node)
+
+
+@pytest.mark.parametrize("command", [["log", "info"], ["log", "check"], ["recover"]])
+def test_no_event_of_a_log_is_obeyed(
+    tmp_path: Path,
+    command: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    told = {"kind": "recording_stopped", "data": "{}", "message": HOSTILE, "source": HOSTILE}
+    with BagWriter(tmp_path / "bag", {"trial": f"name: '{TITLE!a}'"}) as writer:
+        writer.write("/events", TOPICS["/events"].type, encode(TOPICS["/events"].type, told), 1)
+    monkeypatch.setattr(sys, "argv", ["flexslew", *command, str(tmp_path / "bag")])
+    with pytest.raises(SystemExit):
+        main()
+    shown = capsys.readouterr()
+    assert shown.out
+    assert not obeyed(shown.out + shown.err)
