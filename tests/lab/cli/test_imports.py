@@ -8,7 +8,7 @@ import pytest
 from flexslew_lab.cli import early, operate
 
 HEAVY = ("numpy", "scipy", "numba", "plotly", "pyarrow", "casadi", "rclpy", "rosbags", "viser")
-DESIGN = ("control", "ctrlsys", "matplotlib", "piqp", "optuna")  # what no flight needs
+DESIGN = ("control", "ctrlsys", "matplotlib", "daqp", "optuna")  # what no flight needs
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,9 @@ from flexslew_plant.testbeds.model import Model
 from flexslew_control.controllers.collocated_pid import COLLOCATED_PID as COLLOCATED_PID
 from flexslew_control.controllers.linear_law import LINEAR as LINEAR
 from flexslew_control.controllers.lqr import LQR as LQR
+from flexslew_control.controllers.model_predictive.model_predictive import (
+    MODEL_PREDICTIVE as MODEL_PREDICTIVE,
+)
 from flexslew_control.controllers.output_feedback import OUTPUT_FEEDBACK as OUTPUT_FEEDBACK
 from flexslew_control.controllers.pd_feedforward import PD_FEEDFORWARD as PD_FEEDFORWARD
 from flexslew_control.controllers.proportional_integral import (

@@ -67,6 +67,10 @@ class Controller:
         self._estimator, self._law = estimator, law
         # told what the plan wants, where it makes use of that
         self._expect: Callable[[Reference], None] | None = getattr(estimator, "expect", None)
+        # shown the references to come, where it looks ahead
+        self._foresee: Callable[[Callable[[int], Reference], int], None] | None = getattr(
+            law, "foresee", None
+        )
         # says why it cannot fly this plan, where it needs more of it than a reference
         self._objection: Callable[[Plan | None], str] | None = getattr(law, "objection", None)
         self._handover_ticks = max(1, round(handover_time / period))
@@ -241,7 +245,12 @@ class Controller:
         if takes_over:
             applied = measurement.applied_effort
             self._law.reset(measurement, estimate, reference, applied)
+        if self._foresee is not None:
+            self._foresee(self.reference, measurement.tick)
         effort = self._law.update(measurement, estimate, reference)
+        for what in getattr(self._law, "remarks", ()):
+            m = measurement
+            self.events.append(event_of(what, m.tick, m.time, m.epoch, self.name))
         if takes_over:
             self._handover_tick = measurement.tick
             # at tick 0 there is no predecessor to blend out

@@ -8,6 +8,7 @@ from typing import Any
 from flexslew_plant.events.control import (
     ControllerTuned,
     EstimateDoubted,
+    LimitSoftened,
     PlanDrafted,
     PlanPublished,
     PlanRefused,
@@ -85,6 +86,7 @@ __all__ = [
     "InjectionRequested",
     "Interrupted",
     "Level",
+    "LimitSoftened",
     "Noted",
     "Other",
     "Paused",
@@ -154,6 +156,7 @@ _KINDS: tuple[Any, ...] = (
     RecorderBack,
     ControllerTuned,
     EstimateDoubted,
+    LimitSoftened,
     PlanPublished,
     PlanDrafted,
     PlanRefused,

@@ -49,6 +49,21 @@ class EstimateDoubted:
 
 
 @fact
+class LimitSoftened:
+    """No efforts keep a limit of a law that predicts; it is passed by as little as can be."""
+
+    kind: ClassVar[str] = "softened"
+    level: ClassVar[Level] = Level.WARNING
+    limit: Text  # whose
+    excess: Finite  # the largest of the prediction [rad or m]
+
+    @property
+    def message(self) -> str:
+        """One line for a person."""
+        return f"no effort keeps the limit of {self.limit}: it is passed by {self.excess:.3g}"
+
+
+@fact
 class StrayMessage:
     """Somebody who is not the plant of this bench speaks on one of its topics; said once."""
 

@@ -1,0 +1,296 @@
+"""Model predictive control: the efforts of a horizon are found anew at every tick.
+
+The prediction is that of the believed model's small motions about the operating point; its state
+and the disturbance of each effort come from the Kalman filter. Limits of efforts and of their rates
+hold always; those of joints and tips are softened where they cannot, with an event.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
+from flexslew_control.controllers.model_predictive.prediction import (
+    Costs,
+    Horizon,
+    Program,
+    costs,
+    horizon,
+)
+from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, discretised
+from flexslew_control.free_platform import joints_first, nominal
+from flexslew_control.law import Estimate, PlantDescription, Reference
+from flexslew_control.linear_design import (
+    Designed,
+    OperatingPoint,
+    operating_point_of,
+    require_controllable,
+    state_names,
+)
+from flexslew_plant.arrays import Matrix, Vector, kept
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
+from flexslew_plant.events import LimitSoftened
+from flexslew_plant.settings import Positive, section
+
+_RESOLVED = 2.0  # of the fastest motion in a substep of the integration [rad]
+_DISTINCT = 1e-9  # of two tips that are one, or mirrored
+
+
+@section
+class ModelPredictive:
+    """The settings of controller `model_predictive`."""
+
+    model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
+    operating_point: OperatingPoint = None  # [rad or m]; null: the testbed's own
+    steps: Annotated[int, Field(ge=1, le=200)] = 40  # of the horizon
+    step: Positive = 0.25  # one of them [s]
+    weights: ScaledWeights = ScaledWeights()  # of lqr
+    on_the_way: Positive = 1.0  # share of the weights while the reference moves [-]
+    filter: FilterSettings = FilterSettings()
+    effort_rate: Positive | None = None  # largest [N m/s or N/s]; null: any
+    joint_range: dict[str, tuple[float, float]] | None = None  # by name [rad or m]; null: any
+    tip_limit: Positive | None = None  # of every tip's deflection [m]; null: any
+    iterations: Annotated[int, Field(ge=1)] = 200  # of the solver in a tick, at most
+
+
+class Limits(NamedTuple):
+    """What a law keeps to, as rows of the prediction."""
+
+    effort: Vector  # (m,)
+    rate: float | None  # [N m/s or N/s]
+    rows: Matrix  # of one state, (s, k): those that are soft
+    lower: Vector  # (s,)
+    upper: Vector  # (s,)
+    names: tuple[str, ...]  # of the rows, for the log
+
+
+@dataclass
+class Predicted:
+    """Everything that a tick needs of the model.
+
+    Args:
+        model: for the nominal state.
+        rest: x about which it is linear, shape (k,).
+        horizon: its prediction.
+        costs: of a step.
+        limits: that hold at its end.
+        steps: N.
+        ticks: in a step.
+        substeps: of the integration of a step.
+        period: one tick [s].
+    """
+
+    model: Designed
+    rest: Vector
+    horizon: Horizon
+    costs: Costs
+    limits: Limits
+    steps: int
+    ticks: int
+    substeps: int
+    period: float
+
+
+class ModelPredictiveLaw:
+    """u = v(0) - d_hat, V the efforts that cost least over the horizon.
+
+    While the reference moves its steps may be weighed less (`on_the_way`): with a small share
+    the plan says only where the motion ends, and when; the way there is the law's own.
+
+    Args:
+        predicted: of the model.
+        on_the_way: share of the weights while the reference moves [-].
+        iterations: of the solver, at most.
+    """
+
+    def __init__(self, predicted: Predicted, on_the_way: float, iterations: int) -> None:
+        self._p = p = predicted
+        n, m = p.steps, p.limits.effort.size
+        hard = _differences(n, m) if p.limits.rate is not None else np.zeros((0, n * m))
+        soft = np.asarray(np.kron(np.eye(n), p.limits.rows), dtype=np.float64)
+        self._programs = [
+            Program(p.horizon, p.costs, np.where(np.arange(n) < moving, on_the_way, 1.0),
+                    p.limits.effort, hard, soft, iterations)
+            for moving in (range(n + 1) if on_the_way != 1.0 else (0,))
+        ]  # fmt: skip
+        for program in self._programs:
+            program.prepare()
+        self._ahead: list[Reference] = []  # of the coming answer; none: the reference stays
+        self._active, self._last = np.zeros(n * m + len(hard) + len(soft)), kept(np.zeros((n, m)))
+        self._softened = False
+        self.remarks: list[Any] = []  # of the last answer, for the log
+        self.terms: dict[str, Vector] = {}
+
+    def foresee(self, reference: Callable[[int], Reference], tick: int) -> None:
+        """Look up the references at the ends of the steps from this tick on."""
+        p = self._p
+        self._ahead = [reference(tick + (i + 1) * p.ticks) for i in range(p.steps)]
+
+    def reset(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
+    ) -> None:
+        """Begin without an answer before."""
+        self._active, self._softened = np.zeros_like(self._active), False
+        self._last = kept(np.zeros_like(self._last))
+
+    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
+        """Return the joint efforts, shape (joints,) [N m or N].
+
+        Where the iterations do not suffice, the first effort of the answer before is applied again.
+        """
+        p, d = self._p, estimate.disturbance
+        ahead, self._ahead = self._ahead or [reference] * p.steps, []
+        moving = max((i + 1 for i, one in enumerate(ahead) if one.velocity.any()), default=0)
+        x = np.concatenate((estimate.position, estimate.velocity))
+        free = self._without_efforts(x, measurement.time)
+        target = np.array([nominal(p.model, one) for one in ahead]) - p.rest
+        wanted = np.array([reference.effort, *(one.effort for one in ahead[:-1])])
+        lower, upper = self._bounds(measurement.applied_effort, d, (free @ p.limits.rows.T).ravel())
+        program = self._programs[min(moving, len(self._programs) - 1)]
+        solved, active = program.solve(free - target, wanted, lower, upper, self._active)
+        self.remarks = []
+        if solved.optimal:
+            self._active, self._last = active, kept(solved.efforts)
+            if solved.softened and not self._softened:
+                self.remarks = [self._passed(free, solved.efforts)]
+            self._softened = solved.softened
+        effort: Vector = np.clip(self._last[0] - d, -p.limits.effort, p.limits.effort)
+        regulating = effort - reference.effort + d
+        self.terms = {"feedforward": reference.effort, "regulator": regulating, "disturbance": -d}
+        return effort
+
+    def _without_efforts(self, x: Vector, t: float) -> Matrix:
+        """Return x(1 ... N) about the rest as the linear prediction adds the efforts to it, (N, k).
+
+        The model itself is followed under the last answer's efforts; so what is predicted of the
+        answer is right to the first order about it, and exact where the answers settle.
+        """
+        p, found = self._p, []
+        dt = p.ticks * p.period
+        for i, effort in enumerate(self._last):
+            x = p.model.advance(x, effort, dt, p.substeps, t + i * dt)
+            found.append(x)
+        forced = p.horizon.forced @ self._last.ravel()
+        return np.array(found) - p.rest - forced.reshape(p.steps, -1)
+
+    def _bounds(self, applied: Vector, d: Vector, free: Vector) -> tuple[Vector, Vector]:
+        """Return the limits of V, of its differences, and of the soft rows less their free part."""
+        p = self._p
+        limits, n = p.limits, p.steps
+        lower, upper = np.tile(d - limits.effort, n), np.tile(d + limits.effort, n)
+        if limits.rate is not None:
+            change = np.full(n * len(d), limits.rate * p.ticks * p.period)
+            # the next effort is one tick away, whatever the step
+            near = limits.rate * p.period
+            now = np.clip(applied, -limits.effort, limits.effort) + d
+            lower[: len(d)] = np.maximum(lower[: len(d)], now - near)
+            upper[: len(d)] = np.minimum(upper[: len(d)], now + near)
+            between = change[len(d) :]
+            lower, upper = np.append(lower, -between), np.append(upper, between)
+        rows = len(limits.lower)
+        below, above = np.tile(limits.lower, n), np.tile(limits.upper, n)
+        return (
+            (np.append(lower, below - free), np.append(upper, above - free))
+            if rows
+            else (lower, upper)
+        )
+
+    def _passed(self, free: Matrix, efforts: Matrix) -> LimitSoftened:
+        """Return which limit the prediction passes, and by how much."""
+        p = self._p
+        forced = (p.horizon.forced @ efforts.ravel()).reshape(free.shape)
+        seen = (free + forced) @ p.limits.rows.T
+        excess = np.maximum(seen - p.limits.upper, p.limits.lower - seen)
+        worst = int(excess.max(axis=0).argmax())
+        return LimitSoftened(p.limits.names[worst], float(excess[:, worst].max()))
+
+
+def build(
+    settings: ModelPredictive, plant: PlantDescription
+) -> tuple[KalmanFilter, ModelPredictiveLaw]:
+    """Return the filter and the law.
+
+    Raises:
+        BadInput: a mode is not controllable or not observable, the weights give no regulator, the
+            step is no whole number of ticks, or a limit names what the testbed has not.
+    """
+    ticks = round(settings.step / plant.period)
+    if ticks < 1 or abs(ticks * plant.period - settings.step) > 1e-9 * settings.step:
+        why = f"a whole number of ticks of {plant.period:g} s is needed"
+        raise BadInput(why, key="step", value=settings.step)
+    believed = plant.believed(settings.model)
+    model = joints_first(believed, operating_point_of(plant, believed, settings.operating_point))
+    rest = operating_point_of(plant, model, settings.operating_point)
+    linear = model.linearise(rest)
+    a, b = linear.state_matrix, linear.state_input_matrix
+    require_controllable(a, b, state_names(model))
+    problem = scaled_problem(linear, settings.weights)
+    f, g, _ = discretised(a, b, np.zeros_like(a), settings.step)
+    predicted = Predicted(
+        model,
+        np.concatenate((rest, np.zeros_like(rest))),
+        horizon(f, g, settings.steps),
+        costs(f, g, problem.q, problem.effort_weight),
+        _limits(settings, model, rest, plant.effort_limit),
+        settings.steps,
+        ticks,
+        max(1, int(np.ceil(settings.step * np.abs(np.linalg.eigvals(a)).max() / _RESOLVED))),
+        plant.period,
+    )
+    law = ModelPredictiveLaw(predicted, settings.on_the_way, settings.iterations)
+    return KalmanFilter(model, rest, settings.filter, plant.period), law
+
+
+def _limits(s: ModelPredictive, model: Designed, rest: Vector, effort: Vector) -> Limits:
+    """Return what the prediction keeps to, as rows of x about the rest.
+
+    Raises:
+        BadInput: a limit names what the testbed has not, or is none.
+    """
+    n, m = model.coordinates, model.joints
+    rows, lower, upper, names = [], [], [], []
+    for joint, (low, high) in (s.joint_range or {}).items():
+        if joint not in model.joint_names:
+            why = f"no such joint; there are {', '.join(model.joint_names)}"
+            raise BadInput(why, key="joint_range", value=joint)
+        if not low < high:
+            raise BadInput("the first must be the smaller", key=f"joint_range.{joint}", value=low)
+        k = model.joint_names.index(joint)
+        rows.append(np.eye(2 * n)[k])
+        lower.append(low - rest[k])
+        upper.append(high - rest[k])
+        names.append(joint)
+    if s.tip_limit is not None:
+        tips = model.appendages
+        if not len(tips.tip):
+            raise BadInput("the testbed has no tip", key="tip_limit", value=s.tip_limit)
+        for name, tip in _distinct(tips.names, tips.tip):
+            rows.append(np.concatenate((np.zeros(m), tip, np.zeros(n))))
+            lower.append(-s.tip_limit)
+            upper.append(s.tip_limit)
+            names.append(f"tip {name}")
+    matrix = np.array(rows).reshape(len(rows), 2 * n)
+    return Limits(effort, s.effort_rate, matrix, np.array(lower), np.array(upper), tuple(names))
+
+
+def _distinct(names: tuple[str, ...], tips: Matrix) -> list[tuple[str, Vector]]:
+    """Return the tips without those that mirror another one or do the same."""
+    kept: list[tuple[str, Vector]] = []
+    for name, tip in zip(names, tips, strict=True):
+        size = _DISTINCT * np.abs(tip).max(initial=0.0)
+        if all(min(abs(tip - of).max(), abs(tip + of).max()) > size for _, of in kept):
+            kept.append((name, tip))
+    return kept
+
+
+def _differences(n: int, m: int) -> Matrix:
+    """Return D of D V = v(1) - v(0), ..., shape ((n - 1) m, n m)."""
+    return np.eye((n - 1) * m, n * m, m) - np.eye((n - 1) * m, n * m)
+
+
+MODEL_PREDICTIVE = LawEntry("model_predictive", ModelPredictive, build)
