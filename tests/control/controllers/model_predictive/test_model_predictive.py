@@ -13,7 +13,6 @@ from flexslew_control.controllers.model_predictive.prediction import Program, co
 from flexslew_lab.notebook import fly, trial
 from flexslew_plant.errors import BadInput
 
-
 _FEEDBACK = {"feedback": {"kp": [1.0], "kd": [2.0]}}  # that the planner counts with
 
 
