@@ -10,6 +10,7 @@ from numba import types
 from flexslew_control.plan import Plan
 from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.testbeds import Model
 from flexslew_plant.testbeds.compiled.bound import ADVANCE
 
 WATCHED = 40.0  # after the end of the plan [s]
@@ -59,6 +60,36 @@ def predicted(plan: Plan, slew: Slew) -> Prediction:
     away = np.abs(path[last:, : model.joints] - plan.position[-1])
     left, peak = (float(part.max(initial=0.0)) for part in (tips[last:], tips))
     return Prediction(left, away.max(axis=0), peak)
+
+
+def open_loop(model: Model, start: Vector, effort: Matrix, period: float) -> Matrix:
+    """Return the states at the ticks of a flight with given efforts alone.
+
+    Args:
+        model: equations of motion.
+        start: state [q, v].
+        effort: held over every tick, shape (ticks, efforts) [N m or N].
+        period: one tick [s].
+
+    Returns:
+        shape (ticks + 1, size of a state).
+    """
+    still, none = np.zeros_like(effort), np.zeros(effort.shape[1])
+    flown: Matrix = _kernel()(
+        model.integrate,
+        model.packed,
+        start,
+        still,
+        still,
+        effort,
+        none,
+        none,
+        none + np.inf,
+        period,
+        model.coordinates,
+        model.before_modes,
+    )
+    return flown
 
 
 @lru_cache

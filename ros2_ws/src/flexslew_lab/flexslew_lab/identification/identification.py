@@ -11,11 +11,12 @@ from flexslew_control.law import described
 from flexslew_control.message_fields import plan_of
 from flexslew_control.plan import Plan
 from flexslew_control.planners.excitation.excitation import EXCITATION
+from flexslew_lab.identification.flights import nested
 from flexslew_lab.identification.frequency_response import FrequencyResponse, frequency_response
 from flexslew_lab.identification.from_bag import bag_of, record_of
-from flexslew_lab.identification.modal_fit import ModalLeastSquares
+from flexslew_lab.identification.modal_fit import prediction_error
 from flexslew_lab.identification.modes import Interval, ModalModel, identify_modes
-from flexslew_lab.identification.physical_fit import PhysicalFit, fit_parameters, nested
+from flexslew_lab.identification.physical_fit import PhysicalFit, fit_parameters
 from flexslew_lab.identification.record import Record
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_plant.arrays import Vector
@@ -168,8 +169,7 @@ def validated_on(model: ModalModel, record: Record) -> Validation:
     mine = model.record
     if (record.inputs, record.outputs) != (mine.inputs, mine.outputs):
         raise BadInput(f"{record.source}: has not the inputs and outputs of {mine.source}")
-    problem = ModalLeastSquares(record, model.fit.noise)
-    residual = problem.prediction_error(model.fit)
+    residual = prediction_error(record, model.fit)
     spread = record.measured.std(axis=0)
     size = residual.std(axis=0)
     return Validation(

@@ -7,16 +7,11 @@ import numpy as np
 from scipy.signal import welch
 from scipy.stats import chi2, norm
 
-from flexslew_lab.identification.modal_fit import (
-    ModalFit,
-    ModalLeastSquares,
-    Solution,
-    modal_fit,
-    noise_of,
-    refined,
-)
+from flexslew_lab.identification.modal_fit import FLOOR, ModalFit, modal_fit, noise_of, refined
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
+from flexslew_lab.identification.regressors import Signals
+from flexslew_lab.identification.separable import ModalLeastSquares, Solution
 from flexslew_lab.identification.subspace import METHODS, Poles, slowed, stable
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -24,6 +19,8 @@ from flexslew_plant.errors import BadInput
 CONFIDENCE = 0.95
 _ORDERS = tuple(range(4, 29, 2))
 _WHITE_LAGS = 25  # of the residual's autocorrelation
+_BACKWARD = 2.0  # times that a mode must push forward more than back
+_FIRST_ROUNDS = 10  # candidates that are no modes hardly converge
 _SEPARATE = 0.01  # relative distance of two modes, at least
 _SINGULAR = 1e4  # condition number from which inertias cannot be told apart
 _POWER = 0.99  # of the efforts that lies in the band, where nobody says what it is
@@ -132,7 +129,7 @@ def identify_modes(
     low, high = 0.5 * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
     candidates = _merged([mode for poles in starts for mode in stable(poles, low, high)])
     tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
-    solution = _selected(record, candidates)
+    solution = _selected(Signals(record, band[1]), candidates)
     fit = modal_fit(solution)
     return ModalModel(
         record,
@@ -181,30 +178,52 @@ def _merged(found: list[Oscillator]) -> tuple[Oscillator, ...]:
     return tuple(sorted(kept, key=lambda mode: mode.frequency))
 
 
-def _selected(record: Record, modes: tuple[Oscillator, ...]) -> Solution:
-    """Return the refined modes that pay for their parameters."""
-    first = noise_of(ModalLeastSquares(record, _rough_noise(record)).solve(modes, slopes=False))
-    kept = _pruned(record, modes, first)
-    solution, noise = refined(record, kept, first)
-    fewer = _pruned(record, solution.modes, noise)
-    if len(fewer) < len(solution.modes):
-        solution, _ = refined(record, fewer, noise)
-    return solution
+def _selected(signals: Signals, modes: tuple[Oscillator, ...]) -> Solution:
+    """Return the refined modes that pay for their parameters and can be modes of a bench."""
+    rough = _rough_noise(signals.record)
+    first = noise_of(ModalLeastSquares(signals, rough).solve(modes, slopes=False))
+    # a start that is out of phase explains little: no candidate goes before it has moved
+    solution, noise = refined(signals, modes, first, _FIRST_ROUNDS)
+    solution, noise = refined(signals, _pruned(signals, solution.modes, noise), noise)
+    while True:
+        fewer = _passive(solution, _pruned(signals, solution.modes, noise))
+        if len(fewer) == len(solution.modes):
+            return solution
+        solution, noise = refined(signals, fewer, noise)
+
+
+def _passive(solution: Solution, modes: tuple[Oscillator, ...]) -> tuple[Oscillator, ...]:
+    """Return the modes that a bench can have, where sensors at the drives can tell.
+
+    There the residues of a mode are phi phi^T: one that pushes back is an error of another mode.
+    """
+    record = solution.problem.record
+    fit, rows = modal_fit(solution), list(record.driven)
+    if not rows:
+        return modes
+    wrong = set()
+    for mode, residues in zip(fit.modes, fit.residues, strict=True):
+        values = np.linalg.eigvalsh(0.5 * (residues[rows] + residues[rows].T))
+        if not values[-1] > _BACKWARD * max(-float(values[0]), 0.0):
+            wrong.add(mode)
+    return tuple(mode for mode in modes if mode not in wrong)
 
 
 def _rough_noise(record: Record) -> Vector:
     """Return the noise of every output as differences of third order show it."""
     jumps = np.diff(record.measured, n=3, axis=0).std(axis=0) / np.sqrt(20.0)
     spread = record.measured.std(axis=0)
-    return np.asarray(np.maximum(jumps, 1e-9 * np.maximum(spread, 1e-300)))
+    return np.asarray(np.maximum(jumps, FLOOR * np.maximum(spread, 1e-300)))
 
 
-def _pruned(record: Record, modes: tuple[Oscillator, ...], noise: Vector) -> tuple[Oscillator, ...]:
+def _pruned(
+    signals: Signals, modes: tuple[Oscillator, ...], noise: Vector
+) -> tuple[Oscillator, ...]:
     """Return the modes without those whose absence costs less than their parameters."""
-    problem = ModalLeastSquares(record, noise)
+    problem, record = ModalLeastSquares(signals, noise), signals.record
     kept = list(modes)
     now = problem.solve(tuple(kept), slopes=False).cost if kept else 0.0
-    rows = record.measured.size
+    rows = signals.measured.size
     groups = len(problem.groups)
     price = 0.5 * np.log(rows) * (2 + groups * (record.effort.shape[1] + 2))
     while kept:

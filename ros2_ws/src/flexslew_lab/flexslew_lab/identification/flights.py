@@ -1,0 +1,160 @@
+"""Flights of a testbed's own equations with the efforts of a record, against what was measured."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexslew_control.planners.prediction import open_loop
+from flexslew_lab.identification.oscillators import Oscillator, times
+from flexslew_lab.identification.projection import LowFrequencies, Projection
+from flexslew_lab.identification.record import Quantity, Record
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import Model, Testbed, initial_state, varied
+
+_STEP = 1e-5  # relative, of the central differences
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """A flight against the record, in standard deviations."""
+
+    residual: Vector
+    projections: tuple[Projection, ...]
+
+
+class Flights:
+    """Flights of a testbed with the efforts of a record."""
+
+    def __init__(
+        self, record: Record, testbed: Testbed, names: tuple[str, ...], highest: float
+    ) -> None:
+        self._low = LowFrequencies(record.ticks + 1, record.period, highest)
+        self.record, self._testbed, self._names = record, testbed, names
+        self.flights = 0
+        model = testbed.model()
+        self.inputs = [model.joint_names.index(name) for name in record.inputs]
+        self._effort = np.zeros((record.ticks, model.efforts))
+        self._effort[:, self.inputs] = record.effort
+        self._rows = _reading(record, model)
+
+    def testbed(self, values: Vector) -> Testbed:
+        """Return the testbed with these logarithms of its parameters."""
+        keys = dict(zip(self._names, np.exp(values).tolist(), strict=True))
+        return varied(self._testbed, nested(keys), "--fit")
+
+    def flown(self, values: Vector) -> Matrix:
+        """Return what the sensors would say without errors, (ticks + 1, outputs)."""
+        self.flights += 1
+        testbed = self.testbed(values)
+        model = testbed.model()
+        path = open_loop(model, initial_state(testbed), self._effort, self.record.period)
+        return self._rows(model, path)
+
+    def solve(self, values: Vector, noise: Vector) -> Mismatch:
+        """Return the residual of a flight without bias and free motions."""
+        model = self.testbed(values).model()
+        free = _free_motions(self.record, model)
+        away = self._low(self.record.measured - self.flown(values))
+        parts, projections = [], []
+        for k, output in enumerate(self.record.outputs):
+            projection = Projection(_unit(self._low(free[output.quantity])))
+            parts.append(projection.solve(away[:, k])[1] / noise[k])
+            projections.append(projection)
+        return Mismatch(np.concatenate(parts), tuple(projections))
+
+    def slopes(self, values: Vector, state: Mismatch, noise: Vector) -> Matrix:
+        """Return d(flown)/d(log parameter) without what bias and free motions explain."""
+        columns = []
+        for k in range(values.size):
+            step = np.zeros(values.size)
+            step[k] = _STEP
+            apart = self.flown(values + step) - self.flown(values - step)
+            slope = self._low(apart / (2.0 * _STEP))
+            parts = [
+                projection.solve(slope[:, o])[1] / noise[o]
+                for o, projection in enumerate(state.projections)
+            ]
+            columns.append(np.concatenate(parts))
+        return np.column_stack(columns)
+
+    def noise_of(self, state: Mismatch, noise: Vector) -> Vector:
+        """Return the standard deviation of every output's residual."""
+        each = state.residual.reshape(len(self.record.outputs), -1)
+        found = noise * np.sqrt((each**2).mean(axis=1))
+        return np.asarray(np.maximum(found, 1e-12 * np.abs(self.record.measured).max(axis=0)))
+
+
+def _reading(record: Record, model: Model) -> Callable[[Model, Matrix], Matrix]:
+    """Return what turns the states of a flight into the outputs of the record."""
+    joints = {name: k for k, name in enumerate(model.joint_names)}
+    tips = {f"tip.{name}": k for k, name in enumerate(model.appendages.names)}
+    for output in record.outputs:
+        if not output.joint and output.name not in tips:
+            raise BadInput(f"{record.source}: {output.name} is no sensor of the testbed")
+
+    def read(now: Model, path: Matrix) -> Matrix:
+        if now.reading is None:
+            n = now.positions
+            position, rate = path[:, : now.joints], path[:, n : n + now.joints]
+        else:
+            pairs = [now.joint_state(x) for x in path]
+            position, rate = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
+        first = now.positions - now.modes
+        modes, rates = path[:, first : now.positions], path[:, now.positions + now.before_modes :]
+        deflection = modes @ now.appendages.tip.T
+        if now.appendages.rate is not None:
+            deflection = deflection + rates @ now.appendages.rate.T
+        columns = {
+            Quantity.JOINT_POSITION: (position, joints),
+            Quantity.JOINT_RATE: (rate, joints),
+            Quantity.DEFLECTION: (deflection, tips),
+            Quantity.DEFLECTION_RATE: (deflection, tips),
+        }
+        picked = []
+        for output in record.outputs:
+            values, places = columns[output.quantity]
+            picked.append(values[:, places[output.joint or output.name]])
+        return np.column_stack(picked)
+
+    return read
+
+
+def _free_motions(record: Record, model: Model) -> dict[Quantity, Matrix]:
+    """Return bias and the small motions that the bench may have had before, by quantity."""
+    t = times(record.ticks, record.period)
+    one, line = np.ones_like(t), t / record.duration
+    linear = model.linearise(model.rest({}))
+    poles = linear.eigenvalues
+    poles = poles[poles.imag > 1e-6]
+    free = [
+        Oscillator(float(abs(s)), float(-s.real / abs(s))).free(record.ticks, record.period)
+        for s in poles
+    ]
+    size = [np.array([1.0, abs(s)]) for s in poles]
+    moves = [q * scale for (q, _), scale in zip(free, size, strict=True)]
+    rates = [v * scale for (_, v), scale in zip(free, size, strict=True)]
+    return {
+        Quantity.JOINT_POSITION: np.column_stack((one, line, *moves)),
+        Quantity.JOINT_RATE: np.column_stack((one, *rates)),
+        Quantity.DEFLECTION: np.column_stack((one, *moves)),
+        Quantity.DEFLECTION_RATE: np.column_stack((one, *rates)),
+    }
+
+
+def _unit(columns: Matrix) -> Matrix:
+    return np.asarray(columns / np.sqrt(np.einsum("ij,ij->j", columns, columns)))
+
+
+def nested(paths: dict[str, Any]) -> dict[str, Any]:
+    """Return values by dotted path as nested keys."""
+    out: dict[str, Any] = {}
+    for path, value in paths.items():
+        *outer, last = path.split(".")
+        place = out
+        for part in outer:
+            place = place.setdefault(part, {})
+        place[last] = value
+    return out

@@ -1,0 +1,71 @@
+"""Least squares on the columns of a tall matrix, and the low frequencies to which it is cut."""
+
+import numpy as np
+from scipy.fft import dct
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from flexslew_plant.arrays import Matrix, Vector
+
+_RIDGE = 1e-13
+_ABOVE = 1.3  # frequencies that are kept, in parts of the end of the band
+_PER_PERIOD = 5.0  # means in a period of the highest frequency that is kept
+
+
+class LowFrequencies:
+    """What signals hold below a frequency: the low end of the cosine transform of means.
+
+    Both are orthonormal rows, so white noise stays white and keeps its size, and a fit is exact
+    whatever they leave out. What lies above the band tells nothing, and costs most of the work.
+
+    Args:
+        samples: of a signal.
+        period: between them [s].
+        highest: end of the band [rad/s].
+    """
+
+    def __init__(self, samples: int, period: float, highest: float) -> None:
+        self._each = max(int(2.0 * np.pi / (_ABOVE * highest * _PER_PERIOD * period)), 1)
+        self._means = samples // self._each
+        wanted = int(np.ceil(_ABOVE * highest * samples * period / np.pi)) + 1
+        self.rows = min(self._means, wanted)
+
+    def __call__(self, columns: Matrix) -> Matrix:
+        """Return the coefficients of every column, (rows, columns)."""
+        each, count = self._each, self._means
+        means = columns[: each * count].reshape(count, each, -1).sum(axis=1) / np.sqrt(each)
+        found = dct(np.ascontiguousarray(means.T), type=2, norm="ortho", axis=1)[:, : self.rows]
+        return np.ascontiguousarray(found.T)
+
+
+class Projection:
+    """Least squares on the columns of a tall matrix, by Cholesky's factor of its Gram matrix.
+
+    One correction with the residual brings back what squaring the condition number costs (corrected
+    semi-normal equations, Bjorck 1987).
+
+    Args:
+        columns: of unit length, (rows, n).
+    """
+
+    def __init__(self, columns: Matrix) -> None:
+        self._columns = columns
+        gram = columns.T @ columns
+        try:
+            self._factor = cho_factor(gram)
+        except LinAlgError:  # columns that depend on one another
+            self._factor = cho_factor(gram + _RIDGE * np.eye(len(gram)))
+
+    def coordinates(self, right: Matrix) -> Matrix:
+        """Return the least-squares weights of the columns, (n, ...)."""
+        return np.asarray(cho_solve(self._factor, self._columns.T @ right))
+
+    def solve(self, right: Vector) -> tuple[Vector, Vector]:
+        """Return the weights and the residual."""
+        weights = self.coordinates(right)
+        weights = weights + self.coordinates(right - self._columns @ weights)
+        return weights, right - self._columns @ weights
+
+    @property
+    def inverse(self) -> Matrix:
+        """Of the Gram matrix, (n, n)."""
+        return np.asarray(cho_solve(self._factor, np.eye(self._columns.shape[1])))

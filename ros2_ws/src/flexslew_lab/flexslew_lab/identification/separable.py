@@ -1,0 +1,222 @@
+"""Residues of given modes by least squares, and the slopes of what is left: variable projection.
+
+Every output is linear in residues and initial conditions once frequencies and damping ratios are
+given (Golub and Pereyra 1973):
+
+    y_o(t) = a + b t + sum_a R0_oa iint u_a + sum_i sum_a R_ioa q_ia(t) + free motion of mode i,
+    q_ia'' + 2 zeta_i w_i q_ia' + w_i^2 q_ia = u_a,
+
+with the efforts u that were really applied, held over every tick, as input. They are known
+exactly, so nothing is biased by the feedback that made them: the errors of the fit are the
+sensors' noise alone (the direct method with the true noise model, Pintelon and Schoukens, chapter
+9). A rate sensor sees the derivative with the same residues; a deflection has no rigid part.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flexslew_lab.identification.oscillators import Oscillator
+from flexslew_lab.identification.projection import Projection
+from flexslew_lab.identification.record import Quantity, Record
+from flexslew_lab.identification.regressors import Signals
+from flexslew_plant.arrays import Matrix, Vector
+
+
+@dataclass(frozen=True)
+class Group:
+    """Outputs that share residues: a joint's position and rate, or one deflection."""
+
+    position: int  # column of the record; -1: not measured
+    rate: int  # the same
+    rigid: bool
+
+
+def groups_of(record: Record) -> tuple[Group, ...]:
+    """Return the outputs of a record in groups of one set of residues each."""
+    found = []
+    rates = {o.joint: k for k, o in enumerate(record.outputs) if o.quantity is Quantity.JOINT_RATE}
+    for k, o in enumerate(record.outputs):
+        if o.quantity is Quantity.JOINT_POSITION:
+            found.append(Group(k, rates.pop(o.joint, -1), True))
+    found += [Group(-1, k, True) for k in rates.values()]
+    found += [Group(k, -1, False) for k in record.columns(Quantity.DEFLECTION)]
+    found += [Group(-1, k, False) for k in record.columns(Quantity.DEFLECTION_RATE)]
+    return tuple(found)
+
+
+class ModalLeastSquares:
+    """The separable problem of one record.
+
+    Args:
+        signals: of the experiment.
+        noise: standard deviation of every output, (outputs,).
+    """
+
+    def __init__(self, signals: Signals, noise: Vector) -> None:
+        self.signals, self.noise = signals, noise
+        self.record, self.groups = signals.record, groups_of(signals.record)
+
+    def solve(self, modes: tuple[Oscillator, ...], slopes: bool = True) -> "Solution":
+        """Return the best residues for these modes and the residual.
+
+        Args:
+            modes: frequencies and damping ratios.
+            slopes: whether those of the residual are needed, too.
+        """
+        columns = [self.signals.responses(mode) for mode in modes]
+        moved = [self.signals.slopes(mode) for mode in (modes if slopes else ())]
+        bases: dict[tuple[bool, bool, bool, float], _Basis] = {}
+        parts = []
+        for group in self.groups:
+            kind = (group.rigid, group.position >= 0, group.rate >= 0, self._ratio(group))
+            if kind not in bases:
+                bases[kind] = self._basis(group, columns, moved)
+            parts.append(self._part(group, bases[kind]))
+        return Solution(self, modes, parts)
+
+    def _ratio(self, group: Group) -> float:
+        """Return the weight of a group's rate beside its position."""
+        both = group.position >= 0 and group.rate >= 0
+        return float(self.noise[group.position] / self.noise[group.rate]) if both else 1.0
+
+    def _rows(self, group: Group) -> list[tuple[int, int, float]]:
+        """Return column of the record, derivative and weight of each quantity of a group."""
+        rows = [(group.position, 0, 1.0)] if group.position >= 0 else []
+        return rows + ([(group.rate, 1, self._ratio(group))] if group.rate >= 0 else [])
+
+    def _basis(
+        self,
+        group: Group,
+        columns: "list[tuple[Matrix, Matrix]]",
+        moved: "list[list[tuple[Matrix, Matrix]]]",
+    ) -> "_Basis":
+        rows = self._rows(group)
+        phi = np.vstack([w * self._matrix(group, columns, which) for _, which, w in rows])
+        scale = np.sqrt(np.einsum("ij,ij->j", phi, phi))
+        scale[scale == 0.0] = 1.0
+        phi /= scale
+        projection = Projection(phi)
+        if not moved:
+            empty = np.zeros((len(phi), 0))
+            return _Basis(phi, scale, projection, empty, np.zeros((phi.shape[1], 0)))
+        raw = np.vstack(
+            [w * np.hstack([d[which] for pair in moved for d in pair]) for _, which, w in rows]
+        )
+        along = projection.coordinates(raw)
+        return _Basis(phi, scale, projection, raw - phi @ along, along)
+
+    def _part(self, group: Group, basis: "_Basis") -> "Part":
+        rows = self._rows(group)
+        sigma = float(self.noise[rows[0][0]])
+        y = np.concatenate([w * self.signals.measured[:, column] for column, _, w in rows])
+        weights, residual = basis.projection.solve(y)
+        c, width = weights / basis.scale, self.record.effort.shape[1] + 2
+        count = basis.turned.shape[1] // width  # two for each mode
+        own = np.zeros((basis.turned.shape[1], count))
+        for k in range(count):
+            first = len(c) - (count // 2 - k // 2) * width
+            own[k * width : (k + 1) * width, k] = c[first : first + width]
+        return Part(
+            group,
+            c,
+            sigma,
+            basis,
+            residual / sigma,
+            own.T @ (basis.turned.T @ residual) / sigma**2,
+            own.T @ basis.products @ own / sigma**2,
+            basis.along @ own,
+        )
+
+    def residual_in_time(self, modes: tuple[Oscillator, ...], parts: "list[Part]") -> Matrix:
+        """Return measured minus fitted tick by tick, (ticks + 1, outputs)."""
+        whole = Signals(self.record, None)
+        problem = ModalLeastSquares(whole, self.noise)
+        columns = [whole.responses(mode) for mode in modes]
+        left = whole.measured.copy()
+        for part in parts:
+            for column, which, _ in self._rows(part.group):
+                left[:, column] -= problem._matrix(part.group, columns, which) @ part.weights
+        return left
+
+    def _matrix(self, group: Group, columns: "list[tuple[Matrix, Matrix]]", which: int) -> Matrix:
+        """Return the columns of a position (which 0) or a rate (1): bias, rigid, then modes."""
+        one, line = self.signals.constant, self.signals.line
+        if which == 0:
+            bias = line if group.rigid else one
+            bias = np.hstack((bias, np.zeros_like(one))) if group.rate >= 0 else bias
+        elif group.position >= 0:  # the derivative of the line, and the sensor's own bias
+            bias = np.hstack((0.0 * one, self.signals.slope * one, one))
+        else:
+            bias = one
+        rigid = [self.signals.rigid[which]] if group.rigid else []
+        return np.hstack([bias, *rigid, *(pair[which] for pair in columns)])
+
+
+@dataclass(frozen=True)
+class _Basis:
+    """What groups with the same quantities and weights share."""
+
+    columns: Matrix  # of unit length
+    scale: Vector  # lengths that they had
+    projection: Projection
+    turned: Matrix  # d(columns of the modes)/d(nonlinear), orthogonal to the columns
+    along: Matrix  # weights of the columns in it
+
+    @cached_property
+    def products(self) -> Matrix:
+        """Of the turned columns with one another."""
+        return np.asarray(self.turned.T @ self.turned)
+
+
+@dataclass(frozen=True)
+class Part:
+    """The solution of one group."""
+
+    group: Group
+    weights: Vector  # linear parameters
+    sigma: float  # standard deviation of the first quantity's noise
+    basis: _Basis
+    residual: Vector  # in standard deviations
+    downhill: Vector  # J^T r
+    information: Matrix  # J^T J
+    along: Matrix  # d(linear)/d(nonlinear) of the scaled columns, negative
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Residues, residual and slopes for given modes."""
+
+    problem: ModalLeastSquares
+    modes: tuple[Oscillator, ...]
+    parts: list[Part]
+
+    @property
+    def cost(self) -> float:
+        """Half the squared residual, in standard deviations."""
+        return float(0.5 * sum(part.residual @ part.residual for part in self.parts))
+
+    @property
+    def information(self) -> Matrix:
+        """J^T J of frequencies and damping ratios with the residues eliminated."""
+        size = 2 * len(self.modes)
+        total: Matrix = sum((p.information for p in self.parts), np.zeros((size, size)))
+        return total
+
+    @property
+    def gradient(self) -> Vector:
+        """Of the cost, downhill."""
+        total: Vector = sum((p.downhill for p in self.parts), np.zeros(2 * len(self.modes)))
+        return total
+
+    def residual_of(self, column: int) -> Vector:
+        """Return measured minus fitted of an output, as its signals are cut, in its unit."""
+        for part in self.parts:
+            n = len(self.problem.signals.measured)
+            if part.group.position == column:
+                return np.asarray(part.residual[:n] * self.problem.noise[column])
+            if part.group.rate == column:
+                # weighed to the first quantity's noise, so in its own standard deviations
+                return np.asarray(part.residual[-n:] * self.problem.noise[column])
+        raise AssertionError(column)
