@@ -4,9 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from tests.plants import plant
 
 from flexslew_control.controllers import build_controller
-from flexslew_control.law import PlantDescription
+from flexslew_control.law import InCharge, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
@@ -53,16 +54,17 @@ class Asked(NamedTuple):
     goal: dict[str, float]
 
 
-def flown(plan: Plan, asked: Asked) -> float:
-    """Return the residual of a flight on the bench [m]."""
-    plant = asked.plant
+def flown(plan: Plan, asked: Asked, law: InCharge | None = None) -> float:
+    """Return the residual of a flight on the bench under a law, else under joint feedback [m]."""
+    here = asked.plant
     duration = float(np.ceil(plan.end + 40.0))
-    bench = Bench(BenchSettings(testbed=plant.testbed, period=plant.period, duration=duration))
+    bench = Bench(BenchSettings(testbed=here.testbed, period=here.period, duration=duration))
     gains = {"kp": asked.gains.kp, "kd": asked.gains.kd}
-    pd = build_controller("pd_feedforward", "pd_feedforward", gains, plant, "here")
-    assert pd.adopt(plan) is None
+    name, own = law or ("pd_feedforward", gains)
+    controller = build_controller("pd_feedforward", name, dict(own), here, "here")
+    assert controller.adopt(plan) is None
     residual = Residual(plan)
-    fly(bench, {"pd_feedforward": pd}, residual)
+    fly(bench, {"pd_feedforward": controller}, residual)
     return residual.tip
 
 
@@ -107,9 +109,9 @@ def wish(seed: int) -> Asked:
     """Return a random craft with a random goal."""
     rng = np.random.default_rng([28, seed])
     testbed = craft(rng)
-    plant = PlantDescription(testbed, 0.02, np.full(3, 4.0))
+    bench = PlantDescription(testbed, 0.02, np.full(3, 4.0))
     goal = {str(rng.choice(list(AXES))): float(rng.uniform(-0.8, 0.8))}
-    return Asked(plant, Feedback(kp=(20.0,), kd=(80.0,)), goal)
+    return Asked(bench, Feedback(kp=(20.0,), kd=(80.0,)), goal)
 
 
 @pytest.mark.parametrize("seed", [0, 2])
@@ -140,6 +142,48 @@ def test_the_remedy_of_the_warning_leaves_what_it_says() -> None:
     relevant = {**values, "model": {"modes": "relevant"}}
     chosen = make_plan(plan_settings(relevant, "test"), plant_of(trial), feedback_of(trial))
     np.testing.assert_array_equal(chosen.effort, again.effort)
+
+
+EACH = [[20.0 * (i == j) for i in range(3)] + [80.0 * (i == j) for i in range(3)] for j in range(3)]
+LAWS: dict[str, dict[str, Any]] = {
+    "lqr": {},
+    "collocated_pid": {"kp": [20.0], "ki": [1.0], "kd": [80.0]},
+    "linear": {"system": {"d": EACH}},
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("method", ["input_shaping", "time_optimal"])
+def test_a_plan_that_any_law_flies_leaves_what_it_promises_or_warns(method: str, law: str) -> None:
+    asked = wish(2)
+    values = {"method": method, "goal": asked.goal, **METHODS[method]}
+    charge = InCharge(law, LAWS[law])
+    plan = make_plan(plan_settings(values, "test"), asked.plant, None, law=charge)
+    left, summary = flown(plan, asked, charge), plan.summary
+    assert left == pytest.approx(summary["predicted_residual_tip_deflection"], rel=1e-3, abs=1e-8)
+    if left > 1.1 * summary["residual_tip_deflection_on_model"] + NOTHING:
+        assert f"leaves {left:.2g}"[:9] in summary["warning"]
+
+
+def test_a_testbed_of_joints_is_flown_by_the_law_in_charge_too() -> None:
+    asked = Asked(plant(), Feedback(), {"base_yaw": 0.5})
+    values = {"method": "reference_only", "goal": asked.goal, "model": {"modes": 3}}
+    for law, own in (("lqr", {}), ("pd_feedforward", {"kp": [100.0], "kd": [400.0]})):
+        charge = InCharge(law, own)
+        plan = make_plan(plan_settings(values, "test"), asked.plant, None, law=charge)
+        left, summary = flown(plan, asked, charge), plan.summary
+        assert left == pytest.approx(summary["predicted_residual_tip_deflection"], rel=1e-6)
+        by_joints = summary["residual_tip_deflection_by_joint_feedback"]
+        assert by_joints != pytest.approx(left, rel=0.01)
+        if left > 1.1 * by_joints + NOTHING:
+            assert f"flown by {law} it leaves {left:.3g} m" in summary["warning"]
+
+
+def test_a_plan_of_a_spacecraft_that_nobody_is_known_to_fly_says_so() -> None:
+    asked = wish(0)
+    values = {"method": "input_shaping", "goal": asked.goal, "duration": 30.0}
+    plan = make_plan(plan_settings(values, "test"), asked.plant)
+    assert "not flown on the whole bench" in plan.summary["warning"]
 
 
 @pytest.mark.parametrize("modes", [-1, 1.5, "many"])

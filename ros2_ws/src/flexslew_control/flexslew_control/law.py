@@ -1,5 +1,6 @@
 """The contract of a control law, its estimator and the reference that it follows."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -94,6 +95,13 @@ def described(settings: str, source: str, trust: Trust = NO_CODE) -> PlantDescri
     testbed = with_schedule(testbed, schedule)  # what turns when is known beforehand
     limit = np.array(testbed.effort_limit, dtype=np.float64)
     return PlantDescription(testbed, float(period), limit, trust)
+
+
+class InCharge(NamedTuple):
+    """The law of the controller that will fly a plan."""
+
+    law: str  # see controllers.build_controller
+    settings: Mapping[str, Any]  # of the controller, as a trial's
 
 
 class Reference(NamedTuple):

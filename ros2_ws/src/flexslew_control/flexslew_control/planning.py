@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.law import PlantDescription, described
+from flexslew_control.law import InCharge, PlantDescription, described
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.own_code import NO_CODE, Trust
@@ -33,6 +33,7 @@ class PlanRequest(NamedTuple):
     kd: tuple[float, ...] = ()
     rest_at: Mapping[str, float] | None = None  # the reference at the start; None: the testbed's
     trust: Trust = NO_CODE  # which classes of the user's own may be loaded
+    law: InCharge | None = None  # of the controller in charge; None: nobody knows
 
 
 class Iteration(NamedTuple):
@@ -153,7 +154,7 @@ def _work(pipe: Connection) -> None:
                 if request.rest_at and getattr(settings, "initial", request) is None:
                     settings = replace(settings, initial=dict(request.rest_at))
                 gains = Feedback(kp=request.kp, kd=request.kd) if request.kp else None
-                pipe.send(make_plan(settings, _plant(request), gains, progress))
+                pipe.send(make_plan(settings, _plant(request), gains, progress, request.law))
             except BadInput as error:
                 pipe.send(Refusal(str(error)))  # its value may be one that no pipe can carry
             except PlanFailed as error:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeAlias, runtime_c
 import numpy as np
 from pydantic import Discriminator, PlainValidator, Tag, ValidationInfo
 
-from flexslew_control.law import PlantDescription
+from flexslew_control.law import InCharge, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.entry import PlannerEntry as PlannerEntry
 from flexslew_control.planners.entry import PlanSection as PlanSection
@@ -152,17 +152,21 @@ def make_plan(
     plant: PlantDescription,
     feedback: Feedback | None = None,
     progress: Progress | None = None,
+    law: InCharge | None = None,
 ) -> Plan:
     """Return the plan that a `plan` section asks for.
 
     The summary of a slew says under `believes` what the planner assumes, unlike the bench, and
-    under `predicted_residual_...` what the plan leaves on the model that it believes in.
+    under `predicted_residual_...` what the plan leaves where the law in charge flies it: that of a
+    spacecraft on the whole bench, others on the model that the planner believes in. Where the law
+    is not known, joint feedback with the gains that the planner counts with flies it.
 
     Args:
         settings: one of the sections above.
         plant: what stands on the bench; the section may say otherwise.
         feedback: gains of the controller in charge, where it has such gains.
         progress: called with every update of an iteration, if the method has one.
+        law: of the controller in charge; None: a PD with its gains, or not known.
 
     Raises:
         PlanFailed: no such manoeuvre, or one whose numbers are beyond those of a computer; the
@@ -179,7 +183,7 @@ def make_plan(
             raise BadInput(f"at most {_FARTHEST:g} rad or m", key=f"goal.{name}", value=value)
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
     try:
-        plan = planner_of(settings).make(settings, plant, feedback, progress or unheard)
+        plan = planner_of(settings).make(settings, plant, feedback, progress or unheard, law)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         words = f"{settings.method}: its numbers are out of range ({error}); take another goal"
         raise PlanFailed(words) from error

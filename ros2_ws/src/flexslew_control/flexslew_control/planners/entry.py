@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
-from flexslew_control.law import PlantDescription
+from flexslew_control.law import InCharge, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback
@@ -23,8 +23,11 @@ class PlanSection(Protocol):
         """When the manoeuvre begins [s]."""
 
 
-# section, bench, gains of the controller in charge (None: it has none), listener
-Make: TypeAlias = Callable[[Any, PlantDescription, Feedback | None, Progress], Plan]
+# section, bench, gains of the controller in charge (None: it has none), listener, its law
+# (None: nobody knows)
+Make: TypeAlias = Callable[
+    [Any, PlantDescription, Feedback | None, Progress, InCharge | None], Plan
+]
 
 
 class Variant(NamedTuple):

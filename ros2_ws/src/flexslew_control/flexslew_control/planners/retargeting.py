@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from flexslew_control.controllers.lqr import disturbance_gain
-from flexslew_control.law import PlantDescription
+from flexslew_control.law import InCharge, PlantDescription
 from flexslew_control.perturbation import (
     Change,
     EndCondition,
@@ -76,6 +76,7 @@ def plan_retargeting(
     plant: PlantDescription,
     feedback: Feedback | None,
     progress: Progress,
+    law: InCharge | None = None,
 ) -> Plan:
     """Return the plan of a retargeting manoeuvre.
 
@@ -84,6 +85,7 @@ def plan_retargeting(
         plant: what stands on the bench, its turns included.
         feedback: unused: the plan has gains of its own, or none.
         progress: unused: nothing is iterated.
+        law: unused: nothing is predicted.
 
     Raises:
         BadInput: nothing says how long it takes, two efforts are dependent, or the gains have no

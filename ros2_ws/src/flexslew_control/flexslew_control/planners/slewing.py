@@ -8,7 +8,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_loop, radius
-from flexslew_control.law import PlantDescription
+from flexslew_control.law import InCharge, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.held_efforts import exact_on_ticks
 from flexslew_control.planners.one_axis import RELEVANT, more_modes, one_axis, turns
@@ -16,7 +16,17 @@ from flexslew_control.planners.prediction import Prediction, predicted
 from flexslew_control.planners.progress import Progress, Update
 from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, slew_of
 from flexslew_control.planners.trajectories import rigid_duration, rounded_up
-from flexslew_control.planners.whole_bench import NOTHING, Better, flown_on_bench, kept, told
+from flexslew_control.planners.whole_bench import (
+    NOTHING,
+    Better,
+    as_promised,
+    by_feedback,
+    counted_with,
+    flown_on_bench,
+    not_flown,
+    told,
+    told_by_law,
+)
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
 
@@ -59,6 +69,7 @@ class Slewing:
         plant: PlantDescription,
         feedback: Feedback | None,
         progress: Progress,
+        law: InCharge | None = None,
     ) -> Plan:
         """Return the plan of a section; see make_plan.
 
@@ -67,7 +78,7 @@ class Slewing:
             BadInput: the testbed is not moved by one effort per joint, or lacks what is named.
         """
         if self.one_axis and turns(plant):
-            return self._turned(settings, plant, feedback, progress)
+            return self._turned(settings, plant, feedback, progress, law)
         slew = slew_of(settings, plant, feedback)
         limit = plant.effort_limit
         if limit.size != slew.goal.size:
@@ -88,20 +99,46 @@ class Slewing:
         if exact and promised.tip_deflection > _EXACT:
             plan = exact_on_ticks(plan, slew)
             promised = predicted(plan, slew)
-        rings = self.rings(settings) if self.rings is not None else ""
-        ringing: dict[str, Any] = {}
-        if rings and promised.tip_deflection > RINGING * promised.peak:
-            left = promised.tip_deflection
-            ringing["warning"] = f"the tip vibrates by {left:.3g} m after the end: {rings}"
         promise = {
-            **ringing,
+            **self._ringing(settings, promised),
             "believes": slew.beliefs,
             "predicted_residual_tip_deflection": promised.tip_deflection,
             "predicted_residual_attitude_error": slew.named(promised.attitude_error),
         }
-        return replace(
+        plan = replace(
             plan, request=self._complete(settings, slew), summary={**plan.summary, **promise}
         )
+        return plan if law is None else self._flown_by(law, plan, settings, slew, plant)
+
+    def _ringing(self, settings: Any, found: Prediction) -> dict[str, Any]:
+        """Return a warning of tips that swing on, where a section does not say so itself."""
+        rings = self.rings(settings) if self.rings is not None else ""
+        if not rings or found.tip_deflection <= RINGING * found.peak:
+            return {}
+        left = found.tip_deflection
+        return {"warning": f"the tip vibrates by {left:.3g} m after the end: {rings}"}
+
+    def _flown_by(
+        self, law: InCharge, plan: Plan, settings: Any, slew: Slew, plant: PlantDescription
+    ) -> Plan:
+        """Return the plan with what it leaves where the law in charge flies it.
+
+        The model is that which the planner believes in; where it plans a spacecraft as a whole,
+        the bench's.
+        """
+        if counted_with(law, slew) and not turns(plant):
+            return plan
+        model = None if turns(plant) else slew.model
+        found = flown_on_bench(plan, plant, law, model)
+        if found is None:
+            return plan
+        remedy = ""
+        if not as_promised(plan, found) and getattr(settings, "track", "planned") != "planned":
+            about = self.plan(replace(settings, track="planned"), slew, unheard)
+            other = flown_on_bench(about, plant, law, model)
+            if other is not None and other.tip_deflection < 0.5 * found.tip_deflection:
+                remedy = f"; track: planned leaves {other.tip_deflection:.3g} m"
+        return told_by_law(plan, plant, found, law, remedy)
 
     def _turned(
         self,
@@ -109,6 +146,7 @@ class Slewing:
         plant: PlantDescription,
         feedback: Feedback | None,
         progress: Progress,
+        law: InCharge | None,
     ) -> Plan:
         """Return the plan of a turn about one axis, with what it leaves on the whole bench.
 
@@ -116,20 +154,22 @@ class Slewing:
         plan leaves nothing on the whole bench, or no more than with more of them.
         """
         asked = (getattr(settings, "model", None) or {}).get("modes") == RELEVANT
-        if not asked:
-            plan = self._embedded(settings, plant, feedback, progress)
-            gains = getattr(settings, "feedback", None) or feedback
-            if gains is None:
-                return plan
-            promise = flown_on_bench(plan, plant, gains)
-            if kept(plan, promise):
-                return told(plan, plant, promise)
-            better = self._relevant(settings, plant, feedback, gains, progress, promise)
-            return told(plan, plant, promise, better and better[1])
-        gains = settings.feedback if getattr(settings, "feedback", None) else feedback
-        found = self._relevant(settings, plant, feedback, gains or Feedback(), progress, None)
-        assert found is not None
-        return told(found[0], plant, found[1].promise)
+        gains = getattr(settings, "feedback", None) or feedback
+        flies = law or (by_feedback(gains) if gains else None)
+        if asked:
+            flies = flies or by_feedback(Feedback())
+            found = self._relevant(settings, plant, feedback, flies, progress, None)
+            assert found is not None
+            return told(found[0], plant, found[1].promise)
+        plan = self._embedded(settings, plant, feedback, progress)
+        promise = None if flies is None else flown_on_bench(plan, plant, flies)
+        if flies is None or promise is None:
+            return not_flown(plan)
+        plan = replace(plan, summary={**plan.summary, **self._ringing(settings, promise)})
+        if as_promised(plan, promise):
+            return told(plan, plant, promise)
+        better = self._relevant(settings, plant, feedback, flies, progress, promise)
+        return told(plan, plant, promise, better and better[1])
 
     def _embedded(
         self,
@@ -140,7 +180,9 @@ class Slewing:
     ) -> Plan:
         """Return the plan for all joints of a turn about one axis."""
         reduced = one_axis(settings, plant, feedback)
-        own = self(reduced.settings, reduced.plant, reduced.feedback, progress)
+        own = replace(self, rings=None)(  # whether it rings, the whole bench tells
+            reduced.settings, reduced.plant, reduced.feedback, progress
+        )
         return reduced.embedded(own)
 
     def _relevant(
@@ -148,14 +190,14 @@ class Slewing:
         settings: Any,
         plant: PlantDescription,
         feedback: Feedback | None,
-        gains: Feedback,
+        flies: InCharge,
         progress: Progress,
         than: Prediction | None,
     ) -> tuple[Plan, Better] | None:
         """Return the plan on the modes that matter; None: none is better than what there is.
 
         Raises:
-            PlanFailed: there is no plan on the first of the modes.
+            PlanFailed: there is no plan on the first of the modes, or the law flies none.
         """
         best: tuple[Plan, Better] | None = None
         least = np.inf if than is None else 0.5 * than.tip_deflection
@@ -171,7 +213,14 @@ class Slewing:
                 if best is None and than is None:
                     raise
                 break
-            promise = flown_on_bench(plan, plant, gains)
+            promise = flown_on_bench(plan, plant, flies)
+            if promise is None:
+                if than is None:
+                    raise PlanFailed(
+                        f"model: modes: relevant: {flies.law} cannot fly the plan, so nothing says "
+                        "which modes matter; give a number of modes"
+                    )
+                break
             if promise.tip_deflection < least:
                 best, least = (plan, Better(count, promise)), promise.tip_deflection
             if least <= NOTHING or not more_modes(settings, plant, count):

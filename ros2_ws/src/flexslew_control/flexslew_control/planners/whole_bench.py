@@ -2,20 +2,26 @@
 
 A planner turns a spacecraft about one axis on some of its modes. The plan is flown once more, in
 process and before anybody adopts it, on the equations that the bench itself integrates: efforts
-held over every tick, the joint feedback about the plan, the limits of the drives.
+held over every tick, the law in charge with its estimator, the limits of the drives.
 """
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.law import PlantDescription, per_joint
+from flexslew_control.controllers import PD_FEEDFORWARD, build_controller
+from flexslew_control.law import InCharge, PlantDescription, per_joint
 from flexslew_control.plan import Plan
 from flexslew_control.planners.prediction import WATCHED, Prediction
-from flexslew_control.planners.slew import Feedback
-from flexslew_plant.arrays import Vector
+from flexslew_control.planners.slew import Feedback, Slew
+from flexslew_plant.arrays import Vector, kept
+from flexslew_plant.bench.hardware.sensors import exact_readings
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.model import Model
 
+_NAME = "in_charge"  # of the controller
 NOTHING = 1e-5  # residual of the tips that counts as none [m]
 _ALLOWED = 0.1  # more than on the planner's own model [-]
 
@@ -27,8 +33,8 @@ class Better(NamedTuple):
     promise: Prediction
 
 
-def kept(plan: Plan, bench: Prediction) -> bool:
-    """Return whether a plan leaves the bench as still as the model that it is made on."""
+def as_promised(plan: Plan, bench: Prediction) -> bool:
+    """Return whether a plan leaves the bench as still as it has been promised so far."""
     on_model = float(plan.summary["predicted_residual_tip_deflection"])
     return bench.tip_deflection <= (1.0 + _ALLOWED) * on_model + NOTHING
 
@@ -52,7 +58,7 @@ def told(
         "predicted_residual_attitude_error": away,
         "residual_tip_deflection_on_model": on_model,
     }
-    if not kept(plan, bench):
+    if not as_promised(plan, bench):
         remedy = "no plan about one axis on more modes leaves less than half"
         if better is not None:
             left = better.promise.tip_deflection
@@ -61,43 +67,109 @@ def told(
             f"on the whole bench it leaves {bench.tip_deflection:.3g} m at the tips, on the model "
             f"that it is made on {on_model:.3g} m; {remedy}"
         )
-        earlier = plan.summary.get("warning")
-        summary["warning"] = f"{earlier}; {words}" if earlier else words
+        summary["warning"] = _also(plan, words)
     return replace(plan, summary=summary)
 
 
-def flown_on_bench(plan: Plan, plant: PlantDescription, feedback: Feedback) -> Prediction:
-    """Return the residuals of a plan that is flown on the whole bench.
+def not_flown(plan: Plan) -> Plan:
+    """Return a plan about one axis that no law has flown, with a warning that says so."""
+    words = "not flown on the whole bench: what it leaves is that of the planner's own model"
+    return replace(plan, summary={**plan.summary, "warning": _also(plan, words)})
+
+
+def told_by_law(
+    plan: Plan, plant: PlantDescription, found: Prediction, law: InCharge, remedy: str = ""
+) -> Plan:
+    """Return the plan with what it leaves where a law flies it, and a warning if that is more.
+
+    Args:
+        plan: with what it leaves under the joint feedback that the planner counts with.
+        plant: what stands on the bench.
+        found: what it leaves under the law.
+        law: that flies it.
+        remedy: what would leave less, after a semicolon; empty: nothing that was tried.
+    """
+    by_joints = plan.summary["predicted_residual_tip_deflection"]
+    away = dict(zip(plant.joint_names, found.attitude_error.tolist(), strict=True))
+    summary = {
+        **plan.summary,
+        "predicted_residual_tip_deflection": found.tip_deflection,
+        "predicted_residual_attitude_error": away,
+        "residual_tip_deflection_by_joint_feedback": by_joints,
+    }
+    if not as_promised(plan, found):
+        summary["warning"] = _also(
+            plan,
+            f"flown by {law.law} it leaves {found.tip_deflection:.3g} m at the tips, by the joint "
+            f"feedback that the planner counts with {by_joints:.3g} m{remedy}",
+        )
+    return replace(plan, summary=summary)
+
+
+def counted_with(law: InCharge, slew: Slew) -> bool:
+    """Return whether a law is the joint feedback that the planner counts with, and nothing else."""
+    if law.law != PD_FEEDFORWARD.name or set(law.settings) - {"kp", "kd"}:
+        return False
+    own: Any = PD_FEEDFORWARD.settings(**law.settings)
+    names = slew.model.joint_names
+    kp, kd = (per_joint("gains", tuple(np.atleast_1d(g)), names) for g in (own.kp, own.kd))
+    return bool((kp == slew.kp).all() and (kd == slew.kd).all())
+
+
+def _also(plan: Plan, words: str) -> str:
+    """Return a warning after those that a plan has."""
+    earlier = plan.summary.get("warning")
+    return f"{earlier}; {words}" if earlier else words
+
+
+def flown_on_bench(
+    plan: Plan, plant: PlantDescription, law: InCharge, model: Model | None = None
+) -> Prediction | None:
+    """Return the residuals of a plan that a law flies; None: it cannot fly it.
+
+    The law's own controller flies it in this process, with sensors and motors without errors. It
+    is in charge from the start on, at rest where the plan begins.
 
     Args:
         plan: for all joints of the bench.
-        plant: what stands on the bench.
-        feedback: gains of the controller that flies it.
+        plant: what stands on the bench, and what the law is designed for.
+        law: of the controller in charge.
+        model: that is flown; None: the bench's.
     """
-    model, names, limit = plant.testbed.model(), plant.joint_names, plant.effort_limit
-    kp, kd = per_joint("kp", feedback.kp, names), per_joint("kd", feedback.kd, names)
+    try:
+        controller = build_controller(_NAME, law.law, dict(law.settings), plant, "plan")
+    except BadInput:  # who builds the controllers says why
+        return None
+    if controller.adopt(replace(plan, start=0.0)) or controller.reason:
+        return None
+    model = plant.testbed.model() if model is None else model
+    names, limit, tip = plant.joint_names, plant.effort_limit, model.appendages.tip
     rest = model.rest(dict(zip(names, plan.position[0].tolist(), strict=True)))
     x = np.concatenate((rest, np.zeros(model.coordinates)))
     last = int(np.ceil(plan.duration / plan.period - 1e-9))
-    nothing, tip = np.zeros(len(names)), model.appendages.tip
+    effort = np.zeros(limit.size)
     swing, peak, away = 0.0, 0.0, np.zeros(len(names))
-    for k in range(max(len(plan.effort), last) + int(np.ceil(WATCHED / plan.period))):
-        position, velocity = model.joint_state(x)
-        now = _largest(tip @ model.modal_state(x)[0])
-        peak = max(peak, now)
+    for k in range(max(len(plan.effort), last) + int(np.ceil(WATCHED / plan.period)) + 1):
+        now = plan.start + k * plan.period
+        seen = exact_readings(model, x, effort, now)
+        deflected = _largest(tip @ model.modal_state(x)[0])
+        peak = max(peak, deflected)
         if k >= last:
-            swing = max(swing, now)
-            away = np.maximum(away, abs(position - plan.position[-1]))
-        known = k < len(plan.effort)
-        at = min(k, len(plan.position) - 1)
-        effort = plan.effort[k] + 0.0 if known else nothing
-        effort = effort + kp * (plan.position[at] - position)
-        effort += kd * ((plan.velocity[at] if known else nothing) - velocity)
-        x = model.advance(
-            x, np.clip(effort, -limit, limit), plan.period, t=plan.start + k * plan.period
-        )
-    now = _largest(tip @ model.modal_state(x)[0])
-    return Prediction(max(swing, now), away, max(peak, now))
+            swing = max(swing, deflected)
+            away = np.maximum(away, abs(seen.joint_position - plan.position[-1]))
+        if not np.isfinite(peak):
+            break
+        answer = controller.observe(Measurement(k, 0, now, _NAME, *seen, kept(effort)))
+        if answer is None:  # it has failed on the way
+            return None
+        effort = np.clip(answer.command.effort, -limit, limit)
+        x = model.advance(x, effort, plan.period, t=now)
+    return Prediction(swing, away, peak)
+
+
+def by_feedback(feedback: Feedback) -> InCharge:
+    """Return the joint feedback with these gains as a law."""
+    return InCharge(PD_FEEDFORWARD.name, {"kp": list(feedback.kp), "kd": list(feedback.kd)})
 
 
 def _largest(values: Vector) -> float:

@@ -10,7 +10,7 @@ from flexslew_msgs import msg, srv
 from rclpy.node import Node
 from rclpy.task import Future
 
-from flexslew_control.law import described
+from flexslew_control.law import InCharge, described
 from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
 from flexslew_control.planned_course import PATIENCE, PlanAnswers, PlannedCourse
@@ -57,12 +57,19 @@ class PlanRelease:
         alive: signs of life of the controllers.
         gains: of the controller in charge, if it has such gains.
         trust: classes of the user's own that testbed and requests may name.
+        law: of the controller in charge, if it is known.
     """
 
     def __init__(
-        self, node: Node, loop: Loop, alive: Alive, gains: Gains, trust: Sequence[str]
+        self,
+        node: Node,
+        loop: Loop,
+        alive: Alive,
+        gains: Gains,
+        trust: Sequence[str],
+        law: InCharge | None = None,
     ) -> None:
-        self._trust = Trust.of(trust)
+        self._trust, self._law = Trust.of(trust), law
         self._loop, self._alive, self._gains = loop, alive, gains
         self._draft: tuple[Plan, msg.Plan] | None = None
         self._course: PlannedCourse | None = None
@@ -97,10 +104,11 @@ class PlanRelease:
     ) -> PlanRequest | Refusal:
         """Return what a client asks for; period and limits need not be said."""
         here = self._testbed
-        return plan_request(
+        found = plan_request(
             text, here.settings, period or here.period, limit or here.effort_limit, self._gains,
             self._rest_at, self._trust,
         )  # fmt: skip
+        return found if isinstance(found, Refusal) else found._replace(law=self._law)
 
     def own_request(self, text: str) -> PlanRequest | Refusal:
         """Return what the node's own parameters ask for; they may name any method."""

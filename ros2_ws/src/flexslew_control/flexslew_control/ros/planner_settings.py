@@ -9,6 +9,8 @@ class PlannerSettings:
 
     kp: tuple[NonNegative, ...] = ()  # gains of the controller in charge, if it has such gains
     kd: tuple[NonNegative, ...] = ()
+    law: str = ""  # of the controller in charge, which predictions are flown with; empty: unknown
+    law_settings: str = ""  # its section as YAML
     plan: str = ""  # `plan` section as YAML: planned as soon as the testbed is known; empty: none
     file: str = ""  # a saved plan to publish instead; empty: none
     exit_with_plant: bool = False  # end the process when the plant is gone

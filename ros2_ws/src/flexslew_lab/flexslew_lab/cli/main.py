@@ -128,7 +128,7 @@ def plan(
     from flexslew_control.plan_file import plan_hash, save_plan
     from flexslew_control.planners import make_plan, other_method, plan_settings
     from flexslew_lab.trial.sources import read_trial
-    from flexslew_lab.trial.trial import feedback_of, plan_section_of, plant_of
+    from flexslew_lab.trial.trial import feedback_of, law_in_charge, plan_section_of, plant_of
 
     for path, option in ((out, "--out"), (figure, "--figure")):
         if path is not None:
@@ -149,7 +149,7 @@ def plan(
         say(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
 
     told = None if as_json else iteration
-    made = make_plan(settings, plant_of(wanted), feedback_of(wanted), told)
+    made = make_plan(settings, plant_of(wanted), feedback_of(wanted), told, law_in_charge(wanted))
     summary = {**made.summary, "duration": made.duration, "hash": plan_hash(made)}
     rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
     if out is not None:

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.planners import make_plan
 from flexslew_lab.metrics.observer import MetricsObserver
 from flexslew_lab.trial.in_process import Observer, fly
 from flexslew_lab.trial.trial import (
@@ -14,8 +13,7 @@ from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
     build_controllers,
-    feedback_of,
-    plant_of,
+    plan_of_trial,
     trial_of_values,
 )
 from flexslew_plant.arrays import Matrix, Vector
@@ -130,7 +128,8 @@ def fly_trial(trial: Trial) -> ScoleFlight:
     assert isinstance(trial.testbed, Pointing)
     bench = Bench(bench_settings(trial))
     controllers = build_controllers(trial, bench, trial.name)
-    plan = make_plan(trial.plan, plant_of(trial), feedback_of(trial))
+    plan = plan_of_trial(trial)
+    assert plan is not None
     for controller in controllers.values():
         controller.adopt(plan)
     seen = _Collector(MetricsObserver(bench, plan))

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.one_axis import RELEVANT
 from flexslew_lab.metrics import Metric
 from flexslew_lab.metrics.observer import MetricsObserver
 from flexslew_lab.metrics.own import own_metrics
@@ -21,6 +22,7 @@ from flexslew_lab.trial.trial import (
     build_controllers,
     feedback_of,
     follow,
+    law_in_charge,
     plan_of_trial,
 )
 from flexslew_plant.bench.bench import Bench
@@ -93,6 +95,8 @@ def plan_key(trial: Trial) -> str:
         asked.append(initial_positions(trial.testbed))
     if not plan.get("feedback"):
         asked.append(plain(feedback_of(trial)))
+    if (plan.get("model") or {}).get("modes") == RELEVANT:  # chosen as the law flies them
+        asked.append(law_in_charge(trial))
     return json.dumps(asked, sort_keys=True)
 
 

@@ -10,6 +10,7 @@ from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
     feedback_of,
+    law_in_charge,
     law_of,
     trial_text,
 )
@@ -80,6 +81,8 @@ def node_processes(
         gains = feedback_of(trial)
         if gains is not None:
             parameters |= {"kp": list(gains.kp), "kd": list(gains.kd)}
+        charge = law_in_charge(trial)
+        parameters |= {"law": charge.law, "law_settings": yaml_text(dict(charge.settings))}
         processes.append(NodeProcess("planner", "flexslew_control", "planner", parameters))
     for name, values in trial.controllers.items():
         law, own = law_of(name, values or {})

@@ -15,7 +15,7 @@ from flexslew_control.controllers import (
     with_file,
 )
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.law import PlantDescription
+from flexslew_control.law import InCharge, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planners import PlanSettings, make_plan, plan_settings
@@ -249,7 +249,8 @@ def plan_of_trial(trial: Trial) -> Plan | None:
         return None
     if isinstance(trial.plan, SavedPlan):
         return load_plan(trial.plan.file)
-    return make_plan(trial.plan, plant_of(trial), feedback_of(trial))
+    law = law_in_charge(trial)
+    return make_plan(trial.plan, plant_of(trial), feedback_of(trial), law=law)
 
 
 def plan_section_of(trial: Trial, source: str) -> PlanSettings | None:
@@ -269,6 +270,11 @@ def plant_of(trial: Trial) -> PlantDescription:
     limit = np.array(trial.testbed.effort_limit, dtype=np.float64)
     testbed = with_schedule(trial.testbed, trial.schedule)
     return PlantDescription(testbed, trial.period, limit, trial.trust)
+
+
+def law_in_charge(trial: Trial) -> InCharge:
+    """Return the law of the controller in charge at the start."""
+    return InCharge(*law_of(trial.active, trial.controllers[trial.active] or {}))
 
 
 def feedback_of(trial: Trial) -> Feedback | None:

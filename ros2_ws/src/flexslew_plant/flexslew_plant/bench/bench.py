@@ -15,7 +15,7 @@ from flexslew_plant.bench.hardware.actuator import Actuator
 from flexslew_plant.bench.hardware.drive import Drive
 from flexslew_plant.bench.hardware.friction import friction_of
 from flexslew_plant.bench.hardware.plausibility import Plausibility
-from flexslew_plant.bench.hardware.sensors import Readings, Sensors
+from flexslew_plant.bench.hardware.sensors import Readings, Sensors, exact_readings
 from flexslew_plant.bench.injections import Injections, injection_of
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.records import ActiveFault
@@ -352,17 +352,9 @@ class Bench:
         self._injections.begin(self.tick)
         self.charge.begin(self.tick)
         self._answer, self._lost = None, False
-        position, velocity = self.model.joint_state(self._x)
-        self._velocity = velocity  # of the joints
-        modes, rates = self.model.modal_state(self._x)
-        tip = self.appendages.reading(modes, rates)
-        if self.appendages.felt is not None:
-            slope = self.model.derivative(self._x, self._applied + self._extra, self.time)
-            tip = tip + self.appendages.felt(self._x, slope, self.time)
-        readings = self._sensors.read(
-            Readings(position, velocity, tip, self.appendages.curvature.dot(modes))
-        )
-        readings = self._faults.read(readings)
+        exact = exact_readings(self.model, self._x, self._applied + self._extra, self.time)
+        self._velocity = exact.joint_velocity
+        readings = self._faults.read(self._sensors.read(exact))
         if self._plausibility is not None:
             self._compare(self._plausibility, readings)
         self.question = Measurement(

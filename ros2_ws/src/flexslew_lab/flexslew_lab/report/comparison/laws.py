@@ -20,6 +20,7 @@ from flexslew_lab.trial.trial import (
     build_controllers,
     feedback_of,
     follow,
+    law_in_charge,
     law_of,
     plan_section_of,
     plant_of,
@@ -216,7 +217,7 @@ def _plan(trial: Trial, source: str, changes: dict[str, Any]) -> Plan | None:
     if trial.plan is None:
         return None
     settings = plan_settings({**plain(trial.plan), **changes}, f"{source}: plan")
-    return make_plan(settings, plant_of(trial), feedback_of(trial))
+    return make_plan(settings, plant_of(trial), feedback_of(trial), law=law_in_charge(trial))
 
 
 def _flight(

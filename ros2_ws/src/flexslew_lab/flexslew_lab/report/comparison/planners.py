@@ -14,6 +14,7 @@ from flexslew_lab.trial.trial import (
     SavedPlan,
     Trial,
     feedback_of,
+    law_in_charge,
     plan_section_of,
     plant_of,
 )
@@ -201,7 +202,7 @@ def _planned(trial: Trial, source: str, method: str, variant: Variant) -> Entry:
     plant, feedback = plant_of(trial), feedback_of(trial)
     try:
         settings = other_method(trial.plan, method, f"{source}: plan", **own)
-        plan = make_plan(settings, plant, feedback)
+        plan = make_plan(settings, plant, feedback, law=law_in_charge(trial))
     except (BadInput, PlanFailed) as refused:
         return Entry(name, None, without_source(refused))
     return Entry(name, plan, "")

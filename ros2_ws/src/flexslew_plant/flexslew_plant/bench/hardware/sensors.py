@@ -6,6 +6,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, section
+from flexslew_plant.testbeds.model import Model
 
 
 @section
@@ -34,6 +35,23 @@ class Readings(NamedTuple):
     joint_velocity: Vector
     tip_deflection: Vector
     root_curvature: Vector
+
+
+def exact_readings(model: Model, x: Vector, effort: Vector, t: float) -> Readings:
+    """Return what sensors without errors read.
+
+    Args:
+        model: what stands on the bench.
+        x: its state.
+        effort: held during the last tick, disturbances included, shape (efforts,) [N m or N].
+        t: [s].
+    """
+    position, velocity = model.joint_state(x)
+    modes, rates = model.modal_state(x)
+    tip = model.appendages.reading(modes, rates)
+    if model.appendages.felt is not None:
+        tip = tip + model.appendages.felt(x, model.derivative(x, effort, t), t)
+    return Readings(position, velocity, tip, model.appendages.curvature.dot(modes))
 
 
 class Sensors:
