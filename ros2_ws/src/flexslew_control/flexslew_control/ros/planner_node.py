@@ -13,7 +13,6 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
-from flexslew_control.law import InCharge
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planning import Iteration, Planning, PlanRequest
@@ -27,7 +26,6 @@ from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
-from flexslew_plant.settings import load_yaml
 
 _LOOK = 0.2  # between two looks at the graph [wall s]
 _PLANNING = 0.02  # between two looks at the planning process [wall s]
@@ -45,14 +43,8 @@ class Planner:
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
         self._done: Future | None = None  # of the plan under way
         self._next_look = 0.0
-        self._release = PlanRelease(
-            node,
-            loop,
-            alive,
-            (self._settings.kp, self._settings.kd),
-            self._settings.trust,
-            self._law(),
-        )
+        s = self._settings
+        self._release = PlanRelease(node, loop, alive, (s.kp, s.kd), s.trust, s.in_charge())
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         serve_changes(node, lambda changes: "")
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
@@ -69,12 +61,6 @@ class Planner:
                 (topics.DRAFT_PLAN, self._release.keep),
             )
         ]
-
-    def _law(self) -> InCharge | None:
-        """Return the law of the controller in charge, if the parameters say it."""
-        s = self._settings
-        own = load_yaml(s.law_settings, "law_settings") or {}
-        return InCharge(s.law, own) if s.law else None
 
     def poll(self) -> float:
         """Look for the plant and for plans; return the wall seconds until the next look."""
