@@ -7,7 +7,7 @@ import pytest
 
 from flexslew_control.planners import PLANNERS
 from flexslew_lab.report.comparison.planners import compared
-from flexslew_lab.report.comparison.planners_page import comparison_page, short_table
+from flexslew_lab.report.comparison.planners_page import comparison_page, durations, short_table
 from flexslew_lab.report.page import write_page
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial
@@ -108,3 +108,55 @@ def test_the_swing_of_every_joint_is_told(yaw: Any) -> None:
     columns, table = short_table(yaw)
     assert [row[0] for row in table] == [entry.name for entry in yaw.flown]
     assert columns[-2:] == ["base_yaw over [%]", "hub_pitch over [%]"]
+
+
+OSCILLATOR = """
+name: oscillator
+duration: 20.0
+period: 0.02
+testbed: {kind: floating_oscillator}
+plan: {method: time_optimal, goal: {mass: 1.0}, robust: true}
+controllers: {pd_feedforward: {kp: [0.5], kd: [1.0]}}
+active: pd_feedforward
+"""
+
+
+@pytest.fixture(scope="module")
+def oscillator() -> Any:
+    return compared(parse_trial(OSCILLATOR, "o.yaml"), "o.yaml", errors=(-0.2, 0.0, 0.2))
+
+
+def test_nothing_is_below_the_convex_optimum_of_a_linear_plant(oscillator: Any) -> None:
+    limit = oscillator.limit
+    assert limit.least_time == pytest.approx(4.218, rel=5e-3)
+    assert oscillator.lower_bound == pytest.approx(2.0 * np.sqrt(2.0))
+    assert list(limit.residual) == sorted(limit.residual, reverse=True)
+    for entry in oscillator.flown:
+        if limit.duration[0] < entry.plan.duration < limit.duration[-1]:
+            below = np.interp(entry.plan.duration, limit.duration, np.log(limit.residual))
+            assert np.log(entry.worst_residual + 1e-9) > below - 0.05
+    words = durations(oscillator)
+    assert "NOT AT" in words
+    assert "4.2" in words
+    assert "a bound" in comparison_page(oscillator)
+
+
+def test_where_the_plant_is_not_linear_the_line_says_that_it_is_no_bound(yaw: Any) -> None:
+    assert yaw.limit is None
+    assert "not a bound" in comparison_page(yaw)
+    x, y = yaw.best_found
+    assert list(x) == sorted(x)
+    assert list(y) == sorted(y, reverse=True)
+
+
+def test_a_variant_that_the_trial_asks_for_has_its_name(oscillator: Any) -> None:
+    names = [entry.name for entry in oscillator.entries]
+    assert names[:2] == ["time_optimal, robust", "time_optimal"]
+    assert len(names) == len(set(names))
+    robust, plain_one = oscillator.entries[:2]
+    assert robust.plan.request["robust"]
+    assert not plain_one.plan.request["robust"]
+    rows = {row["method"]: row for row in oscillator.rows()}
+    assert rows["time_optimal, robust"]["same_duration"]
+    assert not rows["time_optimal"]["same_duration"]
+    assert rows["time_optimal"]["over_least_time"] == pytest.approx(1.0, rel=0.02)

@@ -53,6 +53,8 @@ def compare(
         print(json.dumps(found.rows(), indent=2))
     else:
         print_table(*table_of(found))
+        if not laws and (words_of := planners_page.durations(found)):
+            say(words_of)
         for entry in found.entries:
             if entry.refused:
                 say(f"not flown: {entry.name}: {entry.refused}")

@@ -18,7 +18,7 @@ from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.minimax.members import Ensemble
 from flexslew_control.planners.minimax.optimum import Found, Question, found_optimum
 from flexslew_control.planners.minimax.program import Limits
-from flexslew_control.planners.minimax.shortest import least_duration, shortest
+from flexslew_control.planners.minimax.shortest import enough_time, shortest
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, tick_times
 from flexslew_control.planners.slewing import Slewing
@@ -39,7 +39,8 @@ class MinimaxFeedforward:
     residual_bound: Positive | None = None  # the shortest slew that leaves no more is sought [m]
     feedback: Feedback | None = None  # that flies it; null: of the controller in charge
     ensemble: Ensemble = Ensemble()
-    pieces: Annotated[int, Field(ge=2, le=400)] = 60  # of each effort, at most
+    # of each effort, at most; null: 60, of a plant that is not linear 40
+    pieces: Annotated[int, Field(ge=2, le=400)] | None = None
     exact_nominal: bool = False  # whether the model believed in ends at rest, modes included
     joint_range: dict[str, tuple[float, float]] | None = None  # of every member, by joint
     rate_limit: dict[str, Positive] | None = None  # of every member, by joint [rad/s or m/s]
@@ -64,7 +65,7 @@ def plan_minimax_feedforward(settings: MinimaxFeedforward, slew: Slew, progress:
         try:
             found = found_optimum(question, progress)
         except PlanFailed as refused:
-            raise PlanFailed(f"{refused}; {least_duration(question)}") from None
+            raise PlanFailed(f"{refused}; {enough_time(question)}") from None
     return _plan(settings, slew, found)
 
 
@@ -118,10 +119,13 @@ def _plan(settings: MinimaxFeedforward, slew: Slew, found: Found) -> Plan:
     state = np.empty((ticks.size, 2 * n))
     state[0] = 0.0
     state[0, :m] = slew.start
+    driven = len(found.efforts)
+    effort = np.vstack((found.efforts, np.zeros((ticks.size - 1 - driven, m))))
     for k, held in enumerate(found.efforts):
         state[k + 1] = slew.model.advance(state[k], held, slew.period, t=float(ticks[k]))
+    state[driven + 1 :] = np.concatenate((slew.goal, np.zeros(2 * n - m)))
     position, velocity = state[:, :m].copy(), state[:, n : n + m].copy()
-    position[-1], velocity[-1] = slew.goal, 0.0
+    position[driven:], velocity[driven:] = slew.goal, 0.0
     optimum = found.optimum
     summary: dict[str, Any] = {
         "duration": found.duration,
@@ -142,7 +146,7 @@ def _plan(settings: MinimaxFeedforward, slew: Slew, found: Found) -> Plan:
         period=slew.period,
         position=position,
         velocity=velocity,
-        effort=found.efforts,
+        effort=effort,
         state=state,
         duration=found.duration,
         summary=summary,

@@ -17,10 +17,15 @@ from flexslew_control.planners.minimax.successive import Local, Merit, improved,
 from flexslew_control.planners.prediction import WATCHED
 from flexslew_control.planners.progress import Progress, Update
 from flexslew_control.planners.slew import Slew
+from flexslew_control.planners.trajectories import rigid_duration
+from flexslew_control.planners.whole_bench import NOTHING
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds import Model
 
+_PIECES, _FEWER = 60, 40  # of a linear plant, of another one
+_PIECE = 0.75  # of the period of the fastest mode, longest of a plant that is not linear [-]
+_RIGID = 2.0  # times that a rigid body needs, for which efforts are applied at least
 _A_PIECE = 5  # coarse ticks, at least
 _ANGLE = 0.4  # of the fastest pole in a coarse tick [rad]
 _PRICE = 10.0  # of missing the end or the limits by all of them, beside the way [m/rad or -]
@@ -41,7 +46,7 @@ class Question:
         slew: what the planner is asked for.
         ensemble: what may differ.
         duration: of the slew [s].
-        pieces: of each effort, at most.
+        pieces: of each effort, at most; None: as many as suit the plant.
         limits: that every member keeps to.
         exact: whether the nominal member ends at rest, modes included.
         rho: what effort costs [m/N^2 or m/(N m)^2].
@@ -51,7 +56,7 @@ class Question:
     slew: Slew
     ensemble: Ensemble
     duration: float
-    pieces: int
+    pieces: int | None
     limits: Limits
     exact: bool
     rho: float
@@ -62,9 +67,36 @@ class Question:
         """[Kp Kd], shape (joints, 2 joints)."""
         return np.hstack((np.diag(self.slew.kp), np.diag(self.slew.kd)))
 
-    def grid(self, duration: float, period: float) -> Grid:
-        """Return ticks and pieces of a duration [s]."""
-        return grid_of(duration, self.pieces, self.slew.goal.size, period, WATCHED)
+    @cached_property
+    def linear(self) -> bool:
+        """Whether the model believed in is linear."""
+        return is_linear(self.slew.model)
+
+    @cached_property
+    def count(self) -> int:
+        """How many pieces, at most."""
+        return self.pieces or (_PIECES if self.linear else _FEWER)
+
+    @cached_property
+    def driven(self) -> float:
+        """How long efforts are applied; after it a plant that is not linear only settles [s].
+
+        Pieces that are long beside the period of a mode cannot hold it still.
+        """
+        model = self.slew.model
+        if self.linear or not model.modes:
+            return self.duration
+        fastest = model.linearise(model.rest(self.slew.named(self.slew.goal))).frequencies[-1]
+        slew, drives = self.slew, self.limits.demand
+        rigid = rigid_duration(model, slew.start, slew.goal, drives)
+        suits = self.count * _PIECE * 2.0 * np.pi / float(fastest)
+        return min(self.duration, max(suits, _RIGID * rigid))
+
+    def grid(self, period: float) -> Grid:
+        """Return ticks, of a length [s], and pieces."""
+        grid = grid_of(self.driven, self.count, self.slew.goal.size, period, WATCHED)
+        rest = max(int(np.ceil(self.duration / period - 1e-9)) - grid.ticks, 0)
+        return grid._replace(rest=rest, watched=grid.watched + rest)
 
 
 class Found(NamedTuple):
@@ -99,7 +131,7 @@ def found_optimum(question: Question, progress: Progress, enough: float | None =
 
 def convex_program(question: Question, members: Sequence[Member]) -> Program:
     """Return the program of an ensemble whose members are all linear."""
-    slew, grid = question.slew, question.grid(question.duration, question.slew.period)
+    slew, grid = question.slew, question.grid(question.slew.period)
     gains, ends = question.gains, (slew.start, slew.goal)
     rests = _rests(question, members, grid)
     paths = (linear_path(m.model, slew.model, ends, gains, grid) for m in members)
@@ -162,11 +194,11 @@ def _local(question: Question, members: tuple[Member, ...], progress: Progress) 
     """
     slew, report = question.slew, _Report(progress)
     stride, used = _stride(question), _outermost(members)
-    grid = question.grid(question.duration, stride * slew.period)
+    grid = question.grid(stride * slew.period)
     first, *others = starts(question, grid)
     search = Search(question, members, grid, report)
     best, used = search.joined(first, used)
-    for start in others:
+    for start in others if best.merit.residuals.max() > NOTHING else ():
         local = search.of(used).run(start, _A_START)
         if local.merit.cost < _BEHIND * best.merit.cost:
             other, more = search.joined(local.weights, used)
@@ -176,11 +208,12 @@ def _local(question: Question, members: tuple[Member, ...], progress: Progress) 
         edges=tuple(stride * edge for edge in grid.edges),
         period=slew.period,
         watched=stride * grid.watched,
+        rest=stride * grid.rest,
     )
     search = Search(question, members, fine, report)
     weights, merit = best.weights, search.merit(best.weights)
     most = (1.0 + _WORSE) * best.merit.residuals.max()
-    if merit.residuals.max() > most or merit.missed > _MET:
+    if merit.residuals.max() > max(most, NOTHING) or merit.missed > _MET:
         weights = search.joined(weights, used)[0].weights
         merit = search.merit(weights)
     if merit.missed > _MISSED:
@@ -245,6 +278,7 @@ class Search:
             start = local.weights
             merit = self.merit(start)
             worse = merit.residuals > (1.0 + _WORSE) * local.merit.residuals.max()
+            worse &= merit.residuals > NOTHING
             worse |= merit.misses > _MET
             new = [int(i) for i in np.flatnonzero(worse) if i not in used]
             if not new:
@@ -263,7 +297,7 @@ class Search:
 def search_of(question: Question) -> Search:
     """Return the search on all members and the ticks of the bench."""
     members = members_of(question.ensemble, question.slew)
-    grid = question.grid(question.duration, question.slew.period)
+    grid = question.grid(question.slew.period)
     return Search(question, members, grid, _Report(lambda update: None))
 
 
@@ -282,7 +316,7 @@ def _stride(question: Question) -> int:
     rest = slew.model.rest(slew.named(slew.goal))
     poles = slew.model.linearise(rest).with_feedback(slew.kp, slew.kd).eigenvalues
     most = _ANGLE / float(np.abs(poles).max()) / slew.period
-    grid = question.grid(question.duration, slew.period)
+    grid = question.grid(slew.period)
     most = min(most, grid.ticks / grid.pieces / _A_PIECE)
     return max(c for c in range(1, max(int(most), 1) + 1) if grid.ticks % c == 0)
 
@@ -295,7 +329,7 @@ def starts(question: Question, grid: Grid) -> list[Vector]:
     inertia = slew.model.mass_matrix(rest)[:m, :m]
     edges = np.array(grid.edges) / grid.ticks
     middle = 0.5 * (edges[1:] + edges[:-1])
-    smooth = (6.0 - 12.0 * middle) / question.duration**2  # of the cubic 3 s^2 - 2 s^3
+    smooth = (6.0 - 12.0 * middle) / question.driven**2  # of the cubic 3 s^2 - 2 s^3
     rigid = np.outer(smooth, inertia @ (slew.goal - slew.start)).ravel()
     limit = np.tile(question.limits.demand, grid.pieces)
     return [np.clip(rigid, -limit, limit), np.zeros(grid.size)]

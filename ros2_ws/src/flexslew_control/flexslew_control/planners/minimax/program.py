@@ -134,4 +134,4 @@ def residual(response: Response, end: Vector, ringing: bool, flown: Matrix) -> f
     if ringing:
         amplitude = np.hypot(*(response.rest.modes @ end).reshape(2, -1))
         return float((response.rest.tip_of_modes @ amplitude).max(initial=0.0))
-    return float(np.abs(flown[response.grid.ticks :, : response.tips]).max(initial=0.0))
+    return float(np.abs(flown[response.grid.over :, : response.tips]).max(initial=0.0))

@@ -28,7 +28,13 @@ class Grid(NamedTuple):
     edges: tuple[int, ...]  # ticks at which pieces begin, and the end, rising
     joints: int
     period: float  # [s]
-    watched: int  # ticks after the end
+    watched: int  # ticks after the end of the pieces
+    rest: int = 0  # ticks after the end of the pieces from which on a residual counts
+
+    @property
+    def over(self) -> int:
+        """The tick from which on a residual counts."""
+        return self.ticks + self.rest
 
     @property
     def ticks(self) -> int:

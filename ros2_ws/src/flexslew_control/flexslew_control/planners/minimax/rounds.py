@@ -28,6 +28,7 @@ _CLOSE = 1e-3  # relative distance of residual and bound at which the program is
 _ROUNDING = 1e-6  # of a limit [-]
 _ACCURACY = 1e-4  # of each round's solution, beside that of the last [-]
 _NEAR = 0.4  # of the worst residual, and off a limit, at which a peak may come to hold the step up
+_NOTHING = 1e-8  # of the way, by which residual and bound may differ whatever they are [m/rad]
 _ROUNDS = 40
 _A_ROUND = 12  # rows that a member's channel gains in each round
 _FIRST_ROWS = 5  # of each member's tips, after the end
@@ -98,17 +99,18 @@ def solved(
 def _first_rows(cones: Cones) -> None:
     """Add some ticks after the end of every tip, denser at first."""
     grid = cones.program.grid
-    spread = np.unique(np.geomspace(1, grid.watched, _FIRST_ROWS).astype(int)) - 1
+    last = grid.watched - grid.rest
+    spread = np.unique(np.geomspace(1, last, _FIRST_ROWS).astype(int)) - 1
     for i, response in enumerate(cones.program.responses):
         for tip in range(response.tips):
-            cones.add_residual(i, tip, grid.ticks + spread)
+            cones.add_residual(i, tip, grid.over + spread)
 
 
 def _near_rows(cones: Cones, trust: Trust) -> None:
     """Add the peaks that are high, or near a limit, in the flights that a step starts from."""
     program = cones.program
     flights = [response.flown(trust.about) for response in program.responses]
-    ticks, tips = program.grid.ticks, program.responses[0].tips
+    ticks, tips = program.grid.over, program.responses[0].tips
     worst = max(np.abs(flown[ticks:, :tips]).max() for flown in flights)
     low, high, size = program.limits.of(tips)
     for i, flown in enumerate(flights):
@@ -124,7 +126,7 @@ def _near_rows(cones: Cones, trust: Trust) -> None:
 
 def _round(cones: Cones) -> tuple[bool, Optimum]:
     """Return whether all limits were kept, and the solution; add the rows that it violates."""
-    program, ticks = cones.program, cones.program.grid.ticks
+    program, ticks = cones.program, cones.program.grid.over
     weights, bound, missed = cones.solve()
     kept, residuals = True, np.empty(len(program.responses))
     for i, response in enumerate(program.responses):
@@ -148,7 +150,7 @@ def _done(cones: Cones, goal: Goal, best: Optimum | None, found: Optimum) -> boo
         return False
     if goal.enough is not None and best.worst <= goal.enough:
         return True
-    return cones.cost(best) <= (1.0 + goal.close) * found.bound + 1e-9 * cones.scale
+    return cones.cost(best) <= (1.0 + goal.close) * found.bound + _NOTHING * cones.program.span
 
 
 def _peaks(beyond: Vector) -> Vector:

@@ -52,25 +52,36 @@ def shortest(question: Question, bound: float, progress: Progress) -> Found:
     return best
 
 
-def least_duration(question: Question) -> str:
-    """Return in words the least duration in which the limits let efforts lead to the goal."""
+def least_duration(question: Question) -> float | None:
+    """Return the least duration in which the limits let efforts lead to the goal [s]; None: none.
+
+    Args:
+        question: what is sought; its duration is where the search starts.
+    """
     members = members_of(question.ensemble, question.slew)
     period = question.slew.period
-    low = int(question.duration / period)
-    high = max(2 * low, int(np.ceil(_rigid(question) / period)))
+    low = min(int(question.duration / period), int(_rigid(question) / period))
+    high = max(2 * low, int(np.ceil(_rigid(question) / period)), 2)
     for _ in range(_LONGER):
         if _feasible(question, members, high):
             break
         low, high = high, 2 * high
     else:
-        return f"no duration up to {high * period:.4g} s is enough; use wider limits"
+        return None
     while high - low > max(1, int(_CLOSE * high)):
         middle = (low + high) // 2
         low, high = (low, middle) if _feasible(question, members, middle) else (middle, high)
-    enough, rigid = rounded_up(high * period), _rigid(question)
+    return high * period
+
+
+def enough_time(question: Question) -> str:
+    """Return in words in what time the limits let efforts lead to the goal."""
+    least = least_duration(question)
+    if least is None:
+        return f"no duration up to {2**_LONGER * question.duration:.4g} s is enough; widen a limit"
     return (
-        f"a duration of {enough:g} s (now {question.duration:g} s) is enough; a rigid body takes "
-        f"{rigid:.4g} s"
+        f"a duration of {rounded_up(least):g} s (now {question.duration:g} s) is enough; a rigid "
+        f"body takes {_rigid(question):.4g} s"
     )
 
 

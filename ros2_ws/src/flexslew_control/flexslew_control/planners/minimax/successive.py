@@ -31,6 +31,7 @@ from flexslew_control.planners.minimax.program import (
 )
 from flexslew_control.planners.minimax.response import AtRest, Grid, Indices, Response
 from flexslew_control.planners.minimax.rounds import Goal, solved
+from flexslew_control.planners.whole_bench import NOTHING
 from flexslew_plant.arrays import Matrix, Vector
 
 _GOAL = Goal(close=0.02, rounds=3)  # of every program
@@ -252,7 +253,8 @@ def improved(
         little = min(promised, gain if gain > 0.0 else promised) <= _SETTLED * merit.cost
         if gain > 0.0:
             weights, merit = step, new
-        settled = little and merit.missed <= _MET
+        none = merit.residuals.max() < NOTHING
+        settled = (little or none) and merit.missed <= _MET
         if little and not settled:  # missing is too cheap
             price *= _DEARER
             merit = merit._replace(cost=merit.cost + (1.0 - 1.0 / _DEARER) * price * merit.missed)

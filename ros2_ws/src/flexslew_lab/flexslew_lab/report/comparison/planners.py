@@ -1,13 +1,15 @@
 """The same manoeuvre by every method, on benches that are not what the planner believes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from flexslew_control.plan import Plan
 from flexslew_control.planners import PLANNERS, Variant, make_plan, other_method, planner_of
+from flexslew_control.planners.minimax.limit_curve import LimitCurve, limit_curve
+from flexslew_control.planners.slew import slew_of
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_lab.report.comparison.flight import PlanFlight, flown
 from flexslew_lab.trial.trial import (
@@ -18,6 +20,7 @@ from flexslew_lab.trial.trial import (
     plan_section_of,
     plant_of,
 )
+from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput, PlanFailed, without_source
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import initial_positions
@@ -69,6 +72,28 @@ class Comparison:
     joint_units: tuple[str, ...]
     lower_bound: float  # of the duration, for a rigid body under the limits [s]
     entries: tuple[Entry, ...]
+    limit: LimitCurve | None = None  # of a linear plant
+
+    @property
+    def other_durations(self) -> tuple[str, ...]:
+        """The methods that fly at another duration than the trial's own."""
+        own = self.flown[0].plan if self.flown else None
+        return tuple(
+            entry.name
+            for entry in self.flown
+            if own is not None
+            and entry.plan is not None
+            and abs(entry.plan.duration - own.duration) > 1e-9
+        )
+
+    @property
+    def best_found(self) -> tuple[Vector, Vector]:
+        """Durations and the least worst residual of any method that takes no longer [s, m]."""
+        made = [
+            (e.plan.duration, e.worst_residual) for e in self.flown if e.plan and e.plan.duration
+        ]
+        rows = np.array(sorted(made)).reshape(-1, 2)
+        return rows[:, 0], np.minimum.accumulate(rows[:, 1])
 
     @property
     def flown(self) -> tuple[Entry, ...]:
@@ -78,13 +103,16 @@ class Comparison:
     def rows(self) -> list[dict[str, Any]]:
         """Return the numbers as plain data, one row per method."""
         out: list[dict[str, Any]] = []
+        least = None if self.limit is None else self.limit.least_time
         for entry in self.entries:
             row: dict[str, Any] = {"method": entry.name, "refused": entry.refused}
             if entry.plan is not None and entry.flights:
                 nominal = entry.nominal
                 row |= {
                     "duration": entry.plan.duration,
+                    "same_duration": entry.name not in self.other_durations,
                     "over_lower_bound": entry.plan.duration / self.lower_bound,
+                    "over_least_time": least and entry.plan.duration / least,
                     "settling_time": nominal.settling_time,
                     "residual_tip": nominal.residual_tip,
                     "residual_joint": nominal.residual_joint,
@@ -162,7 +190,20 @@ def compared(
     bound = max(
         (rigid_duration(model, first, plan.position[-1], limit) for plan in plans), default=0.0
     )
-    return Comparison(trial, model.joint_names, model.joint_units, bound, tuple(entries))
+    limits = _limit(trial, errors, longest)
+    units = model.joint_units
+    return Comparison(trial, model.joint_names, units, bound, tuple(entries), limits)
+
+
+def _limit(trial: Trial, errors: Sequence[float], longest: float) -> LimitCurve | None:
+    """Return the convex optimum over the duration; None: the plant is not linear."""
+    try:
+        slew = slew_of(trial.plan, plant_of(trial), feedback_of(trial))
+    except (BadInput, AttributeError):  # no slew, or of a section without a goal
+        return None
+    if slew.effort_limit.size != slew.goal.size:
+        return None
+    return limit_curve(slew, (min(errors), max(errors)), longest)
 
 
 def _carries_payload(trial: Trial) -> bool:
@@ -175,16 +216,31 @@ def _carries_payload(trial: Trial) -> bool:
 
 
 def _candidates(trial: Trial) -> list[tuple[str, Variant]]:
-    """Return the methods and their variants, the trial's own first, bare references last."""
+    """Return the methods and their variants, the trial's own first, bare references last.
+
+    A trial that asks for a variant itself has that one first, then the method with its defaults.
+    """
     assert not isinstance(trial.plan, SavedPlan | None)
-    own = planner_of(trial.plan)
+    own, usual = planner_of(trial.plan), Variant("", {})
     others = [entry for entry in PLANNERS.values() if entry.slews and entry is not own]
     others.sort(key=lambda entry: not entry.feedforward)
-    usual = Variant("", {})
     methods = {trial.plan.method: own} | {entry.name: entry for entry in others}
-    return [
+    found = [
         (name, variant) for name, entry in methods.items() for variant in (usual, *entry.variants)
     ]
+    given = plain(trial.plan)
+    asked = [v for v in own.variants if plain_keys(v) == {k: given.get(k) for k in v.keys}]
+    if not asked:
+        return found
+    defaults = {item.name: item.default for item in fields(own.settings)}
+    bare = Variant("", {key: defaults[key] for key in asked[0].keys})
+    rest = [c for c in found if c not in ((own.name, usual), (own.name, asked[0]))]
+    return [(own.name, asked[0]), (own.name, bare), *rest]
+
+
+def plain_keys(variant: Variant) -> dict[str, Any]:
+    """Return the keys of a variant as a section holds them as plain data."""
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in variant.keys.items()}
 
 
 def _planned(trial: Trial, source: str, method: str, variant: Variant) -> Entry:

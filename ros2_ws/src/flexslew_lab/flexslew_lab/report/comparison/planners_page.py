@@ -21,6 +21,7 @@ def comparison_page(comparison: Comparison) -> str:
         goal=", ".join(f"{name} {at:.4g} {units[name]}" for name, at in goal.items()),
         testbed=f"{trial.testbed.kind}, {trial.testbed.modes} modes, {trial.active} in charge",
         bound=f"{comparison.lower_bound:.3f}",
+        durations=durations(comparison),
         columns=columns(comparison),
         rows=[(entry.name, cells(comparison, entry)) for entry in comparison.flown],
         refused=[(entry.name, entry.refused) for entry in comparison.entries if entry.refused],
@@ -67,14 +68,44 @@ def cost(comparison: Comparison) -> Group:
         _widen(panel, y)
         longest = max(longest, entry.plan.duration)
     panel.x_range = (0.0, 1.06 * longest)
-    bound = Mark("rigid-body lower bound", comparison.lower_bound, comparison.lower_bound, "#000")
+    limit, marks = comparison.limit, []
+    if comparison.lower_bound > 0.0:
+        at = comparison.lower_bound
+        marks.append(Mark("rigid-body lower bound", at, at, "#000"))
+    if limit is None:
+        x, y = comparison.best_found
+        name, words = "best found, not a bound", "The line is the best that was found: no bound."
+    else:
+        x, y = limit.duration, limit.residual
+        name, words = "convex optimum, a bound", "No efforts on 60 pieces can be below the line."
+        if limit.least_time is not None:
+            at = limit.least_time
+            marks.append(Mark("least time to rest, nominal", at, at, "#777"))
+    if x.size > 1:
+        panel.line(x, y, name, {"color": "#777", "dash": "dot"})
+        _widen(panel, y)
     return Group(
         "Cost in time",
-        "The worst residual over all errors of the stiffness against the duration.",
+        f"The worst residual over all errors of the stiffness against the duration. {words}",
         [panel],
         legend([entry.name for entry in comparison.flown]),
-        (bound,) if comparison.lower_bound > 0.0 else (),
+        tuple(marks),
     )
+
+
+def durations(comparison: Comparison) -> str:
+    """Return in words which rows fly at another duration than the first, and the least times."""
+    words = []
+    if comparison.other_durations and comparison.flown[0].plan is not None:
+        own = comparison.flown[0].plan.duration
+        words.append(f"NOT AT {own:g} s: {', '.join(comparison.other_durations)}.")
+    limit = comparison.limit
+    if limit is not None and limit.least_time is not None:
+        words.append(
+            f"The nominal bench comes to rest in {limit.least_time:.3f} s at least, a rigid body "
+            f"in {comparison.lower_bound:.3f} s."
+        )
+    return " ".join(words)
 
 
 def motion(comparison: Comparison) -> Group:
