@@ -111,3 +111,21 @@ def test_only_the_loopback_is_listened_on(server: ConsoleServer) -> None:
         if state == "0A" and int(port, 16) == server.port:
             listening.append(address)
     assert listening == ["0100007F"]
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["//[", "//[/?token={t}", "/%00?token={t}", "/" + "x" * 5000 + "?token={t}",
+     "/" + "a/" * 2000 + "?token={t}", "/%ff%fe?token={t}", "/?token=%ff", "/..%2f..%2f?token={t}",
+     "/?" + "&".join("x" * 2000), "/run/%00?token={t}"],
+)  # fmt: skip
+def test_no_address_is_answered_with_an_error_of_the_server(
+    server: ConsoleServer, path: str
+) -> None:
+    answer, _ = asked(server, path.replace("{t}", server.gate.token))
+    assert answer.status in (200, 400, 403, 404)
+
+
+@pytest.mark.parametrize("origin", ["http://[", "//[::1", "http://[x]:1"])
+def test_an_origin_that_is_no_address_is_refused(server: ConsoleServer, origin: str) -> None:
+    assert opened(server, origin, f"flexslew_{server.port}={server.gate.token}") == 403

@@ -24,6 +24,9 @@ FLIPS = 200
 LOST = ("report.html", ".writing")  # nothing is read from them
 
 
+WHOLE = {"index": [0], "status": ["ok"], "reason": [""], "way": ["bench"], "trajectory_hash": ["0"]}
+
+
 @pytest.fixture
 def flown(study_of: Callable[..., Study], tmp_path: Path) -> tuple[Preparation, Store]:
     ready = prepare(study_of(criteria={"peak_tip_deflection": {"below": 1.0, "probability": 0.5}}))
@@ -92,10 +95,13 @@ def test_a_damaged_part_is_named_and_flown_again(flown: tuple[Preparation, Store
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        ({"index": [10**9], "status": ["ok"]}, "trial 1000000000 is not one of 0 to 11"),
+        (WHOLE | {"index": [10**9]}, "trial 1000000000 is not one of 0 to 11"),
         ({"index": [-1], "status": ["ok"]}, "damaged"),
         ({"index": ["none"], "status": ["ok"]}, "damaged"),
         ({"status": ["ok"]}, "damaged"),
+        ({"index": [0], "status": [1.5]}, "damaged"),
+        ({"index": [0]}, "damaged"),
+        (WHOLE | {"peak_tip_deflection": ["much"]}, "damaged"),
     ],
 )
 def test_a_crafted_part_is_said_in_one_line(

@@ -207,3 +207,32 @@ def test_a_study_stops_when_a_quantile_is_known(
     assert 0.5 * (high - low) <= 0.01
     cases = [case_of(ready.study, ready.samples, k).sample for k in range(64)]
     assert cases == list(range(64))
+
+
+LAW = """
+class Tired:
+    def __init__(self, settings, period, effort_limit):
+        if {begins}:
+            raise KeyError("no gains today")
+
+    def update(self, measurement, estimate, reference):
+        raise TypeError("enough for today")
+"""
+
+
+@pytest.mark.parametrize(
+    ("begins", "words"),
+    [(False, "TypeError: enough for today ("), (True, "KeyError: 'no gains today'")],
+)
+def test_a_failed_trial_keeps_the_exception_of_its_law(
+    study_of: Callable[..., Study], tmp_path: Path, begins: bool, words: str
+) -> None:
+    law = tmp_path / "tired.py"
+    law.write_text(LAW.format(begins=False))
+    study = study_of({"controllers": {"mine": {"law": f"{law}:Tired"}}, "active": "mine"})
+    ready = prepare(study)
+    law.write_text(LAW.format(begins=begins))
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
+    reasons = finished(study, store)["reasons"]
+    assert sum(reasons.values()) == 12
+    assert all(words in reason for reason in reasons), reasons

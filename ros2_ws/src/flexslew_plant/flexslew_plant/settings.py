@@ -9,6 +9,7 @@ from typing import Annotated, Any, TypeAlias, TypeVar, dataclass_transform
 import yaml
 from pydantic import BeforeValidator, ConfigDict, Field, InstanceOf, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
+from pydantic.errors import PydanticUndefinedAnnotation, PydanticUserError
 from pydantic.json_schema import SkipJsonSchema
 
 from flexslew_plant.errors import BadInput
@@ -62,10 +63,15 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
         trust: which classes of the user's own may be loaded; pydantic hands it to validators.
 
     Raises:
-        BadInput: the first wrong key, with its value and what is allowed.
+        BadInput: the first wrong key, with its value and what is allowed; the class is none that
+            can be checked.
     """
     try:
         return _adapter(kind).validate_python(values, context=trust)
+    except (PydanticUserError, PydanticUndefinedAnnotation) as error:
+        name, why = getattr(kind, "__name__", kind), str(error).partition("\n")[0]
+        words = f"{name} cannot be read from keys: {why}; decorate it with @section"
+        raise BadInput(words, source) from None
     except ValidationError as error:
         raise BadInput(_refusal(error, kind, values, source)) from None
 

@@ -83,7 +83,10 @@ class Gate:
             connection: of the request.
             request: the first of its connection.
         """
-        url = urlsplit(request.path)
+        try:
+            url = urlsplit(request.path)
+        except ValueError:
+            return _sealed(_answer(http.HTTPStatus.BAD_REQUEST, "text/plain", b"no address"))
         by_address = address_knows(request.path, self.token)
         if request.headers.get("Upgrade", "").lower() == "websocket":
             if not _same_origin(request.headers):
@@ -94,7 +97,10 @@ class Gate:
         if url.path.startswith(FILES):
             answer = self._file(url.path.removeprefix(FILES))
         else:
-            answer = self._page(inner(connection, _plainly(request)))
+            try:
+                answer = self._page(inner(connection, _plainly(request)))
+            except (OSError, ValueError):  # a name that no file can have
+                answer = _answer(http.HTTPStatus.NOT_FOUND, "text/plain", b"there is no such file")
         if by_address:
             value = f"{self._cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/"
             answer.headers["Set-Cookie"] = value
@@ -155,8 +161,11 @@ def guarded_by(gate: Gate, sock: socket.socket) -> Iterator[None]:
 
 def address_knows(path: str, token: str) -> bool:
     """Return whether the path of a request names the token."""
-    asked = parse_qs(urlsplit(path).query).get("token", [""])[0]
-    return secrets.compare_digest(asked.encode(), token.encode())
+    try:
+        asked = parse_qs(urlsplit(path).query).get("token", [""])[0]
+        return secrets.compare_digest(asked.encode(), token.encode())
+    except ValueError:  # no address, or more fields than anybody gives
+        return False
 
 
 def given(headers: Headers, name: str) -> str | None:
@@ -172,9 +181,10 @@ def _same_origin(headers: Headers) -> bool:
     """Return whether a browser says that the page of this very address asks."""
     try:
         origin, host = given(headers, "Origin"), given(headers, "Host")
-    except LookupError:  # given twice
+        asked = urlsplit(origin or "").netloc
+    except (LookupError, ValueError):  # given twice, or no address
         return False
-    return origin is not None and host is not None and urlsplit(origin).netloc == host
+    return origin is not None and host is not None and asked == host
 
 
 def _plainly(request: Request) -> Request:

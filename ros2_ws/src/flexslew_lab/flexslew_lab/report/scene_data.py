@@ -12,6 +12,7 @@ from flexslew_plant.testbeds.scene import Frame, Scene
 
 _BEND = 3  # how much a bend that can be seen anyway is exaggerated
 _SEEN = 0.02  # of the drawn size: a bend below cannot be seen
+_FARTHEST = 1e12  # beyond it nothing is drawn: products of it overflow [rad, m]
 _SHOWN = 0.1  # of the drawn size: a smaller bend is scaled to it
 
 
@@ -32,6 +33,8 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
     leading = model.positions - modes
     if position.shape[1] != leading + modes or not modes:
         return None  # the trial's testbed has another number of modes than its truth
+    if np.abs(position).max(initial=0.0) > _FARTHEST:
+        return None
     rest = np.zeros(leading + modes)
     straight = scene.lines(rest)
     bent = [scene.lines(np.concatenate((rest[:leading], row))) for row in np.eye(modes)]

@@ -5,8 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from flexslew_control.plan import Plan
 from flexslew_control.planners.one_axis import RELEVANT
 from flexslew_lab.metrics import Metric
@@ -27,6 +25,7 @@ from flexslew_lab.trial.trial import (
 )
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
+from flexslew_plant.own_code import one_line
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, initial_positions
 
@@ -126,8 +125,10 @@ def flown(study: Study, case: Case, plans: Plans) -> Flown:
     """Return what became of a trial; whatever a trial does is a result."""
     try:
         metrics, digest, reason = _flown(case_trial(study, case), study.source, plans)
-    except (FlexslewError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
-        return failed(case.number, _one_line(error))
+    except FlexslewError as error:
+        return failed(case.number, str(error))
+    except Exception as error:  # a class of the user's own may do anything
+        return failed(case.number, one_line(error))
     if reason:
         return failed(case.number, reason)
     return Flown(case.number, metrics, digest, "ok", "", "bench")
@@ -152,7 +153,9 @@ def _flown(
     if bench.failure:
         return {}, None, bench.failure
     if bench.drive.active == "":
-        return {}, None, "no controller answered any more: the brake took over"
+        why = [f"{c.name}: {c.reason}" for c in controllers.values() if c.reason is not None]
+        words = ["no controller answered any more: the brake took over", *why]
+        return {}, None, "; ".join(words)
     metrics = observer.result()
     return columns_of(metrics), str(metrics["trajectory_hash"]), ""
 
@@ -180,7 +183,3 @@ def metric_columns(bench: Bench, own: Sequence[type[Metric]]) -> list[str]:
     observer = MetricsObserver(bench, None, own)
     observer.truth(bench.truth())
     return list(columns_of(observer.result()))
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__

@@ -3,6 +3,7 @@ last one counts. A part that is not as it was written is named and not read.
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,16 @@ import pyarrow.parquet as pq
 
 from flexslew_lab.studies.disk import own_folder, put, told
 from flexslew_lab.studies.seals import is_sound, part_name, part_number
+from flexslew_plant.errors import BadInput
 
 _DAMAGED = ".damaged"
+HEAD = {  # of every part; the other columns are numbers
+    "index": pa.int64(),
+    "status": pa.string(),
+    "reason": pa.string(),
+    "way": pa.string(),
+    "trajectory_hash": pa.string(),
+}
 
 
 class Parts:
@@ -52,7 +61,9 @@ class Parts:
         """Yield the rows of every sound part, the oldest first."""
         for path in self._paths():
             if self._span(path) is not None:
-                yield pq.read_table(path, columns=columns)
+                with readable(path):
+                    rows = pq.read_table(path, columns=columns)
+                yield rows
 
     def spans(self) -> list[tuple[Path, int, int]]:
         """Return every sound part with the smallest and the largest number in it."""
@@ -77,6 +88,19 @@ class Parts:
         return self._spans[path]
 
 
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Read a table.
+
+    Raises:
+        BadInput: it is none, or not one of a study.
+    """
+    try:
+        yield
+    except (OSError, KeyError, ValueError, pa.ArrowException) as error:
+        raise BadInput(f"is damaged: {' '.join(str(error).split()):.100}", path) from None
+
+
 def written(rows: pa.Table) -> bytes:
     """Return a table as a Parquet file, with checksums of its pages."""
     sink = pa.BufferOutputStream()
@@ -92,6 +116,11 @@ def _span(path: Path) -> tuple[int, int] | None:
         rows = pq.read_table(pa.BufferReader(content))
         numbers = rows["index"].to_numpy()
     except (OSError, KeyError, pa.ArrowException):
+        return None
+    kinds = {field.name: field.type for field in rows.schema}
+    if any(kinds.pop(name, None) != kind for name, kind in HEAD.items()):
+        return None
+    if any(kind != pa.float64() for kind in kinds.values()):
         return None
     if not len(numbers) or numbers.dtype != np.int64 or numbers.min() < 0:
         return None

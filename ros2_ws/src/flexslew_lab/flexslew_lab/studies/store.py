@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from flexslew_lab.studies.disk import HALF, own_folder, put, told
 from flexslew_lab.studies.flight import Flown
-from flexslew_lab.studies.parts import Parts, written
+from flexslew_lab.studies.parts import Parts, readable, written
 from flexslew_lab.studies.seals import check_text, opened_json, sealed_json, sealed_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.file_lock import lock_file
@@ -218,7 +218,8 @@ class Store:
     @property
     def columns(self) -> list[str]:
         """All columns of the sorted table."""
-        return list(pq.read_schema(self.table_path).names)
+        with readable(self.table_path):
+            return list(pq.read_schema(self.table_path).names)
 
     def write_table(self) -> Path:
         """Write the last result of every trial, sorted by number, with its sample.
@@ -235,7 +236,8 @@ class Store:
         for start in range(0, max(last for _, _, last in spans) + 1, _GROUP):
             end = start + _GROUP
             near = [path for path, first, last in spans if first < end and last >= start]
-            rows = self._rows(near, start, end) if near else None
+            with readable(self.folder):
+                rows = self._rows(near, start, end) if near else None
             if rows is None or not rows.num_rows:
                 continue
             if writer is None:

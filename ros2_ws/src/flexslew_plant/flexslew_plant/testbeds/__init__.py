@@ -58,6 +58,22 @@ def _for_all(kind: type[Any], values: dict[str, Any]) -> dict[str, Any]:
     return {**values, "effort_limit": [limit] * drives}
 
 
+_NEEDED = ("effort_limit", "model", "modes", "scene")  # of contract.Testbed
+
+
+def _demand_testbed(found: type[Any]) -> None:
+    """Check that a class has what the rest of the bench asks of a testbed.
+
+    Raises:
+        BadInput: it lacks something.
+    """
+    known = {*dir(found), *getattr(found, "__dataclass_fields__", ())}
+    lacks = sorted(name for name in _NEEDED if name not in known)
+    if lacks:
+        words = f"{found.__name__} is no testbed: it lacks {', '.join(lacks)}; see own_testbed.md"
+        raise BadInput(words)
+
+
 def _own(values: Any, info: ValidationInfo) -> Any:
     """Return a section of the user's own class."""
     if not isinstance(values, dict):
@@ -65,6 +81,7 @@ def _own(values: Any, info: ValidationInfo) -> Any:
     name, trust = str(values["kind"]), info.context or NO_CODE
     try:
         found = find_class(name, GROUP, "testbed", "kind", tuple(TESTBEDS), trust)
+        _demand_testbed(found)
         return validated(found, _for_all(found, values), name, trust)
     except BadInput as error:
         raise ValueError(str(error)) from None

@@ -70,7 +70,11 @@ class Cluster:
                 future = self._heard(max(min(ends) - monotonic(), 0.0))
                 found = [self._taken(future, alone)] if future in self._running else []
                 found.append(self._overdue(alone))
-            except OSError as error:
+            except (OSError, CancelledError) as error:
+                raise self._gone(_line(error)) from None
+            except (RuntimeError, ValueError) as error:  # of a client that is just being closed
+                if self._client.status == "running":
+                    raise
                 raise self._gone(_line(error)) from None
             yield from filter(None, found)
 
