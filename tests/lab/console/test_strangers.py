@@ -1,6 +1,5 @@
-"""Pages that send anything: seeded random messages, valid and not, through their own connection."""
+"""Pages that send what is no message, and two hands on one field."""
 
-import random
 from collections.abc import Callable
 from time import monotonic, sleep
 from typing import Any
@@ -20,44 +19,6 @@ ODD = [
     None, True, -1, 0, 7, 1e300, float("nan"), float("inf"), "", "pd", "[1, 2]", "{", "a: b",
     "&x [*x]", "9**9**9", "x" * 5000, [1, 2], {"a": 1}, "sine", "fast", "12.5", "!!python/none",
 ]  # fmt: skip
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_whatever_pages_send_the_console_goes_on_and_asks_only_what_there_is(
-    seed: int, capfd: pytest.CaptureFixture[str]
-) -> None:
-    said: list[str] = []
-    rng, link = random.Random(seed), FakeLink()
-    page = Page(link, "127.0.0.1", 0, said.append)
-    page.poll()
-    stranger = PageClient(page.server.address)
-    inputs = page.server.gui._gui_input_handle_from_uuid
-    for number in range(500):
-        uuid = rng.choice([*inputs, "nobody"])
-        handle = inputs.get(uuid)
-        button = handle is not None and handle._impl.is_button
-        stranger.set(uuid, True if button else rng.choice(ODD))
-        if number % 25 == 0:
-            page.poll()
-    [remark] = [e for e in inputs.values() if getattr(e, "label", "") == "Remark"]
-    [note] = [e for e in inputs.values() if getattr(e, "label", "") == "Note it"]
-    link.asked.clear()
-    for uuid, value in ((remark._impl.uuid, "the end"), (note._impl.uuid, True)):
-        stranger.set(uuid, value)
-    limit = monotonic() + 60.0
-    while ("note", "the end") not in [(s, v.get("text")) for s, v in link.asked]:
-        assert monotonic() < limit, (link.asked[-5:], said[-5:], remark.value)
-        page.poll()
-        stranger.reach()
-    assert {service for service, _ in link.asked} <= SERVICES
-    late = PageClient(page.server.address)  # it is told what the others have left
-    while "Start" not in [element["label"] for element in late.inputs.values()]:
-        late.reach()
-    page.close()
-    stranger.socket.close()
-    captured = capfd.readouterr()
-    assert "Traceback" not in captured.err + captured.out
-    assert all(words.startswith(("open ", "a page sent")) for words in said)
 
 
 def test_what_is_no_message_ends_its_page_and_no_other(capfd: pytest.CaptureFixture[str]) -> None:

@@ -69,8 +69,8 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
     try:
         return _adapter(kind).validate_python(values, context=trust)
     except (PydanticUserError, PydanticUndefinedAnnotation) as error:
-        name, why = getattr(kind, "__name__", kind), str(error).partition("\n")[0]
-        words = f"{name} cannot be read from keys: {why}; decorate it with @section"
+        name, why = getattr(kind, "__name__", kind), " ".join(str(error).split())
+        words = f"{name} cannot be read from keys; decorate it with @section ({why:.200})"
         raise BadInput(words, source) from None
     except ValidationError as error:
         raise BadInput(_refusal(error, kind, values, source)) from None
