@@ -1,7 +1,9 @@
 """A log that is damaged or cut says so: no number of it is silently another one."""
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +25,7 @@ duration: 3.0
 plan: {method: none, goal: {base_yaw: 0.01}, duration: 1.0}
 controllers: {pd_feedforward: {}}
 """
-READERS = (
+READERS: tuple[Callable[[Path], Any], ...] = (
     log_info, check_log, read_run, metrics_of, lambda bag: export_log(bag, bag / "tables"),
     lambda bag: Player(PlaySettings(bag=str(bag))),
 )  # fmt: skip

@@ -421,6 +421,20 @@ def test_no_motor_gives_more_than_its_limit_by_a_fault_of_the_schedule() -> None
         Bench(settings({**stuck, "effort": np.nextafter(most, np.inf)}))
 
 
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"at": 1e308, "switch": "second"},
+        {"at": 1e308, "fault": FAULTS["command_lost"]},
+        {"at": 0.0, "until": 1e308, "disturbance": {"base_yaw": 1.0}},
+    ],
+)
+def test_a_time_beyond_the_last_tick_is_refused(entry: dict[str, Any]) -> None:
+    with pytest.raises(BadInput, match=r"1e\+308 is not allowed"):
+        Bench(settings(schedule=[entry]))
+    assert not Bench(settings()).inject("{kind: command_lost, until: 1.0e308}").ok
+
+
 def test_nothing_breaks_unless_the_trial_allows_it() -> None:
     with pytest.raises(BadInput, match=r"schedule\.0\.fault.*allow_faults: true"):
         Bench(settings(FAULTS["command_lost"], faults_enabled=False))

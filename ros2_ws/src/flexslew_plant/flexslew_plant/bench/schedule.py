@@ -1,21 +1,23 @@
 """The `schedule` section: what happens to the bench at which simulated time."""
 
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from flexslew_plant.bench.hardware.disturbances import Disturbance
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FaultSettings
-from flexslew_plant.settings import NonNegative, load_yaml, section, validated
+from flexslew_plant.settings import load_yaml, section, validated
+
+_Time: TypeAlias = Annotated[float, Field(ge=0.0, le=1e12)]  # in ticks, too, a whole number
 
 
 @section
 class ScheduleEntry:
     """One entry: a switch at a time, or a disturbance or a fault from a time to another."""
 
-    at: NonNegative  # [s]
-    until: NonNegative | None = None  # end of a disturbance or fault [s]; None: end of the run
+    at: _Time  # [s]
+    until: _Time | None = None  # end of a disturbance or fault [s]; None: end of the run
     switch: str | None = None  # controller to hand the bench to
     disturbance: Disturbance | None = None  # effort on joints by name: constant, sine or pulse
     fault: FaultSettings | None = None  # what breaks; the trial must allow it
