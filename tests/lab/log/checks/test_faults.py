@@ -116,3 +116,26 @@ def test_an_array_that_changes_its_size_is_wrong(tmp_path: Path, topic: str, nam
 
     bag = changed(flown(tmp_path, "command_duplicated"), tmp_path / "bag", topic, longer)
     assert "its arrays change their size" in wrong(bag, topic)[0]
+
+
+def test_a_law_that_takes_over_has_one_term_more_and_its_log_is_sound(tmp_path: Path) -> None:
+    text = """
+name: swapped
+duration: 1.0
+testbed: {kind: csa, modes: 1}
+controllers: {pd_feedforward: {}, lqr: {handover_time: 0.2}}
+active: pd_feedforward
+schedule:
+  - {at: 0.2, switch: lqr}
+  - {at: 0.1, disturbance: {base_yaw: 3.0}}
+"""
+    run_trial(parse_trial(text, "test"), "test", tmp_path / "run", True, False)
+    bag = tmp_path / "run" / "bag"
+    states = [
+        decode(kind, data)
+        for topic, kind, _, _, data in BagReader(bag).messages()
+        if topic == "/controller_state"
+    ]
+    sizes = {np.size(state.terms) for state in states if state.controller != "pd_feedforward"}
+    assert len(sizes) == 2
+    assert not wrong(bag, "/controller_state")

@@ -14,6 +14,7 @@ from flexslew_plant.events import Started, SwitchRefused
 
 TICKED = ("/truth", "/measurement", "/effort_command", "/controller_state")
 _ANSWERS = ("/effort_command", "/controller_state")
+_TERMS = ("term_names", "terms")  # of which a law has one more while it takes over
 
 Key = tuple[int, int]  # epoch and tick
 Columns = Mapping[str, np.ndarray]
@@ -37,7 +38,11 @@ class _Sender:
     def add(self, columns: Columns) -> None:
         """Take the next messages."""
         before = self._last or {name: column[:1] for name, column in columns.items()}
-        self.resized += any(c.shape[1:] != before[name].shape[1:] for name, c in columns.items())
+        self.resized += any(
+            column.shape[1:] != before[name].shape[1:]
+            for name, column in columns.items()
+            if name not in _TERMS
+        )
         tick, epoch, sec, nanosec = (
             np.append(before[name], columns[name]).astype(np.int64)
             for name in ("tick", "epoch", *_stamp_names(columns))
