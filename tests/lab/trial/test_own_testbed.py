@@ -27,6 +27,7 @@ LAWS = {
     "collocated_pid": {**GAINS, "ki": [1.0]},
     "linear": {"system": {"d": [[0.0] * 6] * 3}, "allow_unstable": True},
     "lqr": {"weights": {"deflection": 1.0, "time": 3.0}},
+    "model_predictive": {"weights": {"deflection": 1.0, "time": 3.0}},
     "output_feedback": {"effort_noise": 1e-5, "modal_noise": 1e-7},
     "proportional_integral": {"weights": {"deflection": 1.0, "time": 3.0}},
 }

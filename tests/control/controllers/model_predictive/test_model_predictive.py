@@ -136,7 +136,6 @@ def test_m1_with_the_tips_held_below_half_of_what_the_planned_feedforward_needs(
 @pytest.mark.parametrize(
     ("settings", "named"),
     [
-        ({"step": 0.013}, "step"),
         ({"joint_range": {"elbow": [0.0, 1.0]}}, "joint_range"),
         ({"joint_range": {"base_yaw": [1.0, 0.0]}}, "joint_range.base_yaw"),
         ({"tip_limit": 0.0}, "tip_limit"),

@@ -48,7 +48,7 @@ class ModelPredictive:
     model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
     operating_point: OperatingPoint = None  # [rad or m]; null: the testbed's own
     steps: Annotated[int, Field(ge=1, le=200)] = 40  # of the horizon
-    step: Positive = 0.25  # one of them [s]
+    step: Positive = 0.25  # one of them, rounded to whole ticks [s]
     weights: ScaledWeights = ScaledWeights()  # of lqr
     on_the_way: Positive = 1.0  # share of the weights while the reference moves [-]
     filter: FilterSettings = FilterSettings()
@@ -216,13 +216,11 @@ def build(
     """Return the filter and the law.
 
     Raises:
-        BadInput: a mode is not controllable or not observable, the weights give no regulator, the
-            step is no whole number of ticks, or a limit names what the testbed has not.
+        BadInput: a mode is not controllable or not observable, the weights give no regulator,
+            or a limit names what the testbed has not.
     """
-    ticks = round(settings.step / plant.period)
-    if ticks < 1 or abs(ticks * plant.period - settings.step) > 1e-9 * settings.step:
-        why = f"a whole number of ticks of {plant.period:g} s is needed"
-        raise BadInput(why, key="step", value=settings.step)
+    ticks = max(1, round(settings.step / plant.period))
+    step = ticks * plant.period
     believed = plant.believed(settings.model)
     model = joints_first(believed, operating_point_of(plant, believed, settings.operating_point))
     rest = operating_point_of(plant, model, settings.operating_point)
@@ -230,7 +228,7 @@ def build(
     a, b = linear.state_matrix, linear.state_input_matrix
     require_controllable(a, b, state_names(model))
     problem = scaled_problem(linear, settings.weights)
-    f, g, _ = discretised(a, b, np.zeros_like(a), settings.step)
+    f, g, _ = discretised(a, b, np.zeros_like(a), step)
     predicted = Predicted(
         model,
         np.concatenate((rest, np.zeros_like(rest))),
@@ -239,7 +237,7 @@ def build(
         _limits(settings, model, rest, plant.effort_limit),
         settings.steps,
         ticks,
-        max(1, int(np.ceil(settings.step * np.abs(np.linalg.eigvals(a)).max() / _RESOLVED))),
+        max(1, int(np.ceil(step * np.abs(np.linalg.eigvals(a)).max() / _RESOLVED))),
         plant.period,
     )
     law = ModelPredictiveLaw(predicted, settings.on_the_way, settings.iterations)

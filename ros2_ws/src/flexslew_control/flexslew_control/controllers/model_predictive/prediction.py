@@ -154,6 +154,8 @@ class Program:
         self.prepare()
         pull = np.einsum("nij,nj->ni", self._state, ahead).ravel() @ self._forced
         pull -= (wanted @ self._r).ravel()
+        if not (np.isfinite(pull).all() and np.isfinite(lower).all() and np.isfinite(upper).all()):
+            return Solved(np.zeros_like(wanted), 0, False, False), active  # it has run away
         size = np.concatenate((self._size, self._row_size))
         start = (
             self._sense
