@@ -11,15 +11,6 @@ from tests.page_client import PageClient
 
 from flexslew_lab.console.page import Page
 
-SERVICES = {
-    "operate", "step", "set_rate", "note", "switch_controller", "inject_fault", "end_fault",
-    "pd/tune", "draft_plan", "decide_plan", "cancel",
-}  # fmt: skip
-ODD = [
-    None, True, -1, 0, 7, 1e300, float("nan"), float("inf"), "", "pd", "[1, 2]", "{", "a: b",
-    "&x [*x]", "9**9**9", "x" * 5000, [1, 2], {"a": 1}, "sine", "fast", "12.5", "!!python/none",
-]  # fmt: skip
-
 
 def test_what_is_no_message_ends_its_page_and_no_other(capfd: pytest.CaptureFixture[str]) -> None:
     link = FakeLink()

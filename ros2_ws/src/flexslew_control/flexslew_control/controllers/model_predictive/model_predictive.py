@@ -184,21 +184,15 @@ class ModelPredictiveLaw:
         limits, n = p.limits, p.steps
         lower, upper = np.tile(d - limits.effort, n), np.tile(d + limits.effort, n)
         if limits.rate is not None:
-            change = np.full(n * len(d), limits.rate * p.ticks * p.period)
             # the next effort is one tick away, whatever the step
             near = limits.rate * p.period
             now = np.clip(applied, -limits.effort, limits.effort) + d
             lower[: len(d)] = np.maximum(lower[: len(d)], now - near)
             upper[: len(d)] = np.minimum(upper[: len(d)], now + near)
-            between = change[len(d) :]
+            between = np.full((n - 1) * len(d), limits.rate * p.ticks * p.period)
             lower, upper = np.append(lower, -between), np.append(upper, between)
-        rows = len(limits.lower)
         below, above = np.tile(limits.lower, n), np.tile(limits.upper, n)
-        return (
-            (np.append(lower, below - free), np.append(upper, above - free))
-            if rows
-            else (lower, upper)
-        )
+        return np.append(lower, below - free), np.append(upper, above - free)
 
     def _passed(self, free: Matrix, efforts: Matrix) -> LimitSoftened:
         """Return which limit the prediction passes, and by how much."""
