@@ -109,6 +109,7 @@ def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) 
         raise BadInput(f"plan: model: modes: {count!r} is not allowed: a number, or relevant")
     kept = {key: value for key, value in (changes or {}).items() if key != "modes"}
     whole: Any = believed(testbed, kept or None, "plan: model", plant.trust)
+    _require_turning(whole, names)
     reduced = whole.turning(moving[0], count)
     about: dict[str, Any] = {"goal": {moving[0]: goal[moving[0]]}}
     taken = {"model": None, "initial": {moving[0]: first[moving[0]]}}
@@ -125,6 +126,21 @@ def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) 
         whole.rigid_turn(moving[0]),
         _left_out(reduced.model().modes, model.modes, moving[0]),
     )
+
+
+def _require_turning(testbed: Any, names: tuple[str, ...]) -> None:
+    """Refuse a believed model of another kind that cannot say what all joints do in a turn."""
+    if not isinstance(testbed, Turning):
+        raise BadInput(
+            f"plan: model: kind: {testbed.kind} cannot be turned about one axis: leave it out, or "
+            "give a file of an identification"
+        )
+    there = testbed.model().joint_names
+    if there != names:
+        raise BadInput(
+            f"plan: model: joints: {', '.join(there)} is not allowed: a turn needs all joints of "
+            f"the bench in their order, {', '.join(names)}"
+        )
 
 
 def _left_out(modes: int, of: int, joint: str) -> str:

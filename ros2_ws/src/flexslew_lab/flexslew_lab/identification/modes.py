@@ -21,9 +21,11 @@ _ORDERS = tuple(range(4, 29, 2))
 _WHITE_LAGS = 25  # of the residual's autocorrelation
 _BACKWARD = 2.0  # times that a mode must push forward more than back
 _FIRST_ROUNDS = 10  # candidates that are no modes hardly converge
+_GRID = 0.05  # relative distance of the frequencies at which a missed mode is looked for
 _SEPARATE = 0.01  # relative distance of two modes, at least
 _SINGULAR = 1e4  # condition number from which inertias cannot be told apart
 _POWER = 0.99  # of the efforts that lies in the band, where nobody says what it is
+_SHAKEN = 1e-3  # of the efforts' power that a band must hold
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,8 @@ def identify_modes(
         progress: called with what is being done.
 
     Raises:
-        BadInput: the drives were saturated, the record is shorter than two periods of the band, or
-            ctrlsys is missing.
+        BadInput: the drives were saturated, the record is shorter than ten periods of the band's
+            end, the efforts do not shake the band, or ctrlsys is missing.
     """
     tell = progress or (lambda words: None)
     band = band or power_band(record)
@@ -129,7 +131,7 @@ def identify_modes(
     low, high = 0.5 * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
     candidates = _merged([mode for poles in starts for mode in stable(poles, low, high)])
     tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
-    solution = _selected(Signals(record, band[1]), candidates)
+    solution = _selected(Signals(record, band[1]), candidates, (low, high))
     fit = modal_fit(solution)
     return ModalModel(
         record,
@@ -144,14 +146,18 @@ def identify_modes(
 
 def power_band(record: Record) -> tuple[float, float]:
     """Return the frequencies between which the efforts have their power [rad/s]."""
+    w, share = _power_below(record)
+    last = int(np.searchsorted(share, _POWER))
+    first = int(np.searchsorted(share, 0.5 * (1.0 - _POWER)))
+    return float(w[min(first, len(w) - 2)]), float(w[min(max(last, first + 1), len(w) - 1)])
+
+
+def _power_below(record: Record) -> tuple[Vector, Vector]:
+    """Return frequencies [rad/s] and the part of the efforts' power up to each of them [-]."""
     length = min(record.ticks, max(record.ticks // 8, 1024))
     f, power = welch(record.effort, 1.0 / record.period, nperseg=length, axis=0)
     share = np.cumsum(power[1:].sum(axis=1))
-    share /= share[-1]
-    last = int(np.searchsorted(share, _POWER))
-    first = int(np.searchsorted(share, 0.5 * (1.0 - _POWER)))
-    w = 2.0 * np.pi * f[1:]
-    return float(w[min(first, len(w) - 2)]), float(w[max(last, first + 1)])
+    return 2.0 * np.pi * f[1:], share / share[-1]
 
 
 def _require(record: Record, band: tuple[float, float]) -> None:
@@ -167,6 +173,15 @@ def _require(record: Record, band: tuple[float, float]) -> None:
             f"{record.source}: {record.duration:g} s hold {periods:.2g} periods of {band[1]:.3g} "
             "rad/s, the end of the band; at least 10 are needed"
         )
+    w, share = _power_below(record)
+    inside = float(np.interp(band[1], w, share) - np.interp(0.5 * band[0], w, share, left=0.0))
+    if inside < _SHAKEN:
+        low, high = power_band(record)
+        raise BadInput(
+            f"{record.source}: the band of {band[0]:.3g} to {band[1]:.3g} rad/s holds {inside:.1g} "
+            f"of the efforts' power, and at least {_SHAKEN:g} is needed: no excitation there, they "
+            f"shake {low:.3g} to {high:.3g} rad/s"
+        )
 
 
 def _merged(found: list[Oscillator]) -> tuple[Oscillator, ...]:
@@ -178,18 +193,63 @@ def _merged(found: list[Oscillator]) -> tuple[Oscillator, ...]:
     return tuple(sorted(kept, key=lambda mode: mode.frequency))
 
 
-def _selected(signals: Signals, modes: tuple[Oscillator, ...]) -> Solution:
-    """Return the refined modes that pay for their parameters and can be modes of a bench."""
+def _selected(
+    signals: Signals, modes: tuple[Oscillator, ...], band: tuple[float, float]
+) -> Solution:
+    """Return the refined modes that pay for their parameters and can be modes of a bench.
+
+    A start that was too far away is lost on the way: what the kept modes leave is searched for it.
+    """
     rough = _rough_noise(signals.record)
     first = noise_of(ModalLeastSquares(signals, rough).solve(modes, slopes=False))
     # a start that is out of phase explains little: no candidate goes before it has moved
     solution, noise = refined(signals, modes, first, _FIRST_ROUNDS)
-    solution, noise = refined(signals, _pruned(signals, solution.modes, noise), noise)
+    solution, noise = _kept(signals, _pruned(signals, solution.modes, noise), noise)
+    while (missed := _missed(signals, solution, noise, band)) is not None:
+        more = tuple(sorted((*solution.modes, missed), key=lambda mode: mode.frequency))
+        tried, found = refined(signals, more, noise, _FIRST_ROUNDS)
+        tried, found = _kept(signals, _pruned(signals, tried.modes, found), found)
+        if len(tried.modes) <= len(solution.modes):
+            break
+        solution, noise = tried, found
+    return solution
+
+
+def _kept(
+    signals: Signals, modes: tuple[Oscillator, ...], noise: Vector
+) -> tuple[Solution, Vector]:
+    """Return the refined modes when none is left that must go, and the noise."""
+    solution, noise = refined(signals, modes, noise)
     while True:
         fewer = _passive(solution, _pruned(signals, solution.modes, noise))
         if len(fewer) == len(solution.modes):
-            return solution
+            return solution, noise
         solution, noise = refined(signals, fewer, noise)
+
+
+def _missed(
+    signals: Signals, solution: Solution, noise: Vector, band: tuple[float, float]
+) -> Oscillator | None:
+    """Return the oscillator of a grid that explains most of what is left; None: none pays."""
+    problem = ModalLeastSquares(signals, noise)
+    least = problem.solve(solution.modes, slopes=False).cost - _price(problem)
+    best = None
+    count = int(np.log(band[1] / band[0]) / _GRID) + 2
+    for w in np.geomspace(*band, count):
+        if any(abs(w / mode.frequency - 1.0) < 0.5 * _GRID for mode in solution.modes):
+            continue
+        one = Oscillator(float(w), 0.5 * _GRID)  # half its width: none falls between two
+        cost = problem.solve((*solution.modes, one), slopes=False).cost
+        if cost < least:
+            least, best = cost, one
+    return best
+
+
+def _price(problem: ModalLeastSquares) -> float:
+    """Return what the parameters of a mode cost (Schwarz)."""
+    groups, record = len(problem.groups), problem.record
+    rows = problem.signals.measured.size
+    return float(0.5 * np.log(rows) * (2 + groups * (record.effort.shape[1] + 2)))
 
 
 def _passive(solution: Solution, modes: tuple[Oscillator, ...]) -> tuple[Oscillator, ...]:
@@ -220,12 +280,10 @@ def _pruned(
     signals: Signals, modes: tuple[Oscillator, ...], noise: Vector
 ) -> tuple[Oscillator, ...]:
     """Return the modes without those whose absence costs less than their parameters."""
-    problem, record = ModalLeastSquares(signals, noise), signals.record
+    problem = ModalLeastSquares(signals, noise)
     kept = list(modes)
     now = problem.solve(tuple(kept), slopes=False).cost if kept else 0.0
-    rows = signals.measured.size
-    groups = len(problem.groups)
-    price = 0.5 * np.log(rows) * (2 + groups * (record.effort.shape[1] + 2))
+    price = _price(problem)
     while kept:
         costs = [_cost_without(problem, kept, one) for one in kept]
         least = int(np.argmin(costs))

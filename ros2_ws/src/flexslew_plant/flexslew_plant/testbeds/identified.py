@@ -17,8 +17,9 @@ from pydantic import Field, model_validator
 from scipy.linalg import eigh
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Positive, section
-from flexslew_plant.testbeds.contract import refuse_payload
+from flexslew_plant.testbeds.contract import RigidTurn, refuse_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
@@ -179,6 +180,62 @@ class IdentifiedTestbed:
         root = float(np.sqrt(stiffness))
         modes = tuple(replace(mode, frequency=mode.frequency * root) for mode in self.free_modes)
         return replace(self, free_modes=modes)
+
+    def turning(self, joint: str, modes: int | None = None) -> "IdentifiedTestbed":
+        """Return it with this joint alone, the others held: its own free modes; see Turning.
+
+        With the others held, J theta'' + l^T p'' = u and p'' + l theta'' + D p' + W^2 p = 0 keep
+        the clamped modes p; damping between two of the new modes is left out.
+
+        Args:
+            joint: that moves.
+            modes: how many, those with the largest share of the joint's motion; None: all.
+
+        Raises:
+            BadInput: it has no such joint.
+        """
+        k, model = self._place(joint), self.model()
+        linear = model.linearise(model.rest({}))
+        rows = [k, *range(len(self.joints), len(linear.mass))]
+        mass, stiffness, damping = (
+            part[np.ix_(rows, rows)] for part in (linear.mass, linear.stiffness, linear.damping)
+        )
+        squares, shapes = eigh(stiffness, mass)
+        free = [
+            FreeMode(
+                frequency=float(np.sqrt(squares[i])),
+                damping_ratio=float(
+                    shapes[:, i] @ damping @ shapes[:, i] / (2.0 * np.sqrt(squares[i]))
+                ),
+                joints=(float(shapes[0, i]),),
+                tips=tuple((model.appendages.tip @ shapes[1:, i]).tolist()),
+            )
+            for i in range(1, len(squares))  # the first is the rigid one
+        ]
+        # what a joint at rest has of a mode after a push: (phi / w)^2
+        free.sort(key=lambda mode: -abs(mode.joints[0]) / mode.frequency)
+        kept = sorted(free[:modes], key=lambda mode: mode.frequency)
+        return replace(
+            self,
+            joints=(joint,),
+            joint_units=(self.joint_units[k],),
+            inertia=((self.inertia[k][k],),),
+            free_modes=tuple(kept),
+            modes=len(kept),
+            damping_ratio=None,
+            initial={name: value for name, value in self.initial.items() if name == joint},
+            effort_limit=(self.effort_limit[k],),
+        )
+
+    def rigid_turn(self, joint: str) -> RigidTurn:
+        """Return what all joints must do for the turn, u = J_k rate'; see Turning."""
+        column = np.array(self.inertia)[:, self._place(joint)]
+        return RigidTurn(float(column[self._place(joint)]), column, np.zeros_like(column))
+
+    def _place(self, joint: str) -> int:
+        if joint not in self.joints:
+            raise BadInput(f"plan: model: has no joint {joint}; it has {', '.join(self.joints)}")
+        return self.joints.index(joint)
 
     def scene(self) -> Scene:
         """Return how it is drawn."""

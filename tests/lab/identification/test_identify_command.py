@@ -1,0 +1,155 @@
+"""`flexslew identify` on runs and on files of other benches: files, page, JSON, refusals."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Writer
+from rosbags.typesys import Stores, get_typestore
+
+from flexslew_lab.cli.main import main as cli
+from flexslew_lab.identification.from_bag import bag_of, record_of
+from flexslew_lab.identification.record import Record
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.trial import parse_trial
+from flexslew_plant.settings import load_yaml
+
+W = 2.0**0.5  # both masses 1 kg, spring 1 N/m [rad/s]
+TRIAL = """
+name: shaken
+duration: 125.0
+period: 0.02
+testbed: {kind: floating_oscillator, damping_ratio: 0.005}
+sensors:
+  joint_position: {noise: 4.0e-3}
+  joint_velocity: {noise: 3.0e-3}
+  tip_deflection: {noise: 3.0e-3}
+plan: {method: excitation, band: [0.3, 6.0], largest_excursion: [0.2], duration: 120.0}
+controllers: {pd_feedforward: {kp: [0.5], kd: [1.0]}}
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("shaken") / "run"
+    run_trial(parse_trial(TRIAL, "test"), "test", folder, in_process=True, report=False)
+    return folder
+
+
+@pytest.fixture
+def call(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Any:
+    def run_words(*words: Any) -> tuple[Any, str, str]:
+        monkeypatch.setattr(sys, "argv", ["flexslew", *map(str, words)])
+        monkeypatch.setenv("COLUMNS", "300")
+        with pytest.raises(SystemExit) as end:
+            cli()
+        out, err = capfd.readouterr()
+        return end.value.code, out, err
+
+    return run_words
+
+
+def test_a_run_gives_a_model_that_is_believed_a_page_and_numbers(
+    call: Any, run: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "found"
+    system = tmp_path / "bench.json"
+    code, printed, _ = call(
+        "identify", run, run, "--out", out, "--json", "--system", system,
+        "--fit", "parameters.stiffness",
+    )  # fmt: skip
+    assert code == 0
+    numbers = json.loads(printed[: printed.rindex("}") + 1])
+    (mode,) = numbers["modes"]
+    assert mode["frequency"]["value"] == pytest.approx(W, rel=2e-3)
+    assert mode["frequency"]["low"] < mode["frequency"]["value"] < mode["frequency"]["high"]
+    assert numbers["parameters"]["parameters.stiffness"]["value"] == pytest.approx(1.0, rel=0.01)
+    assert numbers["validation"][0]["over_noise"]["position.mass"] == pytest.approx(1.0, rel=0.05)
+    page = (out / "identification.html").read_text()
+    assert "Modes of the free bench" in page
+    assert "https://" not in page.split("<body")[1].split("<script")[0]
+    assert load_yaml((out / "identified.yaml").read_text(), "file")["model"]
+    assert system.stat().st_size > 0
+
+
+def written_bag(folder: Path, record: Record) -> Path:
+    """Write a bag of another bench: sensor_msgs/JointState, and efforts in a Float64MultiArray."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types = store.types
+    stamp, header = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
+    state, array = types["sensor_msgs/msg/JointState"], types["std_msgs/msg/Float64MultiArray"]
+    layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    with Writer(folder, version=9) as writer:
+        states = writer.add_connection("/joint_states", state.__msgtype__, typestore=store)
+        efforts = writer.add_connection("/effort", array.__msgtype__, typestore=store)
+        for k, (effort, measured) in enumerate(zip(record.effort, record.measured, strict=False)):
+            at = round(k * record.period * 1e9)
+            when = header(stamp(at // 10**9, at % 10**9), "")
+            said = state(when, ["mass"], measured[:1], measured[1:2], np.zeros(0))
+            held = array(layout, effort)
+            for connection, message in ((states, said), (efforts, held)):
+                raw = store.serialize_cdr(message, connection.msgtype)
+                writer.write(connection, at, raw)
+    return folder
+
+
+def test_a_bag_of_joint_states_gives_the_mode_of_the_run(
+    call: Any, run: Path, tmp_path: Path
+) -> None:
+    bag = written_bag(tmp_path / "lab", record_of(bag_of(run)))
+    code, printed, _ = call(
+        "identify", bag, "--out", tmp_path, "--json", "--band", "0.3,6",
+        "--inputs", "/effort.data[0]=mass",
+        "--outputs", "/joint_states.position[0]=position.mass,/joint_states.velocity[0]=rate.mass",
+    )  # fmt: skip
+    assert code == 0
+    (mode,) = json.loads(printed[printed.index("{\n") : printed.rindex("}") + 1])["modes"]
+    assert mode["frequency"]["value"] == pytest.approx(W, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("nowhere",), "nowhere: no such run"),
+        (("RUN", "--band", "3,1"), "--band: '3,1' is not allowed: two numbers, low,high"),
+        (("RUN", "--start", "mass"), "--start: 'mass' is not allowed: key=value with a number"),
+        (("RUN", "--fit", "parameters.mas"), "--fit: parameters.mas is not a number"),
+        (("RUN", "--inputs", "/a.b"), "--inputs and --outputs belong together"),
+        (("RUN", "--band", "100,140"), "no excitation there, they shake"),
+        (("RUN/bag", "--inputs", "/no.x", "--outputs", "/no.y"), "no topic /no; there are"),
+        (("lab.csv",), "lab.csv: name its columns: --inputs and --outputs"),
+        (("lab.csv", "--inputs", "u=mass", "--outputs", "x=position.mass"), "at least"),
+    ],
+)
+def test_what_cannot_be_identified_is_refused_in_one_line_and_leaves_nothing(
+    call: Any, run: Path, tmp_path: Path, words: tuple[str, ...], told: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    t = 0.02 * np.arange(90)
+    rows = np.column_stack((t, np.sin(t), np.cos(t)))
+    np.savetxt("lab.csv", rows, delimiter=",", header="t,u,x", comments="")
+    given = [word.replace("RUN", str(run)) for word in words]
+    code, _, err = call("identify", *given, "--out", tmp_path / "out")
+    assert code == 2
+    (line,) = err.strip().splitlines()
+    assert told in line
+    assert not (tmp_path / "out" / "identified.yaml").exists()
+
+
+def test_a_saturated_experiment_is_refused_with_its_share(
+    call: Any, run: Path, tmp_path: Path
+) -> None:
+    trial = TRIAL.replace("0.005}", "0.005, effort_limit: [0.3]}")
+    trial = trial.replace("largest_excursion: [0.2]", "amplitude: [0.3]")
+    flown = tmp_path / "run"
+    hard = parse_trial(trial, "test")
+    run_trial(hard, "test", flown, in_process=True, report=False)
+    share = record_of(bag_of(flown)).saturated
+    assert share > 0.01
+    code, _, err = call("identify", flown)
+    assert code == 2
+    assert f"a drive was at its limit in {share:.0%} of the ticks" in err
