@@ -1,5 +1,6 @@
 """What an experiment has found turns about one of its joints as its whole equations do."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -86,10 +87,10 @@ def test_a_spacecraft_is_planned_on_what_was_identified_and_told_what_cannot_be(
         effort_limit=(0.5,),
     )
 
-    def about(model: Any) -> Any:
-        from dataclasses import replace
+    section: Any = trial.plan
 
-        return replace(trial.plan, model=model)
+    def about(model: Any) -> Any:
+        return replace(section, model=model)
 
     plant = PlantDescription(trial.testbed, trial.period, np.array(trial.testbed.effort_limit))
     feedback = Feedback(kp=(12.0,), kd=(60.0,))

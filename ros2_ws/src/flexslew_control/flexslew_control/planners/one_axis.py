@@ -130,12 +130,12 @@ def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) 
 
 def _require_turning(testbed: Any, names: tuple[str, ...]) -> None:
     """Refuse a believed model of another kind that cannot say what all joints do in a turn."""
+    there = testbed.model().joint_names
     if not isinstance(testbed, Turning):
         raise BadInput(
             f"plan: model: kind: {testbed.kind} cannot be turned about one axis: leave it out, or "
             "give a file of an identification"
         )
-    there = testbed.model().joint_names
     if there != names:
         raise BadInput(
             f"plan: model: joints: {', '.join(there)} is not allowed: a turn needs all joints of "
