@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 import numpy as np
-from tests.lab.identification.shaken import bench, shaken
+from tests.lab.identification.shaken import bench, shaken, truth
 
 from flexslew_lab.identification.modes import ModalModel, identify_modes
 from flexslew_lab.identification.physical_fit import fit_parameters
@@ -71,16 +71,10 @@ def figures() -> dict[str, float]:
 
 def _errors(model: ModalModel, true: Any, highest: float) -> dict[str, float]:
     """Return the worst relative errors of a bench, and the part of its intervals that hold."""
-    equations = true.model()
-    linear = equations.linearise(equations.rest({}))
-    poles = linear.eigenvalues
-    poles = poles[poles.imag > 1e-6]
-    poles = poles[np.argsort(np.abs(poles))]
-    rigid = linear.mass[: equations.joints, : equations.joints]
+    frequencies, damping, rigid = truth(true)
     wrong = {"frequency": 0.0, "damping": 0.0, "inertia": 0.0, "missed_modes": 0.0}
     held = []
-    for pole in poles:
-        w, zeta = abs(pole), -pole.real / abs(pole)
+    for w, zeta in zip(frequencies, damping, strict=True):
         if w > 0.5 * highest:
             continue
         near = [m for m in model.modes if abs(m.frequency.value / w - 1.0) < 0.05]

@@ -29,6 +29,17 @@ def plant_of(testbed: Any, period: float = PERIOD) -> PlantDescription:
     return PlantDescription(testbed, period, np.array(testbed.effort_limit))
 
 
+def truth(testbed: Any) -> tuple[Vector, Vector, Matrix]:
+    """Return frequencies [rad/s] and damping ratios of the free modes, rising, and the inertia."""
+    model = testbed.model()
+    linear = model.linearise(model.rest({}))
+    poles = linear.eigenvalues
+    poles = poles[poles.imag > 1e-6]
+    poles = poles[np.argsort(np.abs(poles))]
+    rigid = linear.mass[: model.joints, : model.joints]
+    return np.abs(poles), -poles.real / np.abs(poles), rigid
+
+
 @lru_cache
 def _kernel() -> Any:
     vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.stats import binom
-from tests.lab.identification.shaken import bench, shaken
+from tests.lab.identification.shaken import bench, shaken, truth
 
 from flexslew_lab.identification.foreign import foreign_record
 from flexslew_lab.identification.frequency_response import frequency_response
@@ -28,16 +28,6 @@ CSA = (
     (np.array([460.0, 460.0]), np.array([920.0, 920.0])),
 )
 SEEDS = 6  # of the oscillator: as many benches; benchmarks/identification.py has more
-
-
-def truth(testbed: Any) -> tuple[Any, Any, Any]:
-    model = testbed.model()
-    linear = model.linearise(model.rest({}))
-    poles = linear.eigenvalues
-    poles = poles[poles.imag > 1e-6]
-    poles = poles[np.argsort(np.abs(poles))]
-    rigid = linear.mass[: model.joints, : model.joints]
-    return np.abs(poles), -poles.real / np.abs(poles), rigid
 
 
 @lru_cache
@@ -61,6 +51,11 @@ def csa(seed: int) -> tuple[Any, Any]:
     return true, shaken(true, *CSA, rng, believed=nominal)
 
 
+@lru_cache
+def found_csa(seed: int) -> Any:
+    return identify_modes(csa(seed)[1].record, (0.18, 14.0))
+
+
 def test_benches_of_other_stiffness_are_found_in_closed_loop_and_the_intervals_hold_them() -> None:
     """At 20 dB, from ten minutes: .2 %, 15 % and 1 % are asked for; 95 % of the intervals."""
     held = 0
@@ -82,9 +77,9 @@ def test_benches_of_other_stiffness_are_found_in_closed_loop_and_the_intervals_h
 
 
 def test_the_testbed_of_csa_is_found_with_all_modes_inertias_and_clamped_frequencies() -> None:
-    true, experiment = csa(3)
+    true, _ = csa(3)
     w, zeta, rigid = truth(true)
-    model_found = identify_modes(experiment.record, (0.18, 14.0))
+    model_found = found_csa(3)
     assert [m.frequency.value for m in model_found.modes] == pytest.approx(w, rel=2e-3)
     assert [m.damping_ratio.value for m in model_found.modes] == pytest.approx(zeta, rel=0.15)
     for k in range(2):
@@ -99,20 +94,20 @@ def test_the_testbed_of_csa_is_found_with_all_modes_inertias_and_clamped_frequen
 
 def test_a_mode_whose_start_was_lost_is_found_in_what_the_others_leave() -> None:
     """Of this bench subspace identification gives the third mode 10 % too low."""
-    true, experiment = csa(8)
+    true, _ = csa(8)
     w, _, _ = truth(true)
-    modes = identify_modes(experiment.record, (0.18, 14.0)).modes
+    modes = found_csa(8).modes
     assert [m.frequency.value for m in modes] == pytest.approx(w, rel=2e-3)
 
 
 def test_parameters_of_the_equations_are_found_from_a_start_that_is_20_percent_off() -> None:
-    true, experiment = csa(3)
+    true, _ = csa(3)
     stiffness = 1.2 * true.parameters.bending_stiffness
     start = varied(
         true, {"damping_ratio": 0.006, "parameters": {"bending_stiffness": stiffness}}, "here"
     )
     fit = fit_parameters(
-        identify_modes(experiment.record, (0.18, 14.0)),
+        found_csa(3),
         start,
         ("testbed.parameters.bending_stiffness", "testbed.damping_ratio"),
     )
