@@ -107,6 +107,7 @@ def build_controller(
         common.handover_time,
         requires_plan,
         monitor,
+        plant.testbed.model().attitude,
     )
 
 

@@ -25,6 +25,7 @@ from flexslew_plant.arrays import NOTHING, Vector, handed_out, kept
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.events import EstimateDoubted, Event, event_of
 from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 _NONE = -2  # tick of a measurement that has not come: not even the one before tick 0
 
@@ -50,6 +51,8 @@ class Controller:
         handover_time: over which the effort of the predecessor is blended out [s].
         requires_plan: it is not ready without one.
         monitor: of the innovations; None: they are not looked at.
+        attitude: the joints that read an attitude; None: none do. Estimator and law then see
+            positions about the reference whose errors are rotations.
     """
 
     def __init__(
@@ -62,7 +65,9 @@ class Controller:
         handover_time: float = 1.0,
         requires_plan: bool = False,
         monitor: Monitor | None = None,
+        attitude: AttitudeJoints | None = None,
     ) -> None:
+        self._attitude = attitude
         self.name, self.joint_names, self.period = name, joint_names, period
         self._estimator, self._law = estimator, law
         # told what the plan wants, where it makes use of that
@@ -203,29 +208,40 @@ class Controller:
             if self._expect is not None:
                 self._expect(self.reference(tick))
             if not follows:
-                self._estimator.reset(measurement)
                 self._hold = self._at_rest(measurement.joint_position)
+            seen = self._about_reference(measurement)
+            if not follows:
+                self._estimator.reset(seen)
                 self._answered, self._doubt = -1, None
                 if self._monitor is not None:
                     self._monitor.reset()
             if self._predecessor is not None:
-                self._estimator.reset(measurement)
+                self._estimator.reset(seen)
                 if follows:
                     _inherit(self._estimator, self._predecessor)
                 self._predecessor = None
-            self._estimate = handed_out_estimate(self._estimator.update(measurement))
+            self._estimate = handed_out_estimate(self._estimator.update(seen))
             if self._blind:  # a filter that has swallowed NaN keeps it: start it afresh
-                self._estimator.reset(measurement)
-                self._estimate = handed_out_estimate(self._estimator.update(measurement))
+                self._estimator.reset(seen)
+                self._estimate = handed_out_estimate(self._estimator.update(seen))
             self._blind = not _finite(self._estimate)
             if self._monitor is not None and not (self._blind or self._doubt):
                 self._judge(self._monitor, measurement)
         if measurement.controller != self.name or self.reason:
             return None
         if self._answer is None:
-            self._answer = self._compute_answer(measurement, self._estimate)
+            seen = self._about_reference(measurement)
+            self._answer = self._compute_answer(seen, self._estimate)
             self._answered = tick
         return self._answer
+
+    def _about_reference(self, measurement: Measurement) -> Measurement:
+        """Return the measurement with positions whose differences from the reference are errors."""
+        if self._attitude is None:
+            return measurement
+        reference, measured = self.reference(measurement.tick), measurement.joint_position
+        position = kept(self._attitude.about(reference.position, measured))
+        return measurement._replace(joint_position=position)
 
     def _judge(self, monitor: Monitor, measurement: Measurement) -> None:
         """Doubt the estimate from now on if its innovations are larger than it states."""

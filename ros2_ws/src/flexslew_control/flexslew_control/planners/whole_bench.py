@@ -156,7 +156,8 @@ def flown_on_bench(
         peak = max(peak, deflected)
         if k >= last:
             swing = max(swing, deflected)
-            away = np.maximum(away, abs(seen.joint_position - plan.position[-1]))
+            left = model.joint_error(seen.joint_position, plan.position[-1])
+            away = np.maximum(away, abs(left))
         if not np.isfinite(peak):
             break
         answer = controller.observe(Measurement(k, 0, now, _NAME, *seen, kept(effort)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexslew_lab.metrics import METRICS
 from flexslew_lab.metrics.metric import Block, Ending, Metric, RunSetup
-from flexslew_plant.arrays import Matrix
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
 
@@ -28,6 +28,7 @@ class Epoch:
         ]
         reading = setup.testbed.model().reading if setup.testbed is not None else None
         self._reading = reading  # joint position and rate of a state
+        self._attitude = setup.testbed.model().attitude if setup.testbed is not None else None
         self._last_time: float | None = None
 
     def add(self, columns: Mapping[str, Any]) -> None:
@@ -52,7 +53,7 @@ class Epoch:
             v,
             columns["applied_effort"],
             columns["tip_deflection"],
-            None if m.goal is None else self._joints(q, v) - m.goal,
+            None if m.goal is None else self._error(self._joints(q, v), m.goal),
             time >= m.start - 1e-9,
             time >= m.end - 1e-9,
         )
@@ -68,6 +69,13 @@ class Epoch:
         """
         events = [event for event in ending.events if event.epoch == self.number]
         return merged(self._metrics, ending._replace(events=events))
+
+    def _error(self, position: Matrix, goal: Vector) -> Matrix:
+        """Return joint position - goal, shape (ticks, joints); of an attitude the rotation."""
+        if self._attitude is None:
+            return position - goal
+        error: Matrix = -self._attitude.error(position, goal)
+        return error
 
     def _joints(self, q: Matrix, v: Matrix) -> Matrix:
         if self._reading is None:

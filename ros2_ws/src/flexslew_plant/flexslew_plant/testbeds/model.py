@@ -10,6 +10,7 @@ import numpy as np
 from flexslew_plant.arrays import Indices, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
+from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.compiled.bound import Bound, bound
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.linearisation import Linearisation
@@ -46,6 +47,7 @@ class Model:
         placed: from joint positions by name to q at rest; None: the first entries.
         motors: those of the actuators; None: all, one in each joint, unless the kernels say
             what the efforts act on.
+        attitude: the joints that read a platform's attitude; None: all errors are differences.
     """
 
     kernels: Kernels
@@ -61,6 +63,7 @@ class Model:
     reading: Callable[[Vector], tuple[Vector, Vector]] | None = None
     placed: Callable[[Mapping[str, float]], Vector] | None = None
     motors: Motors | None = None
+    attitude: AttitudeJoints | None = None
 
     @cached_property
     def joints(self) -> int:
@@ -246,6 +249,17 @@ class Model:
             return self.reading(x)
         position, rate = self._of_joints
         return x[position], x[rate]
+
+    def joint_error(self, position: Vector, goal: Vector) -> Vector:
+        """Return goal - position of each joint, of an attitude the rotation [rad or m].
+
+        Args:
+            position: of the joints, shape (..., joints).
+            goal: where they go, shape (joints,) or (..., joints).
+        """
+        if self.attitude is None:
+            return goal - position
+        return self.attitude.error(position, goal)
 
     def modal_state(self, x: Vector) -> tuple[Vector, Vector]:
         """Return the modal coordinates and their rates, each of shape (modes,)."""

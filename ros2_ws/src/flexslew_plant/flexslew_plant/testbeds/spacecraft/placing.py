@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Drive, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
@@ -47,3 +47,19 @@ def placed(craft: Spacecraft, positions: Mapping[str, float]) -> Vector:
         once = np.cross(v, place)
         q[:3] = place + 2.0 * w * once + 2.0 * np.cross(v, once)
     return q
+
+
+def turning_axes(craft: Spacecraft) -> Matrix:
+    """Return the body axis along which each actuator reads the platform's turn, else zeros.
+
+    Args:
+        craft: the spacecraft.
+
+    Returns:
+        shape (actuators, 3).
+    """
+    axes = np.zeros((len(craft.drives), 3))
+    for row, d in zip(axes, craft.drives, strict=True):
+        if d.what in (at.TORQUE, at.WHEEL):
+            row[:] = craft.wheels[d.owner].axis if d.what == at.WHEEL else d.direction
+    return axes

@@ -13,6 +13,7 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Placed, Positive, section
+from flexslew_plant.testbeds.attitude import attitude_joints
 from flexslew_plant.testbeds.contract import HingeTurn, RigidTurn, UnitSizes
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.kernels import Kernels
@@ -32,7 +33,7 @@ from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, 
 from flexslew_plant.testbeds.spacecraft.equations.readings import read
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
 from flexslew_plant.testbeds.spacecraft.motions import Motions, motions
-from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit
+from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit, turning_axes
 from flexslew_plant.testbeds.spacecraft.retargeting import hinge_turns, retargeted, section_units
 from flexslew_plant.testbeds.spacecraft.settings import (
     IDENTITY,
@@ -277,6 +278,7 @@ def _model(same: _Same) -> Model:
         reading=lambda x: _read(p, x, len(drives)),
         placed=lambda positions: placed(craft, positions),
         motors=motors_of(craft),
+        attitude=attitude_joints(turning_axes(craft)) if free else None,
     )
 
 

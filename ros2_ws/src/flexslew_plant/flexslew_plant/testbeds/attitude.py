@@ -1,0 +1,96 @@
+"""The error of an attitude: the rotation from what is measured to what is asked for.
+
+Joints that turn a platform read its rotation vector along their axes. Two of these vectors cannot
+be subtracted: the difference is the rotation between them only where both are about one axis, and
+fed back beside body rates it is a circulatory stiffness, which can be unstable. Wie, Weiss and
+Arapostathis 1989 feed the quaternion of the rotation between them back.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+
+
+def quaternion(turn: Vector) -> Vector:
+    """Return the unit quaternion x y z w of a rotation vector, shapes (..., 3) [rad], (..., 4)."""
+    angle = np.linalg.norm(turn, axis=-1, keepdims=True)
+    half: Matrix = np.sinc(angle / (2.0 * np.pi)) / 2.0
+    return np.concatenate((half * turn, np.cos(angle / 2.0)), axis=-1)
+
+
+def turn_between(measured: Vector, goal: Vector) -> Vector:
+    """Return the rotation q_measured^-1 q_goal as a rotation vector in body axes, the shorter way.
+
+    Args:
+        measured: rotation vectors, shape (..., 3) [rad].
+        goal: rotation vectors, shape (3,) or (..., 3) [rad].
+
+    Returns:
+        shape (..., 3), no longer than pi [rad].
+    """
+    a, b = quaternion(measured), quaternion(goal)
+    va, wa, vb, wb = a[..., :3], a[..., 3:], b[..., :3], b[..., 3:]
+    vector = wa * vb - wb * va - np.cross(va, vb)
+    scalar = wa * wb + np.sum(va * vb, axis=-1, keepdims=True)
+    vector, scalar = np.where(scalar < 0.0, -vector, vector), np.abs(scalar)
+    size = np.linalg.norm(vector, axis=-1, keepdims=True)
+    ratio = 2.0 * np.arctan2(size, scalar) / np.where(size > 0.0, size, 1.0)
+    turn: Vector = np.where(size > 0.0, ratio, 2.0) * vector
+    return turn
+
+
+@dataclass(frozen=True)
+class AttitudeJoints:
+    """The joints that read a platform's rotation vector, which they tell in all three axes.
+
+    Args:
+        axes: of each joint in body axes, shape (joints, 3); zeros: it reads something else.
+    """
+
+    axes: Matrix
+
+    @cached_property
+    def _turning(self) -> Vector:
+        """Whether each joint reads the turn, shape (joints,)."""
+        turning: Vector = self.axes.any(axis=1)
+        return turning
+
+    @cached_property
+    def _from_joints(self) -> Matrix:
+        """From the joints' positions to the rotation vector, shape (3, joints)."""
+        return np.linalg.pinv(self.axes)
+
+    def error(self, measured: Vector, goal: Vector) -> Vector:
+        """Return what is left to turn or move, along each joint, shape of measured [rad or m].
+
+        About one axis it is goal - measured to the bit, as long as that is less than half a turn.
+
+        Args:
+            measured: positions of the joints, shape (..., joints).
+            goal: where they go, shape (joints,) or (..., joints).
+        """
+        plain = goal - measured
+        start, end = measured @ self._from_joints.T, goal @ self._from_joints.T
+        with np.errstate(invalid="ignore"):  # a dead sensor reads NaN
+            about_one = ~np.cross(start, end).any(axis=-1)
+            within = np.linalg.norm(end - start, axis=-1) <= np.pi
+            turned = turn_between(start, end) @ self.axes.T
+        keep = (about_one & within)[..., None] | ~self._turning
+        left: Vector = np.where(keep, plain, turned)
+        return left
+
+    def about(self, reference: Vector, measured: Vector) -> Vector:
+        """Return positions whose difference from the reference is the error, shape (joints,).
+
+        What takes reference - position for its error then feeds the rotation back.
+        """
+        plain, error = reference - measured, self.error(measured, reference)
+        return np.where(error == plain, measured, reference - error)
+
+
+def attitude_joints(axes: Matrix) -> AttitudeJoints | None:
+    """Return the joints that tell an attitude; None: they do not read a turn in all three axes."""
+    return AttitudeJoints(axes) if np.linalg.matrix_rank(axes, tol=1e-6) == 3 else None
