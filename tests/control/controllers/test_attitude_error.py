@@ -67,8 +67,7 @@ def flown(it: Controller, start: Rotation, goal: Vector, ticks: int, push: Vecto
 def away(rows: Matrix, goal: Vector) -> Vector:
     """Return the angle to the goal at each tick [rad]."""
     to_goal = Rotation.from_rotvec(goal).inv() * Rotation.from_quat(rows[:, 3:7])
-    angle: Vector = to_goal.magnitude()
-    return angle
+    return np.asarray(to_goal.magnitude())
 
 
 @pytest.mark.parametrize("rotation", [True, False])

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Indices, Matrix, Vector
 
 
 def quaternion(turn: Vector) -> Vector:
@@ -53,15 +53,15 @@ class AttitudeJoints:
     axes: Matrix
 
     @cached_property
-    def _turning(self) -> Vector:
-        """Whether each joint reads the turn, shape (joints,)."""
-        turning: Vector = self.axes.any(axis=1)
-        return turning
+    def _other(self) -> Indices:
+        """Which joints read something else than the turn."""
+        return np.flatnonzero(np.abs(self.axes).max(axis=1) == 0.0)
 
     @cached_property
     def _from_joints(self) -> Matrix:
         """From the joints' positions to the rotation vector, shape (3, joints)."""
-        return np.linalg.pinv(self.axes)
+        inverse: Matrix = np.linalg.pinv(self.axes)
+        return inverse
 
     def error(self, measured: Vector, goal: Vector) -> Vector:
         """Return what is left to turn or move, along each joint, shape of measured [rad or m].
@@ -75,11 +75,11 @@ class AttitudeJoints:
         plain = goal - measured
         start, end = measured @ self._from_joints.T, goal @ self._from_joints.T
         with np.errstate(invalid="ignore"):  # a dead sensor reads NaN
-            about_one = ~np.cross(start, end).any(axis=-1)
+            about_one = np.abs(np.cross(start, end)).max(axis=-1) == 0.0
             within = np.linalg.norm(end - start, axis=-1) <= np.pi
             turned = turn_between(start, end) @ self.axes.T
-        keep = (about_one & within)[..., None] | ~self._turning
-        left: Vector = np.where(keep, plain, turned)
+        left: Vector = np.where((about_one & within)[..., None], plain, turned)
+        left[..., self._other] = plain[..., self._other]
         return left
 
     def about(self, reference: Vector, measured: Vector) -> Vector:
