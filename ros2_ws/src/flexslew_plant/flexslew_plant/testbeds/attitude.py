@@ -60,7 +60,7 @@ class AttitudeJoints:
     @cached_property
     def _from_joints(self) -> Matrix:
         """From the joints' positions to the rotation vector, shape (3, joints)."""
-        inverse: Matrix = np.linalg.pinv(self.axes)
+        inverse: Matrix = np.asarray(np.linalg.pinv(self.axes), dtype=np.float64)
         return inverse
 
     def error(self, measured: Vector, goal: Vector) -> Vector:
