@@ -46,11 +46,13 @@ class RunningLaw:
         mismatch: largest difference between form and code over some ticks of small motions,
             of the largest effort [-].
         ticks: after which its memory had settled at rest.
+        rested: a copy that has answered the ticks before that one, its references at the rest.
     """
 
     form: Lti
     mismatch: float
     ticks: int
+    rested: Controller
 
 
 def running_law(
@@ -87,7 +89,7 @@ def running_law(
             f"{100.0 * mismatch:.2g} % from those of its linear form; it may limit its efforts here"
             " or keep its memory outside of itself"
         )
-    return RunningLaw(form, mismatch, desk.tick)
+    return RunningLaw(form, mismatch, desk.tick, desk.controller)
 
 
 def _names(desk: "_Desk", memory: list[Place]) -> tuple[str, ...]:

@@ -1,11 +1,14 @@
 """The page of an analysis: tables, then curves, drawn by the report's own panels."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from flexslew_control.analysis.loop_margins import ChannelMargins
 from flexslew_lab.analysis.analysis import Analysis, residual_curve, responses
+from flexslew_lab.analysis.proof import Proof
+from flexslew_lab.analysis.proof_tables import proof_tables
+from flexslew_lab.analysis.table import Table
 from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Panel, legend, style
 from flexslew_plant.arrays import Vector
@@ -15,17 +18,8 @@ _FADED = 0.02  # of a pole's part at the end of a response
 _SHOWN = 2000  # points of a curve
 
 
-class Table(NamedTuple):
-    """A table of the page."""
-
-    title: str
-    words: str
-    columns: tuple[str, ...]
-    rows: list[list[str]]
-
-
-def analysis_page(analysis: Analysis, name: str) -> str:
-    """Return the analysis of a trial as HTML that needs nothing else."""
+def analysis_page(analysis: Analysis, name: str, proof: Proof | None = None) -> str:
+    """Return the analysis of a trial, and its proof, as HTML that needs nothing else."""
     rest = analysis.point.rest
     position = rest.model.joint_state(rest.state)[0]
     there = ", ".join(
@@ -39,7 +33,7 @@ def analysis_page(analysis: Analysis, name: str) -> str:
         "analysis.html.j2",
         title=f"{name}: {analysis.controller}",
         about=f"{analysis.law} about the rest at {there}, at {rest.time:g} s",
-        tables=tables(analysis),
+        tables=tables(analysis) + (proof_tables(proof) if proof is not None else []),
         groups=[group for group in groups if group.panels],
     )
 

@@ -24,16 +24,22 @@ def analyse(
     out: Annotated[
         Path | None, typer.Option(help="The HTML file; else a new one below runs/.")
     ] = None,
+    prove: Annotated[
+        bool, typer.Option("--prove", help="Fly the bench beside each margin, and compare.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Show modes, poles, margins and responses of a trial's loop about a rest.
 
-    The law's linear form is taken from its running code. Exit code 1: the loop is not stable.
+    The law's linear form is taken from its running code. Exit code 1: the loop is not stable, or
+    what was flown is not what was predicted.
 
     Example: `./flexslew analyse m1 --at 25`
     """
-    from flexslew_lab.analysis.analysis import analysed
+    from flexslew_lab.analysis.analysis import analysed, finite
     from flexslew_lab.analysis.page import analysis_page, summary_rows
+    from flexslew_lab.analysis.proof import proved
+    from flexslew_lab.analysis.proof_tables import MARGIN_COLUMNS, margin_rows
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
@@ -41,14 +47,21 @@ def analyse(
     target = writable_file(out or new_file(f"{wanted.name}-analysis.html"), "--out")
     with for_people.status("analysing"):
         found = analysed(wanted, source, controller, at, joints_of(rest))
+    proof = None
+    if prove:
+        with for_people.status("flying beside the margins"):
+            proof = proved(wanted, found)
     if as_json:
-        print(json.dumps(found.plain(), indent=2))
+        proven = {} if proof is None else {"proof": finite(proof.plain())}
+        print(json.dumps({**found.plain(), **proven}, indent=2))
     else:
         for kind in found.point.left_out:
             say(f"not linear, left out: {kind}")
         print_table(("", found.controller), summary_rows(found))
+        if proof is not None:
+            print_table(MARGIN_COLUMNS, margin_rows(proof))
     if out is not None or not as_json:
-        page = write_page(analysis_page(found, wanted.name), target)
+        page = write_page(analysis_page(found, wanted.name, proof), target)
         say(f"written {link(page)}")
-    if not found.stable:
+    if not found.stable or (proof is not None and not proof.holds):
         raise typer.Exit(1)

@@ -1,0 +1,68 @@
+"""Margins proved: every built-in law on several testbeds, predicted beside flown.
+
+FLEXSLEW_BENCH_LAWS and FLEXSLEW_BENCH_BEDS hold names to fly alone, with commas between them.
+"""
+
+import os
+from collections.abc import Iterator
+from typing import Any
+
+from flexslew_control.controllers import CONTROLLERS
+from flexslew_lab.analysis.analysis import analysed
+from flexslew_lab.analysis.proof import Proof, proved
+from flexslew_lab.notebook import trial
+from flexslew_plant.errors import BadInput
+
+BEDS: dict[str, tuple[str, dict[str, float]]] = {
+    "csa_0": ("m1", {}),
+    "csa_05": ("m1", {"hub_pitch": 0.5}),
+    "csa_1": ("m1", {"hub_pitch": 1.0}),
+    "oscillator": ("time_optimal_oscillator", {}),
+    "hub": ("time_optimal_hub", {}),
+    "scole_s": ("scole_s_a", {}),
+}
+
+
+def figures() -> dict[str, float]:
+    """Return counts and largest differences, relative, by testbed and law.
+
+    *_not_told: poles and margins that lie too close to others for one record.
+    *_disagree: poles and margins beyond what may differ.
+    *_margin: largest difference of a margin, of the prediction [-].
+    A law without a stable linear loop there has no figures; the run says why.
+    """
+    out: dict[str, float] = {}
+    for bed, law, proof in _flights():
+        items = (*proof.poles, *proof.margins)
+        name = f"{bed}_{law}"
+        out[f"{name}_agree"] = sum(item.agrees is True for item in items)
+        out[f"{name}_not_told"] = sum(item.agrees is None for item in items)
+        out[f"{name}_disagree"] = sum(item.agrees is False for item in items)
+        told = [abs(m.flown / m.predicted - 1.0) for m in proof.margins if m.agrees is not None]
+        out[f"{name}_margin"] = max(told, default=0.0)
+    return out
+
+
+def _flights() -> Iterator[tuple[str, str, Proof]]:
+    beds, laws = (_chosen("BEDS", tuple(BEDS)), _chosen("LAWS", tuple(CONTROLLERS)))
+    for bed in beds:
+        shipped, joints = BEDS[bed]
+        own = trial(shipped).controllers
+        for law in laws:
+            values: dict[str, Any] = own.get(law) or {}
+            keys = {"plan": None, "controllers": {law: values}, "active": law}
+            try:
+                what = trial(shipped, keys)
+                yield bed, law, proved(what, analysed(what, bed, joints=joints))
+            except BadInput as error:
+                print(f"{bed}, {law}: {error}", flush=True)
+
+
+def _chosen(what: str, known: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names in an environment variable, or all."""
+    given = os.environ.get(f"FLEXSLEW_BENCH_{what}", "")
+    names = tuple(name for name in given.split(",") if name) or known
+    for name in names:
+        if name not in known:
+            raise BadInput(f"FLEXSLEW_BENCH_{what}: {name}; allowed: {', '.join(known)}")
+    return names

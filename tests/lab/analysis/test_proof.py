@@ -1,0 +1,88 @@
+"""`analyse --prove`: what is predicted is what the non-linear bench flies."""
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from flexslew_control.analysis.ring_down import ring_down
+from flexslew_lab.analysis.analysis import Analysis, analysed
+from flexslew_lab.analysis.page import analysis_page
+from flexslew_lab.analysis.proof import proved
+from flexslew_lab.cli.main import app
+from flexslew_lab.notebook import trial
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.errors import BadInput
+
+OSCILLATOR = {"plan": None, "testbed.damping_ratio": 0.01, "period": 0.02}
+
+
+@pytest.fixture(scope="module")
+def oscillator() -> tuple[Trial, Analysis]:
+    what = trial("time_optimal_oscillator", OSCILLATOR)
+    return what, analysed(what, "here")
+
+
+def test_poles_and_margins_are_those_of_the_flown_bench(
+    oscillator: tuple[Trial, Analysis],
+) -> None:
+    proof = proved(*oscillator)
+    assert proof.holds
+    told = [pole for pole in proof.poles if pole.agrees]
+    assert told
+    for pole in told:
+        assert pole.flown_frequency == pytest.approx(pole.frequency, rel=1e-5)
+    assert {margin.kind for margin in proof.margins} >= {"gain up", "delay"}
+    for margin in proof.margins:
+        assert margin.agrees
+        assert margin.flown == pytest.approx(margin.predicted, rel=1e-3)  # curvature of its growth
+    page = analysis_page(oscillator[1], "it", proof)
+    assert "Margins proved" in page
+    assert "Poles proved" in page
+
+
+def test_a_wrong_prediction_is_found(oscillator: tuple[Trial, Analysis]) -> None:
+    what, right = oscillator
+    wrong = replace(right.efforts[0], delay=1.1 * right.efforts[0].delay)
+    proof = proved(what, replace(right, efforts=(wrong,)))
+    assert not proof.holds
+    assert [m.kind for m in proof.margins if m.agrees is False] == ["delay"]
+
+
+def test_a_plant_that_the_analysis_did_not_have_is_found(
+    oscillator: tuple[Trial, Analysis],
+) -> None:
+    stiffer = trial("time_optimal_oscillator", {**OSCILLATOR, "testbed.parameters.stiffness": 1.05})
+    assert not proved(stiffer, oscillator[1]).holds
+
+
+def test_the_command_shows_it_as_json() -> None:
+    done = CliRunner().invoke(
+        app,
+        ["analyse", "time_optimal_oscillator", "--set", "plan=null", "--set",
+         "testbed.damping_ratio=0.01", "--set", "period=0.02", "--prove", "--json"],
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.output)["proof"]["holds"] is True
+
+
+def test_a_loop_that_is_not_stable_has_nothing_to_prove(
+    oscillator: tuple[Trial, Analysis],
+) -> None:
+    what, found = oscillator
+    with pytest.raises(BadInput, match="not stable"):
+        proved(what, replace(found, stable=False))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sum_of_waves_has_the_poles_that_it_was_made_of(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    s: Any = np.array([-0.3 + 0j, -0.02 + 1.1j, 0.05 + 3.0j]) * rng.uniform(0.8, 1.2)
+    time = 0.01 * np.arange(2000)
+    waves = np.exp(np.outer(time, s)) @ (rng.standard_normal((3, 2)) + 1j)
+    found = ring_down(waves.real, 0.01, s * rng.uniform(0.98, 1.02, 3))
+    np.testing.assert_allclose(found.s, s, rtol=1e-8)
+    assert (found.deviation < 1e-8).all()
