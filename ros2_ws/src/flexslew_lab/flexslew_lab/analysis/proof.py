@@ -171,7 +171,8 @@ class _Flights:
         """Return the poles predicted with these faults, and the same poles as flown.
 
         Args:
-            gain, delay: of the motors, see Path.
+            gain: of the motors, see Path.
+            delay: of the motors, see Path [ticks].
             w: the frequency that matters [rad/s]; None: that of every pole.
         """
         period, point = self._trial.period, self._analysis.point
@@ -187,7 +188,7 @@ class _Flights:
 
 def _slow(loop: Loop, period: float) -> Complex:
     """Return the poles that a record shows, one of each pair [rad/s]."""
-    z, strength = visible_poles(loop, _VISIBLE)
+    z, _ = visible_poles(loop, _VISIBLE)
     shown = (z.imag >= 0.0) & (abs(z) ** _BEGINS > _GONE)
     s = np.log(z[shown]) / period
     return np.asarray(np.where(abs(s.imag) < 1e-9 * abs(s), s.real, s), dtype=np.complex128)

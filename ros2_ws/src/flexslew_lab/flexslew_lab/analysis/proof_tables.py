@@ -1,5 +1,7 @@
 """A proof as tables: for the page and for a terminal."""
 
+import numpy as np
+
 from flexslew_lab.analysis.proof import DAMPING, FREQUENCY, MARGIN, Proof
 from flexslew_lab.analysis.table import Table
 
@@ -42,4 +44,4 @@ def proof_tables(proof: Proof) -> list[Table]:
 
 
 def _number(value: float) -> str:
-    return "-" if value != value else f"{value:.8g}"
+    return "-" if np.isnan(value) else f"{value:.8g}"
