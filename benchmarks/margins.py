@@ -33,11 +33,10 @@ def figures() -> dict[str, float]:
     """
     out: dict[str, float] = {}
     for bed, law, proof in _flights():
-        items = (*proof.poles, *proof.margins)
         name = f"{bed}_{law}"
-        out[f"{name}_agree"] = sum(item.agrees is True for item in items)
-        out[f"{name}_not_told"] = sum(item.agrees is None for item in items)
-        out[f"{name}_disagree"] = sum(item.agrees is False for item in items)
+        out[f"{name}_agree"] = proof.verdicts.count(True)
+        out[f"{name}_not_told"] = proof.verdicts.count(None)
+        out[f"{name}_disagree"] = proof.verdicts.count(False)
         told = [abs(m.flown / m.predicted - 1.0) for m in proof.margins if m.agrees is not None]
         out[f"{name}_margin"] = max(told, default=0.0)
     return out

@@ -67,8 +67,13 @@ def ring_down(record: Matrix, period: float, start: Complex) -> RingDown:
         xtol=1e-14, ftol=1e-14, gtol=1e-14, max_nfev=30,
     )  # fmt: skip
     left = float(np.sqrt(2.0 * found.cost / y.size))
-    information = np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-30, hermitian=True)
+    jacobian = np.asarray(found.jac, dtype=np.float64)
+    information = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-30, hermitian=True)
     spread = scale * left * np.sqrt(np.maximum(np.diag(information), 0.0))
     deviation = spread[: len(start)].copy()
     deviation[wave] = np.hypot(deviation[wave], spread[len(start) :])
-    return RingDown(poles(found.x), deviation, left / float(np.sqrt(np.mean(y**2))))
+    return RingDown(
+        poles(found.x),
+        np.asarray(deviation, dtype=np.float64),
+        left / float(np.sqrt(np.mean(y**2))),
+    )

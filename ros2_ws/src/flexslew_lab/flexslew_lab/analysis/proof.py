@@ -75,9 +75,14 @@ class Proof:
     margins: tuple[ProvedMargin, ...]
 
     @property
+    def verdicts(self) -> list[bool | None]:
+        """Whether each pole, then each margin, agrees."""
+        return [pole.agrees for pole in self.poles] + [margin.agrees for margin in self.margins]
+
+    @property
     def holds(self) -> bool:
         """Nothing that was told apart disagrees."""
-        return all(item.agrees is not False for item in (*self.poles, *self.margins))
+        return False not in self.verdicts
 
     def plain(self) -> dict[str, Any]:
         """Return it as plain data."""
