@@ -63,7 +63,8 @@ def ring_down(record: Matrix, period: float, start: Complex) -> RingDown:
         return np.asarray((y - basis @ (basis.T @ y)).ravel(), dtype=np.float64)
 
     found = least_squares(
-        mismatch, np.zeros(len(scale)), method="trf", diff_step=np.full(len(scale), _STEP), x_scale="jac",
+        mismatch, np.zeros(len(scale)), method="trf", x_scale="jac",
+        diff_step=np.full(len(scale), _STEP),
         xtol=1e-14, ftol=1e-14, gtol=1e-14, max_nfev=30,
     )  # fmt: skip
     left = float(np.sqrt(2.0 * found.cost / y.size))
