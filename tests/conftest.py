@@ -21,7 +21,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Give a test that asks for a `case` as many of them as --cases says."""
     own = any("case" in mark.args[0] for mark in metafunc.definition.iter_markers("parametrize"))
     if "case" in metafunc.fixturenames and not own:
+        share = metafunc.definition.get_closest_marker("share")
         first, count = metafunc.config.option.seed, metafunc.config.option.cases
+        count = max(1, round(count * share.args[0])) if share else count
         metafunc.parametrize("case", range(first, first + count), indirect=True)
 
 

@@ -4,6 +4,7 @@ import gc
 import os
 import subprocess
 import sys
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from flexslew_plant.bench.records import SwitchRequest
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import TESTBEDS, read_testbed
+from flexslew_plant.testbeds.compiled.bound import Bound, bound
+from flexslew_plant.testbeds.model import Model
 
 TICKS = 4  # in charge, each law
 MODES = {
@@ -100,6 +103,20 @@ def test_no_law_of_a_spacecraft_compiles_or_loads_in_flight(name: str) -> None:
     trial, _ = read_trial(name, None)
     trial = replace(trial, schedule=(), fallback=(), duration=1.0)
     assert flown(replace(trial, controllers={**laws_of(trial, {}), **trial.controllers})) == []
+
+
+@pytest.mark.parametrize("kind", sorted(MODES))
+def test_a_copy_calls_the_functions_of_its_original_whatever_else_was_built(kind: str) -> None:
+    """A controller is warmed as a copy; so it is the copy's functions that are loaded."""
+    sizes = [read_testbed({"kind": kind}, "test").model()]
+    if kind == "csa":
+        sizes += [read_testbed({"kind": kind, "modes": k}, "test").model() for k in MODES[kind]]
+    for model in sizes:
+        assert all(deepcopy(one) is one for one in bound_of(model))
+
+
+def bound_of(model: Model) -> Bound:
+    return bound(model.kernels, model.coordinates, model.before_modes)
 
 
 def test_friction_compiles_nothing_in_flight() -> None:

@@ -1,13 +1,11 @@
 """Random schedules of switches, tunings and missed ticks, live against the run from its log.
 
-A few here; FLEXSLEW_SCHEDULES=1000 makes a campaign.
+`--cases 1000` draws a thousand.
 """
 
-import os
 from pathlib import Path
 
 import numpy as np
-import pytest
 from tests.wire_bench import WireBench
 
 from flexslew_lab.log.recording.bag_observer import BagObserver
@@ -66,10 +64,11 @@ def flown(folder: Path, rng: np.random.Generator, named: bool = True) -> WireBen
     return bench
 
 
-@pytest.mark.parametrize("seed", range(int(os.environ.get("FLEXSLEW_SCHEDULES", "8"))))
-def test_what_was_flown_is_flown_again_to_the_last_bit(seed: int, tmp_path: Path) -> None:
+def test_what_was_flown_is_flown_again_to_the_last_bit(
+    case: np.random.Generator, tmp_path: Path
+) -> None:
     # a recorder that somebody starts by hand knows of no trial
-    bench = flown(tmp_path / "bag", np.random.default_rng([9, seed]), named=seed % 2 == 0)
+    bench = flown(tmp_path / "bag", case, named=bool(case.integers(2)))
     again = resim(tmp_path / "bag")
     assert again.first_difference is None
     assert again.identical

@@ -58,6 +58,9 @@ def test_what_fails_has_failed_and_runs_once(
     code: int,
 ) -> None:
     (tmp_path / "tests" / "ros").mkdir(parents=True)
+    campaigns = tmp_path / "tests" / "campaigns" / "ros"
+    campaigns.mkdir(parents=True)
+    (campaigns / "test_campaign.py").write_text(PASSES)
     (tmp_path / "tests" / "test_plain.py").write_text(plain)
     (tmp_path / "tests" / "ros" / "test_over_ros.py").write_text(over_ros)
     marked = f"import pytest\npytestmark = pytest.mark.alone\n{alone}"

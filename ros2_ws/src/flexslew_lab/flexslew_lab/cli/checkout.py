@@ -13,6 +13,7 @@ from flexslew_lab.cli.terminal import for_people, print_table, say
 from flexslew_plant.errors import BadInput
 
 LONG = ("console", "day", "study_bad_days")  # benchmarks that take long, or much of the machine
+OVER_ROS = ("tests/ros", "tests/campaigns/ros")
 
 
 def bench(
@@ -79,10 +80,8 @@ def test(context: typer.Context) -> None:
     if context.args:
         raise typer.Exit(_pytest(*context.args))
     two = ("-n", "2", "--dist", "loadfile")
-    code = _pytest(*two, "--ignore", "tests/ros")
-    over_ros = max(
-        _pytest(*two, "tests/ros", "-m", "not alone"), _pytest("tests/ros", "-m", "alone")
-    )
+    code = _pytest(*two, *(word for part in OVER_ROS for word in ("--ignore", part)))
+    over_ros = max(_pytest(*two, *OVER_ROS, "-m", "not alone"), _pytest(*OVER_ROS, "-m", "alone"))
     raise typer.Exit(max(code, over_ros))
 
 

@@ -1,7 +1,7 @@
 """A testbed's kernels as Python calls them: of one size of state, or compiled once for all."""
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +45,7 @@ def bound(kernels: Kernels, n: int, m: int) -> Bound:
     return _of_any_size(kernels, m) if kernels.any_size else _of_size(kernels, n, m)
 
 
-@lru_cache
+@cache
 def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
     """Return kernels with their sizes built in.
 
@@ -56,6 +56,23 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
         kernels: its equations.
         n: coordinates.
         m: joints.
+    """
+
+    @compiled_once("x")
+    def advance(
+        p: Vector, t: float, effort: Vector, dt: float, steps: int, _: int, x: Vector
+    ) -> None:
+        dynamics.take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
+
+    return _of_joints(kernels, m)._replace(advance=advance)
+
+
+@cache
+def _of_joints(kernels: Kernels, m: int) -> Bound:
+    """Return kernels with the number of joints built in, the same functions for every size.
+
+    Numba takes two functions of one content for one wherever it copies them: a controller that was
+    warmed as a copy would then meet functions in flight that nobody has warmed.
     """
 
     @compiled_once("joints", "coupling", "modal", "bias")
@@ -73,12 +90,6 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
     @compiled_once()
     def derivative_(p: Vector, t: float, x: Vector, effort: Vector) -> Vector:
         return dynamics.derivative(kernels, p, t, x, effort, m)
-
-    @compiled_once("x")
-    def advance(
-        p: Vector, t: float, effort: Vector, dt: float, steps: int, _: int, x: Vector
-    ) -> None:
-        dynamics.take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
 
     @compiled_once("dx", "du")
     def jacobian_(p: Vector, t: float, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
@@ -105,7 +116,7 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
     return Bound(
         terms,
         derivative_,
-        advance,
+        _advance(kernels),
         jacobian_,
         residual_jacobian,
         energy_,
@@ -114,7 +125,7 @@ def _of_size(kernels: Kernels, n: int, m: int) -> Bound:
     )
 
 
-@lru_cache
+@cache
 def _advance(kernels: Kernels) -> Callable[..., None]:
     """Return the integration of a state of any size; m: entries of v before the modes."""
 
@@ -144,7 +155,7 @@ def _advance(kernels: Kernels) -> Callable[..., None]:
     return advance
 
 
-@lru_cache
+@cache
 def _of_any_size(kernels: Kernels, m: int) -> Bound:
     """Return kernels that are compiled once for all sizes; the author's own are called as is."""
     own, advance = kernels.compiled, _advance(kernels)

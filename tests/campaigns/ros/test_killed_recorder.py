@@ -1,7 +1,4 @@
-"""A recorder that is killed under load: what its log lacks.
-
-Two kills here; FLEXSLEW_KILLS=100 makes the whole campaign.
-"""
+"""A recorder that is killed under load: what its log lacks."""
 
 import os
 import signal
@@ -14,11 +11,9 @@ import pytest
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.recording.bag_writer import CHUNK_SIZE
 from flexslew_lab.log.recover import recover
+from tests.ros.bystander import beside, busy
+from tests.ros.flight import Flight, slew
 
-from .bystander import beside, busy
-from .flight import Flight, slew
-
-KILLS = int(os.environ.get("FLEXSLEW_KILLS", "2"))
 MOST = 100  # ticks, or one chunk
 
 
@@ -45,14 +40,13 @@ class Killing:
         raise KeyboardInterrupt  # what the others do then is not asked here
 
 
-@pytest.mark.parametrize("seed", range(KILLS))
+@pytest.mark.share(0.2)
 def test_a_killed_recorder_lacks_a_chunk_or_a_second_at_the_end_and_nothing_before(
-    tmp_path: Path, seed: int
+    tmp_path: Path, case: np.random.Generator
 ) -> None:
-    rng = np.random.default_rng(seed)
     patient = replace(slew(duration=600.0), answer_timeout=10.0)  # of the plant with its recorder
-    killing = Killing(int(rng.integers(1, 300)))
-    flight = Flight(patient, tmp_path, int(rng.integers(1, 300)), killing)
+    killing = Killing(int(case.integers(1, 300)))
+    flight = Flight(patient, tmp_path, int(case.integers(1, 300)), killing)
     assert flight.outcome.exit_code == 130
     recovery = recover(flight.bag)
     assert recovery.lost == {}
@@ -68,5 +62,5 @@ def test_a_killed_recorder_lacks_a_chunk_or_a_second_at_the_end_and_nothing_befo
     assert asked - set(efforts) <= missed | {last}
     size = sum(len(m.data) + 31 for m in bag.messages())
     chunk = CHUNK_SIZE / (size / (last + 1))  # ticks in one
-    print(f"seed {seed}: killed at tick {killing.tick}, {killing.tick - last} ticks lost")
+    print(f"killed at tick {killing.tick}, {killing.tick - last} ticks lost")
     assert killing.tick - last <= max(MOST, chunk)
