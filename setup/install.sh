@@ -9,7 +9,6 @@ python=${FLEXSLEW_PYTHON:-python3}
 installed_ros=${FLEXSLEW_INSTALLED_ROS:-}
 lock=$root/setup/requirements.lock.txt
 sources=$root/setup/requirements.source.txt
-[ -z "$installed_ros" ] || lock=$root/setup/requirements.installed_ros.txt
 started=$SECONDS
 step=
 
@@ -65,25 +64,35 @@ system_packages() {
 
 # 2. Python packages. An interrupted installation of the same list goes on, another one begins anew.
 python_packages() {
-  local count options=(--require-hashes --only-binary ':all:' --no-deps) isolation=()
-  [ -z "$installed_ros" ] || { options=(); isolation=(--system-site-packages); }
-  count=$(grep -c '^[A-Za-z0-9]' "$lock")
+  local count list=$lock isolation=()
+  [ -z "$installed_ros" ] || isolation=(--system-site-packages)
   if [ ! -e "$packages.begun" ]; then
     rm -rf "$venv" "$root/ros2_ws/build" "$root/ros2_ws/install"
     run "$python" -m venv "${isolation[@]}" "$venv" || fail "$python could not make $venv"
     touch "$venv/COLCON_IGNORE" "$packages.begun"
   fi
+  if [ -n "$installed_ros" ]; then
+    list=$venv/requirements.txt
+    beside_installed_ros <"$lock" >"$list"
+  fi
+  count=$(grep -c '^[A-Za-z0-9]' "$list")
   say "[2/4] Python packages into .venv ($count distributions, about $size)"
   # a package cut off while it was unpacked has no list of its files
   for unpacked in "$venv"/lib/python3*/site-packages/*.dist-info; do
     [ ! -d "$unpacked" ] || [ -e "$unpacked/RECORD" ] || rm -rf "$unpacked"
   done
-  run pip_install "$count" "${options[@]}" -r "$lock" || pip_failed
+  run pip_install "$count" --require-hashes --only-binary ':all:' --no-deps -r "$list" || pip_failed
   if [ -z "$installed_ros" ]; then
     run pip_install 1 --require-hashes --no-deps --no-build-isolation --use-pep517 -r "$sources" || pip_failed
   fi
   rm -f "$packages.begun"
   touch "$packages"
+}
+
+# The lock without what an installed ROS 2 brings: its packages, their parsers, and the NumPy that they are built for (1.26
+# on Ubuntu 24.04), with which ctrlsys does not work.
+beside_installed_ros() {
+  awk '/^[A-Za-z0-9]/ { keep = /^ros-parser==/ || !/^(ros-|catkin-pkg==|ctrlsys==|lark-parser==|numpy==)/ } keep'
 }
 
 pip_failed() {
@@ -150,7 +159,7 @@ case $root in
 esac
 size="1.2 GB"
 # each process started here delays every command
-packages_digest=$(cat "$lock" "$sources" | sha256sum)
+packages_digest=$(cat "$lock" "$sources" <(printf %s "$installed_ros") | sha256sum)
 packages=$venv/flexslew.${packages_digest:0:16}
 workspace_lines=$root/ros2_ws/install/environment.sh
 workspace_digest=$({

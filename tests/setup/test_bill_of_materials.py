@@ -4,13 +4,10 @@ import importlib.util
 import json
 import re
 import sys
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
-from packaging.requirements import Requirement
-from packaging.utils import canonicalize_name
 
 from .test_lock import ROOT, pins
 
@@ -66,20 +63,3 @@ def test_the_page_of_licences_is_that_of_the_lock(bill: Any) -> None:
         name: version for name, (version, _) in locked().items()
     }
     assert page == bill.licences([bill.Component(n, v, (), words) for n, v, words in rows])
-
-
-def test_beside_an_installed_ros_each_distribution_has_a_lower_bound_no_lower_than_ours() -> None:
-    lines = (ROOT / "setup" / "requirements.installed_ros.txt").read_text().splitlines()
-    given = {
-        canonicalize_name(r.name): r
-        for r in (Requirement(line) for line in lines if line and not line.startswith("#"))
-    }
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extras = project["optional-dependencies"]
-    wanted = [Requirement(line) for line in (*project["dependencies"], *extras["test"])]
-    for requirement in given.values():
-        assert any(part.operator in (">=", "==") for part in requirement.specifier), requirement
-    for requirement in wanted:
-        name = canonicalize_name(requirement.name)
-        if name not in ("numpy", "pyyaml"):  # those of the installation
-            assert str(given[name].specifier) == str(requirement.specifier), name

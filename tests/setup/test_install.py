@@ -99,6 +99,19 @@ def test_the_first_call_sets_up_and_the_second_one_does_nothing(checkout: Checko
     assert checkout.steps == []
 
 
+def test_beside_an_installed_ros_its_own_packages_and_numpy_are_left_out(
+    checkout: Checkout,
+) -> None:
+    checkout.environment |= {"ROS_DISTRO": "jazzy", "AMENT_PREFIX_PATH": "/opt/ros/jazzy"}
+    checkout.environment["FLEXSLEW_INSTALLED_ROS"] = "jazzy"
+    assert checkout.call()[0] == 0
+    assert checkout.steps == [step for k, step in enumerate(ALL) if k != 2]  # nothing from source
+    listed = (checkout.root / ".venv" / "requirements.txt").read_text()
+    assert "scipy==" in listed
+    assert "numpy==" not in listed
+    assert "--hash=sha256:" in listed
+
+
 def test_the_environment_of_the_workspace_is_that_of_colcon_before_what_is_there(
     checkout: Checkout,
 ) -> None:

@@ -1,7 +1,9 @@
 """The locks: exact versions with hashes, no place to fetch from, all that the project asks for."""
 
 import re
+import subprocess
 import tomllib
+from importlib.metadata import distribution
 from itertools import chain
 from pathlib import Path
 
@@ -15,7 +17,11 @@ LOCKS = ("requirements.lock.txt", "requirements.develop.lock.txt", "requirements
 
 def pins(name: str) -> list[tuple[Requirement, list[str]]]:
     """Return the requirements of a lock with their hashes."""
-    text = (ROOT / "setup" / name).read_text().replace("\\\n", "")
+    return parsed((ROOT / "setup" / name).read_text())
+
+
+def parsed(text: str) -> list[tuple[Requirement, list[str]]]:
+    text = text.replace("\\\n", "")
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     return [
         (Requirement(line.split("--hash")[0]), re.findall(r"--hash=sha256:([0-9a-f]{64})\b", line))
@@ -33,7 +39,7 @@ def test_each_distribution_is_pinned_once_and_has_a_hash(name: str) -> None:
         assert hashes, pin
 
 
-@pytest.mark.parametrize("name", [*LOCKS, "requirements.installed_ros.txt"])
+@pytest.mark.parametrize("name", LOCKS)
 def test_no_lock_says_where_to_fetch_from(name: str) -> None:
     text = (ROOT / "setup" / name).read_text()
     assert "://" not in text
@@ -54,6 +60,39 @@ def test_the_lock_satisfies_the_project_and_its_extras() -> None:
             continue
         version = versions[canonicalize_name(requirement.name)]
         assert requirement.specifier.contains(version), line
+
+
+def test_beside_an_installed_ros_the_rest_of_the_lock_fits_its_numpy() -> None:
+    """Ubuntu 24.04, of Jazzy and Kilted: Python 3.12 with NumPy 1.26.4."""
+    there = {"python_version": "3.12", "python_full_version": "3.12.3", "extra": ""}
+    for pin, _ in beside_installed_ros():
+        for line in distribution(pin.name).requires or ():
+            needed = Requirement(line)
+            if needed.name == "numpy" and (not needed.marker or needed.marker.evaluate(there)):
+                assert needed.specifier.contains("1.26.4"), f"{pin.name} needs {line}"
+
+
+def test_beside_an_installed_ros_everything_but_what_it_brings_is_pinned_with_hashes() -> None:
+    left = {pin.name for pin, _ in pins(LOCKS[0])} - {pin.name for pin, _ in beside_installed_ros()}
+    assert {name for name in left if not name.startswith("ros-")} == {
+        "catkin-pkg", "ctrlsys", "lark-parser", "numpy",
+    }  # fmt: skip
+    assert "ros-parser" not in left
+    assert all(hashes for _, hashes in beside_installed_ros())
+
+
+def beside_installed_ros() -> list[tuple[Requirement, list[str]]]:
+    """Return what setup/install.sh takes of the lock there."""
+    script = (ROOT / "setup" / "install.sh").read_text()
+    function = re.search(r"^beside_installed_ros\(\) \{\n.*?^\}", script, re.MULTILINE | re.DOTALL)
+    text = subprocess.run(
+        ["bash", "-euc", f"{function[0]}\nbeside_installed_ros"],
+        input=(ROOT / "setup" / LOCKS[0]).read_text(),
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    return parsed(text)
 
 
 def test_nothing_stands_in_two_locks() -> None:
