@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexslew_lab.console.history import LIMIT, Curve, Track, marked, thinned
+from flexslew_lab.console.history import LIMIT, Curve, Track, marked, power_of, thinned
 
 
 def test_a_track_keeps_rows_and_begins_anew_after_a_reset() -> None:
@@ -44,6 +44,7 @@ def test_thinning_keeps_every_extreme(seed: int) -> None:
     curve = Curve("a", time, rng.standard_normal(time.size))
     start, end = np.sort(rng.uniform(0.0, time[-1], 2))
     axis, (row,) = thinned([curve], start, end)
+    assert (axis[0], axis[-1]) == (start, end)
     inside = curve.value[(time >= start) & (time < end)]
     known = row[np.isfinite(row)]
     assert len(axis) == len(row) <= 1200
@@ -71,3 +72,35 @@ def test_event_lines_stand_up_at_their_times_and_bend_no_curve() -> None:
     assert np.allclose(row, whole * 10.0)
     assert whole[up == 2.0].tolist() == [0.5, 1.5]
     assert (up[[0, -1]] == -1.0).all()
+
+
+@pytest.mark.parametrize("points", [5, 5000])
+def test_a_window_is_as_wide_as_it_says_after_a_stall(points: int) -> None:
+    late = np.linspace(100.0, 110.0, points)
+    time = np.concatenate(([9.0], late))  # nothing came for 91 s
+    axis, (row,) = thinned([Curve("a", time, 2.0 * time)], 80.0, 110.0)
+    assert (axis[0], axis[-1]) == (80.0, 110.0)
+    known = np.isfinite(row)
+    assert row[0] == pytest.approx(160.0)  # on the line from the point before the window
+    assert np.allclose(
+        row[known], 2.0 * axis[known], atol=0.2
+    )  # the slope times the width of a bucket
+
+
+def test_a_window_without_data_is_as_wide_as_it_says() -> None:
+    for curves in ([], [Curve("a", np.zeros(0), np.zeros(0))]):
+        assert thinned(curves, 0.0, 30.0)[0].tolist() == [0.0, 30.0]
+
+
+@pytest.mark.parametrize("exponent", range(-12, 9))
+def test_an_axis_counts_in_a_power_that_leaves_three_digits(exponent: int) -> None:
+    rng = np.random.default_rng(exponent + 12)
+    rows = [rng.uniform(-1.0, 1.0, 50) * 10.0**exponent, np.full(3, np.nan)]
+    power, largest = power_of(rows), np.nanmax(np.abs(rows[0]))
+    assert power % 3 == 0
+    assert 0.1 <= largest / 10.0**power < 1e5
+
+
+def test_nothing_zero_and_infinity_are_drawn_as_they_are() -> None:
+    for rows in ([], [np.zeros(3)], [np.array([np.nan])], [np.array([np.inf, 1e-9])]):
+        assert power_of(rows) == 0

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from math import inf, nan
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.fake_bench import FakeLink
 
@@ -223,3 +224,53 @@ def test_a_remark_must_say_something(hands: Hands) -> None:
     hands.set("Remark", "<b>it rings</b>")
     [(service, values)] = hands.click("Note it")
     assert (service, values["text"]) == ("note", "<b>it rings</b>")
+
+
+def test_a_reference_has_its_joints_colour_and_its_unit_says_the_power_of_ten(hands: Hands) -> None:
+    view, time = hands.link.view, np.arange(500) * 0.01
+    rows = 2e-6 * np.column_stack((np.sin(time), np.cos(time)))
+    view.truth.add(time, {"position": rows})
+    view.controller_state.add(time, {"reference_position": rows})
+    view.time = 4.99
+    hands.refresh()
+    plot = hands.page._panels[0]._charts[0]._plot
+    assert plot.data[0][[0, -1]].tolist() == [0.0, 30.0]
+    shown = {str(one["label"]): one for one in plot.series[2:]}
+    assert list(shown) == [
+        "a [1e-6 rad]", "b [1e-6 m]", "reference a [1e-6 rad]", "reference b [1e-6 m]",
+    ]  # fmt: skip
+    for joint in ("a [1e-6 rad]", "b [1e-6 m]"):
+        assert shown[f"reference {joint}"]["stroke"] == shown[joint]["stroke"]
+        assert "dash" in shown[f"reference {joint}"]
+        assert "dash" not in shown[joint]
+    assert max(np.nanmax(np.abs(row)) for row in plot.data[2:]) == pytest.approx(2.0, rel=1e-3)
+    view.truth.clear()
+    view.controller_state.clear()
+    view.time = 0.0
+
+
+def test_reset_stands_below_everything_else_of_the_run_and_in_a_folder_of_its_own(
+    hands: Hands,
+) -> None:
+    order = [hands.elements(one)[0].order for one in ("Start", "Pause", "Step", "Set the rate")]
+    assert order == sorted(order)
+    reset = hands.elements("Reset")[0]
+    assert reset._impl.parent_container_id != hands.elements("Pause")[0]._impl.parent_container_id
+
+
+def test_forms_open_on_the_law_in_charge_and_stay_where_a_person_has_put_them() -> None:
+    link = FakeLink()
+    link.view.controllers["after"] = link.view.controllers["pd"]._replace(name="after")
+    link.view.now = link.view.now._replace(active="pd")
+    page = Page(link, "127.0.0.1", 0, lambda words: None)
+    try:
+        hands = Hands(page, link)
+        hands.refresh()
+        for field in ("Controller", "Tuned controller"):
+            assert hands.elements(field)[0].value == "pd"
+            hands.set(field, "after")
+        hands.refresh()
+        for field in ("Controller", "Tuned controller"):
+            assert hands.elements(field)[0].value == "after"
+    finally:
+        page.close()

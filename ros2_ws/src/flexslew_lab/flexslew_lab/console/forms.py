@@ -114,6 +114,26 @@ def offer(field: Any, options: tuple[str, ...], nothing: str) -> None:
         field.options = shown
 
 
+class OpenedOn:
+    """A list of controllers that opens on the one in charge, once, and then is left to people.
+
+    Args:
+        field: the list.
+    """
+
+    def __init__(self, field: Any) -> None:
+        self._field, self._first = field, field.value
+
+    def offer(self, options: tuple[str, ...], nothing: str, active: str) -> None:
+        """Let the list offer these; see `offer`."""
+        offer(self._field, options, nothing)
+        if self._first is None or active not in options:
+            return
+        if self._field.value in (self._first, options[0]):  # nobody has chosen yet
+            self._field.value = active
+        self._first = None
+
+
 def _choices(kind: Any) -> tuple[str, ...]:
     """Return the texts that a Literal allows; none for another type."""
     given = get_args(kind)

@@ -1,6 +1,7 @@
 """What a bench has done so far, tick by tick, for charts: arrays that grow and forget."""
 
 from collections.abc import Mapping
+from math import floor, inf, log10
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,19 +76,28 @@ class Curve(NamedTuple):
     time: Vector  # rising [s]
     value: Vector
     dashed: bool = False
+    color: int | None = None  # number of its colour; None: that of its place in the chart
 
 
 def within(curve: Curve, start: float, end: float) -> Curve:
-    """Return the part of a curve between two times [s], and one point more on each side."""
+    """Return the part of a curve between two times [s], cut on the line where it crosses them."""
     first = max(int(np.searchsorted(curve.time, start)) - 1, 0)
     last = int(np.searchsorted(curve.time, end, side="right")) + 1
-    return curve._replace(time=curve.time[first:last], value=curve.value[first:last])
+    time, value = curve.time[first:last], curve.value[first:last]
+    if not len(time):
+        return curve._replace(time=time, value=value)
+    edges = [edge for edge in (start, end) if time[0] < edge < time[-1]]
+    inside = time[(time >= start) & (time <= end)]
+    cut = np.unique(np.concatenate((inside, edges)))
+    return curve._replace(time=cut, value=np.interp(cut, time, value))
 
 
 def thinned(
     curves: list[Curve], start: float, end: float, buckets: int = 300
 ) -> tuple[Vector, list[Vector]]:
     """Return curves on one time axis, the smallest and the largest value of each bucket kept.
+
+    The axis begins at start and ends at end, whatever is known between them.
 
     Args:
         curves: that share a chart.
@@ -97,13 +107,25 @@ def thinned(
     """
     parts = [within(curve, start, end) for curve in curves]
     if all(len(part.time) <= 2 * buckets for part in parts):
-        times = [part.time for part in parts]
-        axis = np.unique(np.concatenate(times)) if times else np.zeros(0)
+        axis = np.unique(np.concatenate([[start, end], *(part.time for part in parts)]))
         return axis, [_placed(part, axis) for part in parts]
     edges = np.linspace(start, end, buckets + 1)
     width = edges[1] - edges[0]
-    axis = np.column_stack((edges[:-1] + width / 4, edges[:-1] + 3 * width / 4)).ravel()
+    within_buckets = np.column_stack((edges[:-1] + width / 4, edges[:-1] + 3 * width / 4)).ravel()
+    axis = np.concatenate(([start], within_buckets, [end]))
     return axis, [_extremes(part, edges) for part in parts]
+
+
+def power_of(rows: list[Vector]) -> int:
+    """Return the power of ten, a multiple of 3, that a chart's axis counts in.
+
+    0 from 0.1 to 1e5: an axis writes three digits after the point, so that values below 5e-4
+    would all read 0.
+    """
+    largest = max((float(np.nanmax(np.abs(row), initial=0.0)) for row in rows), default=0.0)
+    if not 0.0 < largest < inf or 0.1 <= largest < 1e5:
+        return 0
+    return max(3 * floor(log10(largest) / 3.0), -300)
 
 
 def marked(
@@ -150,16 +172,20 @@ def _begun(row: Vector) -> Vector:
 
 
 def _extremes(curve: Curve, edges: Vector) -> Vector:
-    """Return two values of each bucket in the order in which the curve goes, NaN where empty."""
+    """Return two values of each bucket in the order in which the curve goes, NaN where empty.
+
+    One more stands on either side, for the first and the last edge.
+    """
     out = np.full((len(edges) - 1, 2), np.nan)
     bounds: NDArray[np.intp] = np.searchsorted(curve.time, edges)
     there = np.flatnonzero(np.diff(bounds) > 0)
     if not len(there):
-        return np.zeros(out.size)
+        return np.zeros(out.size + 2)
     part, starts = curve.value[: bounds[-1]], bounds[there]
     low, high = np.fmin.reduceat(part, starts), np.fmax.reduceat(part, starts)
     rising = part[bounds[there + 1] - 1] >= part[starts]
     out[there] = np.where(
         rising[:, None], np.column_stack((low, high)), np.column_stack((high, low))
     )
-    return _begun(out.ravel())
+    ends = np.where(np.isin(edges[[0, -1]], curve.time), curve.value[[0, -1]], np.nan)
+    return _begun(np.concatenate((ends[:1], out.ravel(), ends[1:])))

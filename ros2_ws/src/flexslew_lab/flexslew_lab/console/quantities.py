@@ -9,14 +9,16 @@ from flexslew_lab.console.view import BenchView, Joints
 from flexslew_plant.arrays import Matrix, Vector
 
 POSITION, VELOCITY, ERROR, EFFORT = "position", "velocity", "error", "effort"
+GREY = 6  # of limits, among the colours of the charts
 TIPS, INNOVATION, ESTIMATE = "tips", "innovation", "estimate minus truth"
 
 
 def _columns(
     labels: tuple[str, ...], time: Vector, rows: Matrix, dashed: bool = False
 ) -> list[Curve]:
+    """Return a curve for each joint: whatever is drawn of one has its colour."""
     return [
-        Curve(label, time, rows[:, k], dashed)
+        Curve(label, time, rows[:, k], dashed, color=k)
         for k, label in enumerate(labels)
         if k < rows.shape[1]
     ]
@@ -66,7 +68,7 @@ def _effort(view: BenchView, joints: Joints) -> list[Curve]:
     for limit in sorted(set(joints.limit)):
         for sign in (1.0, -1.0):
             level = np.full(len(time), sign * limit)  # whatever window is cut out, it crosses it
-            curves.append(Curve(f"limit {sign * limit:g}", time, level, True))
+            curves.append(Curve(f"limit {sign * limit:g}", time, level, True, color=GREY))
     return curves
 
 

@@ -8,7 +8,7 @@ from viser import uplot
 
 from flexslew_lab.console import quantities
 from flexslew_lab.console.desk import Desk
-from flexslew_lab.console.history import Curve, marked, thinned
+from flexslew_lab.console.history import Curve, marked, power_of, thinned
 from flexslew_plant.arrays import Vector
 from flexslew_plant.events import AnswerMissed, BecameReady, BecameUnready, FellBehind
 
@@ -61,8 +61,8 @@ class ChartsPanel:
 
     def _following(self) -> tuple[float, float]:
         width = _WINDOWS.get(self._window.value, 30.0)
-        end = max(self._view.time, 0.1)
-        return (max(end - width, 0.0), end) if width else (0.0, end)
+        end = max(self._view.time, width, 0.1)
+        return (end - width, end) if width else (0.0, end)
 
     def _on_pause(self, who: str) -> None:
         self._held = self._following() if self._pause.value else None
@@ -113,28 +113,36 @@ class _Chart:
         self._plot.visible = True
         curves = [*quantities.curves_of(self._view, quantity), *overlays.get(quantity, [])]
         axis, rows = thinned(curves, start, end)
+        power = power_of(rows)
+        rows = [row / 10.0**power for row in rows]
         axis, rows, up = marked(axis, rows, events)
-        if not len(axis):
-            return
-        labels = tuple((curve.label, curve.dashed) for curve in curves)
+        labels = (power, *((curve.label, curve.dashed) for curve in curves))
         with self._server.atomic():
             if labels != self._labels:
                 self._labels = labels
-                self._plot.series = _series(curves)
+                self._plot.series = _series(curves, power)
             self._plot.data = (axis, up, *rows)
 
     def _changed(self, who: str) -> None:
         self._drawn = ()
 
 
-def _series(curves: list[Curve]) -> tuple[Any, ...]:
+def scaled_label(label: str, power: int) -> str:
+    """Return a label whose unit says the power of ten that is counted in: `arm [1e-6 rad]`."""
+    if not power:
+        return label
+    name, bracket, unit = label.partition(" [")
+    return f"{name} [1e{power} {unit}" if bracket else f"{name} [1e{power}]"
+
+
+def _series(curves: list[Curve], power: int = 0) -> tuple[Any, ...]:
     events = uplot.Series(
         label=_EVENTS, scale=_EVENTS, stroke="#999999", width=1, points={"show": False}
     )
     shown = [
         uplot.Series(
-            label=curve.label,
-            stroke=COLORS[k % len(COLORS)],
+            label=scaled_label(curve.label, power),
+            stroke=COLORS[(k if curve.color is None else curve.color) % len(COLORS)],
             width=1.5,
             points={"show": False},
             **({"dash": (6.0, 4.0)} if curve.dashed else {}),

@@ -79,7 +79,7 @@ def _read(place: Path) -> Curves:
     log = Replay(place / "bag" if (place / "bag").is_dir() else place)
     log.seek(log.last)
     return {
-        name: [c._replace(label=f"earlier {c.label}", dashed=True) for c in curves]
+        name: [c._replace(label=f"earlier {c.label}", dashed=True, color=None) for c in curves]
         for name in _COMPARED
         if (curves := quantities.curves_of(log.view, name))
     }

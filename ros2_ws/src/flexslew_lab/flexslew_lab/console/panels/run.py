@@ -50,11 +50,7 @@ class RunPanel:
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
         self._view = desk.view
-        for name, action in (
-            ("Start", topics.START),
-            ("Pause", topics.PAUSE),
-            ("Reset", topics.RESET),
-        ):
+        for name, action in (("Start", topics.START), ("Pause", topics.PAUSE)):
             desk.click(gui.add_button(name), partial(self._act, action))
         # a float: what a page sends is made one, and an integer of any size would stop every page
         self._ticks = gui.add_number("Ticks", 100.0, step=1.0, hint="how many a step flies")
@@ -62,6 +58,8 @@ class RunPanel:
         self._rate = gui.add_dropdown("Rate", tuple(_RATES), initial_value="1")
         desk.click(gui.add_button("Set the rate"), self._set_rate)
         self._reply = Reply(desk)
+        with gui.add_folder("Back to tick 0"):  # away from Pause: it ends what is flown
+            desk.click(gui.add_button("Reset", color="gray"), partial(self._act, topics.RESET))
 
     def refresh(self) -> None:
         """Nothing changes by itself."""

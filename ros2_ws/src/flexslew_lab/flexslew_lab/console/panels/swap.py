@@ -1,7 +1,7 @@
 """Give the bench to another controller."""
 
 from flexslew_lab.console.desk import Desk, Reply
-from flexslew_lab.console.forms import moment, not_negative, offer
+from flexslew_lab.console.forms import OpenedOn, moment, not_negative
 from flexslew_lab.console.link import RequestResult
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
@@ -20,6 +20,7 @@ class SwapPanel:
         gui = desk.gui
         self._view = desk.view
         self._who = gui.add_dropdown("Controller", (NOBODY,))
+        self._opened = OpenedOn(self._who)
         self._at = gui.add_number("At [s]", 0.0, hint="simulated time; 0: the next tick")
         self._strict = gui.add_checkbox("Strict", False, hint="refuse a larger step of the effort")
         self._step = gui.add_number("Largest step", 1.0, hint="of the effort [N m or N]")
@@ -27,8 +28,9 @@ class SwapPanel:
         self._reply = Reply(desk)
 
     def refresh(self) -> None:
-        """List who is on the graph."""
-        offer(self._who, tuple(sorted(self._view.controllers)), NOBODY)
+        """List who is on the graph; the law in charge is chosen at first."""
+        known = tuple(sorted(self._view.controllers))
+        self._opened.offer(known, NOBODY, self._view.now.active)
 
     def _switch(self, who: str) -> None:
         try:

@@ -2,7 +2,7 @@
 
 from flexslew_control.controllers import CONTROLLERS, DERIVED
 from flexslew_lab.console.desk import Desk, Reply
-from flexslew_lab.console.forms import Form, Key, moment, number_of, offer, text_of, words_of
+from flexslew_lab.console.forms import Form, Key, OpenedOn, moment, number_of, text_of, words_of
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.swap import NOBODY
 from flexslew_lab.trial.overrides import overridden
@@ -24,6 +24,7 @@ class TunePanel:
         gui = desk.gui
         self._desk, self._view = desk, desk.view
         self._which = gui.add_dropdown("Tuned controller", (NOBODY,))
+        self._opened = OpenedOn(self._which)
         self._place = gui.add_folder("Settings")
         self._at = Form(
             desk, [Key("from [s]", "simulated time; empty: the next tick")], self._place
@@ -34,8 +35,9 @@ class TunePanel:
         self._shown = ("", "")  # name and settings in the form
 
     def refresh(self) -> None:
-        """List who is there; make the form anew where its controller has changed."""
-        offer(self._which, tuple(sorted(self._view.controllers)), NOBODY)
+        """List who is there, first the law in charge; make the form anew for another one."""
+        listed = tuple(sorted(self._view.controllers))
+        self._opened.offer(listed, NOBODY, self._view.now.active)
         known = self._view.controllers.get(self._which.value)
         state = (known.name, known.settings) if known else ("", "")
         if state == self._shown:
