@@ -55,7 +55,8 @@ class Page:
 
 def _field(label: str) -> str:
     """Return the path of the row of a labelled field that is shown."""
-    return f"(//label[normalize-space()='{label}']/ancestor::*[.//input or .//textarea][1])[last()]"
+    named = f"normalize-space()='{label}' or starts-with(normalize-space(), '{label} [')"
+    return f"(//label[{named}]/ancestor::*[.//input or .//textarea][1])[last()]"
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """The page's fields and buttons: what is asked of the bench, and what is told beside a field."""
 
 from collections.abc import Iterator
-from math import inf, nan
+from math import inf, nan, pi
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,8 @@ class Hands:
 
     def elements(self, label: str) -> list[Any]:
         known = self.server.gui._gui_input_handle_from_uuid.values()
-        return [e for e in known if getattr(e, "label", None) == label]
+        labels = [(str(getattr(e, "label", "")), e) for e in known]
+        return [e for words, e in labels if words == label or words.startswith(f"{label} [")]
 
     def set(self, label: str, value: Any) -> None:
         self.elements(label)[-1]._impl.value = value  # as a browser does, unchecked
@@ -123,7 +124,7 @@ def test_a_switch_carries_its_limit_and_refuses_a_time_that_is_none(hands: Hands
         ("kp", "[", "kp: line 2, column 1"),
         ("kp", "lots", "kp: &#x27;lots&#x27; is not allowed"),
         ("handover_time", "-1.0", "handover_time: -1.0 is not allowed"),
-        ("from [s]", "soon", "from [s]"),
+        ("tuned from", "soon", "tuned from"),
     ],
 )
 def test_a_wrong_gain_is_told_beside_its_field(
@@ -274,3 +275,32 @@ def test_forms_open_on_the_law_in_charge_and_stay_where_a_person_has_put_them() 
             assert hands.elements(field)[0].value == "after"
     finally:
         page.close()
+
+
+def test_fields_say_their_units_and_read_others_of_the_kind(hands: Hands) -> None:
+    labels = [hands.elements(f"goal of {joint}")[-1].label for joint in "ab"]
+    assert labels == ["goal of a [rad]", "goal of b [m]"]
+    for field, text in (("goal of a", "57 deg"), ("goal of b", "30 cm"), ("start", "2 min")):
+        hands.set(field, text)
+    hands.set("duration", "0.5min")
+    [(_, values)] = hands.click("Plan")
+    asked = load_yaml(values["request"], "")
+    assert asked["goal"] == pytest.approx({"a": 57.0 * pi / 180.0, "b": 0.3})
+    assert (asked["start"], asked["duration"]) == (120.0, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1e9", "goal of a: 1000000000.0 is not allowed: at most 1000 rad or m"),
+        ("2 min", "goal of a: &#x27;2 min&#x27; is not allowed: give a number in rad, mrad, deg"),
+    ],
+)
+def test_a_goal_that_is_none_is_refused_at_its_field_and_not_sent(
+    hands: Hands, text: str, words: str
+) -> None:
+    hands.set("start", "12.0")
+    hands.set("goal of a", text)
+    assert hands.click("Plan") == []
+    assert words in hands.texts()
+    hands.set("goal of a", "0.5")

@@ -1,8 +1,9 @@
+from math import pi
 from pathlib import Path
 
 import pytest
 
-from flexslew_lab.trial.sources import trial_path
+from flexslew_lab.trial.sources import read_trial, trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial, plan_of_trial
 from flexslew_plant.errors import BadInput
 
@@ -84,3 +85,18 @@ def test_an_entry_after_the_end_is_refused(tmp_path: Path) -> None:
         path.write_text(text.replace("AT", late))
         with pytest.raises(BadInput, match=r"schedule\.0\.at: .* the run ends at 10 s"):
             load_trial(path)
+
+
+def test_a_trial_with_units_is_that_in_si() -> None:
+    with_units = [
+        "duration=1 min", "period=10 ms", "plan.duration=0.5 min", "plan.goal.hub_pitch=45 deg",
+        "schedule=[{at: 12500 ms, switch: pd_feedforward}]",
+    ]  # fmt: skip
+    in_si = [
+        "duration=60.0", "period=0.01", "plan.duration=30.0",
+        f"plan.goal.hub_pitch={45.0 * (pi / 180.0)!r}",
+        "schedule=[{at: 12.5, switch: pd_feedforward}]",
+    ]  # fmt: skip
+    assert read_trial("m1", with_units)[0] == read_trial("m1", in_si)[0]
+    with pytest.raises(BadInput, match=r"plan\.duration: '45 deg' .* give a number in s"):
+        read_trial("m1", ["plan.duration=45 deg"])

@@ -15,6 +15,7 @@ from pydantic.json_schema import SkipJsonSchema
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal
+from flexslew_plant.units import is_quantity, replaced
 
 _T = TypeVar("_T")
 _ADAPTERS: dict[type, TypeAdapter[Any]] = {}
@@ -54,7 +55,7 @@ class Placed(ValueError):
 
 
 def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> Any:
-    """Return values as an instance of the section `kind`.
+    """Return values as an instance of the section `kind`; `2 min` is 120 where a key is in [s].
 
     Args:
         kind: a section class, or any type that pydantic knows.
@@ -67,7 +68,14 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
             can be checked.
     """
     try:
-        return _adapter(kind).validate_python(values, context=trust)
+        try:
+            return _adapter(kind).validate_python(values, context=trust)
+        except ValidationError as error:
+            places = _quantities(error, values)
+            if not places:
+                raise
+            values = replaced(kind, values, places, source)
+            return _adapter(kind).validate_python(values, context=trust)
     except (PydanticUserError, PydanticUndefinedAnnotation) as error:
         name, why = getattr(kind, "__name__", kind), " ".join(str(error).split())
         words = f"{name} cannot be read from keys; decorate it with @section ({why:.200})"
@@ -241,6 +249,13 @@ def _refusal(error: ValidationError, kind: Any, values: Any, source: str) -> Ref
     return Refusal(f"{_reason(first)}{more}", key, first["input"], source)
 
 
+def _quantities(error: ValidationError, values: Any) -> list[tuple[str, ...]]:
+    """Return where a number is required, and a number with a unit is given."""
+    wrong = [e for e in error.errors() if e["type"] in _NO_NUMBERS and is_quantity(e["input"])]
+    return list(dict.fromkeys(_written(one, values) for one in wrong))
+
+
+_NO_NUMBERS = ("float_type", "float_parsing", "int_type", "int_parsing", "tuple_type", "list_type")
 _MISSING = ("missing", "missing_argument", "missing_keyword_only_argument")
 _REASONS = {  # by pydantic's type of an error; the rest of its words are plain enough
     "tuple_type": "give a list, for example [1.0, 2.0]",

@@ -107,7 +107,18 @@ def plan_settings(values: Any, source: str, trust: Trust = NO_CODE) -> PlanSetti
         BadInput: the first wrong key, with its value and what is allowed.
     """
     settings: PlanSettings = validated(PlanSettings, values, source, trust)
+    _require_near(settings, source)
     return settings
+
+
+_FARTHEST = 1e3  # a goal; beyond it only the numbers of planners are tested [rad or m]
+
+
+def _require_near(settings: PlanSettings, source: str) -> None:
+    for name, value in (getattr(settings, "goal", None) or {}).items():
+        if isinstance(value, float) and not abs(value) <= _FARTHEST:
+            words = f"at most {_FARTHEST:g} rad or m"
+            raise BadInput(words, source, key=f"goal.{name}", value=value)
 
 
 def planner_of(settings: PlanSettings) -> PlannerEntry:
@@ -144,9 +155,6 @@ def other_method(settings: PlanSettings, method: str, source: str, **more: Any) 
     return plan_settings({**values, **more, "method": method}, source)
 
 
-_FARTHEST = 1e3  # a goal; beyond it only the numbers of planners are tested [rad or m]
-
-
 def make_plan(
     settings: PlanSettings,
     plant: PlantDescription,
@@ -178,9 +186,7 @@ def make_plan(
         raise BadInput("a positive number of seconds", key="period", value=period)
     if limit.ndim != 1 or not limit.size or not np.all(limit > 0.0):
         raise BadInput("positive, one per actuator", key="effort_limit", value=limit.tolist())
-    for name, value in (getattr(settings, "goal", None) or {}).items():
-        if isinstance(value, float) and not abs(value) <= _FARTHEST:
-            raise BadInput(f"at most {_FARTHEST:g} rad or m", key=f"goal.{name}", value=value)
+    _require_near(settings, "")
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
     try:
         plan = planner_of(settings).make(settings, plant, feedback, progress or unheard, law)

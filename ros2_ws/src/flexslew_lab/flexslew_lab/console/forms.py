@@ -10,6 +10,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import load_yaml, validated, yaml_text
 from flexslew_plant.settings_fields import FieldMeaning, own_meanings
+from flexslew_plant.units import in_si, units_in
 
 LATEST = 1e9  # of a simulated time [s]
 _LONGEST = 4000  # characters of a field
@@ -22,6 +23,12 @@ class Key(NamedTuple):
     words: str = ""
     text: str = ""  # at first, YAML
     options: tuple[str, ...] = ()  # of a choice; none: any text
+
+    @property
+    def label(self) -> str:
+        """The name with the unit that its words say in brackets."""
+        units = " or ".join(units_in(self.words))
+        return f"{self.name} [{units}]" if units else self.name
 
 
 def text_of(value: Any) -> str:
@@ -159,10 +166,10 @@ class Form:
                 hint = key.words or None
                 if key.options:
                     element = gui.add_dropdown(
-                        key.name, key.options, initial_value=key.text or key.options[0], hint=hint
+                        key.label, key.options, initial_value=key.text or key.options[0], hint=hint
                     )
                 else:
-                    element = gui.add_text(key.name, key.text, hint=hint)
+                    element = gui.add_text(key.label, key.text, hint=hint)
                 self._elements[key.name] = element
                 self._errors[key.name] = gui.add_html("", visible=False)
 
@@ -215,10 +222,10 @@ class Form:
 
 
 def _value(key: Key, text: str) -> Any:
-    """Return what a field holds.
+    """Return what a field holds; `57 deg` and `2 min` as numbers in SI.
 
     Raises:
-        BadInput: it is no YAML, or none of the choices.
+        BadInput: it is no YAML, none of the choices, or in a unit of another kind.
     """
     if key.options:
         if text not in key.options:
@@ -227,4 +234,8 @@ def _value(key: Key, text: str) -> Any:
     if len(text) > _LONGEST:
         words = f"{len(text)} characters are too many: at most {_LONGEST}"
         raise BadInput(words, key=key.name)
-    return load_yaml(text, key.name)
+    value, units = load_yaml(text, key.name), units_in(key.words)
+    try:
+        return in_si(value, units) if units else value
+    except BadInput as error:
+        raise BadInput(dataclasses.replace(error.refusal, key=key.name)) from None

@@ -1,5 +1,6 @@
 """Plan a manoeuvre, see the iterations and the curve; then let it be flown, or drop it."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -83,7 +84,8 @@ class PlanPanel:
         try:
             values = self._request(given)
         except BadInput as error:
-            if not self._form.refuse(error.refusal):
+            why = error.refusal
+            if not self._form.refuse(replace(why, key=why.key.replace("goal.", _GOAL, 1))):
                 self._reply.tell(RequestResult(False, str(error)))
             return
         self._iterations = []

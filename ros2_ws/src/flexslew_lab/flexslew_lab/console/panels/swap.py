@@ -23,7 +23,7 @@ class SwapPanel:
         self._opened = OpenedOn(self._who)
         self._at = gui.add_number("At [s]", 0.0, hint="simulated time; 0: the next tick")
         self._strict = gui.add_checkbox("Strict", False, hint="refuse a larger step of the effort")
-        self._step = gui.add_number("Largest step", 1.0, hint="of the effort [N m or N]")
+        self._step = gui.add_number("Largest step [N m or N]", 1.0, hint="of the effort")
         desk.click(gui.add_button("Switch"), self._switch)
         self._reply = Reply(desk)
 

@@ -10,7 +10,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import flat, load_yaml, validated, yaml_text
 from flexslew_plant.settings_fields import meanings
 
-_HANDOVER = "handover_time"
+_HANDOVER, _FROM = "handover_time", "tuned from"
 
 
 class TunePanel:
@@ -26,9 +26,7 @@ class TunePanel:
         self._which = gui.add_dropdown("Tuned controller", (NOBODY,))
         self._opened = OpenedOn(self._which)
         self._place = gui.add_folder("Settings")
-        self._at = Form(
-            desk, [Key("from [s]", "simulated time; empty: the next tick")], self._place
-        )
+        self._at = Form(desk, [Key(_FROM, "simulated time [s]; empty: the next tick")], self._place)
         desk.click(gui.add_button("Tune"), self._tune)
         self._reply = Reply(desk)
         self._form: Form | None = None
@@ -56,7 +54,7 @@ class TunePanel:
         if changes is None:
             return
         try:
-            when = moment("from [s]", at.get("from [s]", 0.0))
+            when = moment(_FROM, at.get(_FROM, 0.0))
             if not changes:
                 raise BadInput("nothing has changed; write another value into a field")
             nested = overridden({}, changes)
