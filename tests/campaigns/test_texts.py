@@ -65,6 +65,26 @@ def test_a_trial_is_read_or_refused_in_one_line(case: np.random.Generator) -> No
         assert str(error).isprintable()  # noqa: PT017
 
 
+@pytest.mark.parametrize("name", [{"a": {"b": []}}, {}, [], [[1]], 3, True])
+@pytest.mark.parametrize(
+    "section",
+    [
+        lambda name: {"plan": {"method": name}},
+        lambda name: {"plan": {"method": "none", "model": {"kind": name}}},
+        lambda name: {"testbed": {"kind": name}},
+        lambda name: {"active": name},
+        lambda name: {"fallback": [name]},
+        lambda name: {"metrics": [name]},
+        lambda name: {"schedule": [{"kind": name, "at": 1.0}]},
+        lambda name: {"controllers": {"lqr": {"law": name}}},
+    ],
+)
+def test_a_name_that_is_no_text_is_refused_in_one_line(section: Any, name: Any) -> None:
+    with pytest.raises(BadInput) as refusal:
+        parse_trial(yaml_text({"controllers": {"lqr": {}}, **section(name)}), "test")
+    assert str(refusal.value).isprintable()
+
+
 def test_a_request_of_an_operator_is_done_or_refused_in_one_line(case: np.random.Generator) -> None:
     bench = Bench(BenchSettings(faults_enabled=True))
     for _ in range(5):

@@ -59,7 +59,9 @@ def _method(values: Any) -> str | None:
     """Return the tag of a `plan` section; None: it names no method."""
     key = "method"
     given = values.get(key) if isinstance(values, dict) else getattr(values, key, None)
-    return None if given is None else str(given) if given in PLANNERS else "own"
+    if given is None:
+        return None
+    return given if isinstance(given, str) and given in PLANNERS else "own"
 
 
 def _own(values: Any, info: ValidationInfo) -> Any:
