@@ -4,6 +4,7 @@ FLEXSLEW_BENCH_LAWS and FLEXSLEW_BENCH_BEDS hold names to fly alone, with commas
 """
 
 import os
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -54,7 +55,7 @@ def _flights() -> Iterator[tuple[str, str, Proof]]:
                 what = trial(shipped, keys)
                 yield bed, law, proved(what, analysed(what, bed, joints=joints))
             except BadInput as error:
-                print(f"{bed}, {law}: {error}", flush=True)
+                print(f"{bed}, {law}: {error}", file=sys.stderr, flush=True)
 
 
 def _chosen(what: str, known: tuple[str, ...]) -> tuple[str, ...]:
