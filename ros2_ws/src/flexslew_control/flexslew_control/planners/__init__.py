@@ -12,6 +12,7 @@ from pydantic import Discriminator, PlainValidator, Tag, ValidationInfo
 
 from flexslew_control.law import InCharge, PlantDescription
 from flexslew_control.plan import Plan
+from flexslew_control.planners.attitude_goal import AttitudeGoal, joint_goal
 from flexslew_control.planners.entry import PlannerEntry as PlannerEntry
 from flexslew_control.planners.entry import PlanSection as PlanSection
 from flexslew_control.planners.entry import Variant as Variant
@@ -117,10 +118,22 @@ _FARTHEST = 1e3  # a goal; beyond it only the numbers of planners are tested [ra
 
 
 def _require_near(settings: PlanSettings, source: str) -> None:
-    for name, value in (getattr(settings, "goal", None) or {}).items():
+    goal = getattr(settings, "goal", None)
+    for name, value in goal.items() if isinstance(goal, dict) else ():
         if isinstance(value, float) and not abs(value) <= _FARTHEST:
             words = f"at most {_FARTHEST:g} rad or m"
             raise BadInput(words, source, key=f"goal.{name}", value=value)
+
+
+def _by_joint(settings: PlanSettings, plant: PlantDescription) -> PlanSettings:
+    """Return a section whose goal is given by joint."""
+    given: Any = settings
+    goal = getattr(given, "goal", None)
+    if not isinstance(goal, AttitudeGoal):
+        return settings
+    by_joint = joint_goal(goal, plant, getattr(given, "initial", None))
+    asked: PlanSettings = replace(given, goal=by_joint)
+    return asked
 
 
 def planner_of(settings: PlanSettings) -> PlannerEntry:
@@ -190,6 +203,7 @@ def make_plan(
         raise BadInput("positive, one per actuator", key="effort_limit", value=limit.tolist())
     _require_near(settings, "")
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
+    settings = _by_joint(settings, plant)
     try:
         plan = planner_of(settings).make(settings, plant, feedback, progress or unheard, law)
     except (ArithmeticError, np.linalg.LinAlgError) as error:

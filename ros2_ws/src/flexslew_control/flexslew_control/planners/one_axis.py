@@ -1,4 +1,4 @@
-"""Planning for a spacecraft with many joints: it turns about one, and all of them fly the plan."""
+"""Planning for a spacecraft with many joints: it turns about one axis, and all of them fly it."""
 
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -7,11 +7,12 @@ import numpy as np
 
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
+from flexslew_control.planners.eigenaxis import Eigenaxis, eigenaxis
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import believed, initial_positions, with_model_file
-from flexslew_plant.testbeds.contract import RigidTurn, Turning
+from flexslew_plant.testbeds.contract import RigidTurn, ThreeAxes, Turning
 
 RELEVANT = "relevant"  # as `model: modes`: those that matter
 
@@ -73,20 +74,28 @@ def turns(plant: PlantDescription) -> bool:
 
 def more_modes(settings: Any, plant: PlantDescription, count: int) -> bool:
     """Return whether the turn can be planned on more modes than with this many frequencies."""
-    testbed: Any = plant.testbed
-    joint = next(iter(settings.goal))
-    now, ahead = (testbed.turning(joint, k).modes for k in (count, count + 1))
+    now, ahead = (
+        reduced(replace(settings, model={"modes": k}), plant, None).plant.testbed.modes
+        for k in (count, count + 1)
+    )
     return bool(ahead > now)
 
 
-def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) -> OneAxis:
-    """Return the manoeuvre about the one joint that moves.
+def reduced(
+    settings: Any, plant: PlantDescription, feedback: Feedback | None, share: float = 1.0
+) -> "OneAxis | Eigenaxis":
+    """Return the manoeuvre about one axis: that of the joint that moves, or the eigenaxis.
+
+    Args:
+        settings: the `plan` section, its goal by joint.
+        plant: what stands on the bench.
+        feedback: gains of its joints; None: there are none.
+        share: of the torque about the eigenaxis that the drives can give [-].
 
     Raises:
-        BadInput: none or more than one joint moves, or it does not turn the platform.
+        BadInput: nothing moves, or what does cannot be turned about one axis.
     """
-    testbed = plant.testbed
-    model = testbed.model()
+    testbed: Any = plant.testbed
     names = plant.joint_names
     first = initial_positions(testbed) | (getattr(settings, "initial", None) or {})
     goal = getattr(settings, "goal", None) or {}
@@ -96,12 +105,14 @@ def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) 
             f"plan: goal: {unknown[0]} is not a joint of the testbed; allowed: {', '.join(names)}"
         )
     moving = [name for name in names if goal.get(name, first[name]) != first[name]]
-    if len(moving) != 1:
+    attitude = testbed.model().attitude
+    turning = [] if attitude is None else [attitude.axes[names.index(n)].any() for n in moving]
+    several = len(moving) > 1 and isinstance(testbed, ThreeAxes) and turning and all(turning)
+    if len(moving) != 1 and not several:
         raise BadInput(
             f"plan: goal: {', '.join(moving) or 'nothing'} moves; a spacecraft is planned about "
-            "one axis at a time: give one joint"
+            "one axis at a time: give one joint, or an attitude where joints turn it in three axes"
         )
-    k = names.index(moving[0])
     given = getattr(settings, "model", None)
     changes = None if given is None else with_model_file(given, "plan: model")
     count = (changes or {}).get("modes", 1 if changes is None else None)
@@ -110,21 +121,39 @@ def one_axis(settings: Any, plant: PlantDescription, feedback: Feedback | None) 
     kept = {key: value for key, value in (changes or {}).items() if key != "modes"}
     whole: Any = believed(testbed, kept or None, "plan: model", plant.trust)
     _require_turning(whole, names)
-    reduced = whole.turning(moving[0], count)
-    about: dict[str, Any] = {"goal": {moving[0]: goal[moving[0]]}}
-    taken = {"model": None, "initial": {moving[0]: first[moving[0]]}}
+    if several:
+        ends = tuple(np.array([at[name] for name in names]) for at in (first, first | goal))
+        return eigenaxis(settings, plant, feedback, (ends[0], ends[1]), whole, count, share)
+    return _about_joint(settings, plant, feedback, moving[0], whole, count)
+
+
+def _about_joint(
+    settings: Any,
+    plant: PlantDescription,
+    feedback: Feedback | None,
+    joint: str,
+    whole: Any,
+    count: int | None,
+) -> OneAxis:
+    """Return the manoeuvre about the axis of one joint."""
+    names = plant.joint_names
+    first = initial_positions(plant.testbed) | (getattr(settings, "initial", None) or {})
+    k = names.index(joint)
+    pivoting = whole.turning(joint, count)
+    about: dict[str, Any] = {"goal": {joint: settings.goal[joint]}}
+    taken = {"model": None, "initial": {joint: first[joint]}}
     about |= {key: value for key, value in taken.items() if hasattr(settings, key)}
     if getattr(settings, "feedback", None) is not None:
         about["feedback"] = _own(settings.feedback, k)
     return OneAxis(
         replace(settings, **about),
-        PlantDescription(reduced, plant.period, plant.effort_limit[k : k + 1], plant.trust),
+        PlantDescription(pivoting, plant.period, plant.effort_limit[k : k + 1], plant.trust),
         None if feedback is None else _own(feedback, k),
         k,
         names,
         np.array([first[name] for name in names]),
-        whole.rigid_turn(moving[0]),
-        _left_out(reduced.model().modes, model.modes, moving[0]),
+        whole.rigid_turn(joint),
+        _left_out(pivoting.model().modes, plant.testbed.model().modes, joint),
     )
 
 

@@ -5,6 +5,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.attitude_goal import Goal
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.manoeuvre import manoeuvre_of
@@ -21,7 +22,7 @@ class NoPlan:
     """The `plan` section for method none: a step to the goal (Gorinevsky and Vukovich, Fig. 5)."""
 
     method: Literal["none"] = "none"
-    goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]
+    goal: Goal | None = None  # by joint, one left out stays [rad or m]; or an attitude
     start: NonNegative = 0.0  # [s]
     duration: NonNegative = 0.0  # after which the manoeuvre counts as over [s]
 
@@ -33,7 +34,7 @@ class ReferenceOnly:
     method: Literal["reference_only"] = "reference_only"
     model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
     initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]
+    goal: Goal | None = None  # by joint, one left out stays [rad or m]; or an attitude
     start: NonNegative = 0.0  # [s]
     duration: Positive = 25.0  # [s]
     reference: Profile = "cubic"

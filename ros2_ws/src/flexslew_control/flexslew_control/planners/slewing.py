@@ -11,7 +11,7 @@ from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_lo
 from flexslew_control.law import InCharge, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.held_efforts import exact_on_ticks
-from flexslew_control.planners.one_axis import RELEVANT, more_modes, one_axis, turns
+from flexslew_control.planners.one_axis import RELEVANT, OneAxis, more_modes, reduced, turns
 from flexslew_control.planners.prediction import Prediction, predicted
 from flexslew_control.planners.progress import Progress, Update
 from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, slew_of
@@ -31,10 +31,12 @@ from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import plain
 
 _EXACT = 1e-5  # residual above which efforts are made exact for their hold [m]
+_EXACT_RIGID = 1e-9  # the same of a rigid body, away from its goal [rad or m]
 _MOST_FUNCTIONS = 200  # that a section may ask for
 _GROWS = 1e-6  # beyond 1, of the spectral radius of one tick: rounding of a rigid body's
 RINGING = 0.05  # of the largest deflection, above which a tip that swings on is warned of [-]
 MOST_MODES = 4  # frequencies that are tried for one that is enough
+_SLOWER = 4  # turns tried with less torque about the eigenaxis
 _LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
 
 
@@ -96,7 +98,9 @@ class Slewing:
             raise PlanFailed(str(error)) from None
         promised = predicted(plan, slew)
         exact = self.exact is not None and self.exact(settings)
-        if exact and promised.tip_deflection > _EXACT:
+        rigid = not slew.model.modes
+        left = promised.attitude_error.max() if rigid else promised.tip_deflection
+        if exact and left > (_EXACT_RIGID if rigid else _EXACT):
             plan = exact_on_ticks(plan, slew)
             promised = predicted(plan, slew)
         promise = {
@@ -178,12 +182,25 @@ class Slewing:
         feedback: Feedback | None,
         progress: Progress,
     ) -> Plan:
-        """Return the plan for all joints of a turn about one axis."""
-        reduced = one_axis(settings, plant, feedback)
-        own = replace(self, rings=None)(  # whether it rings, the whole bench tells
-            reduced.settings, reduced.plant, reduced.feedback, progress
+        """Return the plan for all joints of a turn about one axis.
+
+        Raises:
+            TooMuchTorque: a drive has not what another axis needs, however slow the turn.
+        """
+        share = 1.0
+        for _ in range(_SLOWER):
+            turn = reduced(settings, plant, feedback, share)
+            own = replace(self, rings=None)(  # whether it rings, the whole bench tells
+                turn.settings, turn.plant, turn.feedback, progress
+            )
+            plan = turn.embedded(own)
+            used = float((abs(plan.effort).max(axis=0, initial=0.0) / plant.effort_limit).max())
+            if isinstance(turn, OneAxis) or used <= 1.0:
+                return plan
+            share *= 0.99 / used
+        raise TooMuchTorque(
+            f"about the eigenaxis a drive needs {used:.3g} times its limit; use a longer duration"
         )
-        return reduced.embedded(own)
 
     def _relevant(
         self,

@@ -84,9 +84,17 @@ def joint_names_of(overview: Overview, joints: int) -> tuple[str, ...]:
     return tuple(f"joint_{k + 1}" for k in range(joints))
 
 
-def manoeuvre_of(position: Matrix, start: float, duration: float) -> Manoeuvre:
-    """Return what a plan's joint references, shape (ticks + 1, joints), are measured against."""
-    return Manoeuvre(start, start + duration, position[-1], position[-1] - position[0])
+def manoeuvre_of(
+    position: Matrix, start: float, duration: float, testbed: Testbed | None = None
+) -> Manoeuvre:
+    """Return what a plan's joint references, shape (ticks + 1, joints), are measured against.
+
+    How far an attitude goes is the rotation, wherever the joints of the testbed tell one.
+    """
+    attitude = None if testbed is None else testbed.model().attitude
+    first, last = position[0], position[-1]
+    moved = last - first if attitude is None else attitude.displacement(first, last)
+    return Manoeuvre(start, start + duration, last, moved)
 
 
 def flown_testbed(overview: Overview, epoch: int, trust: Trust) -> Testbed | None:
@@ -112,10 +120,11 @@ def _run_setup(bag: BagReader, joints: int, epoch: int) -> RunSetup:
     overview = bag.overview
     limit = np.zeros(0) if overview.testbed is None else overview.testbed.effort_limit
     testbed = flown_testbed(overview, epoch, bag.trust)
-    return RunSetup(joint_names_of(overview, joints), _manoeuvre(overview, joints), limit, testbed)
+    aim = _manoeuvre(overview, joints, testbed)
+    return RunSetup(joint_names_of(overview, joints), aim, limit, testbed)
 
 
-def _manoeuvre(overview: Overview, joints: int) -> Manoeuvre:
+def _manoeuvre(overview: Overview, joints: int, testbed: Testbed | None) -> Manoeuvre:
     if not overview.plans:
         return Manoeuvre(0.0, 0.0, None, np.zeros(joints))
     plan = overview.plans[-1]
@@ -127,7 +136,7 @@ def _manoeuvre(overview: Overview, joints: int) -> Manoeuvre:
             f"{joints} joints: not one run"
         )
     position = position.reshape(-1, joints)
-    return manoeuvre_of(position, plan.start, plan.duration)
+    return manoeuvre_of(position, plan.start, plan.duration, testbed)
 
 
 def _own(bag: BagReader) -> tuple[list[type[Metric]], list[str]]:

@@ -22,8 +22,9 @@ class JointErrors:
         "goal_error": Key(
             "-",
             False,
-            "largest |final error| of a joint that moves, as a share of its commanded move; "
-            "null: none moves, or the manoeuvre has not ended",
+            "largest |final error| of a joint that moves, as a share of its commanded move, of an "
+            "attitude its angle as a share of the commanded angle; null: none moves, or the "
+            "manoeuvre has not ended",
         ),
         "terminal_error_norm": Key(
             "mixed SI",
@@ -68,7 +69,12 @@ class JointErrors:
         going = np.abs(move) > _NOWHERE
         if not going.any() or not np.isfinite(self.residual).any():
             return None
-        error = float(np.abs(self.final[going] / move[going]).max())
+        model = None if self._setup.testbed is None else self._setup.testbed.model()
+        if model is not None and model.attitude is not None and going.sum() > 1:
+            share = model.attitude.share(self.final, move)
+        else:
+            share = np.abs(self.final[going] / move[going])
+        error = float(share.max())
         return error if np.isfinite(error) else None
 
     def result(self, ending: Ending) -> dict[str, Any]:

@@ -21,6 +21,20 @@ def quaternion(turn: Vector) -> Vector:
     return np.concatenate((half * turn, np.cos(angle / 2.0)), axis=-1)
 
 
+def product(first: Vector, then: Vector) -> Vector:
+    """Return the quaternion of one turn and then another about the turned axes, x y z w."""
+    a, b = first, then
+    va, wa, vb, wb = a[..., :3], a[..., 3:], b[..., :3], b[..., 3:]
+    vector = wa * vb + wb * va + np.cross(va, vb)
+    scalar = wa * wb - np.sum(va * vb, axis=-1, keepdims=True)
+    return np.concatenate((vector, scalar), axis=-1)
+
+
+def rotation_vector(turned: Vector) -> Vector:
+    """Return the rotation vector of unit quaternions x y z w, no longer than pi, (..., 3) [rad]."""
+    return _shorter(turned[..., :3], turned[..., 3:])
+
+
 def turn_between(measured: Vector, goal: Vector) -> Vector:
     """Return the rotation q_measured^-1 q_goal as a rotation vector in body axes, the shorter way.
 
@@ -35,6 +49,11 @@ def turn_between(measured: Vector, goal: Vector) -> Vector:
     va, wa, vb, wb = a[..., :3], a[..., 3:], b[..., :3], b[..., 3:]
     vector = wa * vb - wb * va - np.cross(va, vb)
     scalar = wa * wb + np.sum(va * vb, axis=-1, keepdims=True)
+    return _shorter(vector, scalar)
+
+
+def _shorter(vector: Vector, scalar: Vector) -> Vector:
+    """Return the rotation vector of a quaternion, the shorter way round."""
     vector, scalar = np.where(scalar < 0.0, -vector, vector), np.abs(scalar)
     size = np.linalg.norm(vector, axis=-1, keepdims=True)
     ratio = 2.0 * np.arctan2(size, scalar) / np.where(size > 0.0, size, 1.0)
@@ -73,7 +92,7 @@ class AttitudeJoints:
             goal: where they go, shape (joints,) or (..., joints).
         """
         plain = goal - measured
-        start, end = measured @ self._from_joints.T, goal @ self._from_joints.T
+        start, end = self.turn_of(measured), self.turn_of(goal)
         with np.errstate(invalid="ignore"):  # a dead sensor reads NaN
             about_one = np.abs(np.cross(start, end)).max(axis=-1) == 0.0
             within = np.linalg.norm(end - start, axis=-1) <= np.pi
@@ -81,6 +100,33 @@ class AttitudeJoints:
         left: Vector = np.where((about_one & within)[..., None], plain, turned)
         left[..., self._other] = plain[..., self._other]
         return left
+
+    def turn_of(self, position: Vector) -> Vector:
+        """Return the rotation vector that the joints read, shape (..., 3) [rad]."""
+        turn: Vector = position @ self._from_joints.T
+        return turn
+
+    def displacement(self, first: Vector, last: Vector) -> Vector:
+        """Return how far each joint goes from one position to another, shape (joints,).
+
+        About one axis that is the difference, whole turns included; else it is the error.
+        """
+        across = np.cross(self.turn_of(first), self.turn_of(last))
+        return last - first if not across.any() else self.error(first, last)
+
+    def share(self, error: Vector, move: Vector) -> Vector:
+        """Return errors as shares of moves, of the attitude and of each other joint that moves.
+
+        Args:
+            error: as `error` gives it, shape (joints,).
+            move: as `displacement` gives it, shape (joints,).
+        """
+        turns = [[float(np.linalg.norm(self.turn_of(one)))] for one in (error, move)]
+        off, way = (
+            np.concatenate((turn, np.abs(one[self._other])))
+            for turn, one in zip(turns, (error, move), strict=True)
+        )
+        return off[way > 0.0] / way[way > 0.0]
 
     def about(self, reference: Vector, measured: Vector) -> Vector:
         """Return positions whose difference from the reference is the error, shape (joints,).

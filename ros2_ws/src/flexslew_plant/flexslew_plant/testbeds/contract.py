@@ -167,6 +167,23 @@ class Turning(Protocol):
 
 
 @runtime_checkable
+class ThreeAxes(Turning, Protocol):
+    """A testbed that planners turn about any axis."""
+
+    def turning_about(self, axis: Vector, limit: float, modes: int | None = None) -> "Testbed":
+        """Return the testbed with one joint, `turn`, about a body axis.
+
+        Args:
+            axis: unit vector in body axes, shape (3,).
+            limit: of the torque about it [N m].
+            modes: how many, those that the turn drives most; None: all.
+        """
+
+    def rigid_turn_about(self, axis: Vector) -> RigidTurn:
+        """Return what all joints must do for a turn about a body axis; see Turning.rigid_turn."""
+
+
+@runtime_checkable
 class Symbolic(Protocol):
     """A testbed that gives its energies in symbols, for planners by collocation."""
 

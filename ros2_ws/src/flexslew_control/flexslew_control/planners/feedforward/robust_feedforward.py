@@ -22,6 +22,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.attitude_goal import Goal
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.feedforward.basis import Basis, BasisName
 from flexslew_control.planners.feedforward.ensemble import Member
@@ -50,7 +51,7 @@ class RobustFeedforward:
     method: Literal["robust_feedforward"] = "robust_feedforward"
     model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
     initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]
+    goal: Goal | None = None  # by joint, one left out stays [rad or m]; or an attitude
     start: NonNegative = 0.0  # [s]
     duration: Positive = 25.0  # T_c [s]
     reference: Profile = "cubic"

@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.attitude_goal import Goal
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.input_shaping.shaped_motion import (
     FINE,
@@ -35,7 +36,7 @@ class InputShaping:
     method: Literal["input_shaping"] = "input_shaping"
     model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
     initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]
+    goal: Goal | None = None  # by joint, one left out stays [rad or m]; or an attitude
     start: NonNegative = 0.0  # [s]
     duration: Positive = 15.0  # of the command before shaping [s]
     command: Command = "quintic"
@@ -105,7 +106,11 @@ def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -
             "impulse_times": shaper.times.tolist(),
             "impulse_amplitudes": shaper.amplitudes.tolist(),
             "frequencies": [float(w) for w in frequencies],
-            "sensitivity": shaper.sensitivity(frequencies[0], settings.damping, 0.3, 61).tolist(),
+            "sensitivity": [
+                row
+                for w in frequencies[:1]
+                for row in shaper.sensitivity(w, settings.damping, 0.3, 61).tolist()
+            ],
             "modal_residual": [
                 float(np.hypot(q[-1, j], v[-1, j] / w))
                 for j, w in enumerate(clamped_frequencies(model), m)

@@ -9,6 +9,7 @@ from pydantic import Field
 from scipy.integrate import cumulative_simpson
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.attitude_goal import Goal
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.input_shaping.shaped_motion import (
     FINE,
@@ -35,7 +36,7 @@ class StartCoastStop:
     method: Literal["start_coast_stop"] = "start_coast_stop"
     model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
     initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]
+    goal: Goal | None = None  # by joint, one left out stays [rad or m]; or an attitude
     start: NonNegative = 0.0  # [s]
     amplitude: Positive | None = None  # T_amp of (47), before shaping; null: 100 [N m]
     duration: Positive | None = None  # instead: of it all, pulses, coast and shaper [s]

@@ -30,6 +30,7 @@ STENCIL = tuple(
     for j, w in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0))
 )
 _STEP = 0.25  # longest integration step, as an angle of the fastest mode [rad]
+_RIGID_STEP = 0.05  # longest one of a rigid body, of its slew [-]
 # a rough slew, to find the arcs that an exact one settles
 _ROUGH_STENCIL = ((1.0 + _CHANGE, 0.5 / _CHANGE), (1.0 - _CHANGE, -0.5 / _CHANGE))
 _ROUGH_STEP = 1.2  # as _STEP
@@ -90,6 +91,8 @@ class BangBang:
     @cached_property
     def step(self) -> float:
         """Longest integration step [s]."""
+        if not self.model.modes:
+            return _RIGID_STEP * self.rigid_duration
         linear = self.model.linearise(self.start[: self.model.coordinates])
         return float((_ROUGH_STEP if self.rough else _STEP) / linear.frequencies[-1])
 
@@ -107,6 +110,8 @@ class BangBang:
     @cached_property
     def combinations(self) -> Matrix:
         """Which combinations of the modes the effort can swing, shape (k, modes)."""
+        if not self.model.modes:
+            return np.zeros((0, 0))
         q = self.start[: self.model.coordinates]
         period = 2.0 * np.pi / float(self.model.linearise(q).frequencies[0])
         horizon = self.rigid_duration + period

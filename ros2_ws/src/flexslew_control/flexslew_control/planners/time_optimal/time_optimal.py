@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.attitude_goal import Goal
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, tick_times
@@ -38,7 +39,7 @@ class TimeOptimal:
     method: Literal["time_optimal"] = "time_optimal"
     model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
     initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: dict[str, float]  # by joint; one left out stays [rad or m]
+    goal: Goal  # by joint, one left out stays [rad or m]; or an attitude
     start: NonNegative = 0.0  # [s]
     robust: bool = False  # no sensitivity to the stiffness at the end
     insensitive: Insensitive = "modes"  # what, if robust: the modes, or the joint as well
@@ -215,6 +216,8 @@ def found_durations(slew: BangBang, structure: Structure = "fewest") -> Vector:
     Raises:
         PlanFailed: none were found.
     """
+    if not slew.model.modes:
+        return np.full(2, 0.5 * slew.rigid_duration)
     if not _closed_form(slew):
         finders = [extremal_durations]
     elif structure == "optimal":

@@ -146,7 +146,21 @@ class SpacecraftTestbed:
 
         The pivot is the body origin where forces can hold it there, else the centre of mass.
         """
-        craft, axis = self.craft, self._axis(joint)
+        limit = next((d.limit for d in self.craft.drives if d.name == joint), 0.0)
+        about = self._pivoting(joint, self._axis(joint), limit, modes)
+        return replace(about, initial={k: v for k, v in self.initial.items() if k == joint})
+
+    def turning_about(
+        self, axis: Vector, limit: float, modes: int | None = None
+    ) -> "SpacecraftTestbed":
+        """Return the testbed pivoting about a body axis; see contract.ThreeAxes."""
+        return self._pivoting("turn", axis, limit, modes)
+
+    def _pivoting(
+        self, joint: str, axis: Vector, limit: float, modes: int | None
+    ) -> "SpacecraftTestbed":
+        """Return the testbed with one joint that turns it about an axis."""
+        craft = self.craft
         place = turning_point(craft)
         units = UNITS[self.units]
         inertia = craft.inertia.copy()
@@ -157,7 +171,6 @@ class SpacecraftTestbed:
         if modes is not None:
             parts = driven_most(craft, parts, axis, place, modes)
         x, y, z = axis.tolist()
-        limit = next(d.limit for d in craft.drives if d.name == joint) / units.torque
         return replace(
             self,
             platform=Platform(
@@ -178,13 +191,27 @@ class SpacecraftTestbed:
             appendages=parts,
             wheels={},
             sensors={},
-            actuators={joint: ActuatorPlace(kind="torque", direction=(x, y, z), limit=limit)},
-            initial={k: v for k, v in self.initial.items() if k == joint},
+            actuators={
+                joint: ActuatorPlace(
+                    kind="torque", direction=(x, y, z), limit=float(limit / units.torque)
+                )
+            },
+            initial={},
         )
 
     def rigid_turn(self, joint: str) -> RigidTurn:
         """Return what forces and torques turn the rigid spacecraft; see contract.Turning."""
         return rigid_turn(self.craft, self._axis(joint))
+
+    def rigid_turn_about(self, axis: Vector) -> RigidTurn:
+        """Return what all joints do in a turn about an axis; see contract.ThreeAxes.
+
+        Wheels alone leave no momentum, so there is nothing centrifugal.
+        """
+        turn = rigid_turn(self.craft, axis)
+        if all(d.what == at.WHEEL for d in self.craft.drives):
+            return turn._replace(centrifugal=np.zeros_like(turn.centrifugal))
+        return turn
 
     def _axis(self, joint: str) -> Vector:
         """Return the body axis about which a joint turns the platform, a unit vector."""

@@ -1,0 +1,161 @@
+"""Goals of a craft that turns in three axes: an attitude instead of positions of joints."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Annotated, Any, Literal, TypeAlias
+
+import numpy as np
+from pydantic import Discriminator, Tag
+from scipy.spatial.transform import Rotation
+
+from flexslew_control.law import PlantDescription
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import section
+from flexslew_plant.testbeds import initial_positions
+from flexslew_plant.testbeds.attitude import product, quaternion, rotation_vector
+
+Triple: TypeAlias = tuple[float, float, float]
+Order: TypeAlias = Literal[
+    "xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xyx", "xzx", "yxy", "yzy", "zxz", "zyz"
+]
+_ROUNDING = 1e-12  # of a goal that is the start [rad]
+_SAME = 1e-9  # angle below which there is nothing to turn [rad]
+
+
+@section
+class AttitudeGoal:
+    """An attitude, in one of four ways.
+
+    It turns inertial axes into body axes; unless `relative`, from the attitude zero of the joints.
+    """
+
+    quaternion: tuple[float, float, float, float] | None = None  # x y z w, of any length
+    axis: Triple | None = None  # about which `angle` turns, of any length
+    angle: float | None = None  # [rad]
+    euler: Triple | None = None  # angles about the body's axes, one after another [rad]
+    order: Order | None = None  # of these axes
+    to: Triple | None = (
+        None  # direction in inertial space to which `boresight` turns, the least way
+    )
+    boresight: Triple = (0.0, 0.0, 1.0)  # direction in body axes, with `to`
+    relative: bool = False  # a turn from where the craft starts; not of `to`
+
+    def __post_init__(self) -> None:
+        """Refuse none of the four, more than one, or half of one.
+
+        Raises:
+            ValueError: in words for the section's reader.
+        """
+        ways: dict[str, list[Any]] = {
+            "quaternion": [self.quaternion],
+            "axis and angle": [self.axis, self.angle],
+            "euler and order": [self.euler, self.order],
+            "to": [self.to],
+        }
+        begun = [name for name, parts in ways.items() if any(p is not None for p in parts)]
+        if len(begun) != 1 or any(part is None for part in ways[begun[0]]):
+            raise ValueError(f"give one of {', '.join(ways)}")
+        for name in ("quaternion", "axis", "to", "boresight"):
+            given = getattr(self, name)
+            if given is not None and not np.linalg.norm(given) > 0.0:
+                raise ValueError(f"{name} must not be zero")
+
+    def attitude(self, start: Vector) -> Vector:
+        """Return the quaternion x y z w that is asked for, shape (4,).
+
+        Args:
+            start: quaternion of the craft at the start, shape (4,).
+        """
+        if self.to is not None:
+            return product(start, self._least(start, np.array(self.to)))
+        if self.quaternion is not None:
+            asked = np.array(self.quaternion) / np.linalg.norm(self.quaternion)
+        elif self.axis is not None and self.angle is not None:
+            axis = np.array(self.axis) / np.linalg.norm(self.axis)
+            asked = quaternion(self.angle * axis)
+        else:
+            assert self.order is not None
+            assert self.euler is not None
+            asked = Rotation.from_euler(self.order.upper(), self.euler).as_quat()
+        return product(start, asked) if self.relative else asked
+
+    def _least(self, start: Vector, to: Vector) -> Vector:
+        """Return the least turn in body axes that points the boresight, as a quaternion."""
+        look = np.array(self.boresight) / np.linalg.norm(self.boresight)
+        there = Rotation.from_quat(start).inv().apply(to / np.linalg.norm(to))
+        across = np.cross(look, there)
+        if np.linalg.norm(across) < _SAME and look @ there < 0.0:  # any axis across it will do
+            across = np.cross(look, np.eye(3)[int(np.argmin(abs(look)))])
+            return quaternion(np.pi * across / np.linalg.norm(across))
+        half = np.append(across, 1.0 + look @ there)
+        return np.asarray(half / np.linalg.norm(half))
+
+
+_KEYS = frozenset(field.name for field in fields(AttitudeGoal))
+
+
+def _way(goal: Any) -> str:
+    """Return whether a goal is an attitude or positions of joints."""
+    attitude = isinstance(goal, AttitudeGoal) or (isinstance(goal, Mapping) and _asks(goal))
+    return "attitude" if attitude else "joints"
+
+
+def _asks(goal: Mapping[Any, Any]) -> bool:
+    return any(isinstance(key, str) and key in _KEYS - {"relative", "boresight"} for key in goal)
+
+
+# by joint [rad or m], or an attitude
+Goal = Annotated[
+    Annotated[dict[str, float], Tag("joints")] | Annotated[AttitudeGoal, Tag("attitude")],
+    Discriminator(_way),
+]
+
+
+def joint_goal(
+    goal: AttitudeGoal, plant: PlantDescription, initial: dict[str, float] | None
+) -> dict[str, float]:
+    """Return where the joints read that the craft has the attitude, by name [rad].
+
+    Of the rotation vectors of one attitude, a whole turn apart, the one next to the start's.
+
+    Args:
+        goal: what is asked for.
+        plant: what stands on the bench.
+        initial: where joints start, instead of where the testbed says.
+
+    Raises:
+        BadInput: the joints do not read an attitude in three axes.
+    """
+    model = plant.testbed.model()
+    if model.attitude is None:
+        raise BadInput(
+            f"the joints, {', '.join(model.joint_names)}, do not read an attitude in three axes; "
+            "give positions by joint",
+            "plan",
+            "goal",
+        )
+    named = initial_positions(plant.testbed) | (initial or {})
+    first = np.array([named[name] for name in model.joint_names])
+    start = model.attitude.turn_of(first)
+    turn = nearest_turn(rotation_vector(goal.attitude(quaternion(start))), start)
+    last = model.attitude.axes @ turn
+    last = np.where(abs(last - first) <= _ROUNDING, first, last)
+    return {
+        name: float(at)
+        for name, at, axis in zip(model.joint_names, last, model.attitude.axes, strict=True)
+        if axis.any()
+    }
+
+
+def nearest_turn(turn: Vector, to: Vector) -> Vector:
+    """Return the rotation vector of the same attitude that is next to another one [rad]."""
+    angle = float(np.linalg.norm(turn))
+    if angle > _SAME:
+        axis = turn / angle
+    elif np.linalg.norm(to) > np.pi:
+        axis, angle = to / np.linalg.norm(to), 0.0
+    else:
+        return turn
+    turns = np.round((axis @ to - angle) / (2.0 * np.pi))
+    return turn if turns == 0.0 else (angle + 2.0 * np.pi * turns) * axis

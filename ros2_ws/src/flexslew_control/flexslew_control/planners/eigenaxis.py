@@ -1,0 +1,224 @@
+"""A slew about the eigenaxis: one turn about an axis that stays in the body and in space.
+
+From one attitude to another a body can turn about a single axis (Euler). Along it the angle is
+planned as that of a joint, and every tick's efforts are those that make the whole model follow:
+they hold the other axes and carry the gyroscopic torque w x J w (Wie, Weiss and Arapostathis 1989).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flexslew_control.free_platform import rate_readings
+from flexslew_control.law import PlantDescription
+from flexslew_control.plan import Plan
+from flexslew_control.planners.slew import Feedback
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.attitude import product, quaternion, rotation_vector
+from flexslew_plant.testbeds.contract import RigidTurn, ThreeAxes
+from flexslew_plant.testbeds.model import Model
+
+TURN = "turn"  # name of the joint about the eigenaxis
+_EXACT = 1e-12  # of the joints' rates at a tick [rad/s or m/s]
+_BACK = 10.0  # ticks in which a drift goes back
+_CORRECTIONS = 4  # of the efforts of a tick
+
+
+@dataclass(frozen=True)
+class Eigenaxis:
+    """A manoeuvre reduced to the turn about its eigenaxis, and the way back.
+
+    Args:
+        settings: the `plan` section about that turn.
+        plant: with one joint, `turn`.
+        feedback: of that joint; None: there is none.
+        bench: what stands on the bench.
+        whole: the model of all joints that the planner believes in.
+        first: where all joints start, shape (joints,) [rad or m].
+        last: where they go, shape (joints,) [rad or m].
+        axis: the eigenaxis in body axes, shape (3,).
+        angle: about it [rad].
+        left_out: of the bench, in words.
+    """
+
+    settings: Any
+    plant: PlantDescription
+    feedback: Feedback | None
+    bench: PlantDescription
+    whole: Model
+    first: Vector
+    last: Vector
+    axis: Vector
+    angle: float
+    left_out: str
+
+    def embedded(self, plan: Plan) -> Plan:
+        """Return the plan for all joints of a plan of the turn."""
+        names = self.bench.joint_names
+        position, velocity = self._path(plan.position[:, 0], plan.velocity[:, 0])
+        effort = np.zeros((len(plan.effort), len(names)))
+        if plan.effort.any():
+            effort = following(self.whole, position, velocity, plan.period)
+        peak = abs(effort).max(axis=0, initial=0.0)
+        believes = ", ".join(filter(None, (plan.summary.get("believes", ""), self.left_out)))
+        own = {
+            "peak_effort": peak.tolist(),
+            "believes": believes,
+            "eigenaxis": self.axis.tolist(),
+            "angle": self.angle,
+        }
+        by_joint = {
+            "goal": dict(zip(names, self.last.tolist(), strict=True)),
+            "initial": dict(zip(names, self.first.tolist(), strict=True)),
+        }
+        asked = {key: value for key, value in by_joint.items() if key in plan.request}
+        return replace(
+            plan,
+            joint_names=names,
+            position=position,
+            velocity=velocity,
+            effort=effort,
+            state=np.zeros((len(position), 0)),
+            request={**plan.request, **asked},
+            summary={**plan.summary, **own},
+        )
+
+    def _path(self, angle: Vector, rate: Vector) -> tuple[Matrix, Matrix]:
+        """Return positions and rates of all joints, (ticks + 1, joints)."""
+        attitude = self.whole.attitude
+        assert attitude is not None
+        start = quaternion(attitude.turn_of(self.first))
+        turned = rotation_vector(product(start, quaternion(np.outer(angle, self.axis))))
+        position = np.tile(self.first, (len(angle), 1))
+        turns = attitude.axes.any(axis=1)
+        position[:, turns] = (continuous(turned) @ attitude.axes.T)[:, turns]
+        return position, np.outer(rate, attitude.axes @ self.axis)
+
+
+def eigenaxis(
+    settings: Any,
+    plant: PlantDescription,
+    feedback: Feedback | None,
+    ends: tuple[Vector, Vector],
+    whole: ThreeAxes,
+    modes: int | None,
+    share: float = 1.0,
+) -> Eigenaxis:
+    """Return the manoeuvre about the eigenaxis, the shorter way round.
+
+    Args:
+        settings: the `plan` section.
+        plant: what stands on the bench.
+        feedback: of its joints; None: there is none.
+        ends: where all joints start and go, shape (joints,) each [rad or m].
+        whole: what the planner believes of the bench.
+        modes: how many frequencies the planner counts with; None: all.
+        share: of the torque about the axis that the drives can give [-].
+    """
+    first, last = ends
+    bench: Any = plant.testbed
+    model: Model = bench.model()
+    assert model.attitude is not None
+    turn = model.attitude.turn_of(model.joint_error(first, last))
+    angle = float(np.linalg.norm(turn))
+    axis = turn / angle
+    limit = share * torque_about(whole.rigid_turn_about(axis), plant.effort_limit, angle)
+    reduced: Any = whole.turning_about(axis, limit, modes)
+    about: dict[str, Any] = {"goal": {TURN: angle}}
+    about |= {key: None for key in ("model", "initial") if hasattr(settings, key)}
+    seen = model.attitude.axes @ axis
+    if getattr(settings, "feedback", None) is not None:
+        about["feedback"] = _about(settings.feedback, seen)
+    return Eigenaxis(
+        replace(settings, **about),
+        PlantDescription(reduced, plant.period, np.array([limit]), plant.trust),
+        None if feedback is None else _about(feedback, seen),
+        plant,
+        reduced_to(whole, model),
+        first,
+        last,
+        axis,
+        angle,
+        f"turns about the eigenaxis {np.round(axis, 3).tolist()} by {angle:.4g} rad, the shorter "
+        f"way, on {reduced.modes} of {model.modes} modes",
+    )
+
+
+def reduced_to(whole: ThreeAxes, bench: Model) -> Model:
+    """Return the model of all joints that a planner believes in."""
+    testbed: Any = whole
+    model: Model = testbed.model()
+    return model if model.joint_names == bench.joint_names else bench
+
+
+def torque_about(turn: RigidTurn, limit: Vector, angle: float) -> float:
+    """Return the torque about an axis that no drive needs its limit for [N m].
+
+    From rest to rest by an angle A with |alpha| <= a the rate squared stays below a A, so drive j
+    needs at most a (|tangential_j| + A |centrifugal_j|).
+
+    Args:
+        turn: what all drives do for it.
+        limit: of the drives, shape (joints,) [N m or N].
+        angle: of the turn [rad].
+    """
+    needed = np.abs(turn.tangential) + angle * np.abs(turn.centrifugal)
+    needed = np.where(needed > 1e-12 * needed.max(), needed, 1e-300)
+    return float(turn.inertia * (limit / needed).min())
+
+
+def _about(feedback: Feedback, seen: Vector) -> Feedback:
+    """Return the gains about the axis: what each joint sees of a turn, and gives for it."""
+    kp, kd = (
+        float((np.array(g) * np.ones(seen.size)) @ seen**2) for g in (feedback.kp, feedback.kd)
+    )
+    return Feedback(kp=(kp,), kd=(kd,))
+
+
+def continuous(turn: Matrix) -> Matrix:
+    """Return rotation vectors without jumps of a whole turn, shape (k, 3) [rad]."""
+    angle = np.linalg.norm(turn, axis=1)
+    path = turn.copy()
+    for k in range(1, len(path)):
+        if angle[k] > 0.0:
+            axis = turn[k] / angle[k]
+            turns = np.round((axis @ path[k - 1] - angle[k]) / (2.0 * np.pi))
+            path[k] = (angle[k] + 2.0 * np.pi * turns) * axis if turns else turn[k]
+    return path
+
+
+def following(model: Model, position: Matrix, velocity: Matrix, period: float) -> Matrix:
+    """Return the efforts, held over every tick, with which the joints follow a path.
+
+    Each tick's are found by Newton's method on the model itself, so gyroscopic torques, modes and
+    moving wheels are all in them. At its end the joints have their rates, and what the hold let
+    them drift from their positions, of second order in the period, goes back in a few ticks.
+
+    Args:
+        model: at rest at the start.
+        position: of the joints at the ticks, shape (ticks + 1, joints) [rad or m].
+        velocity: shape (ticks + 1, joints) [rad/s or m/s].
+        period: one tick [s].
+
+    Returns:
+        shape (ticks, joints) [N m or N].
+    """
+    rest = model.rest(dict(zip(model.joint_names, position[0].tolist(), strict=True)))
+    x = np.concatenate((rest, np.zeros(model.coordinates)))
+    read = rate_readings(model, rest)
+    inverse = np.linalg.pinv(
+        period * read @ np.linalg.solve(model.mass_matrix(rest), model.input_matrix(rest))
+    )
+    u, efforts = np.zeros(model.efforts), np.empty((len(velocity) - 1, model.efforts))
+    for k in range(len(efforts)):
+        drift = model.joint_error(model.joint_state(x)[0], position[k])
+        rate, after = velocity[k + 1] + drift / (_BACK * period), x
+        for _ in range(_CORRECTIONS):
+            after = model.advance(x, u, period, t=k * period)
+            off = rate - model.joint_state(after)[1]
+            if np.abs(off).max() <= _EXACT:
+                break
+            u = u + inverse @ off
+        efforts[k], x = u, after
+    return efforts

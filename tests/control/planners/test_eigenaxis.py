@@ -1,0 +1,176 @@
+"""Slews about the eigenaxis: they stay on it, whatever the frame, and fly as predicted."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from flexslew_control.controllers import build_controller
+from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.plan import Plan
+from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.planners.prediction import WATCHED
+from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.trial.in_process import fly
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.bench import Bench, BenchSettings, Truth
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import read_testbed
+
+NAMES = ("roll", "pitch", "yaw")
+INERTIA = np.array([10.0, 14.0, 18.0])  # [kg m^2]
+LIMIT = np.array([1.0, 0.7, 1.2])  # [N m]
+
+
+def rigid(start: Vector, inertia: Vector = INERTIA, limit: Vector = LIMIT) -> PlantDescription:
+    """Return a rigid craft with a torque about each axis, at an attitude."""
+    torques = {
+        name: {"kind": "torque", "direction": axis.tolist(), "limit": float(most)}
+        for name, axis, most in zip(NAMES, np.eye(3), limit, strict=True)
+    }
+    testbed = read_testbed(
+        {
+            "kind": "spacecraft",
+            "platform": {
+                "mass": 50.0,
+                "inertia": dict(zip(("xx", "yy", "zz"), inertia, strict=True)),
+            },
+            "appendages": {},
+            "actuators": torques,
+            "initial": dict(zip(NAMES, start.tolist(), strict=True)),
+        },
+        "here",
+    )
+    return PlantDescription(testbed, 0.02, limit)
+
+
+def planned(bench: PlantDescription, goal: Any, method: str = "time_optimal", **keys: Any) -> Plan:
+    return make_plan(plan_settings({"method": method, "goal": goal, **keys}, "here"), bench)
+
+
+def open_loop(plan: Plan, bench: PlantDescription) -> Matrix:
+    """Return the states of the craft under the efforts of a plan alone."""
+    model = bench.testbed.model()
+    rest = model.rest(dict(zip(plan.joint_names, plan.position[0].tolist(), strict=True)))
+    rows = [np.concatenate((rest, np.zeros(model.coordinates)))]
+    for effort in plan.effort:
+        rows.append(model.advance(rows[-1], effort, plan.period))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_craft_turns_about_the_eigenaxis_from_any_attitude_to_any_other(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    start, goal = Rotation.random(2, rng)
+    bench = rigid(start.as_rotvec())
+    plan = planned(bench, {"quaternion": goal.as_quat().tolist()})
+    assert plan.summary["angle"] == pytest.approx((start.inv() * goal).magnitude())
+    assert plan.summary["angle"] <= np.pi
+    x = open_loop(plan, bench)
+    turned = (start.inv() * Rotation.from_quat(x[:, 3:7])).as_rotvec()
+    axis = np.array(plan.summary["eigenaxis"])
+    across = turned - np.outer(turned @ axis, axis)
+    assert np.linalg.norm(across, axis=1).max() < 1e-6
+    assert (Rotation.from_quat(x[-1, 3:7]).inv() * goal).magnitude() < 1e-6
+    assert abs(x[-1, 10:13]).max() < 1e-7
+    assert (abs(plan.effort) <= LIMIT).all()
+    assert abs(plan.effort / LIMIT).max() > 0.75  # not slower than it need be
+
+
+def test_the_efforts_carry_the_gyroscopic_torque() -> None:
+    bench = rigid(np.zeros(3))
+    plan = planned(bench, {"axis": [1.0, 1.0, 1.0], "angle": 1.0}, "input_shaping", duration=12.0)
+    axis = np.ones(3) / np.sqrt(3.0)
+    rate = plan.velocity @ axis
+    push = np.diff(rate) / plan.period
+    turn = INERTIA * axis
+    middle = 0.5 * (rate[1:] + rate[:-1])
+    expected = np.outer(push, turn) + np.outer(middle**2, np.cross(axis, turn))
+    # the hold is of second order in the period
+    np.testing.assert_allclose(plan.effort, expected, atol=3e-4 * abs(expected).max())
+    assert abs(np.outer(middle**2, np.cross(axis, turn))).max() > 1e-2 * abs(expected).max()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_plan_is_the_same_from_any_inertial_frame(seed: int) -> None:
+    start, goal, frame = Rotation.random(3, np.random.default_rng(seed))
+    one = planned(rigid(start.as_rotvec()), {"quaternion": goal.as_quat().tolist()})
+    two = planned(
+        rigid((frame * start).as_rotvec()), {"quaternion": (frame * goal).as_quat().tolist()}
+    )
+    np.testing.assert_allclose(two.effort, one.effort, atol=1e-9)
+    np.testing.assert_allclose(two.velocity, one.velocity, atol=1e-9)
+    path = frame * Rotation.from_rotvec(one.position.copy())
+    assert (path.inv() * Rotation.from_rotvec(two.position.copy())).magnitude().max() < 1e-9
+    assert abs(np.diff(two.position, axis=0)).max() < 0.1  # no jump of a whole turn
+
+
+def test_a_sphere_turns_half_round_about_the_eigenaxis_in_twice_the_root_of_pi() -> None:
+    sphere = rigid(np.zeros(3), np.ones(3), np.ones(3))
+    plan = planned(sphere, {"axis": [0.0, 0.0, 1.0], "angle": np.pi})
+    assert plan.duration == pytest.approx(2.0 * np.sqrt(np.pi), abs=1e-6)  # 3.5449
+
+
+class _Left:
+    """Largest tip deflection and attitude errors after a plan's end."""
+
+    def __init__(self, plan: Plan, bench: Bench) -> None:
+        self.plan, self.model = plan, bench.model
+        self.tip, self.away = 0.0, np.zeros(len(plan.joint_names))
+
+    def truth(self, truth: Truth) -> None:
+        if truth.time >= self.plan.end - 1e-9:
+            at = self.model.joint_state(np.concatenate((truth.position, truth.velocity)))[0]
+            off = self.model.joint_error(at, self.plan.position[-1])
+            self.away = np.maximum(self.away, abs(off))
+            self.tip = max(self.tip, float(abs(truth.tip_deflection).max()))
+
+    def question(self, question: Any) -> None:
+        return
+
+    answer = event = question
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_flexible_slews_of_30_degrees_about_any_axis_fly_as_predicted(seed: int) -> None:
+    wheels = {
+        name: {"axis": axis, "inertia": 0.02, "limit": 0.5, "momentum_limit": 10.0}
+        for name, axis in zip(NAMES, np.eye(3).tolist(), strict=True)
+    }
+    testbed = shipped("own_spacecraft", {"testbed": {"wheels": wheels}}).testbed
+    bench = PlantDescription(testbed, 0.1, np.array(testbed.effort_limit))
+    gains = {"kp": [12.0], "kd": [60.0]}
+    axis = np.random.default_rng(seed).standard_normal(3).tolist()
+    values = {
+        "method": "input_shaping",
+        "duration": 28.0,
+        "goal": {"axis": axis, "angle": "30 deg"},
+    }
+    plan = make_plan(plan_settings(values, "here"), bench, law=InCharge("pd_feedforward", gains))
+    duration = float(np.ceil(plan.end + WATCHED))
+    flying = Bench(BenchSettings(testbed=testbed, period=bench.period, duration=duration))
+    it = build_controller("pd_feedforward", "pd_feedforward", gains, bench, "here")
+    assert it.adopt(plan) is None
+    left = _Left(plan, flying)
+    fly(flying, {it.name: it}, left)
+    predicted = plan.summary["predicted_residual_attitude_error"]
+    assert left.tip == pytest.approx(plan.summary["predicted_residual_tip_deflection"], abs=1e-8)
+    np.testing.assert_allclose(left.away, [predicted[name] for name in NAMES], atol=1e-8)
+    assert left.tip < 1e-5
+    assert left.away.max() < 1e-5
+
+
+def test_a_joint_that_does_not_turn_the_craft_does_not_go_along() -> None:
+    bench = rigid(np.zeros(3))
+    pushed = {
+        **{
+            name: {"kind": "torque", "direction": axis, "limit": 1.0}
+            for name, axis in zip(NAMES, np.eye(3).tolist(), strict=True)
+        },
+        "x": {"kind": "force", "direction": [1.0, 0.0, 0.0], "limit": 1.0},
+    }
+    testbed = read_testbed({"kind": "spacecraft", "appendages": {}, "actuators": pushed}, "here")
+    bench = PlantDescription(testbed, 0.02, np.full(4, 100.0))
+    with pytest.raises(BadInput, match="one axis at a time"):
+        planned(bench, {"roll": 0.1, "x": 1.0})
