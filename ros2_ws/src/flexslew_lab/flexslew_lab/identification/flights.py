@@ -129,13 +129,12 @@ def _free_motions(record: Record, model: Model) -> dict[Quantity, Matrix]:
     linear = model.linearise(model.rest({}))
     poles = linear.eigenvalues
     poles = poles[poles.imag > 1e-6]
+    still = np.zeros((record.ticks, 0))
     free = [
-        Oscillator(float(abs(s)), float(-s.real / abs(s))).free(record.ticks, record.period)
+        Oscillator(float(abs(s)), float(-s.real / abs(s))).responses(still, record.period)
         for s in poles
     ]
-    size = [np.array([1.0, abs(s)]) for s in poles]
-    moves = [q * scale for (q, _), scale in zip(free, size, strict=True)]
-    rates = [v * scale for (_, v), scale in zip(free, size, strict=True)]
+    moves, rates = [q for q, _ in free], [v for _, v in free]
     return {
         Quantity.JOINT_POSITION: np.column_stack((one, line, *moves)),
         Quantity.JOINT_RATE: np.column_stack((one, *rates)),

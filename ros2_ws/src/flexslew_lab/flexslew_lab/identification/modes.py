@@ -7,11 +7,11 @@ import numpy as np
 from scipy.signal import welch
 from scipy.stats import chi2, norm
 
-from flexslew_lab.identification.modal_fit import FLOOR, ModalFit, modal_fit, noise_of, refined
+from flexslew_lab.identification.modal_fit import ModalFit, modal_fit
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.regressors import Signals
-from flexslew_lab.identification.separable import ModalLeastSquares, Solution
+from flexslew_lab.identification.selection import selected
 from flexslew_lab.identification.subspace import METHODS, Poles, slowed, stable
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -19,9 +19,6 @@ from flexslew_plant.errors import BadInput
 CONFIDENCE = 0.95
 _ORDERS = tuple(range(4, 29, 2))
 _WHITE_LAGS = 25  # of the residual's autocorrelation
-_BACKWARD = 2.0  # times that a mode must push forward more than back
-_FIRST_ROUNDS = 10  # candidates that are no modes hardly converge
-_GRID = 0.05  # relative distance of the frequencies at which a missed mode is looked for
 _SEPARATE = 0.01  # relative distance of two modes, at least
 _SINGULAR = 1e4  # condition number from which inertias cannot be told apart
 _POWER = 0.99  # of the efforts that lies in the band, where nobody says what it is
@@ -131,7 +128,7 @@ def identify_modes(
     low, high = 0.5 * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
     candidates = _merged([mode for poles in starts for mode in stable(poles, low, high)])
     tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
-    solution = _selected(Signals(record, band[1]), candidates, (low, high))
+    solution = selected(Signals(record, band[1]), candidates, (low, high))
     fit = modal_fit(solution)
     return ModalModel(
         record,
@@ -191,111 +188,6 @@ def _merged(found: list[Oscillator]) -> tuple[Oscillator, ...]:
         if all(abs(mode.frequency / other.frequency - 1.0) > _SEPARATE for other in kept):
             kept.append(mode)
     return tuple(sorted(kept, key=lambda mode: mode.frequency))
-
-
-def _selected(
-    signals: Signals, modes: tuple[Oscillator, ...], band: tuple[float, float]
-) -> Solution:
-    """Return the refined modes that pay for their parameters and can be modes of a bench.
-
-    A start that was too far away is lost on the way: what the kept modes leave is searched for it.
-    """
-    rough = _rough_noise(signals.record)
-    first = noise_of(ModalLeastSquares(signals, rough).solve(modes, slopes=False))
-    # a start that is out of phase explains little: no candidate goes before it has moved
-    solution, noise = refined(signals, modes, first, _FIRST_ROUNDS)
-    solution, noise = _kept(signals, _pruned(signals, solution.modes, noise), noise)
-    while (missed := _missed(signals, solution, noise, band)) is not None:
-        more = tuple(sorted((*solution.modes, missed), key=lambda mode: mode.frequency))
-        tried, found = refined(signals, more, noise, _FIRST_ROUNDS)
-        tried, found = _kept(signals, _pruned(signals, tried.modes, found), found)
-        if len(tried.modes) <= len(solution.modes):
-            break
-        solution, noise = tried, found
-    return solution
-
-
-def _kept(
-    signals: Signals, modes: tuple[Oscillator, ...], noise: Vector
-) -> tuple[Solution, Vector]:
-    """Return the refined modes when none is left that must go, and the noise."""
-    solution, noise = refined(signals, modes, noise)
-    while True:
-        fewer = _passive(solution, _pruned(signals, solution.modes, noise))
-        if len(fewer) == len(solution.modes):
-            return solution, noise
-        solution, noise = refined(signals, fewer, noise)
-
-
-def _missed(
-    signals: Signals, solution: Solution, noise: Vector, band: tuple[float, float]
-) -> Oscillator | None:
-    """Return the oscillator of a grid that explains most of what is left; None: none pays."""
-    problem = ModalLeastSquares(signals, noise)
-    least = problem.solve(solution.modes, slopes=False).cost - _price(problem)
-    best = None
-    count = int(np.log(band[1] / band[0]) / _GRID) + 2
-    for w in np.geomspace(*band, count):
-        if any(abs(w / mode.frequency - 1.0) < 0.5 * _GRID for mode in solution.modes):
-            continue
-        one = Oscillator(float(w), 0.5 * _GRID)  # half its width: none falls between two
-        cost = problem.solve((*solution.modes, one), slopes=False).cost
-        if cost < least:
-            least, best = cost, one
-    return best
-
-
-def _price(problem: ModalLeastSquares) -> float:
-    """Return what the parameters of a mode cost (Schwarz)."""
-    groups, record = len(problem.groups), problem.record
-    rows = problem.signals.measured.size
-    return float(0.5 * np.log(rows) * (2 + groups * (record.effort.shape[1] + 2)))
-
-
-def _passive(solution: Solution, modes: tuple[Oscillator, ...]) -> tuple[Oscillator, ...]:
-    """Return the modes that a bench can have, where sensors at the drives can tell.
-
-    There the residues of a mode are phi phi^T: one that pushes back is an error of another mode.
-    """
-    record = solution.problem.record
-    fit, rows = modal_fit(solution), list(record.driven)
-    if not rows:
-        return modes
-    wrong = set()
-    for mode, residues in zip(fit.modes, fit.residues, strict=True):
-        values = np.linalg.eigvalsh(0.5 * (residues[rows] + residues[rows].T))
-        if not values[-1] > _BACKWARD * max(-float(values[0]), 0.0):
-            wrong.add(mode)
-    return tuple(mode for mode in modes if mode not in wrong)
-
-
-def _rough_noise(record: Record) -> Vector:
-    """Return the noise of every output as differences of third order show it."""
-    jumps = np.diff(record.measured, n=3, axis=0).std(axis=0) / np.sqrt(20.0)
-    spread = record.measured.std(axis=0)
-    return np.asarray(np.maximum(jumps, FLOOR * np.maximum(spread, 1e-300)))
-
-
-def _pruned(
-    signals: Signals, modes: tuple[Oscillator, ...], noise: Vector
-) -> tuple[Oscillator, ...]:
-    """Return the modes without those whose absence costs less than their parameters."""
-    problem = ModalLeastSquares(signals, noise)
-    kept = list(modes)
-    now = problem.solve(tuple(kept), slopes=False).cost if kept else 0.0
-    price = _price(problem)
-    while kept:
-        costs = [_cost_without(problem, kept, one) for one in kept]
-        least = int(np.argmin(costs))
-        if costs[least] - now > price:
-            break
-        now = costs[least]
-        del kept[least]
-    return tuple(kept)
-
-
-def _cost_without(problem: ModalLeastSquares, modes: list[Oscillator], one: Oscillator) -> float:
-    return problem.solve(tuple(m for m in modes if m is not one), slopes=False).cost
 
 
 def _described(fit: ModalFit, record: Record) -> tuple[Mode, ...]:

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix, Vector, compiled_once
 
 
 @dataclass(frozen=True)
@@ -29,39 +28,47 @@ class Oscillator:
             np.exp(-s * h) * np.array([[c + s * n, n], [-w * w * n, c - s * n]]), dtype=np.float64
         )
 
-    def forced(self, effort: Matrix, h: float) -> tuple[Matrix, Matrix]:
-        """Return q and q' at the ticks from rest, each of shape (ticks + 1, inputs).
+    def responses(self, effort: Matrix, h: float, each: int = 1) -> tuple[Matrix, Matrix]:
+        """Return q and q' at the ticks, forced by each input from rest, then from two starts.
+
+        Forced ones are times w^2, and the starts are (1, 0) and (0, w): columns of one size. Each
+        of shape (ticks + 1, inputs + 2); where `each` is more than 1, sums over as many ticks.
 
         Args:
             effort: held from tick to tick, shape (ticks, inputs).
             h: one tick [s].
+            each: ticks of a sum.
         """
-        step = self.transition(h)
+        step, w = self.transition(h), self.frequency
         # (q, q') after a unit effort held over a tick: A^-1 (exp(A h) - 1) (0, 1)
-        w = self.frequency
-        gain = np.array([(1.0 - step[0, 0]) / w**2, step[0, 1]])
-        trace, det = step[0, 0] + step[1, 1], step[0, 0] * step[1, 1] - step[0, 1] * step[1, 0]
-        poles = np.array([1.0, -trace, det])
-        cross = np.array(  # (z - A)^-1 b by its adjugate
-            [
-                -step[1, 1] * gain[0] + step[0, 1] * gain[1],
-                step[1, 0] * gain[0] - step[0, 0] * gain[1],
-            ]
-        )
-        held = np.vstack((effort, np.zeros(effort.shape[1])))
-        q, rate = (lfilter(np.array([0.0, gain[k], cross[k]]), poles, held, axis=0) for k in (0, 1))
+        gain = np.array([1.0 - step[0, 0], step[0, 1] * w * w])
+        rows, inputs = (len(effort) + 1) // each, effort.shape[1]
+        q, rate = np.zeros((2, rows, inputs + 2))
+        _sweep(step, gain, w, np.ascontiguousarray(effort), each, q, rate)
         return q, rate
 
-    def free(self, ticks: int, h: float) -> tuple[Matrix, Matrix]:
-        """Return q and q' at the ticks from (1, 0) and from (0, 1), each (ticks + 1, 2)."""
-        t = h * np.arange(ticks + 1)
-        w, s = self.frequency, self.damping_ratio * self.frequency
-        wd = np.sqrt(max(w * w - s * s, 1e-24))
-        decay = np.exp(-s * t)
-        c, n = decay * np.cos(wd * t), decay * np.sin(wd * t) / wd
-        q = np.column_stack((c + s * n, n))
-        rate = np.column_stack((-w * w * n, c - s * n))
-        return q, rate
+
+@compiled_once("q", "rate")
+def _sweep(
+    step: Matrix, gain: Vector, w: float, effort: Matrix, each: int, q: Matrix, rate: Matrix
+) -> None:
+    """Write sums of what an oscillator does, column by column."""
+    inputs = effort.shape[1]
+    for column in range(inputs + 2):
+        x = 1.0 if column == inputs else 0.0
+        v = w if column == inputs + 1 else 0.0
+        tick = 0
+        for row in range(q.shape[0]):
+            for _ in range(each):
+                q[row, column] += x
+                rate[row, column] += v
+                ahead = step[0, 0] * x + step[0, 1] * v
+                v = step[1, 0] * x + step[1, 1] * v
+                x = ahead
+                if column < inputs and tick < effort.shape[0]:
+                    x += gain[0] * effort[tick, column]
+                    v += gain[1] * effort[tick, column]
+                tick += 1
 
 
 def double_integral(effort: Matrix, h: float) -> tuple[Matrix, Matrix]:

@@ -21,19 +21,27 @@ class LowFrequencies:
         samples: of a signal.
         period: between them [s].
         highest: end of the band [rad/s].
+
+    Attributes:
+        each: samples of a mean.
+        rows: coefficients.
     """
 
     def __init__(self, samples: int, period: float, highest: float) -> None:
-        self._each = max(int(2.0 * np.pi / (_ABOVE * highest * _PER_PERIOD * period)), 1)
-        self._means = samples // self._each
+        self.each = max(int(2.0 * np.pi / (_ABOVE * highest * _PER_PERIOD * period)), 1)
+        self._means = samples // self.each
         wanted = int(np.ceil(_ABOVE * highest * samples * period / np.pi)) + 1
         self.rows = min(self._means, wanted)
 
     def __call__(self, columns: Matrix) -> Matrix:
         """Return the coefficients of every column, (rows, columns)."""
-        each, count = self._each, self._means
-        means = columns[: each * count].reshape(count, each, -1).sum(axis=1) / np.sqrt(each)
-        found = dct(np.ascontiguousarray(means.T), type=2, norm="ortho", axis=1)[:, : self.rows]
+        each, count = self.each, self._means
+        return self.of_sums(columns[: each * count].reshape(count, each, -1).sum(axis=1))
+
+    def of_sums(self, sums: Matrix) -> Matrix:
+        """Return the coefficients of columns whose sums over `each` samples are given."""
+        means = np.ascontiguousarray(sums.T) / np.sqrt(self.each)
+        found = dct(means, type=2, norm="ortho", axis=1)[:, : self.rows]
         return np.ascontiguousarray(found.T)
 
 

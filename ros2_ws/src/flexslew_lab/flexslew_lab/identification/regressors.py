@@ -11,7 +11,7 @@ from flexslew_plant.arrays import Matrix
 
 _STEP = 1e-6  # relative, of the differences with respect to frequency
 _DAMPING_STEP = 1e-6
-_KEPT = 64  # modes whose responses are kept
+_KEPT = 256  # modes whose responses are kept: those of a search, too
 
 
 class Signals:
@@ -43,37 +43,36 @@ class Signals:
 
     def responses(self, mode: Oscillator) -> tuple[Matrix, Matrix]:
         """Return the columns of a mode: positions and rates, forced by each input, then free."""
+        if self._low is None:
+            return mode.responses(self.record.effort, self.record.period)
         if mode not in self._responses:
-            found = responses_in_time(mode, self.record.effort, self.record.period)
-            if self._low is None:
-                return found
             if len(self._responses) >= _KEPT:
                 del self._responses[next(iter(self._responses))]
-            self._responses[mode] = self.cut(found[0]), self.cut(found[1])
+            q, rate = self._sums(mode, self._low)
+            self._responses[mode] = self._low.of_sums(q), self._low.of_sums(rate)
         return self._responses[mode]
 
     def slopes(self, mode: Oscillator) -> list[tuple[Matrix, Matrix]]:
-        """Return the slopes of these columns by frequency and by damping ratio."""
+        """Return the slopes of these columns by frequency and by damping ratio.
+
+        They are needed below the frequency alone.
+        """
+        assert self._low is not None
         if mode not in self._slopes:
             if len(self._slopes) >= _KEPT:
                 del self._slopes[next(iter(self._slopes))]
             found = []
-            for pair in neighbours(mode):
-                by = difference_in_time(self.record.effort, self.record.period, pair)
-                found.append((self.cut(by[0]), self.cut(by[1])))
+            for ahead, behind, distance in neighbours(mode):
+                (q, rate), (q_behind, rate_behind) = (
+                    self._sums(one, self._low) for one in (ahead, behind)
+                )
+                by = (q - q_behind) / distance, (rate - rate_behind) / distance
+                found.append((self._low.of_sums(by[0]), self._low.of_sums(by[1])))
             self._slopes[mode] = found
         return self._slopes[mode]
 
-
-def responses_in_time(mode: Oscillator, effort: Matrix, h: float) -> tuple[Matrix, Matrix]:
-    """Return the columns of a mode: positions and rates, forced by each input, then free."""
-    forced, free = mode.forced(effort, h), mode.free(len(effort), h)
-    w = mode.frequency
-    size = np.array([1.0, w])  # a start of 1 and of w: columns of one size
-    return (
-        np.hstack((forced[0] * w * w, free[0] * size)),
-        np.hstack((forced[1] * w * w, free[1] * size)),
-    )
+    def _sums(self, mode: Oscillator, low: LowFrequencies) -> tuple[Matrix, Matrix]:
+        return mode.responses(self.record.effort, self.record.period, low.each)
 
 
 def neighbours(mode: Oscillator) -> tuple[tuple[Oscillator, Oscillator, float], ...]:
@@ -91,11 +90,3 @@ def neighbours(mode: Oscillator) -> tuple[tuple[Oscillator, Oscillator, float], 
             2.0 * dz,
         ),
     )
-
-
-def difference_in_time(
-    effort: Matrix, h: float, pair: tuple[Oscillator, Oscillator, float]
-) -> tuple[Matrix, Matrix]:
-    """Return the slope of the columns of a mode."""
-    ahead, behind = (responses_in_time(one, effort, h) for one in pair[:2])
-    return (ahead[0] - behind[0]) / pair[2], (ahead[1] - behind[1]) / pair[2]

@@ -81,7 +81,7 @@ class ModalLeastSquares:
         both = group.position >= 0 and group.rate >= 0
         return float(self.noise[group.position] / self.noise[group.rate]) if both else 1.0
 
-    def _rows(self, group: Group) -> list[tuple[int, int, float]]:
+    def rows(self, group: Group) -> list[tuple[int, int, float]]:
         """Return column of the record, derivative and weight of each quantity of a group."""
         rows = [(group.position, 0, 1.0)] if group.position >= 0 else []
         return rows + ([(group.rate, 1, self._ratio(group))] if group.rate >= 0 else [])
@@ -92,7 +92,7 @@ class ModalLeastSquares:
         columns: "list[tuple[Matrix, Matrix]]",
         moved: "list[list[tuple[Matrix, Matrix]]]",
     ) -> "_Basis":
-        rows = self._rows(group)
+        rows = self.rows(group)
         phi = np.vstack([w * self._matrix(group, columns, which) for _, which, w in rows])
         scale = np.sqrt(np.einsum("ij,ij->j", phi, phi))
         scale[scale == 0.0] = 1.0
@@ -108,7 +108,7 @@ class ModalLeastSquares:
         return _Basis(phi, scale, projection, raw - phi @ along, along)
 
     def _part(self, group: Group, basis: "_Basis") -> "Part":
-        rows = self._rows(group)
+        rows = self.rows(group)
         sigma = float(self.noise[rows[0][0]])
         y = np.concatenate([w * self.signals.measured[:, column] for column, _, w in rows])
         weights, residual = basis.projection.solve(y)
@@ -136,7 +136,7 @@ class ModalLeastSquares:
         columns = [whole.responses(mode) for mode in modes]
         left = whole.measured.copy()
         for part in parts:
-            for column, which, _ in self._rows(part.group):
+            for column, which, _ in self.rows(part.group):
                 left[:, column] -= problem._matrix(part.group, columns, which) @ part.weights
         return left
 

@@ -1,0 +1,74 @@
+"""The mode that a fit has missed: what each oscillator of a grid would explain of its residual."""
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve
+
+from flexslew_lab.identification.oscillators import Oscillator
+from flexslew_lab.identification.regressors import Signals
+from flexslew_lab.identification.separable import ModalLeastSquares, Solution
+from flexslew_plant.arrays import Vector
+
+_GRID = 0.05  # relative distance of its frequencies
+
+
+def missed_mode(
+    signals: Signals, solution: Solution, noise: Vector, band: tuple[float, float]
+) -> Oscillator | None:
+    """Return the oscillator of a grid that explains most of what is left; None: none pays.
+
+    Args:
+        signals: of the experiment.
+        solution: modes that were found.
+        noise: standard deviation of every output, (outputs,).
+        band: lowest and highest frequency to look at [rad/s].
+    """
+    problem = ModalLeastSquares(signals, noise)
+    now = problem.solve(solution.modes, slopes=False)
+    most, best = price(problem), None
+    count = int(np.log(band[1] / band[0]) / _GRID) + 2
+    for w in np.geomspace(*band, count):
+        if any(abs(w / mode.frequency - 1.0) < 0.5 * _GRID for mode in solution.modes):
+            continue
+        one = Oscillator(float(w), 0.5 * _GRID)  # half its width: none falls between two
+        explained = gain(now, one)
+        if explained > most:
+            most, best = explained, one
+    return best
+
+
+def price(problem: ModalLeastSquares) -> float:
+    """Return what the parameters of a mode cost (Schwarz)."""
+    groups, record = len(problem.groups), problem.record
+    rows = problem.signals.measured.size
+    return float(0.5 * np.log(rows) * (2 + groups * (record.effort.shape[1] + 2)))
+
+
+def gain(solution: Solution, mode: Oscillator) -> float:
+    """Return by how much the cost falls with one more oscillator, all residues fitted again.
+
+    With its columns X made orthogonal to those of the fit, X' = (1 - P) X, it is
+    |r^T X' (X'^T X')^-1 X'^T r| / 2: nothing that is fitted already has to be solved again.
+
+    Args:
+        solution: a fit with its residual.
+        mode: that it lacks.
+    """
+    problem = solution.problem
+    pair = problem.signals.responses(mode)
+    turned: dict[int, tuple[Vector, Vector]] = {}  # of groups with the same columns
+    total = 0.0
+    for part in solution.parts:
+        key = id(part.basis)
+        if key not in turned:
+            columns = np.vstack([w * pair[which] for _, which, w in problem.rows(part.group)])
+            columns = columns / np.sqrt(np.einsum("ij,ij->j", columns, columns))
+            basis = part.basis
+            columns -= basis.columns @ basis.projection.coordinates(columns)
+            turned[key] = columns, columns.T @ columns
+        columns, gram = turned[key]
+        along = columns.T @ part.residual
+        try:
+            total += 0.5 * float(along @ solve(gram, along, assume_a="pos"))
+        except LinAlgError:  # it is in the columns already
+            continue
+    return total

@@ -1,0 +1,99 @@
+"""Which of the candidates are modes: those that pay for their parameters and are passive."""
+
+import numpy as np
+
+from flexslew_lab.identification.missed import missed_mode, price
+from flexslew_lab.identification.modal_fit import FLOOR, modal_fit, noise_of, refined
+from flexslew_lab.identification.oscillators import Oscillator
+from flexslew_lab.identification.record import Record
+from flexslew_lab.identification.regressors import Signals
+from flexslew_lab.identification.separable import ModalLeastSquares, Solution
+from flexslew_plant.arrays import Vector
+
+_BACKWARD = 2.0  # times that a mode must push forward more than back
+_FIRST_ROUNDS = 10  # candidates that are no modes hardly converge
+
+
+def selected(
+    signals: Signals, modes: tuple[Oscillator, ...], band: tuple[float, float]
+) -> Solution:
+    """Return the refined modes that pay for their parameters and can be modes of a bench.
+
+    A start that was too far away is lost on the way: what the kept modes leave is searched for it.
+
+    Args:
+        signals: of the experiment.
+        modes: candidates.
+        band: lowest and highest frequency that a mode may have [rad/s].
+    """
+    rough = _rough_noise(signals.record)
+    first = noise_of(ModalLeastSquares(signals, rough).solve(modes, slopes=False))
+    # a start that is out of phase explains little: no candidate goes before it has moved
+    solution, noise = refined(signals, modes, first, _FIRST_ROUNDS)
+    solution, noise = _kept(signals, _pruned(signals, solution.modes, noise), noise)
+    while (missed := missed_mode(signals, solution, noise, band)) is not None:
+        more = tuple(sorted((*solution.modes, missed), key=lambda mode: mode.frequency))
+        tried, found = refined(signals, more, noise, _FIRST_ROUNDS)
+        tried, found = _kept(signals, _pruned(signals, tried.modes, found), found)
+        if len(tried.modes) <= len(solution.modes):
+            break
+        solution, noise = tried, found
+    return solution
+
+
+def _kept(
+    signals: Signals, modes: tuple[Oscillator, ...], noise: Vector
+) -> tuple[Solution, Vector]:
+    """Return the refined modes when none is left that must go, and the noise."""
+    solution, noise = refined(signals, modes, noise)
+    while True:
+        fewer = _passive(solution, _pruned(signals, solution.modes, noise))
+        if len(fewer) == len(solution.modes):
+            return solution, noise
+        solution, noise = refined(signals, fewer, noise)
+
+
+def _passive(solution: Solution, modes: tuple[Oscillator, ...]) -> tuple[Oscillator, ...]:
+    """Return the modes that a bench can have, where sensors at the drives can tell.
+
+    There the residues of a mode are phi phi^T: one that pushes back is an error of another mode.
+    """
+    record = solution.problem.record
+    fit, rows = modal_fit(solution), list(record.driven)
+    if not rows:
+        return modes
+    wrong = set()
+    for mode, residues in zip(fit.modes, fit.residues, strict=True):
+        values = np.linalg.eigvalsh(0.5 * (residues[rows] + residues[rows].T))
+        if not values[-1] > _BACKWARD * max(-float(values[0]), 0.0):
+            wrong.add(mode)
+    return tuple(mode for mode in modes if mode not in wrong)
+
+
+def _rough_noise(record: Record) -> Vector:
+    """Return the noise of every output as differences of third order show it."""
+    jumps = np.diff(record.measured, n=3, axis=0).std(axis=0) / np.sqrt(20.0)
+    spread = record.measured.std(axis=0)
+    return np.asarray(np.maximum(jumps, FLOOR * np.maximum(spread, 1e-300)))
+
+
+def _pruned(
+    signals: Signals, modes: tuple[Oscillator, ...], noise: Vector
+) -> tuple[Oscillator, ...]:
+    """Return the modes without those whose absence costs less than their parameters."""
+    problem = ModalLeastSquares(signals, noise)
+    kept = list(modes)
+    now = problem.solve(tuple(kept), slopes=False).cost if kept else 0.0
+    dear = price(problem)
+    while kept:
+        costs = [_cost_without(problem, kept, one) for one in kept]
+        least = int(np.argmin(costs))
+        if costs[least] - now > dear:
+            break
+        now = costs[least]
+        del kept[least]
+    return tuple(kept)
+
+
+def _cost_without(problem: ModalLeastSquares, modes: list[Oscillator], one: Oscillator) -> float:
+    return problem.solve(tuple(m for m in modes if m is not one), slopes=False).cost
