@@ -8,6 +8,7 @@ import numpy as np
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.gauss_newton import Options, optimise
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, TerminalMap, substeps_for
+from flexslew_control.planners.progress import ignore
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 _RUNS = 41
@@ -22,10 +23,6 @@ def _maps(modes: int) -> tuple[TerminalMap, TerminalMap]:
     return TerminalMap(m1, basis, (fine + 2) // 3), TerminalMap(m1, basis, fine)
 
 
-def _unheard(update: object) -> None:
-    """Nobody listens."""
-
-
 def figures() -> dict[str, float]:
     """Return the median times to plan M1 from U = 0 to a relative change of 1e-6.
 
@@ -38,7 +35,7 @@ def figures() -> dict[str, float]:
     for run in range(_RUNS + 1):
         for name, maps in cases.items():
             start = perf_counter()
-            optimum = optimise(maps, Options(), _unheard)
+            optimum = optimise(maps, Options(), ignore)
             planned = perf_counter()
             for _ in optimum.history:
                 maps[1].terminal_error(optimum.weights)

@@ -16,9 +16,9 @@ from flexslew_control.planners.attitude_goal import AttitudeGoal, joint_goal
 from flexslew_control.planners.entry import PlannerEntry as PlannerEntry
 from flexslew_control.planners.entry import PlanSection as PlanSection
 from flexslew_control.planners.entry import Variant as Variant
-from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback, Slew, software_versions, tick_times
-from flexslew_control.planners.slewing import Slewing, unheard
+from flexslew_control.planners.slewing import Slewing
 from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
@@ -205,7 +205,7 @@ def make_plan(
     tick_times(settings.start, 0.0, period)  # refuses a start between ticks, for every method
     settings = _by_joint(settings, plant)
     try:
-        plan = planner_of(settings).make(settings, plant, feedback, progress or unheard, law)
+        plan = planner_of(settings).make(settings, plant, feedback, progress or ignore, law)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         words = f"{settings.method}: its numbers are out of range ({error}); take another goal"
         raise PlanFailed(words) from error

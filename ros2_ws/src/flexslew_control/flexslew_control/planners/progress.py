@@ -16,3 +16,7 @@ class Update(NamedTuple):
 
 
 Progress: TypeAlias = Callable[[Update], None]
+
+
+def ignore(update: Update) -> None:
+    """Do nothing with an update: nobody listens."""

@@ -13,7 +13,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.held_efforts import exact_on_ticks
 from flexslew_control.planners.one_axis import RELEVANT, OneAxis, more_modes, reduced, turns
 from flexslew_control.planners.prediction import Prediction, predicted
-from flexslew_control.planners.progress import Progress, Update
+from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, slew_of
 from flexslew_control.planners.trajectories import rigid_duration, rounded_up
 from flexslew_control.planners.whole_bench import (
@@ -38,10 +38,6 @@ RINGING = 0.05  # of the largest deflection, above which a tip that swings on is
 MOST_MODES = 4  # frequencies that are tried for one that is enough
 _SLOWER = 4  # turns tried with less torque about the eigenaxis
 _LONGER = 40  # durations tried, each 5 % longer, where a slew needs too much torque
-
-
-def unheard(update: Update) -> None:
-    """Nobody listens."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +134,7 @@ class Slewing:
             return plan
         remedy = ""
         if not as_promised(plan, found) and getattr(settings, "track", "planned") != "planned":
-            about = self.plan(replace(settings, track="planned"), slew, unheard)
+            about = self.plan(replace(settings, track="planned"), slew, ignore)
             other = flown_on_bench(about, plant, law, model)
             if other is not None and other.tip_deflection < 0.5 * found.tip_deflection:
                 remedy = f"; track: planned leaves {other.tip_deflection:.3g} m"
@@ -268,7 +264,7 @@ class Slewing:
             if duration < rigid:
                 continue
             try:
-                self.plan(replace(settings, duration=duration), slew, unheard)
+                self.plan(replace(settings, duration=duration), slew, ignore)
             except PlanFailed:
                 continue
             return (
@@ -298,7 +294,7 @@ class Slewing:
             if functions > _MOST_FUNCTIONS:
                 break
             try:
-                self.plan(replace(settings, functions=functions), slew, unheard)
+                self.plan(replace(settings, functions=functions), slew, ignore)
             except PlanFailed:
                 continue
             return (

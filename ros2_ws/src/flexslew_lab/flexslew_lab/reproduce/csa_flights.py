@@ -13,7 +13,7 @@ from flexslew_control.planners.feedforward.optimized_feedforward import (
     find_feedforward,
 )
 from flexslew_control.planners.feedforward.shooting import roll_out
-from flexslew_control.planners.progress import Update
+from flexslew_control.planners.progress import ignore
 from flexslew_control.planners.trajectories import rest_to_rest
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.compiled.dynamics import STAGES
@@ -83,7 +83,7 @@ def csa_feedforward(goal: tuple[float, float], **changes: Any) -> tuple[Basis, O
         goal={"base_yaw": goal[0], "hub_pitch": goal[1]},
         **changes,
     )
-    return find_feedforward(settings, csa_slew(goal), _unheard)
+    return find_feedforward(settings, csa_slew(goal), ignore)
 
 
 def flown(
@@ -111,7 +111,3 @@ def residual_tip(
     """Return the largest tip deflection after the manoeuvre [m]."""
     t, x, _ = flown(goal, found, **bench)
     return float(np.abs(x[t >= DURATION, 2]).max())
-
-
-def _unheard(update: Update) -> None:
-    """Nobody listens."""

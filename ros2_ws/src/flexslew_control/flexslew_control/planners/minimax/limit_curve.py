@@ -7,8 +7,8 @@ import numpy as np
 
 from flexslew_control.planners.minimax.linear_path import is_linear
 from flexslew_control.planners.minimax.members import Ensemble, members_of
-from flexslew_control.planners.minimax.optimum import Question, convex_program
 from flexslew_control.planners.minimax.program import Limits
+from flexslew_control.planners.minimax.question import Question, convex_program
 from flexslew_control.planners.minimax.rounds import Goal, solved
 from flexslew_control.planners.minimax.shortest import least_duration
 from flexslew_control.planners.slew import Slew

@@ -16,8 +16,9 @@ from pydantic import Field
 from flexslew_control.plan import Plan
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.minimax.members import Ensemble
-from flexslew_control.planners.minimax.optimum import Found, Question, found_optimum
+from flexslew_control.planners.minimax.optimum import Found, found_optimum
 from flexslew_control.planners.minimax.program import Limits
+from flexslew_control.planners.minimax.question import Question
 from flexslew_control.planners.minimax.shortest import enough_time, shortest
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, tick_times
@@ -119,9 +120,9 @@ def _plan(settings: MinimaxFeedforward, slew: Slew, found: Found) -> Plan:
     state = np.empty((ticks.size, 2 * n))
     state[0] = 0.0
     state[0, :m] = slew.start
-    driven = len(found.efforts)
-    effort = np.vstack((found.efforts, np.zeros((ticks.size - 1 - driven, m))))
-    for k, held in enumerate(found.efforts):
+    efforts, driven = found.efforts, found.grid.ticks
+    effort = np.vstack((efforts, np.zeros((ticks.size - 1 - driven, m))))
+    for k, held in enumerate(efforts):
         state[k + 1] = slew.model.advance(state[k], held, slew.period, t=float(ticks[k]))
     state[driven + 1 :] = np.concatenate((slew.goal, np.zeros(2 * n - m)))
     position, velocity = state[:, :m].copy(), state[:, n : n + m].copy()
@@ -129,7 +130,7 @@ def _plan(settings: MinimaxFeedforward, slew: Slew, found: Found) -> Plan:
     optimum = found.optimum
     summary: dict[str, Any] = {
         "duration": found.duration,
-        "peak_effort": np.abs(found.efforts).max(axis=0).tolist(),
+        "peak_effort": np.abs(efforts).max(axis=0).tolist(),
         "worst_residual": optimum.worst,
         "lower_bound": optimum.bound if found.convex else None,
         "optimality": found.words,

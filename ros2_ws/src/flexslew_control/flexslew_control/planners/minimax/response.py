@@ -55,6 +55,11 @@ class Grid(NamedTuple):
         """Return the efforts of every tick, shape (ticks, joints)."""
         return np.repeat(weights.reshape(self.pieces, self.joints), np.diff(self.edges), axis=0)
 
+    def held_until(self, ticks: int) -> "Grid":
+        """Return the same pieces in a slew of so many ticks, at rest after the pieces."""
+        rest = ticks - self.ticks
+        return self._replace(rest=rest, watched=self.watched - self.rest + rest)
+
 
 def grid_of(duration: float, pieces: int, joints: int, period: float, watched: float) -> Grid:
     """Return the ticks of a duration, cut into at most so many pieces of nearly equal length.

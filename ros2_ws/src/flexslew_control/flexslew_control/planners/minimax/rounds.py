@@ -29,6 +29,7 @@ _ROUNDING = 1e-6  # of a limit [-]
 _ACCURACY = 1e-4  # of each round's solution, beside that of the last [-]
 _NEAR = 0.4  # of the worst residual, and off a limit, at which a peak may come to hold the step up
 _NOTHING = 1e-8  # of the way, by which residual and bound may differ whatever they are [m/rad]
+_LITTLE, _LATE = 1e-6, 10  # what they may differ by from this round on: what rounding leaves
 _ROUNDS = 40
 _A_ROUND = 12  # rows that a member's channel gains in each round
 _FIRST_ROWS = 5  # of each member's tips, after the end
@@ -49,12 +50,11 @@ class Goal(NamedTuple):
 SOLVED = Goal()
 
 
-def _unheard(number: int, weights: Vector, worst: float, bound: float) -> None:
-    """Nobody listens."""
-
-
 def solved(
-    program: Program, listener: Listener = _unheard, goal: Goal = SOLVED, known: Sequence[Key] = ()
+    program: Program,
+    listener: Listener = lambda *_: None,
+    goal: Goal = SOLVED,
+    known: Sequence[Key] = (),
 ) -> Optimum:
     """Return the efforts with the least worst residual.
 
@@ -88,7 +88,7 @@ def solved(
             best = found
         if best is not None:
             best = best._replace(bound=max(best.bound, found.bound))
-        if _done(cones, goal, best, found):
+        if _done(cones, goal, best, found, _LITTLE if k >= _LATE else _NOTHING):
             return best or found
         cones.scale = max(found.worst, 1e-12) if np.isfinite(found.worst) else cones.scale
     if best is None and goal.rounds is None:
@@ -142,15 +142,23 @@ def _round(cones: Cones) -> tuple[bool, Optimum]:
     return kept, Optimum(weights, residuals, bound, missed, cones.held)
 
 
-def _done(cones: Cones, goal: Goal, best: Optimum | None, found: Optimum) -> bool:
-    """Return whether the best solution that keeps to the limits is good enough, or none can be."""
+def _done(cones: Cones, goal: Goal, best: Optimum | None, found: Optimum, nothing: float) -> bool:
+    """Return whether the best solution that keeps to the limits is good enough, or none can be.
+
+    Args:
+        cones: the program.
+        goal: when it counts as solved.
+        best: that keeps to the limits; None: none yet.
+        found: of this round.
+        nothing: what residual and bound may differ by, of the way [m/rad or -].
+    """
     if goal.enough is not None and found.bound > goal.enough:
         return True
     if best is None:
         return False
     if goal.enough is not None and best.worst <= goal.enough:
         return True
-    return cones.cost(best) <= (1.0 + goal.close) * found.bound + _NOTHING * cones.program.span
+    return cones.cost(best) <= (1.0 + goal.close) * found.bound + nothing * cones.program.span
 
 
 def _peaks(beyond: Vector) -> Vector:

@@ -6,23 +6,15 @@ import numpy as np
 
 from flexslew_control.planners.minimax.linear_path import is_linear
 from flexslew_control.planners.minimax.members import Member, members_of
-from flexslew_control.planners.minimax.optimum import (
-    Found,
-    Question,
-    convex_program,
-    found_optimum,
-)
+from flexslew_control.planners.minimax.optimum import Found, found_optimum
+from flexslew_control.planners.minimax.question import Question, convex_program
 from flexslew_control.planners.minimax.rounds import Goal, solved
-from flexslew_control.planners.progress import Progress, Update
-from flexslew_control.planners.trajectories import rigid_duration, rounded_up
+from flexslew_control.planners.progress import Progress, ignore
+from flexslew_control.planners.trajectories import rounded_up
 from flexslew_plant.errors import PlanFailed
 
 _CLOSE = 5e-4  # of the duration, to which the shortest is found [-]
 _LONGER = 12  # times that a duration is doubled before none is said to do
-
-
-def _unheard(update: Update) -> None:
-    """Nobody listens."""
 
 
 def shortest(question: Question, bound: float, progress: Progress) -> Found:
@@ -41,7 +33,7 @@ def shortest(question: Question, bound: float, progress: Progress) -> Found:
     best = _within(question, high, bound, progress)
     if best is None:
         raise PlanFailed(_no_duration(question, bound, progress))
-    low = min(int(_rigid(question) / period), high - 1)  # nothing is faster
+    low = min(int(question.rigid / period), high - 1)  # nothing is faster
     while high - low > max(1, int(_CLOSE * high)):
         middle = (low + high) // 2
         found = _within(question, middle, bound, progress)
@@ -60,8 +52,8 @@ def least_duration(question: Question) -> float | None:
     """
     members = members_of(question.ensemble, question.slew)
     period = question.slew.period
-    low = min(int(question.duration / period), int(_rigid(question) / period))
-    high = max(2 * low, int(np.ceil(_rigid(question) / period)), 2)
+    low = min(int(question.duration / period), int(question.rigid / period))
+    high = max(2 * low, int(np.ceil(question.rigid / period)), 2)
     for _ in range(_LONGER):
         if _feasible(question, members, high):
             break
@@ -81,13 +73,8 @@ def enough_time(question: Question) -> str:
         return f"no duration up to {2**_LONGER * question.duration:.4g} s is enough; widen a limit"
     return (
         f"a duration of {rounded_up(least):g} s (now {question.duration:g} s) is enough; a rigid "
-        f"body takes {_rigid(question):.4g} s"
+        f"body takes {question.rigid:.4g} s"
     )
-
-
-def _rigid(question: Question) -> float:
-    slew = question.slew
-    return rigid_duration(slew.model, slew.start, slew.goal, question.limits.demand)
 
 
 def _within(question: Question, ticks: int, bound: float, progress: Progress) -> Found | None:
@@ -125,7 +112,7 @@ def _feasible(question: Question, members: tuple[Member, ...], ticks: int) -> bo
         if all(is_linear(member.model) for member in members):
             solved(convex_program(asked, members), goal=Goal(feasible=True))
         else:
-            found_optimum(replace(asked, ensemble=replace(asked.ensemble, vary={})), _unheard)
+            found_optimum(replace(asked, ensemble=replace(asked.ensemble, vary={})), ignore)
     except PlanFailed:
         return False
     return True

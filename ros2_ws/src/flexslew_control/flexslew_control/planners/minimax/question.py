@@ -1,0 +1,138 @@
+"""What is sought: one slew for an ensemble, in a given time, and its programs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flexslew_control.planners.minimax.linear_path import is_linear, linear_path
+from flexslew_control.planners.minimax.members import Ensemble, Member
+from flexslew_control.planners.minimax.program import Limits, Program
+from flexslew_control.planners.minimax.response import AtRest, Grid, Response, at_rest, grid_of
+from flexslew_control.planners.prediction import WATCHED
+from flexslew_control.planners.slew import Slew
+from flexslew_control.planners.trajectories import rigid_duration
+from flexslew_plant.arrays import Matrix
+from flexslew_plant.testbeds import Model
+
+_PIECES, _FEWER = 60, 40  # of a linear plant, of another one
+_PIECE = 0.75  # of the period of the fastest mode, longest of a plant that is not linear [-]
+_FINE = 0.125  # of that period, at which shorter pieces gain nothing [-]
+_RIGID = 2.0  # times that a rigid body needs, for which efforts are applied at least
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is sought.
+
+    Args:
+        slew: what the planner is asked for.
+        ensemble: what may differ.
+        duration: of the slew [s].
+        pieces: of each effort, at most; None: as many as suit the plant.
+        limits: that every member keeps to.
+        exact: whether the nominal member ends at rest, modes included.
+        rho: what effort costs [m/N^2 or m/(N m)^2].
+        steps: of a plant that is not linear, at most.
+    """
+
+    slew: Slew
+    ensemble: Ensemble
+    duration: float
+    pieces: int | None
+    limits: Limits
+    exact: bool
+    rho: float
+    steps: int
+
+    @property
+    def gains(self) -> Matrix:
+        """[Kp Kd], shape (joints, 2 joints)."""
+        return np.hstack((np.diag(self.slew.kp), np.diag(self.slew.kd)))
+
+    @property
+    def span(self) -> float:
+        """Farthest way of a joint [rad or m]."""
+        return float(np.abs(self.slew.goal - self.slew.start).max()) or 1.0
+
+    @property
+    def ticks(self) -> int:
+        """Of the duration."""
+        return max(int(np.ceil(self.duration / self.slew.period - 1e-9)), 1)
+
+    @cached_property
+    def linear(self) -> bool:
+        """Whether the model believed in is linear."""
+        return is_linear(self.slew.model)
+
+    @cached_property
+    def count(self) -> int:
+        """How many pieces, at most."""
+        return self.pieces or (_PIECES if self.linear else _FEWER)
+
+    @cached_property
+    def fastest(self) -> float:
+        """The period of the fastest mode about the goal [s]; infinite: there is none."""
+        model = self.slew.model
+        if not model.modes:
+            return np.inf
+        linear = model.linearise(model.rest(self.slew.named(self.slew.goal)))
+        return 2.0 * np.pi / float(linear.frequencies[-1])
+
+    @cached_property
+    def rigid(self) -> float:
+        """The least duration of a rigid body within the limits [s]."""
+        slew = self.slew
+        return rigid_duration(slew.model, slew.start, slew.goal, self.limits.demand)
+
+    @cached_property
+    def driven(self) -> float:
+        """How long efforts are applied; after it a plant that is not linear only settles [s].
+
+        Pieces that are long beside the period of a mode cannot hold it still.
+        """
+        if self.linear or not self.slew.model.modes:
+            return self.duration
+        return min(self.duration, max(self.count * _PIECE * self.fastest, _RIGID * self.rigid))
+
+    @property
+    def fine(self) -> bool:
+        """Whether the pieces are so short that shorter ones gain nothing."""
+        return self.duration <= self.count * _FINE * self.fastest
+
+    def grid(self, stride: int = 1) -> Grid:
+        """Return pieces of all ticks, or of coarse ticks, so many ticks each, as far as they go."""
+        period = stride * self.slew.period
+        ticks = max(self.ticks // stride, 1)
+        return grid_of(ticks * period, self.count, self.slew.goal.size, period, WATCHED)
+
+
+def convex_program(question: Question, members: Sequence[Member]) -> Program:
+    """Return the program of an ensemble whose members are all linear."""
+    slew, grid = question.slew, question.grid()
+    gains, ends = question.gains, (slew.start, slew.goal)
+    rests = rests_of(question, members, grid)
+    paths = (linear_path(m.model, slew.model, ends, gains, grid) for m in members)
+    responses = [Response(p, r, grid, slew.goal) for p, r in zip(paths, rests, strict=True)]
+    return program_of(question, members, grid, responses)
+
+
+def rests_of(question: Question, members: Sequence[Member], grid: Grid) -> list[AtRest]:
+    """Return the motion of every member about its rest at the goal."""
+    goal, gains = question.slew.goal, question.gains
+    return [at_rest(m.model, goal, gains, grid.period, grid.watched) for m in members]
+
+
+def program_of(
+    question: Question, members: Sequence[Member], grid: Grid, responses: Sequence[Response]
+) -> Program:
+    """Return what is asked of the responses of an ensemble."""
+    slew = question.slew
+    ringing = not question.gains.any() and not any(_damped(m.model, slew) for m in members)
+    limits, exact = question.limits, question.exact
+    return Program(responses, grid, limits, exact, ringing, question.span, question.rho)
+
+
+def _damped(model: Model, slew: Slew) -> bool:
+    return bool(model.linearise(model.rest(slew.named(slew.goal))).damping.any())

@@ -1,0 +1,197 @@
+"""The search of a local optimum of a plant that is not linear: starts, members and ticks.
+
+It is sought on the outermost members, with those that turn out worse added, and on coarse ticks
+first.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from flexslew_control.planners.minimax.members import Member, members_of
+from flexslew_control.planners.minimax.program import Program
+from flexslew_control.planners.minimax.question import Question, program_of, rests_of
+from flexslew_control.planners.minimax.response import Grid, Response
+from flexslew_control.planners.minimax.successive import Ensemble as Flown
+from flexslew_control.planners.minimax.successive import Local, Merit, improved, merit_of
+from flexslew_control.planners.progress import Progress, Update, ignore
+from flexslew_control.planners.whole_bench import NOTHING
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import PlanFailed
+
+_A_PIECE = 5  # coarse ticks, at least
+_ANGLE = 0.4  # of the fastest pole in a coarse tick [rad]
+_PRICE = 10.0  # of missing the end or the limits by all of them, beside the way [m/rad or -]
+MET = 5e-4  # share of the end and the limits at which no member joins
+_MISSED = 2e-3  # share of the end and the limits that may be missed
+_WORSE = 0.02  # than the members that were counted with, for another one to join them [-]
+_A_START = 5  # steps, after which a start that is behind the best plan is given up
+_BEHIND = 1.3  # times its cost
+_MORE = 6  # rounds in which members join
+_AT_ONCE = 2  # members that join in a round
+
+
+@dataclass
+class Report:
+    """Tells a listener of programs as they are solved."""
+
+    progress: Progress
+    count: int = 0
+
+    def __call__(self, number: int, weights: Vector, worst: float, bound: float) -> None:
+        """Report one more program, its worst residual and the bound [m]."""
+        self.count += 1
+        gap = (worst - bound) / max(worst, 1e-300)
+        size = float(np.linalg.norm(weights))
+        self.progress(Update(self.count, worst, worst, size, gap, True))
+
+
+@dataclass(frozen=True)
+class Search:
+    """The search of a local optimum on some members and a grid."""
+
+    question: Question
+    members: tuple[Member, ...]
+    grid: Grid
+    report: Report
+
+    @cached_property
+    def ensemble(self) -> Flown:
+        """The members as they are flown."""
+        q = self.question
+        rests = rests_of(q, self.members, self.grid)
+        ends = q.slew.start, q.slew.goal
+        return Flown(self.members, rests, ends, q.gains, self.grid, q.limits)
+
+    @cached_property
+    def price(self) -> float:
+        """Of what is missed [m]."""
+        return _PRICE * self.question.span
+
+    def program(self, responses: Sequence[Response]) -> Program:
+        """Return what is asked for, about some flights."""
+        return program_of(self.question, self.members, self.grid, responses)
+
+    def run(self, start: Vector, steps: int) -> Local:
+        """Return the local optimum near some weights."""
+
+        def listener(number: int, weights: Vector, merit: Merit, bound: float) -> None:
+            self.report(number, weights, float(merit.residuals.max()), bound)
+
+        return improved(self.program, self.ensemble, start, self.price, steps, listener)
+
+    def of(self, used: Sequence[int]) -> "Search":
+        """Return the search on some of the members."""
+        return replace(self, members=tuple(self.members[i] for i in used))
+
+    def joined(self, start: Vector, used: list[int]) -> tuple[Local, list[int]]:
+        """Return the optimum for all members near some weights, and those that decide it.
+
+        It is sought on some members; the worst of the others joins them until none is worse.
+        """
+        for _ in range(_MORE):
+            local = self.of(used).run(start, self.question.steps)
+            start = local.weights
+            merit = self.merit(start)
+            worse = merit.residuals > (1.0 + _WORSE) * local.merit.residuals.max()
+            worse &= merit.residuals > NOTHING
+            worse |= merit.misses > MET
+            new = [int(i) for i in np.flatnonzero(worse) if i not in used]
+            if not new:
+                break
+            price = merit.residuals + self.price * merit.misses
+            used = [*used, *sorted(new, key=lambda i: -float(price[i]))[:_AT_ONCE]]
+        return local, used
+
+    def merit(self, weights: Vector) -> Merit:
+        """Return what all members come to."""
+        return merit_of(
+            self.program, self.ensemble, weights, self.ensemble.flown(weights), self.price
+        )
+
+
+def search_of(question: Question) -> Search:
+    """Return the search on all members and the ticks of the bench."""
+    members = members_of(question.ensemble, question.slew)
+    return Search(question, members, question.grid(), Report(ignore))
+
+
+def local_optimum(
+    question: Question, members: tuple[Member, ...], report: Report
+) -> tuple[Grid, Vector, Merit]:
+    """Return pieces, their weights and what they come to: the best local optimum of two starts.
+
+    Raises:
+        PlanFailed: none was found that leads to the goal.
+    """
+    stride, used = _stride(question), _outermost(members)
+    grid = question.grid(stride)
+    first, *others = _starts(question, grid)
+    search = Search(question, members, grid, report)
+    best, used = search.joined(first, used)
+    for start in others if best.merit.residuals.max() > NOTHING else ():
+        local = search.of(used).run(start, _A_START)
+        if local.merit.cost < _BEHIND * best.merit.cost:
+            other, more = search.joined(local.weights, used)
+            if other.merit.cost < best.merit.cost:
+                best, used = other, more
+    fine = grid._replace(
+        edges=tuple(stride * edge for edge in grid.edges),
+        period=question.slew.period,
+        watched=stride * grid.watched,
+    )
+    fine = fine.held_until(question.ticks)
+    search = Search(question, members, fine, report)
+    weights, merit = best.weights, search.merit(best.weights)
+    most = (1.0 + _WORSE) * best.merit.residuals.max()
+    if merit.residuals.max() > max(most, NOTHING) or merit.missed > MET:
+        weights = search.joined(weights, used)[0].weights
+        merit = search.merit(weights)
+    if merit.missed > _MISSED:
+        raise PlanFailed(
+            f"no efforts were found that lead to the goal in {question.duration:g} s within the "
+            f"limits: the best ones miss by {100.0 * merit.missed:.3g} % of them"
+        )
+    return fine, weights, merit
+
+
+def _outermost(members: Sequence[Member]) -> list[int]:
+    """Return the indices of the nominal member and of those with all errors at their ends."""
+    errors = np.array([list(member.errors.values()) for member in members])
+    if not errors.size:
+        return [0]
+    ends = (errors == errors.min(axis=0)) | (errors == errors.max(axis=0))
+    return [0, *(int(i) for i in np.flatnonzero(ends.all(axis=1)) if i)]
+
+
+def _stride(question: Question) -> int:
+    """Return how many ticks make a coarse one."""
+    slew = question.slew
+    rest = slew.model.rest(slew.named(slew.goal))
+    poles = slew.model.linearise(rest).with_feedback(slew.kp, slew.kd).eigenvalues
+    most = _ANGLE / float(np.abs(poles).max()) / slew.period
+    grid = question.grid()
+    most = max(int(min(most, grid.ticks / grid.pieces / _A_PIECE)), 1)
+    return min(range(most, most // 2, -1), key=lambda stride: grid.ticks % stride)
+
+
+def _starts(question: Question, grid: Grid) -> list[Vector]:
+    """Return efforts to start from: those of a smooth rigid turn, and none."""
+    limit = np.tile(question.limits.demand, grid.pieces)
+    return [np.clip(smooth(question, grid), -limit, limit), np.zeros(grid.size)]
+
+
+def smooth(question: Question, grid: Grid) -> Vector:
+    """Return the efforts of a rigid turn whose acceleration falls linearly, as 3 s^2 - 2 s^3."""
+    slew = question.slew
+    rest = slew.model.rest(slew.named(0.5 * (slew.start + slew.goal)))
+    m = slew.goal.size
+    inertia = slew.model.mass_matrix(rest)[:m, :m]
+    edges = grid.period * np.array(grid.edges)
+    long, left = np.diff(edges), edges[-1] - 0.5 * (edges[1:] + edges[:-1])
+    shape = np.vstack((left - 0.5 * edges[-1], np.ones_like(left)))
+    ends = np.vstack((long, long * left))  # rate and position at the end
+    acceleration = np.linalg.solve(ends @ shape.T, [0.0, 1.0]) @ shape
+    return np.outer(acceleration, inertia @ (slew.goal - slew.start)).ravel()
