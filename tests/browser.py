@@ -52,6 +52,7 @@ class Browser:
         _call("POST", f"{self._address}/url", {"url": url})
         drawn = "return new Promise(then => requestAnimationFrame(() => setTimeout(then, 0)))"
         self.run(drawn)
+        self.until("return document.documentElement.dataset.figures !== 'waiting'")
 
     def run(self, script: str, *arguments: Any) -> Any:
         """Return what the body of a JavaScript function returns, promises awaited."""

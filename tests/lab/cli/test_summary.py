@@ -5,28 +5,10 @@ import pytest
 from rich.console import Console
 
 from flexslew_lab.cli import terminal
-from flexslew_lab.cli.summary import headline, metric_rows
+from flexslew_lab.cli.summary import metric_rows
 from flexslew_lab.metrics.from_bag import metrics_of
 
 UNITS = {"base_yaw": "rad", "hub_pitch": "rad"}
-
-
-def test_the_headline_says_what_feedforward_is_worth() -> None:
-    with_it, without = {"residual_tip_deflection": 0.01248}, {"residual_tip_deflection": 4.9712}
-    words = "tip deflection after the manoeuvre: 0.0125 m"
-    assert headline(with_it, without, 0.1) == f"{words}, without feedforward 4.97 m"
-    assert headline(with_it, {}, 0.1) == words
-    cut = {"residual_tip_deflection": None, "peak_tip_deflection": 5.3}
-    assert headline(cut, {}, 0.1) == "tip deflection up to 5.3 m; the manoeuvre was not completed"
-
-
-def test_a_missed_goal_is_told_before_the_tip() -> None:
-    metrics = {"residual_tip_deflection": 0.0, "goal_error": 1.0, "final_error": {"mass": -0.2}}
-    missed = "goal missed by 100 % of the commanded move (goal_tolerance 10 %); final error: mass"
-    told = headline(metrics, {}, 0.1)
-    assert told == f"{missed} -0.2; tip deflection after the manoeuvre: 0 m"
-    assert headline(metrics, {}, 1.0) == "tip deflection after the manoeuvre: 0 m"
-    assert headline({**metrics, "goal_error": None}, {}, 0.1).startswith("tip deflection")
 
 
 def test_every_number_has_its_own_unit_and_row(bag: Any) -> None:

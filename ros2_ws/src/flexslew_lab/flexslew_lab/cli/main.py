@@ -20,6 +20,7 @@ from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, SOON, patient, while_
 from flexslew_lab.cli.log import Json, bag_of, log, reading_limits, recover
 from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.model import model
+from flexslew_lab.cli.open_page import Open, open_page
 from flexslew_lab.cli.operate import COMMANDS
 from flexslew_lab.cli.replay import TrustOption, check, live, play, resim
 from flexslew_lab.cli.reproduced import show_rows
@@ -60,6 +61,7 @@ def trial(
     rate: Annotated[
         float | None, typer.Option(help="Replaces the file's rate_factor; 1 is real time.")
     ] = None,
+    open_it: Open = False,
     as_json: Json = False,
 ) -> None:
     """Fly a trial and leave a folder with the bag, metrics.json and report.html.
@@ -68,7 +70,8 @@ def trial(
     """
     from dataclasses import replace
 
-    from flexslew_lab.cli.summary import headline, metric_rows
+    from flexslew_lab.cli.summary import metric_rows
+    from flexslew_lab.report.verdict import verdict
     from flexslew_lab.trial.run import run_trial
     from flexslew_lab.trial.sources import read_trial
 
@@ -88,9 +91,12 @@ def trial(
         print(json.dumps(result.metrics, indent=2))
     else:
         print_table(("metric", "value", "unit"), metric_rows(result.metrics, _joint_units(wanted)))
-        say(headline(result.metrics, result.bare_metrics, wanted.goal_tolerance), "bold")
+        words = verdict(result.metrics, result.bare_metrics, wanted.goal_tolerance, result.changes)
+        say(words, "bold")
     page = result.folder / "report.html"
     say(f"{link(page)}" if page.exists() else str(result.folder))
+    if open_it and page.exists():
+        open_page(page)
     if result.exit_code:
         say(result.message, "red")
         raise typer.Exit(result.exit_code)
@@ -173,6 +179,7 @@ def report(
     bags: Bags,
     out: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
     trust: TrustOption = None,
+    open_it: Open = False,
 ) -> None:
     """Write the report of one run, or of several overlaid.
 
@@ -197,6 +204,8 @@ def report(
     logs = [BagReader(bag_of(path), trust=Trust.of(trust or ())) for path in bags]
     write_report(logs, target, comparison)
     say(f"written {link(target)}")
+    if open_it:
+        open_page(target)
 
 
 @app.command()

@@ -13,6 +13,7 @@ INK, GRID, PALE = "#1d2733", "#e4e8ee", "#8a97a8"
 COLOURS = ("#0b6bcb", "#e0592a", "#1a9a6c", "#9a4fc4", "#c79100", "#c2375f", "#2aa3b8", "#6b7280")
 DASHES = ("solid", "dash", "dot", "dashdot")  # told apart where the colours run out
 MANOEUVRE, DISTURBED, BROKEN = "#0b6bcb", "#9a4fc4", "#c2375f"
+_SINGLE = 1e4  # largest place on an axis that single precision holds to a thousandth
 _LANES = 3  # of the numbers over shaded times
 
 
@@ -46,7 +47,7 @@ class Panel:
             {
                 "type": "scatter",
                 "mode": "lines",
-                "x": encoded(x, np.float64),
+                "x": encoded(x, _kind_of(x)),
                 "y": encoded(y, np.float32),
                 "name": name,
                 "legendgroup": name,
@@ -130,6 +131,12 @@ def encoded(values: Vector, kind: type[np.floating[Any]]) -> dict[str, str]:
     """Return numbers as plotly.js takes them in bulk."""
     array = np.asarray(values, dtype=kind)
     return {"dtype": f"f{array.itemsize}", "bdata": b64encode(array.tobytes()).decode()}
+
+
+def _kind_of(x: Vector) -> type[np.floating[Any]]:
+    """Return in which precision places are told apart that a plot cannot: a millionth of it."""
+    small = np.nanmax(np.abs(x), initial=0.0) <= _SINGLE
+    return np.float32 if small else np.float64
 
 
 def style(number: int) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """report.html: one file with everything in it, made from bags alone."""
 
+import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +19,9 @@ from flexslew_lab.report.page import embedded, render
 from flexslew_lab.report.panels import COLOURS, PALE, Group
 from flexslew_lab.report.run_data import RunData, read_run
 from flexslew_lab.report.scene_data import scene_of
+from flexslew_lab.report.story import Line, changes_of, story_of
+from flexslew_lab.report.verdict import told_to_move, verdict
+from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.events import IN_CHARGE, BentFar, Switched, largest
 from flexslew_plant.settings import load_yaml
@@ -31,6 +35,16 @@ HEADLINES = (
     "control_effort",
     "missed_ticks",
 )
+
+
+_Row = tuple[str, str, str, list[str]]  # key, unit, meaning, one value per run
+
+
+class _Story(NamedTuple):
+    """What an operator did to a run, for its section."""
+
+    label: str
+    lines: list[Line]
 
 
 class _Headline(NamedTuple):
@@ -51,7 +65,8 @@ def write_report(
     Args:
         bags: the run, by path or open; with more than one they are overlaid, the first one leads.
         out: the HTML file.
-        comparison: a bag of the same trial without feedforward, for a comparison of its own.
+        comparison: a bag of the same trial without feedforward, for a comparison of its own; left
+            out where an operator changed the run.
         labels: names of the bags in the figures; default: the names of the trials.
 
     Raises:
@@ -64,6 +79,8 @@ def write_report(
     for k, run in enumerate(runs):  # the same run twice
         if run.label in [other.label for other in runs[:k]]:
             runs[k] = run._replace(label=f"{run.label} no. {k + 1}")
+    if len(runs) == 1 and changes_of(runs[0].overview.events):
+        comparison = None  # flown without what the operator did
     other = read_run(comparison) if comparison else None
     if other is not None:
         runs[0] = runs[0]._replace(label="with feedforward") if len(runs) == 1 else runs[0]
@@ -106,20 +123,30 @@ def page_of(runs: Sequence[RunData], other: RunData | None = None) -> str:
     shown = [*runs, *([other] if other else [])]
     scenes = [scene for scene in map(scene_of, shown) if scene]
     names = dict.fromkeys(str(run.trial.get("name", "")) or run.label for run in runs)
+    groups = list(_groups(runs, other))
+    main_rows, still_rows = _metric_rows(shown)
     return render(
         "report.html.j2",
         title=", ".join(names),
+        verdicts=[(run.label, _verdict(run, other)) for run in runs],
+        stories=[
+            _Story(run.label, story_of(run.overview.events[:EVENTS]))
+            for run in runs
+            if changes_of(run.overview.events)
+        ],
+        repeats=[_repeat(run) for run in runs],
         subtitle=_subtitle(first) if len(runs) == 1 else f"{len(runs)} runs, overlaid",
         runs=shown,
         compared=other is not None,
         colours=COLOURS,
         headlines=[_Headline(run.label, _cards(run)) for run in shown],
-        groups=list(_groups(runs, other)),
+        groups=groups,
         charges=[_charge(run) for run in runs if len(run.phases) > 1],
         scenes=embedded(scenes) if scenes else "",
         aims=any(scene["aims"] for scene in scenes),
         first_look=0.5 * first.metrics["manoeuvre_start"] + 0.5 * first.metrics["manoeuvre_end"],
-        metric_rows=_metric_rows(shown),
+        metric_rows=main_rows,
+        still_rows=still_rows,
         provenance=[_provenance(run) for run in shown],
     )
 
@@ -131,7 +158,8 @@ def number(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.4e}"
+        large = 1e3 <= abs(value) < 1e5  # where three digits are whole numbers, not powers of ten
+        return f"{float(f'{value:.3g}'):,.0f}" if large else f"{value:.3g}"
     return str(value)
 
 
@@ -156,6 +184,26 @@ def _groups(runs: Sequence[RunData], other: RunData | None) -> Iterator[Group]:
                 group.title += f": {run.label}"
                 group.key = f"{draw.__name__}-{number}"
             yield group
+
+
+def _verdict(run: RunData, other: RunData | None) -> str:
+    """Return the sentence on top of a report."""
+    tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
+    bare = other.metrics if other is not None else {}
+    return verdict(run.metrics, bare, tolerance, len(changes_of(run.overview.events)))
+
+
+def _repeat(run: RunData) -> tuple[str, str, str]:
+    """Return the name of a run, where it is flown again from, and the command for that."""
+    folder = folder_of(run.path)
+    if changes_of(run.overview.events) or not (folder / "trial.yaml").is_file():
+        where = "From its log, with what an operator did, to the same bits"
+        return run.label, where, shlex.join(["./flexslew", "resim", str(folder)])
+    return (
+        run.label,
+        "From its trial",
+        shlex.join(["./flexslew", "trial", str(folder / "trial.yaml")]),
+    )
 
 
 def _charge(run: RunData) -> dict[str, Any]:
@@ -184,35 +232,38 @@ def _charge(run: RunData) -> dict[str, Any]:
 
 
 def _cards(run: RunData) -> list[tuple[str, str, list[tuple[str, str]]]]:
-    """Return (name, unit, [(value, joint)]) for the numbers on top."""
+    """Return (name, unit, [(value, joint)]) for the numbers on top, of the joints that move."""
     cards = []
     tolerance = run.trial.get("goal_tolerance", Trial.goal_tolerance)
     missed = ("goal_error", "final_error") if missed_goal(run.metrics, tolerance) else ()
+    moved = told_to_move(run.metrics)
     for key in (*missed, *HEADLINES):
         value, unit = run.metrics[key], unit_of(key, run.joint_units)
-        named = value.items() if isinstance(value, dict) else [("", value)]
-        parts = [(_short(part), str(name)) for name, part in named]
-        cards.append((key.replace("_", " "), unit, parts))
+        named = {"": value}
+        if isinstance(value, dict):
+            named = {name: value[name] for name in moved if name in value} or value
+        cards.append(
+            (
+                key.replace("_", " "),
+                unit,
+                [(number(part), str(name)) for name, part in named.items()],
+            )
+        )
     return cards
 
 
-def _short(value: Any) -> str:
-    return f"{value:,.3g}" if isinstance(value, float) and abs(value) < 1e3 else number(value)
-
-
-def _metric_rows(runs: Sequence[RunData]) -> list[tuple[str, str, str, list[str]]]:
-    """Return (key, unit, meaning, one value per run) for every number."""
+def _metric_rows(runs: Sequence[RunData]) -> tuple[list[_Row], list[_Row]]:
+    """Return a row for every number, those of joints that were not told to move apart."""
     each = [flat(run.metrics) for run in runs]
     names = sorted({name: None for rows in each for name in rows}, key=_place)
-    return [
-        (
-            name,
-            unit_of(name, runs[0].joint_units),
-            key_of(name).meaning,
-            [number(rows.get(name)) for rows in each],
-        )
-        for name in names
-    ]
+    moved = {name for run in runs for name in told_to_move(run.metrics)}
+    still = {name for run in runs for name in run.joint_names} - moved
+    found: tuple[list[_Row], list[_Row]] = ([], [])
+    for name in names:
+        values = [number(rows.get(name)) for rows in each]
+        unit = unit_of(name, runs[0].joint_units)
+        found[name.partition(".")[2] in still].append((name, unit, key_of(name).meaning, values))
+    return found
 
 
 def _place(name: str) -> int:
@@ -275,11 +326,15 @@ def _provenance(run: RunData) -> dict[str, Any]:
     }
 
 
+def folder_of(bag: Path) -> Path:
+    """Return the folder of the run that a bag, or its file, lies in."""
+    folder = bag.parent if bag.is_file() else bag
+    return folder.parent if folder.name in ("bag", "log", WITHOUT) else folder
+
+
 def _labels(bags: Sequence[object], labels: Sequence[str]) -> list[str]:
     return [*labels, *[""] * (len(bags) - len(labels))][: len(bags)]
 
 
 def _distinct(run: RunData) -> str:
-    folder = run.path.parent
-    name = folder.parent.name if folder.name in ("bag", "log") else folder.name
-    return f"{run.label} ({name})"
+    return f"{run.label} ({folder_of(run.path).name})"

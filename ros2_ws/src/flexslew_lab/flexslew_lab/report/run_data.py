@@ -17,7 +17,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model, Testbed, read_testbed
 
-BUCKETS = 1200  # of which each keeps its smallest and its largest value
+BUCKETS = 800  # of which each keeps its smallest and its largest value
 FRAMES = 500  # of the animation
 
 

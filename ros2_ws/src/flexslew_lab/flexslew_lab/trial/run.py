@@ -19,6 +19,7 @@ from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.metrics.goal import missed_goal
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.report.report import write_report
+from flexslew_lab.report.story import changes_of
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.outputs import WITHOUT, new_folder
@@ -52,6 +53,7 @@ class Result(NamedTuple):
     message: str
     metrics: dict[str, Any]
     bare_metrics: dict[str, Any]  # of the same trial without feedforward; empty where not flown
+    changes: int = 0  # how often an operator changed it
 
 
 class _Prepared(NamedTuple):
@@ -124,7 +126,7 @@ def run_trial(
         result = result._replace(exit_code=CHECK_FAILED, message=missed)
     if report and reader is not None and result.metrics and outcome.exit_code != 130:
         try:
-            bare = _without_feedforward(trial, source, folder)
+            bare = None if result.changes else _without_feedforward(trial, source, folder)
             write_report([reader], folder / "report.html", bare)
         except (RecordingStopped, OSError) as error:
             return _unwritten(result, error)
@@ -233,7 +235,8 @@ def _finished(
     reader = None
     try:
         reader = BagReader(bag, trust=trust)
-        result = result._replace(metrics=metrics_from(reader))
+        changes = len(changes_of(reader.overview.events))
+        result = result._replace(metrics=metrics_from(reader), changes=changes)
         if outcome.exit_code == 3:
             words = _takeovers(reader.overview.events)
             if not words or not result.metrics["log_complete"]:

@@ -16,6 +16,7 @@ from flexslew_lab.report.figures.drawing import (
     marks,
     over,
     span_of,
+    still_joints,
 )
 from flexslew_lab.report.panels import (
     DISTURBED,
@@ -37,7 +38,7 @@ def manoeuvre(runs: Sequence[RunData]) -> Group:
     group = Group(
         "The manoeuvre",
         "Joint positions with their reference, tip deflections, and the efforts that the drives "
-        "applied, with the plan's feedforward and the drives' limits.",
+        "applied, with the plan's feedforward and the drives' limits." + still_joints(runs),
         [*_motion(runs), *_efforts(runs)],
         (
             *legend([run.label for run in runs]),
@@ -117,7 +118,11 @@ def _motion(runs: Sequence[RunData]) -> list[Panel]:
 def _efforts(runs: Sequence[RunData]) -> list[Panel]:
     """Return one panel per drive, with feedforward, disturbance and limits."""
     panels = []
-    for name, unit in dict.fromkeys(pair for run in runs for pair in efforts_of(run)):
+    drives = dict.fromkeys(pair for run in runs for pair in efforts_of(run))
+    joints = {name for run in runs for name in run.joint_names}
+    order = {name: k for k, (name, _) in enumerate(joints_of(runs))}
+    moved = [pair for pair in drives if pair[0] in order or pair[0] not in joints]
+    for name, unit in sorted(moved, key=lambda pair: order.get(pair[0], len(order))):
         having = [(k, run) for k, run in enumerate(runs) if (name, unit) in efforts_of(run)]
         first = having[0][1]
         column = efforts_of(first).index((name, unit))

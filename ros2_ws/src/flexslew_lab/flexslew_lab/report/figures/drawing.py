@@ -17,6 +17,7 @@ from flexslew_lab.report.panels import (
 )
 from flexslew_lab.report.run_data import RunData
 from flexslew_lab.report.thinning import Trace
+from flexslew_lab.report.verdict import told_to_move
 from flexslew_plant.arrays import Vector
 from flexslew_plant.events import IN_CHARGE, FaultChanged, Level
 
@@ -93,12 +94,32 @@ def end_of(run: RunData) -> float:
 
 
 def joints_of(runs: Sequence[RunData]) -> list[tuple[str, str]]:
-    """Return name and unit of every joint of any of the runs, those of the first one first."""
-    return list(
-        dict.fromkeys(
-            pair for run in runs for pair in zip(run.joint_names, run.joint_units, strict=True)
-        )
-    )
+    """Return name and unit of the joints of any run that were told to move, worst first."""
+    units = {
+        name: unit
+        for run in runs
+        for name, unit in zip(run.joint_names, run.joint_units, strict=True)
+    }
+    moved = dict.fromkeys(name for run in runs for name in told_to_move(run.metrics))
+    return [(name, units[name]) for name in moved if name in units] or list(units.items())
+
+
+def still_joints(runs: Sequence[RunData]) -> str:
+    """Return a sentence on the joints that are not drawn; empty where all are."""
+    drawn = dict(joints_of(runs))
+    gone: dict[tuple[str, str], float] = {}
+    for run in runs:
+        for name, unit, column in zip(
+            run.joint_names, run.joint_units, run.traces["position"].value.T, strict=False
+        ):
+            if name not in drawn and np.isfinite(column).any():
+                known = column[np.isfinite(column)]
+                way = float(np.abs(known - known[0]).max())
+                gone[name, unit] = max(gone.get((name, unit), 0.0), way)
+    if not gone:
+        return ""
+    each = ", ".join(f"{name} {way:.3g} {unit}" for (name, unit), way in gone.items())
+    return f" Joints that were not told to move are left out; they went at most: {each}."
 
 
 def appendages_of(runs: Sequence[RunData]) -> list[str]:

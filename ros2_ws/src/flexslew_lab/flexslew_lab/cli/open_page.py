@@ -1,0 +1,25 @@
+"""Pages opened in a tab of the browser, where there is one."""
+
+import os
+import sys
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexslew_lab.cli.terminal import say
+
+Open = Annotated[bool, typer.Option("--open", help="Open the page in a tab of the browser.")]
+
+
+def open_page(page: Path) -> None:
+    """Open a page in a new tab; where there is no screen, say so."""
+    if not (_screen() and webbrowser.open_new_tab(page.resolve().as_uri())):
+        say("no browser here to open the page in")
+
+
+def _screen() -> bool:
+    """Return whether a browser could show something; elsewhere a text browser would take over."""
+    named = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    return sys.platform in ("darwin", "win32") or any(map(os.environ.get, named))

@@ -1,0 +1,102 @@
+"""The verdict on a run in one sentence, made of the fields of its metrics."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from flexslew_lab.metrics.goal import missed_goal
+
+_SAME = 1.05  # ratios of the vibration below this are called equal
+_NOTHING = 1e-9  # tip deflections below this are rounding [m]
+
+
+def verdict(
+    metrics: Mapping[str, Any], bare: Mapping[str, Any], tolerance: float, changes: int = 0
+) -> str:
+    """Return what a person wants to know of a run first, worst news before good ones.
+
+    Args:
+        metrics: content of metrics.json.
+        bare: the same of the run without feedforward; empty where there is none.
+        tolerance: `goal_tolerance` of the trial [-].
+        changes: how often an operator changed the run; it is then compared with nothing.
+    """
+    parts = [
+        missed_goal(metrics, tolerance),
+        f"changed by an operator {_times(changes)}" if changes else "",
+        _vibration(metrics, {} if changes else bare),
+        _settled(metrics),
+        *_limits(metrics),
+    ]
+    return "; ".join(part for part in parts if part)
+
+
+def told_to_move(metrics: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the joints with a commanded move, worst residual first; all where none has one.
+
+    Args:
+        metrics: content of metrics.json: the overshoot is null for a joint that has no move.
+    """
+    overshoots = metrics.get("overshoot") or {}
+    errors = metrics.get("residual_attitude_error") or {}
+    moved = [name for name, value in overshoots.items() if value is not None] or list(overshoots)
+    return tuple(sorted(moved, key=lambda name: -abs(errors.get(name) or 0.0)))
+
+
+def _vibration(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:
+    left, without = metrics.get("residual_tip_deflection"), bare.get("residual_tip_deflection")
+    if left is None:
+        peak = metrics.get("peak_tip_deflection")
+        bent = "" if peak is None else f"tip deflection up to {peak:.3g} m; "
+        return f"{bent}the manoeuvre was not completed"
+    if without is None or max(left, without) < _NOTHING:
+        return f"tip deflection after the manoeuvre: {left:.3g} m"
+    return f"{_compared(left, without)} without feedforward ({left:.3g} m, not {without:.3g} m)"
+
+
+def _compared(left: float, without: float) -> str:
+    """Return by how much a run rings less or more than another."""
+    if max(left, without) < _SAME * min(left, without):
+        return "as much ringing as"
+    if left < without:
+        return f"{_ratio(without, left)} less ringing than"
+    return f"{_ratio(left, without)} more ringing than"
+
+
+def _ratio(large: float, small: float) -> str:
+    return f"{large / small:,.3g} times" if large < 1000.0 * small else "over 1000 times"
+
+
+def _settled(metrics: Mapping[str, Any]) -> str:
+    """Return when the last joint that was told to move has settled."""
+    times = metrics.get("settling_time") or {}
+    overshoots = metrics.get("overshoot") or {}
+    moved = [name for name, value in overshoots.items() if value is not None]
+    if not moved:
+        return ""
+    late = [name for name in moved if times.get(name) is None]
+    if late:
+        return f"not settled: {_listed(late)}"
+    begin = metrics.get("manoeuvre_start") or 0.0
+    return f"settled at {begin + max(times[name] for name in moved):.3g} s"
+
+
+def _limits(metrics: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what the drives and the bench had to object."""
+    saturated = metrics.get("saturated_time")
+    if saturated is not None:
+        yield f"efforts at their limit for {saturated:.3g} s" if saturated else "no limit reached"
+    for key, one, many in (
+        ("missed_ticks", "tick without an answer", "ticks without an answer"),
+        ("faults", "fault", "faults"),
+        ("fallbacks", "fallback", "fallbacks"),
+    ):
+        if count := metrics.get(key):
+            yield f"{count} {one if count == 1 else many}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

@@ -1,0 +1,85 @@
+"""The verdict on top of a report, and the story of what an operator did."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexslew_lab.log.messages.cdr import encode
+from flexslew_lab.report.report import write_report
+from flexslew_lab.report.verdict import told_to_move, verdict
+
+Message = tuple[str, bytes, int]
+GOOD: dict[str, Any] = {
+    "residual_tip_deflection": 0.0125,
+    "manoeuvre_start": 2.0,
+    "overshoot": {"yaw": 0.1, "pitch": 0.0, "roll": None},
+    "settling_time": {"yaw": 20.0, "pitch": 21.5, "roll": None},
+    "residual_attitude_error": {"yaw": 1e-4, "pitch": 2e-4, "roll": 1.0},
+    "saturated_time": 0.0,
+    "missed_ticks": 0,
+    "faults": 0,
+    "fallbacks": 0,
+    "goal_error": 0.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("changed", "without", "words"),
+    [
+        ({}, 5.0, "400 times less ringing than without feedforward (0.0125 m, not 5 m)"),
+        ({}, 0.0127, "as much ringing as without feedforward"),
+        ({}, 0.00125, "10 times more ringing than without feedforward"),
+        ({}, None, "tip deflection after the manoeuvre: 0.0125 m; settled at 23.5 s; no limit"),
+        ({"settling_time": {"yaw": None, "pitch": 1.0}}, None, "not settled: yaw; no limit"),
+        ({"saturated_time": 1.5}, None, "settled at 23.5 s; efforts at their limit for 1.5 s"),
+        ({"overshoot": {"yaw": None}}, None, "tip deflection after the manoeuvre: 0.0125 m; no"),
+        ({"missed_ticks": 1, "faults": 2}, None, "1 tick without an answer; 2 faults"),
+        ({"residual_tip_deflection": None}, 5.0, "the manoeuvre was not completed; settled"),
+        ({"goal_error": 0.5, "final_error": {"yaw": 0.5}}, None, "goal missed by 50 %"),
+    ],
+)
+def test_the_verdict_says_what_the_fields_hold(
+    changed: dict[str, Any], without: float | None, words: str
+) -> None:
+    bare = {} if without is None else {"residual_tip_deflection": without}
+    assert words in verdict({**GOOD, **changed}, bare, 0.1)
+
+
+def test_a_run_that_an_operator_changed_is_compared_with_nothing() -> None:
+    words = verdict(GOOD, {"residual_tip_deflection": 5.0}, 0.1, changes=3)
+    assert words.startswith("changed by an operator 3 times; tip deflection after")
+    assert "feedforward" not in words
+
+
+def test_joints_that_were_told_to_move_come_worst_first() -> None:
+    assert told_to_move(GOOD) == ("pitch", "yaw")
+    assert told_to_move({"overshoot": {"a": None, "b": None}}) == ("a", "b")
+
+
+def test_a_session_is_told_as_a_story_and_repeated_by_its_log(
+    bag: Path, tmp_path: Path, write_bag: Callable[..., Path], messages: list[Message]
+) -> None:
+    data = {"controller": "pi", "strict": False, "max_effort_step": 1.0, "who": "anna"}
+    values = {"tick": 250, "kind": "switch_requested", "message": "to pi", "data": json.dumps(data)}
+    asked = ("/events", encode("flexslew_msgs/msg/Event", values), 2_500_000_000)
+    session = write_bag(tmp_path / "session", [*messages, asked])
+    told = write_report([session], tmp_path / "a.html", comparison=bag).read_text()
+    assert "What happened" in told
+    assert "<td>anna</td>" in told
+    assert "Changed by an operator once" in told
+    assert "without feedforward" not in told
+    assert "./flexslew resim" in told
+    plain = write_report([bag], tmp_path / "b.html", comparison=bag).read_text()
+    assert "What happened" not in plain
+    assert "without feedforward" in plain
+
+
+def test_every_entry_of_the_contents_leads_somewhere(bag: Path, tmp_path: Path) -> None:
+    page = write_report([bag], tmp_path / "a.html").read_text()
+    links = page.split('<ul class="contents">')[1].split("</ul>")[0].split('href="#')[1:]
+    assert len(links) > 5
+    for entry in links:
+        assert f'id="{entry.split(chr(34))[0]}"' in page
