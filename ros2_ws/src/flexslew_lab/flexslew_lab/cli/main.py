@@ -24,9 +24,10 @@ from flexslew_lab.cli.open_page import Open, open_page
 from flexslew_lab.cli.operate import COMMANDS
 from flexslew_lab.cli.replay import TrustOption, check, live, play, resim
 from flexslew_lab.cli.reproduced import show_rows
+from flexslew_lab.cli.runs import runs
 from flexslew_lab.cli.study import study
 from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say, short
-from flexslew_lab.trial.outputs import WITHOUT, new_file, writable_file
+from flexslew_lab.trial.outputs import RUNS, WITHOUT, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
 from flexslew_plant.own_code import Trust
 
@@ -95,6 +96,10 @@ def trial(
         say(words, "bold")
     page = result.folder / "report.html"
     say(f"{link(page)}" if page.exists() else str(result.folder))
+    if out is None and result.metrics:
+        from flexslew_lab.report.runs_index import write_index
+
+        write_index(RUNS)
     if open_it and page.exists():
         open_page(page)
     if result.exit_code:
@@ -249,6 +254,7 @@ def reproduce(
 
 for often in (
     *COMMANDS,
+    runs,
     compare,
     model,
     analyse,

@@ -18,11 +18,12 @@ from flexslew_plant.errors import BadInput
 _BREAKS = re.compile(r"(?<=[_./:-])(?=\w)")  # where a long name may go on in the next line
 
 
-def render(template: str, **values: Any) -> str:
+def render(template: str, figures: bool = True, **values: Any) -> str:
     """Return a template of this package as a page.
 
     Args:
         template: its file.
+        figures: whether the page draws any, with plotly.js.
         values: what it shows; all text is escaped.
     """
     environment = jinja2.Environment(
@@ -33,7 +34,9 @@ def render(template: str, **values: Any) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"wrapped": wrapped, "embedded": embedded}
-    return environment.get_template(template).render(**values, plotly=_packed_plotly())
+    return environment.get_template(template).render(
+        **values, plotly=_packed_plotly() if figures else ""
+    )
 
 
 @cache

@@ -1,0 +1,51 @@
+"""The subcommand that lists the runs of a folder and writes the page over them."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.open_page import Open, open_page
+from flexslew_lab.cli.terminal import link, print_table, say, short
+from flexslew_lab.trial.outputs import RUNS
+from flexslew_plant.errors import BadInput
+
+
+def runs(
+    folder: Annotated[Path, typer.Argument(help="With one folder per run.")] = RUNS,
+    trial: Annotated[str, typer.Option(help="Only runs of this trial.")] = "",
+    law: Annotated[str, typer.Option(help="Only runs that began with this law.")] = "",
+    testbed: Annotated[str, typer.Option(help="Only runs on this kind of testbed.")] = "",
+    open_it: Open = False,
+    as_json: Json = False,
+) -> None:
+    """List all runs with their key figures; write index.html, a page to filter and compare them.
+
+    Example: `./flexslew runs --law output_feedback --open`
+    """
+    from flexslew_lab.report.runs_index import runs_in, write_index
+
+    if not folder.is_dir():
+        raise BadInput("no such folder; a first run makes it", folder)
+    found, unread = runs_in(folder, trial, law, testbed)
+    page = write_index(folder)
+    if as_json:
+        rows = [run._asdict() | {"folder": str(run.folder)} for run in found]
+        print(json.dumps(rows, indent=2))
+        return
+    columns = ("run", "law", "testbed", "tip [m]", "settled [s]", "verdict")
+    keys = ("residual_tip_deflection", "settling_time")
+    print_table(
+        columns,
+        [
+            (r.folder.name, r.law, r.testbed, *(short(r.figures[k], 3) for k in keys), r.verdict)
+            for r in found
+        ],
+    )
+    if unread:
+        say(f"not readable, left out: {', '.join(unread)}")
+    say(f"{link(page)}")
+    if open_it:
+        open_page(page)

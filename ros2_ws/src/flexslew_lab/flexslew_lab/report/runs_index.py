@@ -1,0 +1,122 @@
+"""The runs of a folder with their key figures, for a table and for a page to filter and compare."""
+
+import json
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexslew_lab.log.files.whole_file import write_whole
+from flexslew_lab.metrics.rows import flat
+from flexslew_lab.report.page import render
+from flexslew_lab.report.verdict import told_to_move, verdict
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
+
+PAGE = "index.html"
+FIGURES = ("residual_tip_deflection", "settling_time", "peak_effort", "saturated_time")
+_LARGE = 1 << 22  # no metrics.json or trial.yaml of ours is larger [B]
+
+
+class Run(NamedTuple):
+    """One run as its folder describes it."""
+
+    folder: Path
+    finished: str  # local time at which its metrics were written
+    trial: str
+    law: str  # the controller in charge at the start
+    planner: str
+    testbed: str
+    verdict: str
+    figures: dict[str, float | None]  # the worst joint where there are several
+    metrics: dict[str, Any]  # all of them, by dotted name
+
+    @property
+    def report(self) -> str:
+        """Its report, as seen from the page; empty where it has none."""
+        there = (self.folder / "report.html").is_file()
+        return f"{self.folder.name}/report.html" if there else ""
+
+
+def runs_in(
+    folder: Path, trial: str = "", law: str = "", testbed: str = ""
+) -> tuple[list[Run], list[str]]:
+    """Return the runs of a folder, newest first, and the names of those that cannot be read.
+
+    Args:
+        folder: with one folder per run.
+        trial: only runs of this trial; empty: of all. The same for law and testbed.
+        law: in charge at the start.
+        testbed: its kind.
+    """
+    found, unread = [], []
+    for path in folder.glob("*/metrics.json"):
+        try:
+            found.append((path.stat().st_mtime, _run(path.parent)))
+        except (OSError, ValueError, TypeError, AttributeError, BadInput):
+            unread.append(path.parent.name)
+    asked = (("trial", trial), ("law", law), ("testbed", testbed))
+    rows = [run for _, run in sorted(found, key=lambda pair: pair[0], reverse=True)]
+    return [run for run in rows if all(getattr(run, k) == v for k, v in asked if v)], unread
+
+
+def write_index(folder: Path) -> Path:
+    """Return the page over all runs of a folder that was written into it."""
+    rows, unread = runs_in(folder)
+    page = render("runs.html.j2", figures=False, runs=rows, unread=unread, columns=FIGURES,
+                  choices=_choices(rows), data=[_plain(run) for run in rows])  # fmt: skip
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / PAGE, page)
+    return folder / PAGE
+
+
+def _run(folder: Path) -> Run:
+    """Return what the files of a run say of it.
+
+    Raises:
+        OSError, ValueError, TypeError, AttributeError, BadInput: they are not as a run leaves them.
+    """
+    file = folder / "metrics.json"
+    metrics = json.loads(_text(file))
+    trial = load_yaml(_text(folder / "trial.yaml"), str(folder)) or {}
+    moved = told_to_move(metrics)
+    return Run(
+        folder,
+        datetime.fromtimestamp(file.stat().st_mtime).strftime("%Y-%m-%d %H:%M"),
+        str(trial.get("name", "")),
+        str(trial.get("active", "")),
+        str((trial.get("plan") or {}).get("method", "none")),
+        str((trial.get("testbed") or {}).get("kind", "")),
+        verdict(metrics, {}, trial.get("goal_tolerance", Trial.goal_tolerance)),
+        {key: _worst(metrics.get(key), moved) for key in FIGURES},
+        flat(metrics),
+    )
+
+
+def _text(file: Path) -> str:
+    with file.open(encoding="utf-8") as opened:
+        return opened.read(_LARGE)
+
+
+def _worst(value: Any, moved: Sequence[str]) -> float | None:
+    """Return a number, of several joints the largest; None where one has none."""
+    if not isinstance(value, dict):
+        return None if value is None else float(value)
+    each = [value.get(name) for name in moved] or list(value.values())
+    return None if not each or None in each else max(float(v) for v in each if v is not None)
+
+
+def _choices(rows: Sequence[Run]) -> dict[str, list[str]]:
+    """Return by what the runs can be filtered, with the values that there are."""
+    keys = ("trial", "law", "planner", "testbed")
+    return {key: sorted({getattr(run, key) for run in rows}) for key in keys}
+
+
+def _plain(run: Run) -> dict[str, Any]:
+    """Return a run as the page's script takes it, for the comparison."""
+    numbers = {
+        key: f"{value:.3g}" if isinstance(value, float) else "-" if value is None else str(value)
+        for key, value in run.metrics.items()
+    }
+    return {"name": run.folder.name, "path": str(run.folder), "metrics": numbers}

@@ -1,0 +1,52 @@
+"""The list of runs: key figures, filter, and what cannot be read."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from flexslew_lab.report.runs_index import runs_in, write_index
+
+
+def run(folder: Path, name: str, law: str, tip: float, **more: Any) -> None:
+    (folder / name).mkdir()
+    settling = {"yaw": 3.0, "pitch": 9.0}
+    metrics = {"residual_tip_deflection": tip, "settling_time": settling, **more}
+    metrics["overshoot"] = {"yaw": 0.0, "pitch": None}
+    (folder / name / "metrics.json").write_text(json.dumps(metrics))
+    trial = {"name": "<b>m1", "active": law, "testbed": {"kind": "csa"}, "plan": None}
+    (folder / name / "trial.yaml").write_text(yaml.safe_dump(trial))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    run(tmp_path, "a", "pd", 0.5)
+    run(tmp_path, "b", "pi", 0.25)
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "metrics.json").write_text("[1, 2")
+    run(tmp_path, "d", "pi", 0.25, residual_attitude_error=["not", "ours"])
+    return tmp_path
+
+
+def test_runs_are_listed_with_the_figures_of_the_joints_that_move(folder: Path) -> None:
+    found, unread = runs_in(folder)
+    assert {(r.folder.name, r.law, r.figures["settling_time"]) for r in found} == {
+        ("a", "pd", 3.0),
+        ("b", "pi", 3.0),
+    }
+    assert sorted(unread) == ["c", "d"]
+
+
+def test_runs_are_filtered_by_trial_law_and_testbed(folder: Path) -> None:
+    assert [r.folder.name for r in runs_in(folder, law="pi")[0]] == ["b"]
+    assert len(runs_in(folder, trial="<b>m1", testbed="csa")[0]) == 2
+    assert runs_in(folder, testbed="spacecraft")[0] == []
+
+
+def test_the_page_holds_every_run_and_no_markup_of_theirs(folder: Path) -> None:
+    page = write_index(folder).read_text()
+    assert page.count("<tr data-trial=") == 2
+    assert "<b>m1" not in page
+    assert len(page) < 30_000
