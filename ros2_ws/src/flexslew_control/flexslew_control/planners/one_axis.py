@@ -72,6 +72,12 @@ def turns(plant: PlantDescription) -> bool:
     return model.before_modes != model.joints or bool(model.kernels.extra_positions)
 
 
+def in_three_axes(plant: PlantDescription) -> bool:
+    """Return whether the joints of a bench turn it in three axes."""
+    testbed = plant.testbed
+    return isinstance(testbed, ThreeAxes) and testbed.model().attitude is not None
+
+
 def more_modes(settings: Any, plant: PlantDescription, count: int) -> bool:
     """Return whether the turn can be planned on more modes than with this many frequencies."""
     now, ahead = (

@@ -11,7 +11,14 @@ from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_lo
 from flexslew_control.law import InCharge, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.held_efforts import exact_on_ticks
-from flexslew_control.planners.one_axis import RELEVANT, OneAxis, more_modes, reduced, turns
+from flexslew_control.planners.one_axis import (
+    RELEVANT,
+    OneAxis,
+    in_three_axes,
+    more_modes,
+    reduced,
+    turns,
+)
 from flexslew_control.planners.prediction import Prediction, predicted
 from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, slew_of
@@ -53,6 +60,8 @@ class Slewing:
         one_axis: whether a spacecraft with many joints is planned about the one that moves.
         open_loop: whether a section without `feedback` is for a slew without one, instead of
             one with the gains of the controller in charge.
+        whole: says of a section whether a craft that turns in three axes is planned as a whole,
+            instead of about the eigenaxis; None: of none.
     """
 
     plan: Callable[[Any, Slew, Progress], Plan]
@@ -60,6 +69,7 @@ class Slewing:
     rings: Callable[[Any], str] | None = None
     one_axis: bool = True
     open_loop: bool = False
+    whole: Callable[[Any], bool] | None = None
 
     def __call__(
         self,
@@ -75,6 +85,8 @@ class Slewing:
             PlanFailed: no such slew; the message carries the numbers.
             BadInput: the testbed is not moved by one effort per joint, or lacks what is named.
         """
+        if self.whole is not None and self.whole(settings) and in_three_axes(plant):
+            return self._as_whole(settings, plant, feedback, progress, law)
         if self.one_axis and turns(plant):
             return self._turned(settings, plant, feedback, progress, law)
         slew = slew_of(settings, plant, feedback)
@@ -139,6 +151,29 @@ class Slewing:
             if other is not None and other.tip_deflection < 0.5 * found.tip_deflection:
                 remedy = f"; track: planned leaves {other.tip_deflection:.3g} m"
         return told_by_law(plan, plant, found, law, remedy)
+
+    def _as_whole(
+        self,
+        settings: Any,
+        plant: PlantDescription,
+        feedback: Feedback | None,
+        progress: Progress,
+        law: InCharge | None,
+    ) -> Plan:
+        """Return the plan of a slew in three axes, with what it leaves on the bench."""
+        slew = slew_of(settings, plant, feedback)
+        plan = self.plan(settings, slew, progress)
+        plan = replace(
+            plan,
+            request=self._complete(settings, slew),
+            summary={**plan.summary, "believes": slew.beliefs},
+        )
+        gains = getattr(settings, "feedback", None) or feedback
+        flies = law or (by_feedback(gains) if gains else None)
+        promise = None if flies is None else flown_on_bench(plan, plant, flies)
+        if promise is None:
+            return not_flown(plan)
+        return told(plan, plant, promise, remedy="give the law more room, by a reserve")
 
     def _turned(
         self,

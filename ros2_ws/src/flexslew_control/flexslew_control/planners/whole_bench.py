@@ -40,7 +40,11 @@ def as_promised(plan: Plan, bench: Prediction) -> bool:
 
 
 def told(
-    plan: Plan, plant: PlantDescription, bench: Prediction, better: Better | None = None
+    plan: Plan,
+    plant: PlantDescription,
+    bench: Prediction,
+    better: Better | None = None,
+    remedy: str = "no plan about one axis on more modes leaves less than half",
 ) -> Plan:
     """Return the plan with what it leaves on the bench, and a warning if that is more.
 
@@ -49,6 +53,7 @@ def told(
         plant: what stands on the bench.
         bench: what it leaves there.
         better: what would leave less; None: no plan that was tried.
+        remedy: in words, where there is none.
     """
     on_model = plan.summary["predicted_residual_tip_deflection"]
     away = dict(zip(plant.joint_names, bench.attitude_error.tolist(), strict=True))
@@ -59,7 +64,6 @@ def told(
         "residual_tip_deflection_on_model": on_model,
     }
     if not as_promised(plan, bench):
-        remedy = "no plan about one axis on more modes leaves less than half"
         if better is not None:
             left = better.promise.tip_deflection
             remedy = f"model: {{modes: {better.modes}}} leaves {left:.3g} m"

@@ -182,6 +182,9 @@ class ThreeAxes(Turning, Protocol):
     def rigid_turn_about(self, axis: Vector) -> RigidTurn:
         """Return what all joints must do for a turn about a body axis; see Turning.rigid_turn."""
 
+    def rigid(self) -> "Testbed":
+        """Return the testbed without modes, its sensors besides those of the joints left out."""
+
 
 @runtime_checkable
 class Symbolic(Protocol):

@@ -118,7 +118,7 @@ def fastest_slew(
         progress(Update(k + 1, best, np.nan, np.nan, np.nan, True))
     found.sort(key=lambda one: one[0])
     for duration, shares in found:
-        signs, guess = _structure(duration, shares)
+        signs, guess = structure_of(duration, shares)
         slew = AllDrives(model, start, goal, amplitude, signs)
         durations = shortest_durations(slew, guess)
         if durations is not None:
@@ -134,7 +134,7 @@ def fastest_slew(
     )
 
 
-def _structure(duration: float, shares: Matrix) -> tuple[Matrix, Vector]:
+def structure_of(duration: float, shares: Matrix) -> tuple[Matrix, Vector]:
     """Return the signs of the arcs and their durations.
 
     Args:

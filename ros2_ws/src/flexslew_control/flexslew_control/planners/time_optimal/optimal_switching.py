@@ -7,13 +7,13 @@ gives the arcs: then H = 1 on every arc and the switching function vanishes at e
 """
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from flexslew_control.planners.time_optimal.bang_bang import BangBang
 from flexslew_control.planners.time_optimal.linear_time_optimal import Structure, linear_optimum
-from flexslew_control.planners.time_optimal.pontryagin import Arcs, switching_function
+from flexslew_control.planners.time_optimal.pontryagin import switching_function
 from flexslew_control.planners.time_optimal.switching import linear
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
@@ -23,6 +23,13 @@ _ITERATIONS = 25
 _FIXED_ITERATIONS = 60  # with second derivatives that stay as they are
 _LONGEST = 3.0  # of the iterates, times the guess
 _END, _SLOPE = 1e-11, 1e-8  # at which the two conditions hold, relative
+
+
+class Slopes(Protocol):
+    """What Newton's method needs of a slew by arcs."""
+
+    def linearised(self, durations: Vector) -> tuple[Vector, Matrix]:
+        """Return r and dr/dd."""
 
 
 def extremal_durations(slew: BangBang) -> Vector | None:
@@ -84,7 +91,9 @@ def _rough(slew: BangBang, structure: Structure) -> Vector | None:
     return shortest_durations(replace(slew, rough=True), structure.durations, structure.curvature)
 
 
-def shortest_durations(slew: Arcs, guess: Vector, curvature: Matrix | None = None) -> Vector | None:
+def shortest_durations(
+    slew: Slopes, guess: Vector, curvature: Matrix | None = None
+) -> Vector | None:
     """Return the arcs of the shortest slew with as many arcs near these; None if it fails.
 
     Args:
@@ -117,7 +126,7 @@ def shortest_durations(slew: Arcs, guess: Vector, curvature: Matrix | None = Non
     return None
 
 
-def nearest_durations(slew: Arcs, guess: Vector) -> Vector | None:
+def nearest_durations(slew: Slopes, guess: Vector) -> Vector | None:
     """Return the arcs next to these that meet the end conditions; None if Newton's method fails."""
     d = guess
     for _ in range(_ITERATIONS):
@@ -131,7 +140,7 @@ def nearest_durations(slew: Arcs, guess: Vector) -> Vector | None:
 
 
 def _curvature(
-    slew: Arcs, durations: Vector, slopes: Matrix, scale: Vector, multipliers: Vector
+    slew: Slopes, durations: Vector, slopes: Matrix, scale: Vector, multipliers: Vector
 ) -> Matrix:
     """Return the second derivatives of multipliers^T r by the durations, from its slopes."""
     rows = []

@@ -21,10 +21,12 @@ from flexslew_control.planners.time_optimal.optimal_switching import (
 )
 from flexslew_control.planners.time_optimal.pontryagin import Arcs, Extremality, switching_function
 from flexslew_control.planners.time_optimal.switching import continued_durations, fewest_durations
+from flexslew_control.planners.time_optimal.three_axes import plan_three_axes
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds import Model
+from flexslew_plant.testbeds.contract import ThreeAxes
 
 Structure: TypeAlias = Literal["fewest", "asymmetric", "optimal"]
 Share: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
@@ -45,7 +47,9 @@ class TimeOptimal:
     insensitive: Insensitive = "modes"  # what, if robust: the modes, or the joint as well
     feedback: Feedback | None = None  # that flies the slew; null: open loop
     structure: Structure = "fewest"  # how many switches
-    drives: Literal["moving", "all"] = "moving"  # which push; all if the goal moves several joints
+    # which push: of a craft that turns in three axes moving is about the eigenaxis; else all if the
+    # goal moves several joints
+    drives: Literal["moving", "all"] = "moving"
     amplitude: Positive | None = None  # of the effort [N m or N]; null: the limit less the reserve
     reserve: Share | None = None  # of the limit, for the feedback; null: 0.2 if there is one [-]
     longest: Positive | None = None  # refuse a slew that takes longer [s]
@@ -60,6 +64,8 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
         BadInput: the goal names no joint or asks for what bang-bang efforts cannot do.
         PlanFailed: no such slew, or it takes longer than allowed.
     """
+    if asked.model.attitude is not None:
+        return _in_three_axes(settings, asked, progress)
     slew, durations = found_slew(settings, asked, progress)
     duration = float(durations.sum())
     efforts = slew.efforts(durations.size)
@@ -105,6 +111,21 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
         duration=duration,
         summary=summary,
     )
+
+
+def _in_three_axes(settings: TimeOptimal, asked: Slew, progress: Progress) -> Plan:
+    """Return the fastest slew of a craft that turns in three axes.
+
+    Raises:
+        BadInput: it is to be robust, or the testbed has no rigid twin.
+        PlanFailed: see plan_three_axes.
+    """
+    if settings.robust:
+        raise BadInput("a slew by all drives is not made robust", "plan", "robust", True)
+    if not isinstance(asked.testbed, ThreeAxes):
+        raise BadInput("this testbed turns about one axis at a time", "plan", "drives", "all")
+    amplitude = _amplitude(settings, asked.effort_limit)
+    return plan_three_axes(settings, asked, amplitude, asked.testbed.rigid(), progress)
 
 
 def found_slew(
@@ -321,7 +342,9 @@ def on_ticks(slew: Arcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matr
 
 FASTEST = PlannerEntry(
     TimeOptimal,
-    Slewing(plan_time_optimal, exact=lambda s: True, open_loop=True),
+    Slewing(
+        plan_time_optimal, exact=lambda s: True, open_loop=True, whole=lambda s: s.drives == "all"
+    ),
     compared={"reserve": RESERVE},
     variants=(Variant("robust", {"robust": True}),),
 )

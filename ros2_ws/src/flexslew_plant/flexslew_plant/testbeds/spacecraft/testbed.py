@@ -156,6 +156,11 @@ class SpacecraftTestbed:
         """Return the testbed pivoting about a body axis; see contract.ThreeAxes."""
         return self._pivoting("turn", axis, limit, modes)
 
+    def rigid(self) -> "SpacecraftTestbed":
+        """Return the testbed without modes; see contract.ThreeAxes."""
+        stiff = {name: replace(a, only_modes=()) for name, a in self.appendages.items()}
+        return replace(self, appendages=stiff, sensors={})
+
     def _pivoting(
         self, joint: str, axis: Vector, limit: float, modes: int | None
     ) -> "SpacecraftTestbed":

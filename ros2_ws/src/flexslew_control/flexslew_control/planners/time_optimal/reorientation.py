@@ -1,0 +1,176 @@
+"""A reorientation: from rest at one attitude to rest at another, by efforts held over pieces."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_control.free_platform import rate_readings
+from flexslew_control.planners.time_optimal.held_pieces import flown_pieces
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
+from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.model import Model
+
+_CHANGE = 1e-6  # of a state, for the slopes of the end conditions
+_ANGLE = 1.0  # of the fastest mode in a step of the integration [rad]
+_RIGID_STEPS = 40  # of a slew, at least
+_MATTERS = 1e-8  # slope of an entry of the state that matters
+
+
+class End(NamedTuple):
+    """How a flight ends: its end conditions and their slopes."""
+
+    missed: Vector  # turn and rates of the platform, modes and their rates, (conditions,)
+    by_effort: Tensor  # (conditions, pieces, efforts)
+    by_duration: Matrix  # (conditions, pieces)
+    states: Matrix  # at the ends of the pieces, (pieces + 1, size)
+
+
+@dataclass(frozen=True)
+class Reorientation:
+    """What is turned, from where to where.
+
+    Args:
+        model: whose joints tell an attitude; every effort turns it.
+        first: where the joints rest, shape (joints,) [rad].
+        last: where they go, shape (joints,) [rad].
+        amplitude: of the efforts, shape (joints,) [N m].
+    """
+
+    model: Model
+    first: Vector
+    last: Vector
+    amplitude: Vector
+
+    @property
+    def attitude(self) -> AttitudeJoints:
+        """The joints that tell the attitude."""
+        assert self.model.attitude is not None
+        return self.model.attitude
+
+    @cached_property
+    def start(self) -> Vector:
+        """State at rest."""
+        rest = self.model.rest(dict(zip(self.model.joint_names, self.first.tolist(), strict=True)))
+        return np.concatenate((rest, np.zeros(self.model.coordinates)))
+
+    @cached_property
+    def turn(self) -> Vector:
+        """The rotation from start to goal in body axes, the shorter way, shape (3,) [rad]."""
+        return self.attitude.turn_of(self.model.joint_error(self.first, self.last))
+
+    @cached_property
+    def shares(self) -> Vector:
+        """Of the amplitudes, in the fastest acceleration about the eigenaxis, shape (joints,)."""
+        efforts = np.linalg.pinv(self._gain) @ self.turn
+        shares = efforts / self.amplitude
+        most: Vector = shares / abs(shares).max()
+        return most
+
+    @cached_property
+    def duration(self) -> float:
+        """Of the slew about the eigenaxis without gyroscopic torques [s]."""
+        push = self._gain @ (self.shares * self.amplitude)
+        return float(2.0 * np.sqrt(np.linalg.norm(self.turn) / np.linalg.norm(push)))
+
+    @cached_property
+    def _gain(self) -> Matrix:
+        """From efforts to the platform's angular acceleration, shape (3, joints)."""
+        q = self.start[: self.model.positions]
+        moved = np.linalg.solve(self.model.mass_matrix(q), self.model.input_matrix(q))
+        return self._from_joints @ rate_readings(self.model, q) @ moved
+
+    @cached_property
+    def _from_joints(self) -> Matrix:
+        return np.asarray(np.linalg.pinv(self.attitude.axes), dtype=np.float64)
+
+    @cached_property
+    def scale(self) -> Vector:
+        """What counts as one of each end condition, shape (conditions,)."""
+        model, angle = self.model, float(np.linalg.norm(self.turn))
+        rigid = [angle] * 3 + [4.0 * angle / self.duration] * 3
+        if not model.modes:
+            return np.array(rigid)
+        q = self.start[: model.positions]
+        linear = model.linearise(q)
+        n, inputs = model.before_modes, model.input_matrix(q) @ (self.shares * self.amplitude)
+        moved = np.linalg.solve(linear.mass[:n, :n], inputs[:n])
+        pushed = abs(linear.mass[n:, :n] @ moved) / np.diag(linear.stiffness)[n:]
+        bent = max(float(pushed.max()), 1e-9)
+        slowest = float(linear.frequencies[0])
+        return np.array(rigid + [bent] * model.modes + [bent * slowest] * model.modes)
+
+    @cached_property
+    def step(self) -> float:
+        """Longest integration step [s]."""
+        longest = self.duration / _RIGID_STEPS
+        if not self.model.modes:
+            return longest
+        linear = self.model.linearise(self.start[: self.model.positions])
+        return min(longest, _ANGLE / float(linear.frequencies[-1]))
+
+    def missed(self, x: Vector) -> Vector:
+        """Return what a state is away from rest at the goal, shape (conditions,)."""
+        position, rate = self.model.joint_state(x)
+        turn = -self._from_joints @ self.model.joint_error(position, self.last)
+        return np.concatenate((turn, self._from_joints @ rate, *self.model.modal_state(x)))
+
+    def ended(self, efforts: Matrix, durations: Vector) -> End:
+        """Return how a flight ends, and its slopes.
+
+        Args:
+            efforts: of the pieces, shape (pieces, joints) [N m].
+            durations: shape (pieces,) [s].
+        """
+        step = min(self.step, float(durations.max()))
+        flown = flown_pieces(self.model, self.start, efforts, durations, step, self._columns)
+        slopes = self._slopes(flown.states[-1])
+        by_effort = np.empty((len(slopes), *efforts.shape))
+        by_duration = np.empty((len(slopes), len(durations)))
+        for k in range(len(durations) - 1, -1, -1):
+            by_effort[:, k] = slopes @ flown.by_effort[k]
+            by_duration[:, k] = slopes @ self.model.derivative(flown.states[k + 1], efforts[k])
+            slopes = slopes @ flown.by_state[k]
+        return End(self.missed(flown.states[-1]), by_effort, by_duration, flown.states)
+
+    def _slopes(self, x: Vector) -> Matrix:
+        """Return the derivatives of the end conditions by a state, (conditions, size)."""
+        change = _CHANGE * np.eye(x.size)
+        columns = [(self.missed(x + c) - self.missed(x - c)) / (2.0 * _CHANGE) for c in change]
+        return np.array(columns).T
+
+    @cached_property
+    def _columns(self) -> Indices:
+        """Which entries of a state lead to the end conditions: not where a wheel stands."""
+        rng = np.random.default_rng(1)
+        x = self.start.copy()
+        x[self.model.positions :] += rng.uniform(-0.1, 0.1, self.model.coordinates)
+        held = self.shares[None] * self.amplitude
+        after = np.array([0.1 * self.duration])
+        flown = flown_pieces(self.model, x, held, after, self.step)
+        matters = (abs(self._slopes(flown.states[-1])) > _MATTERS).any(axis=0)
+        for _ in range(x.size):
+            more = matters | (abs(flown.by_state[0][matters]) > _MATTERS).any(axis=0)
+            if (more == matters).all():
+                break
+            matters = more
+        return np.flatnonzero(matters)
+
+
+@dataclass(frozen=True)
+class Arcs:
+    """A reorientation by arcs with every effort at its amplitude; see optimal_switching.
+
+    Args:
+        slew: what is turned.
+        signs: of the efforts of the arcs, shape (arcs, joints).
+    """
+
+    slew: Reorientation
+    signs: Matrix
+
+    def linearised(self, durations: Vector) -> tuple[Vector, Matrix]:
+        """Return what misses the goal, shape (conditions,), and its slopes, (conditions, arcs)."""
+        end = self.slew.ended(self.signs * self.slew.amplitude, durations)
+        return end.missed, end.by_duration

@@ -1,0 +1,163 @@
+"""The fastest reorientation near some efforts: successive linear programs.
+
+About the present flight the end conditions r are linear in the efforts' shares s and the duration:
+    min T + dT + mu |r + (dr/ds) ds + (dr/dT) dT|_1,    |s + ds| <= 1,    |ds| <= radius.
+The step is taken if the true merit T + mu |r|_1 falls, and the radius grows or shrinks by how well
+the program foretold the gain (Nocedal and Wright, chapter 18). Its solutions are vertices, so the
+efforts become those of arcs at their limits.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import linprog
+
+from flexslew_control.planners.time_optimal.reorientation import Arcs, Reorientation
+from flexslew_plant.arrays import Matrix, Vector
+
+_PRICE = 10.0  # mu, of the first duration
+_FIRST_RADIUS, _LARGEST_RADIUS, _SMALLEST_RADIUS = 0.5, 2.0, 1e-5  # of the amplitude
+_OF_DURATION = 0.3  # by which share it may change at radius one [-]
+_GOOD, _POOR = 0.7, 0.2  # shares of the foretold gain
+_FIRST_ARCS, _ARC_STEPS = 0.1, 20  # radius of the arcs' programs [-], and how many at most
+_GONE = 1e-5  # arcs that are no longer, of the duration
+_SETTLED = 1e-7  # foretold gain, of the duration
+
+
+class Local(NamedTuple):
+    """A local optimum."""
+
+    duration: float  # [s]
+    shares: Matrix  # of the amplitude, (pieces, joints)
+    missed: float  # largest end condition, of Reorientation.scale [-]
+
+
+class _About(NamedTuple):
+    """A flight and its slopes, scaled."""
+
+    duration: float
+    shares: Matrix
+    missed: Vector  # (conditions,)
+    by_share: Matrix  # (conditions, pieces joints)
+    by_duration: Vector  # (conditions,)
+
+    def merit(self, price: float) -> float:
+        """Return T + mu |r|_1."""
+        merit = self.duration + price * float(np.abs(self.missed).sum())
+        return merit if np.isfinite(merit) else np.inf
+
+
+def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: int) -> Local:
+    """Return the fastest slew near some efforts.
+
+    Args:
+        slew: what is turned.
+        shares: of the amplitude, over equal pieces, shape (pieces, joints).
+        duration: to start from [s].
+        steps: at most.
+    """
+    price, radius = _PRICE * duration, _FIRST_RADIUS
+    here = _flown(slew, shares, duration)
+    for _ in range(steps):
+        step = _step(here, price, radius)
+        if step is None:
+            break
+        there = _flown(slew, step[0], step[1])
+        foretold = here.merit(price) - step[2]
+        gain = here.merit(price) - there.merit(price)
+        if gain > 0.0:
+            here = there
+        if gain > _GOOD * foretold:
+            radius = min(2.0 * radius, _LARGEST_RADIUS)
+        elif gain < _POOR * foretold:
+            radius *= 0.5 if gain > 0.0 else 0.3
+        if foretold < _SETTLED * here.duration or radius < _SMALLEST_RADIUS:
+            break
+    return Local(here.duration, here.shares, float(np.abs(here.missed).max()))
+
+
+def settled_arcs(slew: Reorientation, signs: Matrix, guess: Vector) -> tuple[Matrix, Vector]:
+    """Return the arcs that are left of some, and their durations: programs by the durations.
+
+    Arcs that a program takes away altogether are left out.
+
+    Args:
+        slew: what is turned.
+        signs: of the efforts of the arcs, shape (arcs, joints).
+        guess: their durations, shape (arcs,) [s].
+    """
+    whole, d, radius = float(guess.sum()), guess, _FIRST_ARCS
+    price = _PRICE * whole
+    end = Arcs(slew, signs).linearised(d)
+    merit = float(d.sum() + price * np.abs(end[0] / slew.scale).sum())
+    for _ in range(_ARC_STEPS):
+        missed, slopes = end[0] / slew.scale, end[1] / slew.scale[:, None]
+        r, arcs = missed.size, d.size
+        cost = np.concatenate((np.ones(arcs), np.full(2 * r, price)))
+        rows = np.hstack((slopes, -np.eye(r), np.eye(r)))
+        low = np.maximum(-d, -radius * whole)
+        bounds: Any = np.vstack(
+            (
+                np.column_stack((low, np.full(arcs, radius * whole))),
+                np.tile([0.0, np.inf], (2 * r, 1)),
+            )
+        )
+        found = linprog(cost, A_eq=rows, b_eq=-missed, bounds=bounds, method="highs-ds")
+        if found.x is None or found.fun is None:
+            break
+        there = d + found.x[:arcs]
+        new = Arcs(slew, signs).linearised(there)
+        other = float(there.sum() + price * np.abs(new[0] / slew.scale).sum())
+        foretold = merit - float(d.sum()) - float(found.fun)
+        if merit - other < _POOR * foretold:
+            radius *= 0.3
+        if other < merit:
+            d, end, merit = there, new, other
+        if foretold < _SETTLED * whole or radius < _SMALLEST_RADIUS:
+            break
+    return _merged(signs, d, _GONE * whole)
+
+
+def _merged(signs: Matrix, durations: Vector, gone: float) -> tuple[Matrix, Vector]:
+    """Return arcs without those that are shorter than `gone` [s], equal neighbours as one."""
+    kept, lasting = list[Vector](), list[float]()
+    for sign, d in zip(signs[durations > gone], durations[durations > gone], strict=True):
+        if kept and (kept[-1] == sign).all():
+            lasting[-1] += float(d)
+        else:
+            kept.append(sign)
+            lasting.append(float(d))
+    return np.array(kept), np.array(lasting)
+
+
+def _flown(slew: Reorientation, shares: Matrix, duration: float) -> _About:
+    pieces = len(shares)
+    end = slew.ended(shares * slew.amplitude, np.full(pieces, duration / pieces))
+    scale = slew.scale
+    by_share = end.by_effort * slew.amplitude / scale[:, None, None]
+    return _About(
+        duration,
+        shares,
+        end.missed / scale,
+        by_share.reshape(scale.size, -1),
+        end.by_duration.mean(axis=1) / scale,
+    )
+
+
+def _step(here: _About, price: float, radius: float) -> tuple[Matrix, float, float] | None:
+    """Return shares, duration and foretold merit of the program's solution; None: it has none."""
+    r, count, now = here.missed.size, here.shares.size, here.shares.ravel()
+    cost = np.concatenate((np.zeros(count), [1.0], np.full(2 * r, price)))
+    rows = np.hstack((here.by_share, here.by_duration[:, None], -np.eye(r), np.eye(r)))
+    low, high = np.maximum(-1.0, now - radius), np.minimum(1.0, now + radius)
+    longer = _OF_DURATION * min(radius, 1.0) * here.duration
+    bounds: Any = np.vstack(
+        (np.column_stack((low, high)), [[-longer, longer]], np.tile([0.0, np.inf], (2 * r, 1)))
+    )
+    right = here.by_share @ now - here.missed
+    found = linprog(cost, A_eq=rows, b_eq=right, bounds=bounds, method="highs-ds")
+    if found.x is None or found.fun is None:
+        return None
+    shares = found.x[:count].reshape(here.shares.shape)
+    duration = here.duration + float(found.x[count])
+    return shares, duration, here.duration + float(found.fun)
