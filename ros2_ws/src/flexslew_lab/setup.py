@@ -7,13 +7,14 @@ setup(
     version="0.1.0",
     packages=find_packages(),
     package_data={
+        "flexslew": ["py.typed"],
         "flexslew_lab": [
             "py.typed",
             "report/*.j2",
             "studies/*.j2",
             "studies/shipped/*.yaml",
             "trials/*.yaml",
-        ]
+        ],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/flexslew_lab"]),

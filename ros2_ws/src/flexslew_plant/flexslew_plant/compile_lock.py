@@ -13,7 +13,6 @@ index first. Whoever loads such a file calls machine code that was made for othe
 numbers, or a crash.
 """
 
-import fcntl
 import hashlib
 import os
 import tempfile
@@ -29,6 +28,7 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.compiler_lock import global_compiler_lock
 
 from flexslew_plant.compile_news import compiling
+from flexslew_plant.file_lock import hold
 
 
 class FilesForGood(IndexDataCacheFile):  # type: ignore[misc]
@@ -80,7 +80,7 @@ class CompileLock:
             return -1
         try:
             with suppress(OSError):  # a file system without locks
-                fcntl.flock(handle, fcntl.LOCK_EX)
+                hold(handle, wait=True)
         except BaseException:  # a signal
             os.close(handle)
             raise
@@ -93,7 +93,8 @@ def lock_of(file: str, function: str) -> CompileLock:
     digest = hashlib.sha256(f"{file}:{function}".encode()).hexdigest()[:16]
     if config.CACHE_DIR:
         return CompileLock(Path(config.CACHE_DIR) / "locks" / digest)
-    return CompileLock(Path(tempfile.gettempdir()) / f"flexslew_compile_{os.getuid()}" / digest)
+    user = getattr(os, "getuid", int)()  # Windows has a folder for each user
+    return CompileLock(Path(tempfile.gettempdir()) / f"flexslew_compile_{user}" / digest)
 
 
 def one_at_a_time(dispatcher: Any, lock: CompileLock | None = None) -> Any:

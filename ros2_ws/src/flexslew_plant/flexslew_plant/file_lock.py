@@ -1,8 +1,10 @@
 """A lock on a file between processes; the system drops it when its holder ends, however it ends."""
 
-import fcntl
+import importlib
 import os
 from pathlib import Path
+
+_LINKS = getattr(os, "O_NOFOLLOW", 0)  # not on Windows
 
 
 def lock_file(path: Path, mode: int = 0o644, create: bool = True) -> int | None:
@@ -18,13 +20,50 @@ def lock_file(path: Path, mode: int = 0o644, create: bool = True) -> int | None:
     Raises:
         OSError: the file cannot be opened.
     """
-    handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW | (os.O_CREAT if create else 0), mode)
+    handle = os.open(path, os.O_RDWR | _LINKS | (os.O_CREAT if create else 0), mode)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        return None
+        held = hold(handle, wait=False)
     except BaseException:
         os.close(handle)
         raise
+    if not held:
+        os.close(handle)
+        return None
     return handle
+
+
+def hold(handle: int, wait: bool) -> bool:
+    """Return whether an open file is locked now: by flock, on Windows by msvcrt, else by nobody.
+
+    Args:
+        handle: of the file.
+        wait: until no other process holds it; else return at once.
+
+    Raises:
+        OSError: the file system has no locks.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return _hold_elsewhere(handle, wait)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _hold_elsewhere(handle: int, wait: bool) -> bool:
+    """Return whether the first byte of a file is locked, where there is no flock."""
+    try:
+        windows = importlib.import_module("msvcrt")
+    except ImportError:
+        return True  # a system without locks: one process at a time is up to the user
+    while True:
+        try:
+            windows.locking(handle, windows.LK_LOCK if wait else windows.LK_NBLCK, 1)
+        except PermissionError:  # LK_LOCK gives up after ten seconds
+            if not wait:
+                return False
+        else:
+            return True

@@ -18,6 +18,7 @@ EXTRAS = {
     "pandas": "pandas",
     "pyarrow": "export",
     "viser": "console",
+    "xarray": "xarray",
 }
 WITHOUT_ROS = (
     "ROS 2 is not installed here: fly with --in-process, or use ./flexslew of a checkout, which "

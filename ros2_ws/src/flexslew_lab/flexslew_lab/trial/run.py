@@ -22,12 +22,10 @@ from flexslew_lab.report.report import write_report
 from flexslew_lab.report.story import changes_of
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.in_process import fly
+from flexslew_lab.trial.outcome import Outcome
 from flexslew_lab.trial.outputs import WITHOUT, new_folder
 from flexslew_lab.trial.own_code import HASHES, own_code_of
-from flexslew_lab.trial.processes import node_processes, parameter_file
 from flexslew_lab.trial.promise import prediction_gap
-from flexslew_lab.trial.shared_memory import require_shared_memory
-from flexslew_lab.trial.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
@@ -91,6 +89,8 @@ def run_trial(
     """
     folder = new_folder(trial.name, out)
     if not in_process:
+        from flexslew_lab.trial.shared_memory import require_shared_memory
+
         require_shared_memory()
     prepared = _prepared(trial, source)
     own_metrics(
@@ -215,6 +215,10 @@ def _over_ros(
     say: Callable[[str], None],
     autostart: bool,
 ) -> Outcome:
+    # what starts nodes is of Linux alone, as ROS is here
+    from flexslew_lab.trial.processes import node_processes, parameter_file
+    from flexslew_lab.trial.supervisor import Supervisor
+
     planned = folder / "plan.yaml" if plan is not None else None  # made once, for the node too
     if plan is not None:
         save_plan(plan, folder / "plan.yaml")

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
-from typing import NamedTuple
 
 from flexslew_lab.trial.fork_server import ForkServer
+from flexslew_lab.trial.outcome import Outcome as Outcome
 from flexslew_lab.trial.processes import NodeProcess
 
 _TICK = re.compile(rb"^tick (\d+) of (\d+)$")
@@ -22,13 +22,6 @@ _LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.LA
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 # signals that end a crashed process
 _CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL)
-
-
-class Outcome(NamedTuple):
-    """How the processes of a run ended."""
-
-    exit_code: int  # 0 done, 2 bad input, 3 a fault, 130 interrupted
-    message: str  # what went wrong, one line; empty if nothing did
 
 
 class Supervisor:

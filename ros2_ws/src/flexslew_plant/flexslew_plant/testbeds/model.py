@@ -136,19 +136,29 @@ class Model:
     def _require(self, x: Vector, effort: Vector | None = None) -> None:
         """Check what machine code reads without looking."""
         size = self.positions + self.coordinates
-        if x.shape != (size,):
+        if getattr(x, "shape", None) != (size,):
             names = ", ".join(self.state_names)
-            raise ValueError(f"a state of shape {x.shape} does not fit: ({size},), {names}")
-        if effort is not None and effort.shape != (self.efforts,):
+            raise ValueError(f"a state of shape {_shape(x)} does not fit: ({size},), {names}")
+        if effort is not None and getattr(effort, "shape", None) != (self.efforts,):
             words = f"({self.efforts},), one per actuator"
-            raise ValueError(f"efforts of shape {effort.shape} do not fit: {words}")
+            raise ValueError(f"efforts of shape {_shape(effort)} do not fit: {words}")
+
+    def _together(self, q: Vector, v: Vector) -> Vector:
+        """Return the state [q, v].
+
+        Raises:
+            ValueError: one of them has another shape.
+        """
+        for name, part, size in (("q", q, self.positions), ("v", v, self.coordinates)):
+            if np.shape(part) != (size,):
+                raise ValueError(f"{name} of shape {np.shape(part)} does not fit: ({size},)")
+        return np.concatenate((q, v), dtype=np.float64)
 
     def input_matrix(self, q: Vector, t: float = 0.0) -> Matrix:
         """Return B(q, t), shape (n, actuators)."""
         if self.kernels.actuation is None:
             return np.eye(self.coordinates, self.efforts)
-        x, columns = np.concatenate((q, np.zeros(self.coordinates))), []
-        self._require(x)
+        x, columns = self._together(q, np.zeros(self.coordinates)), []
         for one in np.eye(self.efforts):
             column = np.zeros(self.coordinates)
             self._bound.actuation(self.packed, t, x, one, column)
@@ -160,8 +170,7 @@ class Model:
         s = n if self.kernels.full_mass else self.before_modes
         joints, coupling, modal = np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s)
         bias = np.empty(n)
-        x = np.concatenate((q, v))
-        self._require(x)
+        x = self._together(q, v)
         self._bound.terms(self.packed, t, x, joints, coupling, modal, bias)
         return np.block([[joints, coupling], [coupling.T, np.diag(modal)]]), bias
 
@@ -187,7 +196,7 @@ class Model:
     ) -> Vector:
         """Return the state dt after t with the effort held (order 8, `steps` equal steps)."""
         self._require(x, effort)
-        after = x.copy()
+        after = np.array(x, dtype=np.float64)
         self.integrate(self.packed, t, effort, dt, steps, self.before_modes, after)
         return after
 
@@ -214,6 +223,9 @@ class Model:
     ) -> tuple[Matrix, Matrix]:
         """Return the derivatives of M a + h by q and by v at a fixed a, (n, positions), (n, n)."""
         self._require(x)
+        if getattr(acceleration, "shape", None) != (self.coordinates,):
+            words = f"({self.coordinates},), one per coordinate"
+            raise ValueError(f"accelerations of shape {_shape(acceleration)} do not fit: {words}")
         dq = np.empty((self.coordinates, self.positions))
         dv = np.empty((self.coordinates, self.coordinates))
         self._bound.residual_jacobian(self.packed, t, x, acceleration, dq, dv)
@@ -231,8 +243,7 @@ class Model:
 
     def position_rates(self, q: Vector, t: float = 0.0) -> Matrix:
         """Return N of q' = N(q) v, shape (positions, n)."""
-        x, columns = np.concatenate((q, np.zeros(self.coordinates))), []
-        self._require(x)
+        x, columns = self._together(q, np.zeros(self.coordinates)), []
         for one in np.eye(self.coordinates):
             x[self.positions :], rate = one, np.empty(self.positions)
             self._bound.position_rates(self.packed, t, x, rate)
@@ -318,7 +329,12 @@ class Model:
             t: time at which the model is frozen [s].
         """
         still = np.zeros(self.coordinates)
-        stiffness, damping = self.residual_slopes(np.concatenate((q, still)), still, t)
+        stiffness, damping = self.residual_slopes(self._together(q, still), still, t)
         if self.kernels.extra_positions:  # by motions along v
             stiffness = stiffness @ self.position_rates(q, t)
         return Linearisation(self.mass_matrix(q, t), damping, stiffness, self.input_matrix(q, t))
+
+
+def _shape(given: object) -> str:
+    """Return the shape of an array for an error; of what is none, its type."""
+    return str(given.shape) if isinstance(given, np.ndarray) else f"a {type(given).__name__}"

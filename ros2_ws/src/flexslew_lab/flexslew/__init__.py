@@ -1,0 +1,53 @@
+"""flexslew: slew a flexible spacecraft without ringing, from Python.
+
+import flexslew as fs
+
+flight = fs.fly(fs.trial("m1", {"testbed.modes": 5}))
+flight["tip"], flight.metrics["residual_tip_deflection"]
+
+trial, fly, read and sweep fly trials; Flight and Sweep are what comes back; laws, planners and
+testbeds are the families; bench puts a trial on a Bench that is stepped by hand; study and analyse
+are the commands of these names.
+"""
+
+from importlib.metadata import PackageNotFoundError, version
+
+from flexslew_control import controllers as laws
+from flexslew_control import planners
+from flexslew_control.plan import Plan
+from flexslew_lab.flight import Flight
+from flexslew_lab.front import analyse, bench, study
+from flexslew_lab.notebook import fly, linear_model, nonlinear_model, read, trial
+from flexslew_lab.sweep import Sweep, sweep
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant import testbeds
+from flexslew_plant.bench.bench import Bench
+from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
+
+try:
+    __version__ = version("flexslew")
+except PackageNotFoundError:  # in a checkout
+    __version__ = "0.1.0"
+
+__all__ = [
+    "BadInput",
+    "Bench",
+    "FlexslewError",
+    "Flight",
+    "Plan",
+    "PlanFailed",
+    "Sweep",
+    "Trial",
+    "analyse",
+    "bench",
+    "fly",
+    "laws",
+    "linear_model",
+    "nonlinear_model",
+    "planners",
+    "read",
+    "study",
+    "sweep",
+    "testbeds",
+    "trial",
+]

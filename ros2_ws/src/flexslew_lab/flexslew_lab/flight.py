@@ -1,0 +1,149 @@
+"""A flight as arrays by name, with units: what a notebook works with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexslew_lab.metrics.rows import flat, unit_of
+from flexslew_lab.report.story import changes_of
+from flexslew_lab.report.verdict import verdict
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.events import Event
+
+if TYPE_CHECKING:
+    import pandas
+    import plotly.graph_objects
+    import xarray
+
+
+@dataclass(frozen=True, repr=False)
+class Flight:
+    """What a run was: every signal over the ticks of the truth, by name and with its unit.
+
+    Signals are called `quantity.joint`, `quantity.mode_1` or `tip.appendage`; `energy` stands
+    alone. Where a signal has no value at a tick (nobody answered, say) it is NaN.
+    """
+
+    trial: dict[str, Any]  # the keys of the trial with every default written out
+    metrics: dict[str, Any]  # the content of metrics.json
+    events: tuple[Event, ...]
+    time: Vector  # simulated, of every tick, (ticks,) [s]
+    signals: dict[str, Vector]  # by name, each (ticks,)
+    units: dict[str, str]  # by name
+
+    def __getitem__(self, name: str) -> Vector | Matrix:
+        """Return the signal `name`, (ticks,), or all of a quantity side by side, (ticks, n).
+
+        Raises:
+            KeyError: there is no such signal; it says which there are.
+        """
+        if name in self.signals:
+            return self.signals[name]
+        return np.column_stack([self.signals[full] for full in self.names(name)])
+
+    def names(self, quantity: str) -> tuple[str, ...]:
+        """Return the signals of a quantity (position, effort, ...), or the one of that name.
+
+        Raises:
+            KeyError: there is no such signal; it says which there are.
+        """
+        found = [n for n in self.signals if n == quantity or n.startswith(f"{quantity}.")]
+        if not found:
+            raise KeyError(f"{quantity} is not a signal; there are {', '.join(self.signals)}")
+        return tuple(found)
+
+    def __repr__(self) -> str:
+        """Return one line: the trial, its size, the verdict."""
+        size = f"{len(self.time)} ticks, {len(self.signals)} signals"
+        return f"<Flight {self.name}: {size}; {self.verdict}>"
+
+    def _repr_html_(self) -> str:
+        """Return the verdict and the table of the metrics, for notebooks."""
+        rows = [
+            (name, shown(value), unit_of(name, set(self.units.values()) & {"rad", "m"}))
+            for name, value in flat(self.metrics).items()
+            if value is not None
+        ]
+        cells = "".join(
+            "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>"
+            for row in rows
+        )
+        kinds = ", ".join(dict.fromkeys(name.partition(".")[0] for name in self.signals))
+        return (
+            f"<b>{escape(self.name)}</b>: {escape(self.verdict)}<br>"
+            f"{len(self.time)} ticks of {escape(kinds)}"
+            f"<details><summary>metrics</summary><table>{cells}</table></details>"
+        )
+
+    @property
+    def name(self) -> str:
+        """The name of its trial."""
+        return str(self.trial.get("name", ""))
+
+    @property
+    def verdict(self) -> str:
+        """What a person wants to know first."""
+        tolerance = self.trial.get("goal_tolerance", Trial.goal_tolerance)
+        return verdict(self.metrics, {}, tolerance, len(changes_of(self.events)))
+
+    def xarray(self) -> xarray.Dataset:
+        """Return all signals as an xarray Dataset over the time [s], with their units.
+
+        Raises:
+            ModuleNotFoundError: xarray is not installed.
+        """
+        import xarray
+
+        data = {
+            name: ("time", values, {"units": self.units[name]})
+            for name, values in self.signals.items()
+        }
+        return xarray.Dataset(
+            data, {"time": ("time", self.time, {"units": "s"})}, {"trial": self.name}
+        )
+
+    def frame(self) -> pandas.DataFrame:
+        """Return all signals as a pandas DataFrame over the time [s], units in `attrs`.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed.
+        """
+        import pandas
+
+        frame = pandas.DataFrame(self.signals, index=pandas.Index(self.time, name="time"))
+        frame.attrs["units"] = {"time": "s", **self.units}
+        return frame
+
+    def plot(self, *quantities: str) -> plotly.graph_objects.Figure:
+        """Return a Plotly figure, one panel per quantity over the same time axis.
+
+        Args:
+            quantities: as for `names`; without any: position, tip and effort.
+
+        Raises:
+            KeyError: there is no such signal.
+        """
+        from plotly.graph_objects import Scatter
+        from plotly.subplots import make_subplots
+
+        panels = quantities or ("position", "tip", "effort")
+        figure = make_subplots(rows=len(panels), shared_xaxes=True, vertical_spacing=0.06)
+        for row, quantity in enumerate(panels, 1):
+            names = self.names(quantity)
+            for name in names:
+                figure.add_trace(Scatter(x=self.time, y=self.signals[name], name=name), row, 1)
+            units = ", ".join(dict.fromkeys(self.units[name] for name in names))
+            figure.update_yaxes(title_text=f"{quantity} [{units}]", row=row, col=1)
+        figure.update_xaxes(title_text="time [s]", row=len(panels), col=1)
+        figure.update_layout(height=80 + 220 * len(panels), template="plotly_white")
+        return figure
+
+
+def shown(value: Any) -> str:
+    """Return a value of the metrics in three digits."""
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

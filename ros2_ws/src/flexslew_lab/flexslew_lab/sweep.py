@@ -1,0 +1,115 @@
+"""One trial over a grid of values: every number of its metrics as an array."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexslew_lab.metrics.rows import flat
+from flexslew_lab.notebook import trial
+from flexslew_lab.trial.run import run_trial
+from flexslew_plant.arrays import Tensor
+from flexslew_plant.errors import BadInput
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+
+@dataclass(frozen=True, repr=False)
+class Sweep:
+    """What came out at every point of a grid."""
+
+    axes: dict[str, tuple[Any, ...]]  # the values by path of the trial, in the order of the axes
+    metrics: dict[str, Tensor]  # by dotted name, one axis per path; NaN where there is no number
+
+    def __getitem__(self, name: str) -> Tensor:
+        """Return a metric over the grid.
+
+        Raises:
+            KeyError: there is no such metric; it says which there are.
+        """
+        if name not in self.metrics:
+            raise KeyError(f"{name} is not a metric; there are {', '.join(self.metrics)}")
+        return self.metrics[name]
+
+    def __repr__(self) -> str:
+        """Return one line: the axes and how many metrics."""
+        sizes = " x ".join(f"{path} ({len(values)})" for path, values in self.axes.items())
+        return f"<Sweep {sizes}: {len(self.metrics)} metrics>"
+
+    def frame(self) -> pandas.DataFrame:
+        """Return a row per point, as a pandas DataFrame.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed.
+        """
+        import pandas
+
+        points = pandas.MultiIndex.from_product(self.axes.values(), names=list(self.axes))
+        return pandas.DataFrame({k: v.ravel() for k, v in self.metrics.items()}, index=points)
+
+    def xarray(self) -> xarray.Dataset:
+        """Return the metrics over named axes, as an xarray Dataset.
+
+        Raises:
+            ModuleNotFoundError: xarray is not installed.
+        """
+        import xarray
+
+        dims = list(self.axes)
+        data = {name: (dims, values) for name, values in self.metrics.items()}
+        return xarray.Dataset(data, {path: list(values) for path, values in self.axes.items()})
+
+
+def sweep(
+    source: str | Path | Mapping[str, Any] = "m1",
+    axes: Mapping[str, Sequence[Any] | np.ndarray[Any, Any]] | None = None,
+    changes: Mapping[str, Any] | None = None,
+    **given: Any,
+) -> Sweep:
+    """Return the metrics of a trial flown at every point of a grid, one after the other.
+
+    Args:
+        source: as for `trial`.
+        axes: path to values, for example {"testbed.modes": [1, 2], "plan.duration": durations}.
+        changes: path to value, the same at every point.
+        given: law and plan, as for `trial`.
+
+    Raises:
+        BadInput: an axis has no values, or a point is not allowed; before anything is flown.
+        PlanFailed: a point has no plan; the message names its number.
+    """
+    grid = {path: tuple(np.asarray(values).tolist()) for path, values in (axes or {}).items()}
+    for path, values in grid.items():
+        if not values:
+            raise BadInput(f"{path} has no values")
+    points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
+    trials = [trial(source, {**(changes or {}), **point}, **given) for point in points]
+    rows = []
+    for number, one in enumerate(trials):
+        with tempfile.TemporaryDirectory() as passing:
+            folder = Path(passing, "run")
+            found = run_trial(one, f"sweep point {number}", folder, in_process=True, report=False)
+            rows.append(_numbers(found.metrics))
+    shape = tuple(map(len, grid.values()))
+    names = dict.fromkeys(name for row in rows for name in row)
+    return Sweep(
+        grid,
+        {name: np.array([row.get(name, np.nan) for row in rows]).reshape(shape) for name in names},
+    )
+
+
+def _numbers(metrics: Mapping[str, Any]) -> dict[str, float]:
+    """Return what of the metrics is a number; NaN where there is none."""
+    return {
+        name: np.nan if value is None else float(value)
+        for name, value in flat(metrics).items()
+        if value is None or isinstance(value, int | float)
+    }

@@ -1,0 +1,133 @@
+"""`import flexslew`: objects in place of names, grids of trials, no module of Linux alone."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import flexslew as fs
+
+SHORT: dict[str, Any] = {"name": "short", "duration": 2.0, "testbed": {"modes": 1}}
+SLEW = {**SHORT, "plan": {"method": "reference_only", "goal": {"base_yaw": 0.01}, "duration": 1.0}}
+
+
+def push(measurement: Any, reference: Any) -> Any:
+    return 460.0 * (reference.position - measurement.joint_position)
+
+
+class Push:
+    def __init__(self, settings: Any, period: float, effort_limit: Any) -> None:
+        self.kp = settings.get("kp", 460.0)
+
+    def update(self, measurement: Any, estimate: Any, reference: Any) -> Any:
+        return self.kp * (reference.position - measurement.joint_position)
+
+
+def cubic(ticks: int, *goal: float) -> Any:
+    s = np.linspace(0.0, 1.0, ticks + 1)[:, None]
+    return (3.0 * s**2 - 2.0 * s**3) * np.array(goal)
+
+
+@pytest.fixture(scope="module")
+def flight() -> fs.Flight:
+    return fs.fly(fs.trial(SHORT, law=push, plan=cubic(100, 0.2, 0.1)))
+
+
+def test_a_function_and_a_class_given_as_objects_fly_the_same_bits(flight: fs.Flight) -> None:
+    other = fs.fly(fs.trial(SHORT, law=Push, plan=cubic(100, 0.2, 0.1)))
+    assert other.metrics["trajectory_hash"] == flight.metrics["trajectory_hash"]
+    assert np.array_equal(flight["effort.base_yaw"][1:3], [0.0, 460.0 * cubic(100, 0.2)[1, 0]])
+
+
+def test_positions_given_as_an_array_are_the_reference_at_every_tick(flight: fs.Flight) -> None:
+    assert np.array_equal(flight["reference"][:101], cubic(100, 0.2, 0.1))
+    assert flight["reference.hub_pitch"][150] == 0.1
+    assert flight.metrics["manoeuvre_end"] == 1.0
+
+
+def test_a_plan_that_was_made_elsewhere_is_flown(flight: fs.Flight) -> None:
+    rows = cubic(100, 0.2, 0.1)
+    rates = np.gradient(rows, 0.01, axis=0)
+    names, none = ("base_yaw", "hub_pitch"), np.zeros((101, 0))
+    made = fs.Plan("mine", names, 0.5, 0.01, rows, rates, np.zeros((100, 2)), none, 1.0)
+    flown = fs.fly(fs.trial(SHORT, law=push, plan=made))
+    assert np.array_equal(flown["reference"][50:151], rows)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"plan": np.zeros(4)}, r"shape \(4,\) is not allowed: \(ticks \+ 1, joints\)"),
+        ({"plan": np.zeros((5, 3))}, r"shape \(5, 3\) does not fit: \(5, 2\): base_yaw"),
+        ({"plan": np.full((5, 2), np.nan)}, "not finite"),
+        ({"law": int}, r"int is not allowed: a class with update"),
+        ({"law": 3.0}, "a float is not allowed"),
+    ],
+)
+def test_an_object_that_does_not_fit_is_refused_in_one_line(given: Any, words: str) -> None:
+    with pytest.raises(fs.BadInput, match=words):
+        fs.fly(fs.trial(SHORT, **given))
+
+
+def test_a_sweep_has_an_axis_per_path_and_the_numbers_of_single_flights() -> None:
+    found = fs.sweep(SLEW, {"testbed.modes": np.array([1, 2]), "plan.duration": [0.5, 1.0, 1.5]})
+    tips = found["residual_tip_deflection"]
+    assert tips.shape == (2, 3)
+    alone = fs.fly(fs.trial(SLEW, {"testbed.modes": 2, "plan.duration": 1.0}))
+    assert tips[1, 1] == alone.metrics["residual_tip_deflection"]
+    assert "testbed.modes (2) x plan.duration (3)" in repr(found)
+    with pytest.raises(fs.BadInput, match=r"testbed\.modes has no values"):
+        fs.sweep(SLEW, {"testbed.modes": []})
+
+
+def test_a_flight_is_short_to_look_at_and_shows_no_markup_of_others(flight: fs.Flight) -> None:
+    assert repr(flight).startswith("<Flight short: 201 ticks, ")
+    assert len(repr(flight)) < 400
+    page = replace(flight, trial={"name": "<b>"})._repr_html_()
+    assert page.startswith(f"<b>&lt;b&gt;</b>: {flight.verdict}<br>")
+
+
+def test_a_flight_becomes_a_dataset_with_units(
+    flight: fs.Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: Any = SimpleNamespace(Dataset=lambda data, coordinates, attributes: (data, coordinates))
+    monkeypatch.setitem(sys.modules, "xarray", made)
+    data, coordinates = flight.xarray()
+    assert data["effort.base_yaw"][2] == {"units": "N m"}
+    assert coordinates["time"][1] is flight.time
+
+
+def test_a_bench_is_stepped_by_hand() -> None:
+    bench = fs.bench(SHORT)
+    assert (bench.tick, bench.question.tick) == (0, 0)
+
+
+ELSEWHERE = """
+import os, signal, sys
+import numba, plotly.graph_objects, scipy.signal, control, rosbags.typesys, mcap.writer, typer
+import multiprocessing.pool, tempfile, webbrowser
+for name in ("fcntl", "termios", "resource", "pwd", "grp", "pty", "tty", "syslog", "msvcrt"):
+    sys.modules[name] = None
+for place, names in (
+    (os, ("getuid", "geteuid", "fork", "O_NOFOLLOW", "sched_getaffinity", "killpg", "setsid")),
+    (signal, ("SIGKILL", "SIGBUS", "SIGHUP", "SIGCHLD", "SIGUSR1", "SIGALRM")),
+):
+    for name in names:
+        delattr(place, name)
+import flexslew as fs
+import flexslew_lab.cli.main
+flight = fs.fly(fs.trial({"duration": 0.1, "testbed": {"modes": 1}}))
+print(flight.metrics["ticks"])
+"""
+
+
+def test_it_imports_and_flies_where_no_module_is_there_that_linux_alone_has() -> None:
+    child = subprocess.run(
+        [sys.executable, "-c", ELSEWHERE], capture_output=True, text=True, check=False
+    )
+    assert child.stderr == ""
+    assert child.stdout == "10\n"
