@@ -86,3 +86,14 @@ def test_a_sum_of_waves_has_the_poles_that_it_was_made_of(seed: int) -> None:
     found = ring_down(waves.real, 0.01, s * rng.uniform(0.98, 1.02, 3))
     np.testing.assert_allclose(found.s, s, rtol=1e-8)
     assert (found.deviation < 1e-8).all()
+
+
+def test_poles_of_a_law_with_an_estimator_are_told_apart() -> None:
+    """The push moves the estimator's error, too: its poles are in the record beside the loop's."""
+    keys: Any = {"plan": None, "controllers": {"lqr": {}}, "active": "lqr", "period": 0.02}
+    what = trial("time_optimal_oscillator", keys)
+    proof = proved(what, analysed(what, "here"))
+    assert all(pole.agrees for pole in proof.poles)
+    assert len(proof.poles) >= 3
+    for pole in proof.poles:
+        assert pole.flown_frequency == pytest.approx(pole.frequency, rel=1e-3)

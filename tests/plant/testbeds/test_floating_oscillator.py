@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from flexslew_lab.notebook import fly, trial
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.testbeds import initial_state, read_testbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 
 OSCILLATOR = FloatingOscillatorTestbed()
@@ -46,3 +47,23 @@ def test_a_stiffer_spring_is_the_same_as_a_scaled_model() -> None:
 def test_a_second_mode_is_refused() -> None:
     with pytest.raises(BadInput, match="modes: 2"):
         read_testbed({"kind": "floating_oscillator", "modes": 2}, "trial.yaml")
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.0, -0.3])
+def test_a_free_mass_that_moves_keeps_momentum_and_energy(rate: float) -> None:
+    """x_2'(0) = v: both masses drift with v / 2, and swing at sqrt(2 k / m) about it."""
+    keys = {
+        "plan": None,
+        "duration": 10.0,
+        "testbed": {"kind": "floating_oscillator", "initial": {"free_mass_rate": rate}},
+        "controllers": {"pd_feedforward": {"kp": [0.0], "kd": [0.0]}},
+    }
+    flight = fly(trial(keys))
+    t, w = flight.time, np.sqrt(2.0)
+    expected = 0.5 * rate * (t - np.sin(w * t) / w)
+    np.testing.assert_allclose(flight["position.mass"], expected, atol=1e-6)
+    np.testing.assert_allclose(flight["tip.spring"], rate * np.sin(w * t) / w, atol=1e-6)
+
+
+def test_it_rests_unless_told_otherwise() -> None:
+    assert not initial_state(OSCILLATOR).any()

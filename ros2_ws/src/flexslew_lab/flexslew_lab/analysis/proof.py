@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.analysis.linear_plant import Path, sampled_plant
-from flexslew_control.analysis.loop import Complex, Loop, loop_of, visible_poles
+from flexslew_control.analysis.loop import Complex, loop_of
 from flexslew_control.analysis.ring_down import RingDown, ring_down
 from flexslew_lab.analysis.analysis import Analysis
 from flexslew_lab.analysis.pulse_flight import pulse_response, require_flyable
+from flexslew_lab.analysis.record_poles import FADE, asked_poles, other_poles
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -17,10 +18,7 @@ from flexslew_plant.errors import BadInput
 MARGIN, FREQUENCY, DAMPING = 0.02, 0.005, 0.05  # largest differences that agree, of the prediction
 
 _BESIDE = 0.002  # how far inside and outside of a margin is flown, of it
-_BEGINS = 20  # ticks after the pulse at which a record begins
-_GONE = 1e-10  # of a pole's part when the record begins: it is not in it
 _TURNS, _FEWEST, _MOST = 4.0, 400, 3000  # length of a record: turns of the pole; ticks
-_VISIBLE = 1e-6  # strength of a pole that a record is to show
 _TOLD_APART = 0.2  # a pole's deviation, of what it may differ by, at most
 
 
@@ -53,7 +51,7 @@ class ProvedMargin:
         frequency: of that pole, predicted at the margin [rad/s].
         flown_frequency: flown inside of it [rad/s].
         inside, outside: growth of that pole there [1/s]: decays, grows.
-        agrees: within MARGIN, decays inside and grows outside; None: not told apart.
+        agrees: within MARGIN, and it grows faster outside than inside; None: not told apart.
     """
 
     channel: str
@@ -129,9 +127,12 @@ class _Flights:
 
     def poles(self) -> tuple[ProvedPole, ...]:
         """Return the visible poles of the loop without a further fault."""
-        s, found = self._flown(self._gain, self._delay, None)
+        s, found, asked = self._flown(self._gain, self._delay, None)
+        together = _together(s, found.s)
         out = []
-        for predicted, flown, deviation in zip(s, found.s, found.deviation, strict=True):
+        for predicted, flown, deviation in zip(
+            s[:asked], together[:asked], found.deviation[:asked], strict=True
+        ):
             w, w_flown = float(abs(predicted)), float(abs(flown))
             damping, damping_flown = float(-predicted.real / w), float(-flown.real / w_flown)
             told = deviation <= _TOLD_APART * w * min(FREQUENCY, DAMPING * abs(damping))
@@ -157,7 +158,7 @@ class _Flights:
                 delay[channel] += sizes[-1] / self._trial.period
             else:
                 gain[channel] *= sizes[-1]
-            s, found = self._flown(gain, delay, frequency)
+            s, found, _ = self._flown(gain, delay, frequency)
             critical = int(np.argmin(abs(s - 1j * frequency)))
             growth.append(float(found.s[critical].real))
             spread.append(float(found.deviation[critical]))
@@ -166,14 +167,16 @@ class _Flights:
         slope = (outside - inside) / (sizes[1] - sizes[0])
         flown = sizes[0] - inside / slope
         told = max(spread) <= _TOLD_APART * MARGIN * size * abs(slope)
-        agrees = inside < 0.0 < outside and abs(flown - size) <= MARGIN * size
+        agrees = inside < outside and abs(flown - size) <= MARGIN * size
         return ProvedMargin(
             self._analysis.loop.effort_names[channel], kind, float(size), float(flown),
             float(frequency), at[0], inside, outside, bool(agrees) if told else None,
         )  # fmt: skip
 
-    def _flown(self, gain: Vector, delay: Vector, w: float | None) -> tuple[Complex, RingDown]:
-        """Return the poles predicted with these faults, and the same poles as flown.
+    def _flown(self, gain: Vector, delay: Vector, w: float | None) -> tuple[Complex, RingDown, int]:
+        """Return the poles predicted with these faults, those as flown, how many are the loop's.
+
+        The others, which stand after them, are those of an estimator's error.
 
         Args:
             gain: of the motors, see Path.
@@ -183,17 +186,31 @@ class _Flights:
         period, point = self._trial.period, self._analysis.point
         path = Path(period, point.path.actuator, gain, delay)
         plant = sampled_plant(point.rest, path, applied=True)
-        s = _slow(loop_of(plant, self._analysis.running.form), period)
+        loop = loop_of(plant, self._analysis.running.form)
+        asked = asked_poles(loop)
+        s = _continuous(asked, period)
         slowest = float(min(abs(s))) if w is None else w
         ticks = int(np.clip(_TURNS * 2.0 * np.pi / slowest / period, _FEWEST, _MOST))
-        begins = _BEGINS + int(np.ceil(delay.max()))
+        begins = FADE + int(np.ceil(delay.max()))
+        limits = np.asarray(self._trial.testbed.effort_limit)
+        others = other_poles(loop, point.rest, limits, asked, begins, ticks)
         record = pulse_response(self._trial, self._analysis, begins + ticks, gain, delay)[begins:]
-        return s, ring_down(record, period, s)
+        every = np.concatenate((s, _continuous(others, period)))
+        return every, ring_down(record, period, every), len(s)
 
 
-def _slow(loop: Loop, period: float) -> Complex:
-    """Return the poles that a record shows, one of each pair [rad/s]."""
-    z, _ = visible_poles(loop, _VISIBLE)
-    shown = (z.imag >= 0.0) & (abs(z) ** _BEGINS > _GONE)
-    s = np.log(z[shown]) / period
+def _together(predicted: Complex, flown: Complex) -> Complex:
+    """Return the flown poles, those that no record tells apart moved alike.
+
+    Of decays nearer to each other than they may differ, a record shows the mean and hardly the
+    difference: each is its prediction, moved as their mean is.
+    """
+    near = abs(predicted[:, None] - predicted) <= FREQUENCY * abs(predicted)
+    moved = near @ (flown - predicted) / near.sum(axis=1)
+    return np.asarray(predicted + moved, dtype=np.complex128)
+
+
+def _continuous(z: Complex, period: float) -> Complex:
+    """Return poles in s, those that do not turn real [rad/s]."""
+    s = np.log(z) / period
     return np.asarray(np.where(abs(s.imag) < 1e-9 * abs(s), s.real, s), dtype=np.complex128)

@@ -14,6 +14,7 @@ from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
 from flexslew_plant.settings import plain, validated
+from flexslew_plant.testbeds.contract import StartsMoving
 from flexslew_plant.testbeds.contract import Testbed as Testbed
 from flexslew_plant.testbeds.entry import TestbedEntry as TestbedEntry
 from flexslew_plant.testbeds.model import Appendages as Appendages
@@ -189,12 +190,13 @@ def initial_positions(testbed: Testbed) -> dict[str, float]:
 
 
 def initial_state(testbed: Testbed) -> Vector:
-    """Return [q, v] at rest at the start, appendages straight."""
+    """Return [q, v] at the start, appendages straight, at rest unless the testbed says more."""
     import numpy as np
 
     model = testbed.model()
     rest = model.rest(initial_positions(testbed))
-    return np.concatenate((rest, np.zeros(model.coordinates)))
+    rates = testbed.initial_rates() if isinstance(testbed, StartsMoving) else np.zeros(rest.size)
+    return np.concatenate((rest, rates))
 
 
 def _merged(values: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -51,6 +51,14 @@ class Testbed(Protocol):
         """Return how it is drawn."""
 
 
+@runtime_checkable
+class StartsMoving(Protocol):
+    """A testbed that may move at the start."""
+
+    def initial_rates(self) -> Vector:
+        """Return v of joints and modes at the start, shape (n,)."""
+
+
 class ShapedMotion(NamedTuple):
     """Joints that follow a shaped command, on a grid, and how they drive the modes."""
 

@@ -38,9 +38,10 @@ class FloatingOscillatorParameters:
 
 @section
 class FloatingOscillatorInitial:
-    """Where the driven mass rests at the start; the spring is relaxed."""
+    """Where the driven mass rests at the start, the spring relaxed, and how the free mass moves."""
 
     mass: float = 0.0  # x_1(0) [m]
+    free_mass_rate: float = 0.0  # x_2'(0) after an impulse m_2 x_2'(0) on the free mass [m/s]
 
 
 @section
@@ -69,6 +70,10 @@ class FloatingOscillatorTestbed:
             self._appendages(),
             scale_stiffness=stiffened,
         )
+
+    def initial_rates(self) -> Vector:
+        """Return v at the start: what an impulse on the free mass leaves, shape (2,) [m/s]."""
+        return np.array([0.0, self.initial.free_mass_rate])
 
     def _appendages(self) -> Appendages:
         """Return the spring: its stretch stands where others have the deflection of a tip."""
