@@ -21,7 +21,7 @@ from flexslew_lab.cli.main import main
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.ros.operator import connected
-from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.trial.domain import RunningBench, bench_to_operate, own_domain
 from flexslew_plant.policies import OWN_SERVICES, OWN_TOPICS, ROLES
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import qos
@@ -497,7 +497,8 @@ def test_the_command_line_operates_the_bench(operator, monkeypatch, capsys):
         call("start")
         assert call("pause")[0] == 0
         code, words = call("pause")
-        assert (code, words) == (1, "not running but paused")
+        here = f"(a bench, ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']})"
+        assert (code, words) == (1, f"not running but paused {here}")
         assert call("step", "3")[0] == 0
         code, words = call("controllers", "--json")
         assert code == 0
@@ -506,6 +507,17 @@ def test_the_command_line_operates_the_bench(operator, monkeypatch, capsys):
         assert "nobody" in call("switch", "nobody")[1]
         assert call("brake")[0] == 0
         assert call("brake", "--release")[0] == 0
+        gone = RunningBench(int(os.environ["ROS_DOMAIN_ID"]) + 1, "gone", known=False)
+        benches = [gone, bench_to_operate()]  # never those of others who work on this machine
+        monkeypatch.setattr("flexslew_lab.cli.operate.running_benches", lambda: benches)
+        with monkeypatch.context() as hasty:
+            hasty.setattr("flexslew_lab.cli.operate._BY_HAND", 0.2)
+            code, words = call("brake", "--all")
+        assert code == 1
+        assert "(gone, ROS_DOMAIN_ID" in words
+        assert words.endswith(here)
+        assert call("brake", "--all", "--release")[0] == 1
+        assert call("brake", "--release")[0] == 1  # it has been released
         assert call("reset")[0] == 0
         assert asked_by_the_command_line() <= absolute(ROLES["operator"].request, "operator")
     finally:

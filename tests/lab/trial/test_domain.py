@@ -14,18 +14,56 @@ def alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
 
 
-def test_a_run_leaves_its_domain_for_those_who_look_for_it() -> None:
-    assert domain.domains_in_use() == {}
+def trials() -> dict[int, str]:
+    return {bench.domain: bench.trial for bench in domain.running_benches()}
+
+
+def test_a_run_leaves_its_domain_for_those_who_look_for_it(tmp_path: Path) -> None:
+    assert trials() == {}
     assert domain.bench_domain() == (0, False)
-    with domain.own_domain("m1") as first:
-        assert domain.domains_in_use() == {first: "m1"}
+    with domain.own_domain("m1", tmp_path / "run") as first:
+        assert trials() == {first: "m1"}
         assert domain.bench_domain() == (first, True)
+        words = f"m1 in {tmp_path / 'run'}, ROS_DOMAIN_ID {first}"
+        assert domain.bench_to_operate().words == words
         with domain.own_domain("swap_demo") as second:
             assert second != first
-            assert domain.domains_in_use() == {first: "m1", second: "swap_demo"}
-            with pytest.raises(FlexslewError, match=rf"{first} \(m1\), {second} \(swap_demo\)"):
+            assert trials() == {first: "m1", second: "swap_demo"}
+            with pytest.raises(FlexslewError, match=rf"ID {first}; swap_demo, .*ID {second}$"):
                 domain.bench_domain()
-    assert domain.domains_in_use() == {}
+    assert trials() == {}
+
+
+def test_the_bench_of_this_checkout_is_meant(monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr(domain, "_ROOT", "/another/checkout")
+        other = domain.own_domain("theirs")
+        first = other.__enter__()
+    assert domain.bench_to_operate().domain == first  # the only one
+    assert domain.bench_to_operate().words.endswith(", of /another/checkout")
+    with domain.own_domain("mine") as second:
+        assert domain.bench_to_operate().domain == second
+    other.__exit__(None, None, None)
+
+
+def test_the_bench_of_another_user_is_never_meant(monkeypatch: pytest.MonkeyPatch) -> None:
+    with domain.own_domain("theirs") as theirs:
+        monkeypatch.setattr(domain, "_user", lambda: 4321)
+        assert domain.running_benches() == []
+        assert domain.bench_domain() == (0, False)
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(theirs))
+        with pytest.raises(FlexslewError, match="the bench of another user"):
+            domain.bench_domain()
+
+
+def test_a_console_tells_its_folder_once_it_has_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with domain.own_domain("m1") as number:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+        with domain.own_domain("m1", tmp_path / "run"):
+            assert domain.bench_to_operate().folder == str(tmp_path / "run")
+        assert domain.bench_domain() == (number, True)
 
 
 def test_the_users_own_domain_wins(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -46,7 +84,7 @@ def test_a_domain_that_is_none_is_told(monkeypatch: pytest.MonkeyPatch, wanted: 
 
 def test_a_lock_of_a_run_that_was_killed_counts_no_more(tmp_path: Path) -> None:
     (tmp_path / "flexslew_domain_7.lock").write_text("gone")
-    assert domain.domains_in_use() == {}
+    assert trials() == {}
     with domain.own_domain("m1") as number:
         assert number == 1
         assert os.listdir(tmp_path)

@@ -28,4 +28,4 @@ def join(arguments: list[str]) -> None:
 
 def _others(arguments: list[str]) -> bool:
     """Return whether another bench may be meant, or none."""
-    return any(word.startswith(("--help", "--namespace")) for word in arguments)
+    return any(word.startswith(("--help", "--namespace", "--all")) for word in arguments)

@@ -10,7 +10,7 @@ import typer
 
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import print_table, say, short
-from flexslew_lab.trial.domain import bench_domain
+from flexslew_lab.trial.domain import RunningBench, bench_to_operate, running_benches
 from flexslew_plant.errors import BadInput, FlexslewError
 
 if TYPE_CHECKING:
@@ -61,12 +61,18 @@ def reset(namespace: Namespace = "") -> None:
 
 def brake(
     release: Annotated[bool, typer.Option("--release", help="Take the brake off.")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="On all benches of yours on this machine.")
+    ] = False,
     namespace: Namespace = "",
 ) -> None:
     """Stop the joints with the drive's own brake from the next tick on, until it is released.
 
     Example: `./flexslew brake`
     """
+    if every:
+        _brake_all(namespace, release)
+        return
     _done(namespace, lambda bench: bench.act("release_brake" if release else "brake"))
 
 
@@ -101,7 +107,8 @@ def controllers(as_json: Json = False, namespace: Namespace = "") -> None:
 
     Example: `./flexslew controllers`
     """
-    with _bench(namespace) as bench:
+    which = bench_to_operate()
+    with _bench(namespace, which) as bench:
         active, rows = bench.controllers()
     if as_json:
         print(json.dumps({"active": active, "controllers": rows}, indent=2))
@@ -109,6 +116,7 @@ def controllers(as_json: Json = False, namespace: Namespace = "") -> None:
         columns = ("controller", "law", "ready", "reason", "last_tick")
         table = [[short(row[c]) for c in columns] for row in rows]
         print_table(("in charge", *columns), [["*" * (r[0] == active), *r] for r in table])
+        say(which.words)
 
 
 def switch(
@@ -131,24 +139,41 @@ COMMANDS = (controllers, switch, start, pause, step, reset, brake, inject, retar
 
 
 @contextmanager
-def _bench(namespace: str) -> Iterator["Operator"]:
+def _bench(namespace: str, which: RunningBench) -> Iterator["Operator"]:
     from flexslew_lab.ros.operator import PATIENCE, connected  # says it where ROS is missing
 
-    domain, known = bench_domain()
-    with connected(domain, namespace, PATIENCE if known else _BY_HAND) as bench:
+    with connected(which.domain, namespace, PATIENCE if which.known else _BY_HAND) as bench:
         try:
             yield bench
         except FlexslewError as error:
-            hint = "" if known else f" (domain {domain}; no run of this machine is under way)"
-            raise FlexslewError(f"{error}{hint}") from None
+            hint = f" (domain {which.domain}; no run of yours on this machine is under way)"
+            raise FlexslewError(f"{error}{'' if which.known else hint}") from None
 
 
 def _done(namespace: str, ask: Callable[["Operator"], "Reply"]) -> None:
-    """Print what the bench answers; leave with exit code 1 if it refuses."""
-    with _bench(namespace) as bench:
+    """Print what the bench answers, and which it is; leave with exit code 1 if it refuses."""
+    which = bench_to_operate()
+    with _bench(namespace, which) as bench:
         reply = ask(bench)
-    say(reply.message)
+    say(f"{reply.message} ({which.words})")
     if not reply.ok:
+        raise typer.Exit(1)
+
+
+def _brake_all(namespace: str, release: bool) -> None:
+    """Brake each bench of this user; exit code 1 if one of them did not."""
+    found, failed = running_benches(), False
+    if not found:
+        raise BadInput("no bench of yours runs on this machine", key="--all")
+    for which in found:
+        try:
+            with _bench(namespace, which) as bench:
+                reply = bench.act("release_brake" if release else "brake")
+            words, failed = reply.message, failed or not reply.ok
+        except FlexslewError as error:  # the others are braked all the same
+            words, failed = str(error), True
+        say(f"{words} ({which.words})")
+    if failed:
         raise typer.Exit(1)
 
 

@@ -1,26 +1,55 @@
 """A ROS domain of one's own, so that two runs on one machine do not meet; and which are in use."""
 
+import json
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from flexslew_plant.errors import BadInput, FlexslewError
 from flexslew_plant.file_lock import lock_file
 
 _HIGHEST = 101  # above it the ports of DDS meet the ephemeral ones of Linux
 _LAST = 232  # that DDS knows
+_ROOT = str(Path(__file__).resolve().parents[2])  # the checkout, or the installation by pip
+_WORDS = 4096  # that a lock says of its run, at most [bytes]
+_held: dict[int, int] = {}  # open locks of this process by domain
+
+
+class RunningBench(NamedTuple):
+    """A bench of this machine, as the lock of its domain describes it."""
+
+    domain: int  # ROS_DOMAIN_ID
+    trial: str = ""
+    folder: str = ""  # of the run
+    root: str = ""  # whose code flies it
+    user: int = 0
+    known: bool = True  # whether a run of this machine has claimed the domain
+
+    @property
+    def here(self) -> bool:
+        """Whether it is flown by the code of this checkout."""
+        return self.root == _ROOT
+
+    @property
+    def words(self) -> str:
+        """Trial, folder and domain in one line."""
+        where = f" in {self.folder}" if self.folder else ""
+        other = f", of {self.root}" if self.root and not self.here else ""
+        return f"{self.trial or 'a bench'}{where}, ROS_DOMAIN_ID {self.domain}{other}"
 
 
 @contextmanager
-def own_domain(what: str = "") -> Iterator[int]:
+def own_domain(what: str = "", folder: Path | None = None) -> Iterator[int]:
     """Yield a ROS_DOMAIN_ID that no other run of this machine holds; the user's, if set.
 
-    While it is held, `domains_in_use` lists it.
+    While it is held, `running_benches` lists it.
 
     Args:
         what: runs there, for those who look for a bench.
+        folder: of the run, for the same.
 
     Raises:
         BadInput: ROS_DOMAIN_ID is not a number of a domain.
@@ -28,21 +57,22 @@ def own_domain(what: str = "") -> Iterator[int]:
     """
     wanted = chosen_domain()
     if wanted is not None:
-        handle = _locked(wanted, what)
+        if wanted in _held:  # claimed by this process before it knew the folder
+            _describe(_held[wanted], what, folder)
+        handle = _locked(wanted, what, folder)
         try:
             yield wanted
         finally:
-            if handle is not None:
-                os.close(handle)
+            _released(wanted, handle)
         return
     for number in range(1, _HIGHEST + 1):
-        handle = _locked(number, what)
+        handle = _locked(number, what, folder)
         if handle is None:
             continue
         try:
             yield number
         finally:
-            os.close(handle)
+            _released(number, handle)
         return
     raise FlexslewError("all ROS domains from 1 to 101 are in use; set ROS_DOMAIN_ID to one")
 
@@ -61,41 +91,74 @@ def chosen_domain() -> int | None:
     return int(wanted)
 
 
-def domains_in_use() -> dict[int, str]:
-    """Return the domains that runs of this machine hold, with what runs there."""
-    found = {}
+def running_benches(everybody: bool = False) -> list[RunningBench]:
+    """Return the benches of this user that run on this machine, by domain.
+
+    Args:
+        everybody: those of other users, too, as far as their locks can be read.
+    """
+    found = []
     for path in _folder().glob("flexslew_domain_*.lock"):
         number = path.stem.rpartition("_")[2]
         try:
             handle = lock_file(path, create=False)
             if handle is None:
-                found[int(number)] = path.read_text(errors="replace").strip()
+                found.append(_described(int(number), path))
             else:
                 os.close(handle)
-        except OSError:
-            continue  # another user's
-    return dict(sorted(found.items()))
+        except (OSError, ValueError):
+            continue  # another user's, or no lock of ours
+    mine = _user()
+    return sorted(bench for bench in found if everybody or bench.user == mine)
+
+
+def bench_to_operate() -> RunningBench:
+    """Return the bench that a command of this checkout means.
+
+    ROS_DOMAIN_ID decides where it is set; else the only bench of this checkout; else the only one
+    of this user.
+
+    Raises:
+        BadInput: ROS_DOMAIN_ID is not a number of a domain.
+        FlexslewError: several benches are meant, or the domain is another user's.
+    """
+    chosen = chosen_domain()
+    if chosen is not None:
+        bench = next((b for b in running_benches(everybody=True) if b.domain == chosen), None)
+        if bench is not None and bench.user != _user():
+            raise FlexslewError(f"ROS_DOMAIN_ID {chosen} is the bench of another user")
+        return bench or RunningBench(chosen, known=False)
+    found = running_benches()
+    meant: Sequence[RunningBench] = [bench for bench in found if bench.here] or found
+    if len(meant) > 1:
+        runs = "; ".join(bench.words for bench in meant)
+        raise FlexslewError(f"several benches run here; set ROS_DOMAIN_ID to the one meant: {runs}")
+    return meant[0] if meant else RunningBench(0, known=False)
 
 
 def bench_domain() -> tuple[int, bool]:
     """Return the domain of the bench to talk to, and whether a run has claimed it.
 
-    ROS_DOMAIN_ID decides where it is set; else the only run of this machine does.
-
     Raises:
-        BadInput: ROS_DOMAIN_ID is not a number of a domain.
-        FlexslewError: several runs are under way.
+        BadInput, FlexslewError: see bench_to_operate.
     """
-    chosen, found = chosen_domain(), domains_in_use()
-    if chosen is not None:
-        return chosen, chosen in found
-    if len(found) > 1:
-        runs = ", ".join(f"{number} ({what or 'a bench'})" for number, what in found.items())
-        raise FlexslewError(f"several benches run here; set ROS_DOMAIN_ID to one of {runs}")
-    return (next(iter(found)), True) if found else (0, False)
+    bench = bench_to_operate()
+    return bench.domain, bench.known
 
 
-def _locked(number: int, what: str) -> int | None:
+def _described(number: int, path: Path) -> RunningBench:
+    """Return what a lock says of its run; of one of another version only its owner is known."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        text = file.read(_WORDS)
+    try:
+        said = json.loads(text)
+        trial, folder, root = (str(said[key]) for key in ("trial", "folder", "root"))
+        return RunningBench(number, trial, folder, root, int(said["user"]))
+    except (ValueError, KeyError, TypeError):
+        return RunningBench(number, user=path.stat().st_uid)
+
+
+def _locked(number: int, what: str, folder: Path | None) -> int | None:
     """Return the open lock of a domain; None where another run holds it."""
     try:
         handle = lock_file(_folder() / f"flexslew_domain_{number}.lock", 0o666)
@@ -103,9 +166,27 @@ def _locked(number: int, what: str) -> int | None:
         return None  # another user's
     if handle is None:
         return None
-    os.ftruncate(handle, 0)
-    os.pwrite(handle, what.encode()[:200], 0)
+    _held[number] = handle
+    _describe(handle, what, folder)
     return handle
+
+
+def _describe(handle: int, what: str, folder: Path | None) -> None:
+    """Write into a lock what runs in its domain, for those who look for a bench."""
+    where = "" if folder is None else str(folder.resolve())
+    facts = {"trial": what[:200], "folder": where, "root": _ROOT, "user": _user()}
+    os.ftruncate(handle, 0)
+    os.pwrite(handle, json.dumps(facts).encode(), 0)
+
+
+def _released(number: int, handle: int | None) -> None:
+    if handle is not None:
+        del _held[number]
+        os.close(handle)
+
+
+def _user() -> int:
+    return getattr(os, "getuid", int)()
 
 
 def _folder() -> Path:

@@ -225,7 +225,7 @@ def _over_ros(
     processes = node_processes(trial, folder, True, metadata, planned, autostart=autostart)
     parameters = folder / "parameters.yaml"
     parameters.write_text(parameter_file(processes))
-    with own_domain(trial.name) as domain:
+    with own_domain(trial.name, folder) as domain:
         say(f"ROS_DOMAIN_ID {domain}: {', '.join(p.name for p in processes)}")
         supervisor = Supervisor(processes, parameters, folder / "nodes.log", domain, progress)
         return supervisor.run()
