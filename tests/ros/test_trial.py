@@ -35,6 +35,7 @@ def test_a_run_over_dds_is_bit_identical_to_the_one_in_process(
     assert flight.outcome == (0, "")
     metrics = flight.metrics
     assert metrics["trajectory_hash"] == in_process_hash
+    assert metrics["wall_time"] > 0.0
     assert (metrics["ticks"], metrics["missed_ticks"], metrics["missing_ticks"]) == (600, 0, 0)
 
 

@@ -190,3 +190,12 @@ def test_every_metric_is_a_metric() -> None:
     for entry in METRICS.values():
         _: type[Metric] = entry.metric
         assert entry.metric.KEYS
+
+
+def test_the_wall_time_is_what_the_plant_says_at_its_end_or_else_the_recorded_one() -> None:
+    setup, block = flown("m1", 30, np.random.default_rng(6))
+    metric = METRICS["course"].metric(setup)
+    metric.add(block)
+    assert metric.result(Ending(events(), [], True))["wall_time"] == 1.5
+    assert metric.result(Ending([], [2.0], True))["wall_time"] == 2.0
+    assert metric.result(Ending([], [], True))["wall_time"] is None

@@ -51,8 +51,8 @@ class Course:
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the eight values."""
         first, last = self.ticks or (0, 0)
-        finished = [e.what for e in ending.events if isinstance(e.what, RunFinished)]
-        wall = [float(d["wall_time"]) for d in finished if isinstance(d, dict) and "wall_time" in d]
+        finished = (e.what for e in ending.events if isinstance(e.what, RunFinished))
+        wall = [e.wall_time for e in finished if e.wall_time is not None]
         wall += ending.wall_times
         return {
             "manoeuvre_start": self._manoeuvre.start,

@@ -8,7 +8,8 @@ import numpy as np
 from flexslew_lab.report.run_data import RunData
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Model
-from flexslew_plant.testbeds.scene import Frame, Scene
+from flexslew_plant.testbeds.robot_model import Frame
+from flexslew_plant.testbeds.scene import Scene
 
 _BEND = 3  # how much a bend that can be seen anyway is exaggerated
 _SEEN = 0.02  # of the drawn size: a bend below cannot be seen
@@ -42,7 +43,7 @@ def scene_of(run: RunData) -> dict[str, Any] | None:
     frames = scene.frames(position[0])
     chain = all(a.child == b.parent for a, b in pairwise(frames))
     turntable = chain and model.leading is None
-    names = [frames[-1].child if turntable else frames[0].child]
+    names = [scene.body or (frames[-1] if turntable else frames[0]).child]
     names += sorted(set(scene.line_frames) - set(names))
     seen = [scene.frames_at(row, t) for row, t in moments]
     poses = [[_pose(frames, name) for frames in seen] for name in names]

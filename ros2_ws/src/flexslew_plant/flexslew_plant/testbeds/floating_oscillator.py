@@ -91,7 +91,8 @@ class FloatingOscillatorTestbed:
 
     def scene(self) -> Scene:
         """Return how it is drawn."""
-        return slider(self.kind, JOINTS[0], 0.3, 2.0)
+        p = self.parameters
+        return slider(self.kind, JOINTS[0], 0.3, 2.0, (p.driven_mass, p.free_mass))
 
 
 def packed(testbed: FloatingOscillatorTestbed) -> Vector:

@@ -24,7 +24,7 @@ from flexslew_plant.testbeds.contract import refuse_payload
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Appendages, Model
-from flexslew_plant.testbeds.scene import POINTS, Scene, turntable
+from flexslew_plant.testbeds.scene import POINTS, Scene, rod, turntable
 
 JOINTS = ("hub",)
 JOINT_UNITS = ("rad",)
@@ -106,7 +106,11 @@ class HubTestbed:
     def scene(self) -> Scene:
         """Return how it is drawn."""
         shapes = np.linspace(0.0, 1.0, POINTS)[None, :] ** 2
-        return turntable(self.kind, JOINTS, 0.3, 2.0, shapes)
+        p = self.parameters
+        radius, length, slug = p.hub_radius * FOOT, p.length * FOOT, FOOT_POUND / FOOT**2
+        boom = rod(p.linear_density * p.length * slug, length, p.tip_mass * slug)
+        base = (p.hub_inertia * FOOT_POUND,) * 3
+        return turntable(self.kind, JOINTS, radius, length, shapes, (base,), boom)
 
 
 class EnergyCoefficients(NamedTuple):

@@ -239,7 +239,9 @@ class IdentifiedTestbed:
 
     def scene(self) -> Scene:
         """Return how it is drawn."""
-        return schematic(self.kind, self.joints, self.appendages, self.model().appendages.tip)
+        tip = self.model().appendages.tip
+        inertias = tuple(row[k] for k, row in enumerate(self.inertia))
+        return schematic(self.kind, self.joints, self.appendages, tip, self.joint_units, inertias)
 
 
 def stiffened(p: Vector, factor: float) -> Vector:

@@ -2,46 +2,28 @@
 
 from collections.abc import Callable
 from typing import NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.robot_model import (
+    FAINT,
+    GOLD,
+    STILL,
+    Frame,
+    Inertial,
+    Joint,
+    Link,
+    Triple,
+    fixed_frames,
+    principal,
+    robot_description,
+)
 
 HEIGHT = 2.0  # of the hub above the floor [m]
 POINTS = 21  # along each drawn appendage
-GREY, GOLD, FAINT = "0.35 0.37 0.42 1", "0.85 0.65 0.2 1", "0.6 0.6 0.7 0.25"
-_STILL = (0.0, 0.0, 0.0, 1.0)
-
-
-class Frame(NamedTuple):
-    """child in parent: translation [m] and unit quaternion (x, y, z, w)."""
-
-    parent: str
-    child: str
-    translation: tuple[float, float, float]
-    rotation: tuple[float, float, float, float]
-
-
-class Link(NamedTuple):
-    """A rigid part of the robot description."""
-
-    name: str
-    shape: str  # a geometry of URDF: box, cylinder, sphere
-    size: dict[str, object]  # its attributes [m]
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m]
-    color: str = GREY  # red, green, blue, opacity
-
-
-class Joint(NamedTuple):
-    """A joint of the robot description."""
-
-    name: str
-    kind: str  # a type of URDF: continuous, prismatic, fixed
-    parent: str
-    child: str
-    axis: str = ""
-    height: float = 0.0  # of the child above its parent [m]
+SPACING = 1.5  # between two carts at zero [m]
+_UP: Triple = (0.0, 0.0, HEIGHT)
 
 
 class Aim(NamedTuple):
@@ -62,6 +44,9 @@ class Scene(NamedTuple):
         robot_description: URDF with straight appendages; the bend is drawn by the lines.
         moving: frames from q and the time [s], where some move by themselves; None: `frames`.
         aims: from the time [s] to where antennas look; None: there are none.
+        fixed: frames of the description that never move in their parents; `frames` may have them.
+        joints: which of the model's are joints to ROS; None: all. A push at a tip is none.
+        body: the frame of the platform; none: the first or, in a chain, the last of `frames`.
     """
 
     frames: Callable[[Vector], list[Frame]]
@@ -70,6 +55,9 @@ class Scene(NamedTuple):
     robot_description: str
     moving: Callable[[Vector, float], list[Frame]] | None = None
     aims: Callable[[float], list[Aim]] | None = None
+    fixed: tuple[Frame, ...] = ()
+    joints: tuple[str, ...] | None = None
+    body: str = ""
 
     def frames_at(self, q: Vector, t: float) -> list[Frame]:
         """Return the frames at a time [s]."""
@@ -77,11 +65,19 @@ class Scene(NamedTuple):
 
 
 def turntable(
-    kind: str, joints: tuple[str, ...], radius: float, length: float, shapes: Matrix
+    kind: str,
+    joints: tuple[str, ...],
+    radius: float,
+    length: float,
+    shapes: Matrix,
+    inertias: tuple[Triple, ...],
+    appendage: Inertial,
 ) -> Scene:
     """Return the scene of a hub that turns on a base, with two opposite appendages.
 
-    Frames: world, base (turns with the first joint), hub (pitches with the second, if any).
+    Frames: world, base (turns with the first joint), hub (pitches with the second, if any). These
+    models have no mass of base and hub: theirs is that of a ball of the hub's size with the largest
+    of the inertias.
 
     Args:
         kind: of the testbed.
@@ -89,6 +85,8 @@ def turntable(
         radius: of the hub [m].
         length: of an appendage [m].
         shapes: deflection along it per modal coordinate, shape (modes, POINTS).
+        inertias: of the links that the joints turn, about x, y and z [kg m^2].
+        appendage: its inertial, seen from its root, along x.
     """
     along = np.linspace(0.0, length, POINTS) + radius
     m = len(joints)
@@ -109,74 +107,99 @@ def turntable(
             np.column_stack((-along, -bend, flat)),
         ]
 
-    links = [Link("world", "", {}), *_hub(radius)]
-    connections = [Joint(joints[0], "continuous", "world", "base", "0 0 1", HEIGHT)]
+    seen = max(radius, 0.05 * length)
+    inertials = [principal(max(each) / (0.4 * seen**2), each) for each in inertias]
+    links = [Link("world"), *_hub(seen, *inertials)]
+    connections = [Joint(joints[0], "continuous", "world", "base", "0 0 1", _UP)]
     if m > 1:
         connections.append(Joint(joints[1], "continuous", "base", "hub", "0 1 0"))
     else:
         connections.append(Joint("hub_fixed", "fixed", "base", "hub"))
     for name, sign in (("beam_positive", 1.0), ("beam_negative", -1.0)):
-        links.append(_boom(name, sign, radius, length))
+        x = sign * (radius + appendage.center[0])
+        there = appendage._replace(center=(x, 0.0, 0.0))
+        links.append(_boom(name, sign, radius, length, there))
         connections.append(Joint(f"{name}_clamp", "fixed", "hub", name))
-    return Scene(frames, lines, ("hub", "hub"), robot_description(kind, links, connections))
+    robot = robot_description(kind, links, connections)
+    return Scene(frames, lines, ("hub", "hub"), robot, fixed=fixed_frames(connections))
 
 
-def slider(kind: str, joint: str, radius: float, length: float) -> Scene:
-    """Return the scene of a mass that slides, with a spring to a free mass.
+def slider(kind: str, joint: str, radius: float, length: float, masses: tuple[float, ...]) -> Scene:
+    """Return the scene of a mass that slides, with a spring to a free mass, if there is one.
 
     Args:
         kind: of the testbed.
         joint: its name.
         radius: of the driven mass [m].
         length: of the relaxed spring [m].
+        masses: the driven one and, if any, the free one [kg].
     """
 
     def frames(q: Vector) -> list[Frame]:
         return [
-            Frame("world", "base", (float(q[0]), 0.0, HEIGHT), _STILL),
-            Frame("base", "hub", (0.0, 0.0, 0.0), _STILL),
+            Frame("world", "base", (float(q[0]), 0.0, HEIGHT), STILL),
+            Frame("base", "hub", (0.0, 0.0, 0.0), STILL),
         ]
 
     def lines(q: Vector) -> list[Matrix]:
         return [np.outer(np.linspace(0.0, 1.0, POINTS), (length + float(q[1]), 0.0, 0.0))]
 
-    links = [
-        Link("world", "", {}),
-        *_hub(radius),
-        _boom("beam_positive", 1.0, radius, length),
-    ]
+    driven, *free = (principal(mass, _ball(mass, radius)) for mass in masses)
+    links = [Link("world"), *_hub(radius, driven)]
     connections = [
-        Joint(joint, "prismatic", "world", "base", "1 0 0", HEIGHT),
+        Joint(joint, "prismatic", "world", "base", "1 0 0", _UP),
         Joint("hub_fixed", "fixed", "base", "hub"),
-        Joint("beam_positive_clamp", "fixed", "hub", "beam_positive"),
     ]
-    return Scene(frames, lines, ("hub",), robot_description(kind, links, connections))
+    for mass in free:
+        there = mass._replace(center=(radius + length, 0.0, 0.0))
+        links.append(_boom("beam_positive", 1.0, radius, length, there))
+        connections.append(Joint("beam_positive_clamp", "fixed", "hub", "beam_positive"))
+    robot, fixed = robot_description(kind, links, connections), fixed_frames(connections)
+    if not free:
+        return Scene(frames, lambda q: [], (), robot, fixed=fixed)
+    return Scene(frames, lines, ("hub",), robot, fixed=fixed)
 
 
 def schematic(
-    kind: str, joints: tuple[str, ...], appendages: tuple[str, ...], tip: Matrix
+    kind: str,
+    joints: tuple[str, ...],
+    appendages: tuple[str, ...],
+    tip: Matrix,
+    units: tuple[str, ...] = (),
+    inertias: tuple[float, ...] = (),
 ) -> Scene:
-    """Return a scene for any testbed: its joints as a stack of turning hubs, straight appendages.
+    """Return a scene for any testbed: turning hubs in a stack, carts in a row, straight appendages.
+
+    A joint in metres is a cart that slides along x, `SPACING` from the one before; one in radians
+    turns a hub about the vertical, on top of what the joint before it moves.
 
     Args:
         kind: of the testbed.
-        joints: names, each turning the next hub about the vertical.
-        appendages: names; drawn from the last hub, evenly around it.
+        joints: their names.
+        appendages: names; drawn from the last link, evenly around it.
         tip: deflection of the tips per modal coordinate, shape (appendages, modes).
+        units: rad or m, per joint; none: all turn.
+        inertias: that each joint moves [kg m^2 or kg]; none: 1.
     """
     m, radius, length = len(joints), 0.3, 2.0
-    hubs = [f"{name}_link" for name in joints]
+    slides = [unit == "m" for unit in units or ("rad",) * m]
+    names = [f"{name}_link" for name in joints]
+    parents = ["world", *names[:-1]]
+    places = [(0.0, 0.0, HEIGHT), *[(0.0, 0.0, 0.5)] * (m - 1)]
+    for k, sliding in enumerate(slides):
+        if sliding:
+            parents[k], places[k] = "world", (SPACING * sum(slides[:k]), 0.0, HEIGHT)
     s = np.linspace(0.0, 1.0, POINTS)
     angles = 2.0 * np.pi * np.arange(len(appendages)) / max(len(appendages), 1)
 
     def frames(q: Vector) -> list[Frame]:
-        places = [(0.0, 0.0, HEIGHT), *[(0.0, 0.0, 0.5)] * (m - 1)]
-        return [
-            Frame(parent, child, place, (0.0, 0.0, np.sin(turn / 2), np.cos(turn / 2)))
-            for parent, child, place, turn in zip(
-                ("world", *hubs), hubs, places, q[:m].tolist(), strict=False
-            )
-        ]
+        found = []
+        for k, at in enumerate(q[:m].tolist()):
+            x, y, z = places[k]
+            place, turn = ((x + at, y, z), 0.0) if slides[k] else ((x, y, z), at / 2)
+            turned = (0.0, 0.0, np.sin(turn), np.cos(turn))
+            found.append(Frame(parents[k], names[k], place, turned))
+        return found
 
     def lines(q: Vector) -> list[Matrix]:
         out = []
@@ -188,63 +211,50 @@ def schematic(
             out.append(np.outer(radius + length * s, forward) + np.outer(bend * s**2, aside))
         return out
 
-    links = [Link("world", "", {})]
-    links += [Link(hub, "cylinder", {"radius": radius, "length": 0.4}) for hub in hubs]
-    connections = [
-        Joint(name, "continuous", parent, child, "0 0 1", HEIGHT if parent == "world" else 0.5)
-        for name, parent, child in zip(joints, ("world", *hubs), hubs, strict=False)
-    ]
-    return Scene(
-        frames,
-        lines,
-        (hubs[-1],) * len(appendages),
-        robot_description(kind, links, connections),
-    )
+    links, connections = [Link("world")], []
+    for k, size in enumerate(inertias or (1.0,) * m):
+        if slides[k]:
+            box = {"size": f"{2 * radius} {radius} {radius}"}
+            links.append(Link(names[k], "box", box, inertial=principal(size, _ball(size, radius))))
+        else:
+            mass = size / (0.4 * radius**2)  # of a ball with this inertia
+            drum = {"radius": radius, "length": 0.4}
+            links.append(Link(names[k], "cylinder", drum, inertial=principal(mass, (size,) * 3)))
+        motion = ("prismatic", "1 0 0") if slides[k] else ("continuous", "0 0 1")
+        kind_of_joint, axis = motion
+        connections.append(Joint(joints[k], kind_of_joint, parents[k], names[k], axis, places[k]))
+    robot = robot_description(kind, links, connections)
+    return Scene(frames, lines, (names[-1],) * len(appendages), robot)
 
 
-def robot_description(name: str, links: list[Link], joints: list[Joint]) -> str:
-    """Return the URDF of these links and joints."""
-    robot = ElementTree.Element("robot", name="".join(c if c.isalnum() else "_" for c in name))
-    for link in links:
-        _add_link(robot, link)
-    for joint in joints:
-        _add_joint(robot, joint)
-    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
+def rod(mass: float, length: float, end: float = 0.0) -> Inertial:
+    """Return the inertial of a thin rod along x from its root, with a mass at its end.
+
+    Args:
+        mass: of the rod [kg].
+        length: [m].
+        end: the mass at its end [kg].
+    """
+    whole = mass + end
+    center = (0.5 * mass + end) * length / whole
+    about = (mass / 3.0 + end) * length**2 - whole * center**2
+    return principal(whole, (0.01 * about, about, about), (center, 0.0, 0.0))
 
 
-def _hub(radius: float) -> list[Link]:
+def _ball(mass: float, radius: float) -> Triple:
+    return (0.4 * mass * radius**2,) * 3
+
+
+def _hub(radius: float, base: Inertial, hub: Inertial | None = None) -> list[Link]:
     r = radius
+    foot = {"radius": 0.7 * r, "length": 1.6}
+    box = {"size": f"{2 * r} {1.2 * r} {0.8 * r}"}
     return [
-        Link("base", "cylinder", {"radius": 0.7 * r, "length": 1.6}, (0.0, 0.0, -1.2)),
-        Link("hub", "box", {"size": f"{2 * r} {1.2 * r} {0.8 * r}"}, color=GOLD),
+        Link("base", "cylinder", foot, (0.0, 0.0, -1.2), inertial=base),
+        Link("hub", "box", box, color=GOLD, inertial=hub),
     ]
 
 
-def _boom(name: str, sign: float, radius: float, length: float) -> Link:
+def _boom(name: str, sign: float, radius: float, length: float, inertial: Inertial) -> Link:
     middle = (sign * (radius + length / 2), 0.0, 0.0)
-    return Link(name, "box", {"size": f"{length} 0.02 0.4"}, middle, FAINT)
-
-
-def _add_link(robot: ElementTree.Element, link: Link) -> None:
-    element = ElementTree.SubElement(robot, "link", name=link.name)
-    if not link.shape:
-        return
-    visual = ElementTree.SubElement(element, "visual")
-    ElementTree.SubElement(visual, "origin", xyz=" ".join(map(str, link.origin)))
-    geometry = ElementTree.SubElement(visual, "geometry")
-    size = {key: str(value) for key, value in link.size.items()}
-    ElementTree.SubElement(geometry, link.shape, size)
-    material = ElementTree.SubElement(visual, "material", name=f"{link.name}_color")
-    ElementTree.SubElement(material, "color", rgba=link.color)
-
-
-def _add_joint(robot: ElementTree.Element, joint: Joint) -> None:
-    element = ElementTree.SubElement(robot, "joint", name=joint.name, type=joint.kind)
-    ElementTree.SubElement(element, "parent", link=joint.parent)
-    ElementTree.SubElement(element, "child", link=joint.child)
-    ElementTree.SubElement(element, "origin", xyz=f"0 0 {joint.height}")
-    if joint.axis:
-        ElementTree.SubElement(element, "axis", xyz=joint.axis)
-    if joint.kind == "prismatic":
-        bounds = {"lower": "-1e3", "upper": "1e3", "effort": "1e6", "velocity": "1e3"}
-        ElementTree.SubElement(element, "limit", bounds)
+    return Link(name, "box", {"size": f"{length} 0.02 0.4"}, middle, FAINT, inertial)

@@ -86,8 +86,7 @@ class VaryingOscillatorTestbed:
 
     def scene(self) -> Scene:
         """Return how it is drawn."""
-        drawn = slider(self.kind, JOINTS[0], 0.3, 2.0)
-        return drawn._replace(lines=lambda q: [], line_frames=())
+        return slider(self.kind, JOINTS[0], 0.3, 2.0, (self.parameters.mass,))
 
 
 def packed(testbed: VaryingOscillatorTestbed) -> Vector:

@@ -1,22 +1,28 @@
 """The display side of the plant node: standard topics that RViz, Foxglove and PlotJuggler draw."""
 
-from typing import Any
+from itertools import islice
+from typing import Any, NamedTuple
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from flexslew_msgs.msg import AppendageState
 from geometry_msgs.msg import Point, TransformStamped
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import ColorRGBA, String
+from std_msgs.msg import ColorRGBA, Header, String
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from flexslew_plant import topics
+from flexslew_plant.arrays import NOTHING, Vector
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.ros.messages import doubles, stamp
+from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.template import Template
+from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.robot_model import Frame
 
 
 class Display:
@@ -34,17 +40,17 @@ class Display:
         self._bench = bench
         self._prefix = f"{node.get_namespace()}/".lstrip("/")
         self.set_rate(rate)
-        self._testbed = bench.testbed
-        self._scene = bench.testbed.scene()
-        self._frame = (*self._scene.line_frames, "world")[0]  # of the appendages
         self._clock = publisher(node, topics.CLOCK)
         self._joints = publisher(node, topics.JOINT_STATES)
         self._appendages = publisher(node, topics.APPENDAGE_STATES)
         self._tf = publisher(node, topics.TF)
         self._markers = publisher(node, topics.MARKERS)
-        self._samples = (self._clock, self._joints, self._appendages, self._tf, self._markers)
-        self._description = publisher(node, topics.ROBOT_DESCRIPTION)
-        self._description.publish(String(data=self._scene.robot_description))
+        self._draw(bench.testbed)
+        static = publisher(node, topics.TF_STATIC)
+        static.publish(TFMessage(transforms=[self._transform(f) for f in self._scene.fixed]))
+        description = publisher(node, topics.ROBOT_DESCRIPTION)
+        description.publish(String(data=self._scene.robot_description))
+        self._kept = (static, description)
 
     def set_rate(self, rate: float) -> None:
         """Show so many samples per simulated second; 0: none."""
@@ -53,55 +59,134 @@ class Display:
     @property
     def publishers(self) -> list[Publisher[Any]]:
         """What is published at this rate."""
-        return [*self._samples] if self._every else []
+        samples = [self._clock, self._joints, self._appendages, self._tf, self._markers]
+        return samples if self._every else []
 
     def show(self, truth: Truth) -> None:
         """Publish this truth if it is due."""
         if not self._every or truth.tick % self._every:
             return
-        model, appendages = self._bench.model, self._bench.appendages
-        at, x = stamp(truth.time), np.concatenate((truth.position, truth.velocity))
-        modes, rates = model.modal_state(x)
-        position, velocity = model.joint_state(x)
-        self._clock.publish(Clock(clock=at))
-        joints = JointState(
-            name=list(model.joint_names),
-            position=doubles(position),
-            velocity=doubles(velocity),
-            effort=doubles(truth.applied_effort),
-        )
-        joints.header.stamp = at
-        self._joints.publish(joints)
-        state = AppendageState(
-            name=list(appendages.names),
-            tip_deflection=doubles(truth.tip_deflection),
-            tip_velocity=doubles(appendages.tip @ rates),
-            root_curvature=doubles(appendages.curvature @ modes),
-            modal_position=doubles(modes),
-            modal_velocity=doubles(rates),
-        )
-        state.header.stamp, state.header.frame_id = at, self._prefix + self._frame
-        self._appendages.publish(state)
         if self._bench.testbed is not self._testbed:  # an antenna has a new target
-            self._testbed = self._bench.testbed
-            self._scene = self._testbed.scene()
-        transforms = []
-        for frame in self._scene.frames_at(truth.position, truth.time):
-            transform = TransformStamped(child_frame_id=self._prefix + frame.child)
-            transform.header.stamp, transform.header.frame_id = at, self._prefix + frame.parent
-            place, turn = transform.transform.translation, transform.transform.rotation
-            place.x, place.y, place.z = frame.translation
-            turn.x, turn.y, turn.z, turn.w = map(float, frame.rotation)
-            transforms.append(transform)
-        self._tf.publish(TFMessage(transforms=transforms))
-        markers = []
-        lines = zip(self._scene.lines(truth.position), self._scene.line_frames, strict=True)
-        for number, (line, parent) in enumerate(lines):
-            marker = Marker(ns="beams", id=number, type=Marker.LINE_STRIP, action=Marker.ADD)
-            marker.header.stamp, marker.header.frame_id = at, self._prefix + parent
-            marker.pose.orientation.w = 1.0
-            marker.scale.x = 0.15
-            marker.color = ColorRGBA(r=0.2, g=0.6, b=0.9, a=1.0)
-            marker.points = [Point(x=x, y=y, z=z) for x, y, z in line.tolist()]
-            markers.append(marker)
-        self._markers.publish(MarkerArray(markers=markers))
+            self._draw(self._bench.testbed)
+        model, appendages, shown = self._bench.model, self._bench.appendages, self._shown
+        at, x = stamp_of(truth.time), np.concatenate((truth.position, truth.velocity))
+        modes, rates = model.modal_state(x)
+        joints = np.zeros((3, model.joints))
+        joints[:2] = model.joint_state(x)
+        joints[2, : model.efforts] = truth.applied_effort[: model.joints]
+        tips = (truth.tip_deflection, appendages.tip @ rates, appendages.curvature @ modes)
+        self._clock.publish(shown.clock.filled(at, NOTHING))
+        self._joints.publish(shown.joints.filled(at, joints[:, shown.named].ravel()))
+        self._appendages.publish(shown.appendages.filled(at, np.concatenate((*tips, modes, rates))))
+        frames = self._moving(truth.position, truth.time)
+        self._tf.publish(shown.frames.filled(at, _numbers(frames)))
+        points = [line.ravel() for line in self._scene.lines(truth.position)]
+        self._markers.publish(shown.lines.filled(at, np.concatenate((NOTHING, *points))))
+
+    def _moving(self, position: Vector, time: float) -> list[Frame]:
+        """Return the frames that are not static."""
+        return [f for f in self._scene.frames_at(position, time) if f.child not in self._still]
+
+    def _draw(self, testbed: Testbed) -> None:
+        """Show this testbed from now on."""
+        self._testbed, self._scene = testbed, testbed.scene()
+        self._still = {frame.child for frame in self._scene.fixed}
+        model, scene = testbed.model(), self._scene
+        names = scene.joints if scene.joints is not None else model.joint_names
+        named = [model.joint_names.index(name) for name in names]
+        m, tips, n = len(named), len(model.appendages.names), model.modes
+        rest = model.rest({})
+        frames, lines = self._moving(rest, 0.0), scene.lines(rest)
+        first = (*scene.line_frames, "world")[0]  # of the appendages
+
+        def joints(at: Time, numbers: list[float]) -> JointState:
+            position, velocity, effort = _parts(numbers, m, m, m)
+            return JointState(
+                header=Header(stamp=at),
+                name=list(names),
+                position=position,
+                velocity=velocity,
+                effort=effort,
+            )
+
+        def appendages(at: Time, numbers: list[float]) -> AppendageState:
+            tip, tip_rate, curvature, modes, rates = _parts(numbers, tips, tips, tips, n, n)
+            return AppendageState(
+                header=Header(stamp=at, frame_id=self._prefix + first),
+                name=list(model.appendages.names),
+                tip_deflection=tip,
+                tip_velocity=tip_rate,
+                root_curvature=curvature,
+                modal_position=modes,
+                modal_velocity=rates,
+            )
+
+        def transforms(at: Time, numbers: list[float]) -> TFMessage:
+            each = _parts(numbers, *[7] * len(frames))
+            moved = [
+                Frame(f.parent, f.child, (x, y, z), (a, b, c, d))
+                for f, (x, y, z, a, b, c, d) in zip(frames, each, strict=True)
+            ]
+            return TFMessage(transforms=[self._transform(frame, at) for frame in moved])
+
+        def markers(at: Time, numbers: list[float]) -> MarkerArray:
+            each = _parts(numbers, *[line.size for line in lines])
+            found = zip(each, scene.line_frames, strict=True)
+            return MarkerArray(
+                markers=[
+                    _marker(number, self._prefix + parent, points, at)
+                    for number, (points, parent) in enumerate(found)
+                ]
+            )
+
+        self._shown = _Shown(
+            named,
+            Template(lambda at, _: Clock(clock=at), 0),
+            Template(joints, 3 * m),
+            Template(appendages, 3 * tips + 2 * n),
+            Template(transforms, 7 * len(frames)),
+            Template(markers, sum(line.size for line in lines)),
+        )
+
+    def _transform(self, frame: Frame, at: Time | None = None) -> TransformStamped:
+        transform = TransformStamped(child_frame_id=self._prefix + frame.child)
+        transform.header.stamp = at or Time()
+        transform.header.frame_id = self._prefix + frame.parent
+        place, turn = transform.transform.translation, transform.transform.rotation
+        place.x, place.y, place.z = map(float, frame.translation)
+        turn.x, turn.y, turn.z, turn.w = map(float, frame.rotation)
+        return transform
+
+
+class _Shown(NamedTuple):
+    """The messages of a testbed, and which of its joints are named in them."""
+
+    named: list[int]
+    clock: Template
+    joints: Template
+    appendages: Template
+    frames: Template
+    lines: Template
+
+
+def _parts(numbers: list[float], *sizes: int) -> list[list[float]]:
+    """Return the numbers in parts of these sizes."""
+    each = iter(numbers)
+    return [list(islice(each, size)) for size in sizes]
+
+
+def _numbers(frames: list[Frame]) -> Vector:
+    """Return translations and rotations one after the other."""
+    return np.array([x for f in frames for x in (*f.translation, *f.rotation)])
+
+
+def _marker(number: int, frame: str, points: list[float], at: Time) -> Marker:
+    """Return a line through the points (x, y, z, x, ...)."""
+    marker = Marker(ns="beams", id=number, type=Marker.LINE_STRIP, action=Marker.ADD)
+    marker.header.stamp, marker.header.frame_id = at, frame
+    marker.pose.orientation.w = 1.0
+    marker.scale.x = 0.15
+    marker.color = ColorRGBA(r=0.2, g=0.6, b=0.9, a=1.0)
+    each = iter(points)
+    marker.points = [Point(x=x, y=y, z=z) for x, y, z in zip(each, each, each, strict=True)]
+    return marker

@@ -25,7 +25,7 @@ from flexslew_plant.testbeds.contract import ShapedMotion
 from flexslew_plant.testbeds.csa.equations import KERNELS, stiffened, unpacked
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.model import Appendages, Model
-from flexslew_plant.testbeds.scene import POINTS, Scene, turntable
+from flexslew_plant.testbeds.scene import POINTS, Scene, rod, turntable
 
 JOINTS = ("base_yaw", "hub_pitch")
 JOINT_UNITS = ("rad", "rad")
@@ -148,7 +148,11 @@ class CsaTestbed:
         """Return how it is drawn."""
         b = beam(self)
         shapes = b.shape(np.linspace(0.0, b.length, POINTS))
-        return turntable(self.kind, JOINTS, self.parameters.hub_radius, b.length, shapes)
+        p = self.parameters
+        i_1, i_2 = p.hub_inertia_1, p.hub_inertia_2
+        base, hub = (p.base_inertia,) * 3, (i_1, i_2, i_1)
+        boom = rod(p.linear_density * b.length, b.length)
+        return turntable(self.kind, JOINTS, p.hub_radius, b.length, shapes, (base, hub), boom)
 
 
 @lru_cache
