@@ -10,7 +10,7 @@ LAWS = ["first", "second"]
 
 def test_every_topic_is_said_by_somebody_and_heard_by_the_recorder() -> None:
     said = {name for rights in ROLES.values() for name in rights.publish}
-    assert said >= {*TOPICS} - {"/rosout", "/tf_static"}
+    assert said >= {*TOPICS} - {"/rosout"}
 
 
 # the format of SROS 2: children, then attributes, by element

@@ -21,7 +21,9 @@ class Rights(NamedTuple):
     tunes: bool = False  # whether it may tune every controller
 
 
-_DISPLAY = (t.CLOCK, t.JOINT_STATES, t.APPENDAGE_STATES, t.TF, t.MARKERS, t.ROBOT_DESCRIPTION)
+_DISPLAY = (
+    t.CLOCK, t.JOINT_STATES, t.APPENDAGE_STATES, t.TF, t.TF_STATIC, t.MARKERS, t.ROBOT_DESCRIPTION,
+)  # fmt: skip
 _OPERATE = (
     t.START, t.PAUSE, t.RESET, t.BRAKE, t.RELEASE_BRAKE, t.OPERATE, t.STEP, t.SET_RATE, t.NOTE,
     t.SWITCH_CONTROLLER, t.LIST_CONTROLLERS, t.INJECT_FAULT, t.END_FAULT, t.RETARGET,

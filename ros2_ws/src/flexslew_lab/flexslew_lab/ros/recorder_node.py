@@ -25,6 +25,7 @@ from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 from flexslew_plant.settings import section
 
 _AFTER_PLANT = ("/effort_command", "/controller_state", "/plan")  # who leaves after the plant
+_FRAMES = (topics.TF, topics.TF_STATIC)  # of all benches of a domain
 _TAKE_EVERY = 0.005  # [wall s]
 _SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
 _ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
@@ -110,7 +111,7 @@ class Recorder:
             self._heard = monotonic()
             self._watch.seen = self._watch.seen or topic == "/measurement"
             self._rebroadcast.hear(topic, data)
-            if topic != "/tf" or of_namespace(data, self.node.get_namespace()):
+            if topic not in _FRAMES or of_namespace(data, self.node.get_namespace()):
                 yield topic, data
 
     def _tell_status(self) -> None:

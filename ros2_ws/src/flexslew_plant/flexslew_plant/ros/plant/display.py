@@ -47,7 +47,8 @@ class Display:
         self._markers = publisher(node, topics.MARKERS)
         self._draw(bench.testbed)
         static = publisher(node, topics.TF_STATIC)
-        static.publish(TFMessage(transforms=[self._transform(f) for f in self._scene.fixed]))
+        if self._scene.fixed:
+            static.publish(TFMessage(transforms=[self._transform(f) for f in self._scene.fixed]))
         description = publisher(node, topics.ROBOT_DESCRIPTION)
         description.publish(String(data=self._scene.robot_description))
         self._kept = (static, description)
