@@ -1,0 +1,70 @@
+"""Mixed sensitivity for M1: an H-infinity law by ctrlsys (SLICOT) that rolls off above w_r.
+
+Least gamma with |T from (d, n) to (W_1 y, W_2 u)| < gamma: d torques at the motors, n noise of the
+encoders; W_1 asks for small positions (S G and T), W_2 for small torques that roll off (T and K S).
+
+The plant is the sampled bench in the plane of Tustin's map, z = (1 + s h / 2) / (1 - s h / 2): the
+law comes back by the same map, so its hold and its delay count without an approximation.
+"""
+
+import sys
+
+import control
+import ctrlsys
+import numpy as np
+
+from flexslew_control.analysis.save_law import save_law
+from flexslew_lab.notebook import linear_model, trial
+
+bench = linear_model(trial("m1"), sampled=True, hub_pitch=0.5)
+joints = ["base_yaw", "hub_pitch"]
+rows = [bench.output_labels.index(f"position:{joint}") for joint in joints]
+half = np.linalg.inv(bench.A + np.eye(bench.nstates))
+a = 2.0 / bench.dt * half @ (bench.A - np.eye(bench.nstates))
+b = 2.0 / np.sqrt(bench.dt) * half @ bench.B
+c = 2.0 / np.sqrt(bench.dt) * bench.C[rows] @ half
+d = -bench.C[rows] @ half @ bench.B
+n, m = b.shape
+
+torque, noise = 10.0 * np.eye(m), 0.01 * np.eye(m)  # [N m], [rad]
+position = 20.0 * np.eye(m)  # W_1 [1/rad]
+corner, top = 2.0, 200.0  # of W_2: w_r, and where it is flat again, which keeps it proper [rad/s]
+s = control.tf("s")
+roll_off = control.ss((1 / 30.0) * (1 + s / corner) / (1 + s / top))  # [1/(N m)]
+w2 = control.append(roll_off, roll_off)
+k = w2.nstates
+
+zero = np.zeros
+# fmt: off
+big_a = np.block([[a, zero((n, k))], [zero((k, n)), w2.A]])
+big_b = np.block([[b @ torque, zero((n, m)), b], [zero((k, 2 * m)), w2.B]])
+big_c = np.block([[position @ c, zero((m, k))], [zero((m, n)), w2.C], [c, zero((m, k))]])
+big_d = np.block([[position @ d @ torque, zero((m, m)), position @ d],
+                  [zero((m, 2 * m)), w2.D],
+                  [d @ torque, noise, d]])
+# fmt: on
+
+
+def designed(gamma: float) -> control.StateSpace | None:
+    """Return the law for a bound gamma, or None: there is none, or what came does not stabilise."""
+    matrices = (np.asfortranarray(part) for part in (big_a, big_b, big_c, big_d))
+    *found, _, info = ctrlsys.sb10fd(n + k, 3 * m, 3 * m, m, m, gamma, *matrices)
+    if info:
+        return None
+    law = control.ss(*found)  # u = K y
+    loop = control.ss(big_a, big_b, big_c, big_d).lft(law)
+    return law if loop.poles().real.max() < 0.0 else None
+
+
+low, high = 1e-2, 1e3
+while high / low > 1.001:
+    middle = np.sqrt(low * high)
+    low, high = (middle, high) if designed(middle) is None else (low, middle)
+law = designed(1.05 * high)  # a little off the least, where K stays small
+
+save_law(
+    control.ss(law.A, -law.B, law.C, -law.D),
+    sys.argv[1] if len(sys.argv) > 1 else "mixed_sensitivity.npz",
+    inputs=[f"error.{joint}" for joint in joints],
+    outputs=[f"effort.{joint}" for joint in joints],
+)
