@@ -6,6 +6,7 @@ Gorinevsky and Vukovich 1998, eqs 12-13.
 import numpy as np
 
 from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.gyroscopic import Gyroscopic, gyroscopic
 from flexslew_control.controllers.sampled_loop import require_sampled_pd
 from flexslew_control.law import (
     Estimate,
@@ -28,13 +29,14 @@ class PdFeedforwardSettings:
 
     kp: PerJoint = (460.0,)  # [N m/rad]
     kd: PerJoint = (920.0,)  # [N m s/rad]
+    gyroscopic: bool = False  # add w x J w, beyond that of the plan, of a craft in three axes
 
 
 class PdFeedforward:
-    """u = u_ff - k (q - q_d) - b (q' - q_d')."""
+    """u = u_ff - k (q - q_d) - b (q' - q_d'), and w x J w beyond that of the reference."""
 
-    def __init__(self, kp: Vector, kd: Vector) -> None:
-        self.kp, self.kd = kp, kd
+    def __init__(self, kp: Vector, kd: Vector, turning: Gyroscopic | None = None) -> None:
+        self.kp, self.kd, self.turning = kp, kd, turning
         self.terms: dict[str, Vector] = {}
 
     def reset(
@@ -52,7 +54,14 @@ class PdFeedforward:
             "proportional": proportional,
             "derivative": derivative,
         }
-        return reference.effort + proportional + derivative
+        effort: Vector = reference.effort + proportional + derivative
+        if self.turning is None:
+            return effort
+        beyond = self.turning.efforts(estimate.velocity[:n]) - self.turning.efforts(
+            reference.velocity
+        )
+        self.terms["gyroscopic"] = beyond
+        return effort + beyond
 
 
 def build(settings: PdFeedforwardSettings, plant: PlantDescription) -> tuple[Estimator, Law]:
@@ -63,17 +72,23 @@ def build(settings: PdFeedforwardSettings, plant: PlantDescription) -> tuple[Est
         plant: what the law is for.
 
     Raises:
-        BadInput: neither one gain nor one per joint, or not stable at this period.
+        BadInput: neither one gain nor one per joint, not stable at this period, or gyroscopic on
+            a testbed that does not turn in three axes.
     """
     joints = plant.joint_names
     kp, kd = per_joint("kp", settings.kp, joints), per_joint("kd", settings.kd, joints)
     model = plant.testbed.model()
     require_sampled_pd(model, model.rest({}), kp, kd, plant.period, "pd_feedforward")
-    return MeasuredJoints(), PdFeedforward(kp, kd)
+    turning = gyroscopic(plant.testbed, "gyroscopic") if settings.gyroscopic else None
+    return MeasuredJoints(), PdFeedforward(kp, kd, turning)
 
 
-def linear(estimator: Estimator, law: PdFeedforward, references: list[Reference]) -> LinearForm:
+def linear(
+    estimator: Estimator, law: PdFeedforward, references: list[Reference]
+) -> LinearForm | None:
     """Return the law as matrices; see LawEntry."""
+    if law.turning is not None:
+        return None
     none = np.zeros(law.kp.size)
     return collocated_form(law.kp, none, law.kd, references, no_integral(law.kp.size))
 

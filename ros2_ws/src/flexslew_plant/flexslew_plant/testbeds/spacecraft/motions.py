@@ -39,6 +39,10 @@ class Pointing(Protocol):
     def pointing_tolerance(self) -> float:
         """Error of an appendage's direction that is good enough [rad]."""
 
+    @property
+    def pointing_window(self) -> float:
+        """Window of the mean and relative performance errors [s]."""
+
     def motions(self, position: Matrix, velocity: Matrix, goal: dict[str, float]) -> Motions:
         """Return the motions of logged states.
 

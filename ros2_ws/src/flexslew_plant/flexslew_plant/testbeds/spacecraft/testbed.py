@@ -82,6 +82,7 @@ class SpacecraftTestbed:
     sensors: dict[str, SensorPlace] = field(default_factory=dict)  # besides pose, rates and tips
     initial: dict[str, float] = field(default_factory=dict)  # by joint [rad or m]
     pointing_tolerance: Positive = 3.490658503988659e-4  # of an appendage: .02 deg [rad]
+    pointing_window: Positive = 10.0  # of the mean and relative performance errors [s]
 
     operating_point: ClassVar[dict[str, float]] = {}
     typical_goal: ClassVar[dict[str, float]] = {"roll": 0.5}

@@ -1,0 +1,59 @@
+"""The gyroscopic torque of a turning craft as efforts of its joints."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexslew_plant.arrays import Tensor, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.contract import ThreeAxes
+
+
+@dataclass(frozen=True)
+class Gyroscopic:
+    """w x J w of the rigid craft, shared out over its joints.
+
+    With it a PD on the rotation error whose gains are multiples of J turns a rigid craft about its
+    eigenaxis, from any attitude to any other (Wie, Weiss and Arapostathis 1989).
+
+    Args:
+        attitude: the joints that tell the rates.
+        quadratic: efforts w^T Q_j w, shape (joints, 3, 3) [N m s^2].
+    """
+
+    attitude: AttitudeJoints
+    quadratic: Tensor
+
+    def efforts(self, rates: Vector) -> Vector:
+        """Return the efforts at some rates of the joints, both of shape (joints,)."""
+        w = self.attitude.turn_of(rates)
+        return np.asarray(self.quadratic @ w @ w)
+
+
+def gyroscopic(testbed: Testbed, key: str) -> Gyroscopic:
+    """Return the gyroscopic efforts of a testbed; wheels alone, which leave no momentum, need none.
+
+    Args:
+        testbed: that stands on the bench.
+        key: that asks for it, for the error.
+
+    Raises:
+        BadInput: its joints do not turn it in three axes.
+    """
+    attitude = testbed.model().attitude
+    if attitude is None or not isinstance(testbed, ThreeAxes):
+        raise BadInput("the joints of this testbed do not turn it in three axes", key=key)
+
+    def along(axis: Vector) -> Vector:
+        size = np.linalg.norm(axis)
+        return np.asarray(size**2 * testbed.rigid_turn_about(axis / size).centrifugal)
+
+    axes, joints = np.eye(3), len(attitude.axes)
+    quadratic = np.empty((joints, 3, 3))
+    for i in range(3):
+        for k in range(3):
+            both = along(axes[i] + axes[k]) - along(axes[i]) - along(axes[k])
+            quadratic[:, i, k] = 0.5 * both
+    return Gyroscopic(attitude, quadratic)

@@ -1,0 +1,93 @@
+"""Performance errors of an attitude as engineers of pointing state them: ECSS-E-ST-60-10C."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
+
+
+class PerformanceErrors:
+    """Implements Metric; says nothing of a testbed without a platform that points.
+
+    With e(t) the rotation from the goal's attitude, in body axes, and windows of `pointing_window`
+    laid end to end from the end of the manoeuvre on (ECSS-E-ST-60-10C, section 3.2):
+        APE  e(t),    MPE  the mean of e over a window,    RPE  e(t) less the mean of its window.
+    Each is the largest of its absolute values; a last window that is cut short does not count.
+    """
+
+    KEYS: ClassVar[Mapping[str, Key]] = {
+        "absolute_performance_error": Key(
+            "rad", False, "APE, x y z: largest |attitude error| after the manoeuvre's end"
+        ),
+        "mean_performance_error": Key(
+            "rad",
+            False,
+            "MPE, x y z: largest |mean of the attitude error over a pointing_window| after the "
+            "manoeuvre's end; null: no window is whole",
+        ),
+        "relative_performance_error": Key(
+            "rad",
+            False,
+            "RPE, x y z: largest |attitude error less the mean of its pointing_window| after the "
+            "manoeuvre's end; null: no window is whole",
+        ),
+    }
+
+    def __init__(self, setup: RunSetup) -> None:
+        testbed = setup.testbed
+        self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
+        self._goal, self._end = goal_by_joint(setup), setup.manoeuvre.end
+        self._largest: dict[str, Vector] = {}
+        self._window, self._sum, self._count = 0, np.zeros(3), 0
+        self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
+
+    def add(self, block: Block) -> None:
+        """Take the next ticks."""
+        if self._testbed is None or not block.over.any():
+            return
+        error = self._testbed.motions(block.position, block.velocity, self._goal).attitude
+        error, time = error[block.over], block.time[block.over]
+        self._grow("absolute", abs(error).max(axis=0))
+        since = (time - self._end) / self._testbed.pointing_window
+        windows = np.floor(since + 1e-9).astype(int)
+        for window in np.unique(windows).tolist():
+            if window > self._window:
+                self._close()
+                self._window = window
+            self._take(error[windows == window])
+
+    def _take(self, error: Matrix) -> None:
+        """Take ticks of the window that is open."""
+        self._sum = self._sum + error.sum(axis=0)
+        self._count += len(error)
+        self._low = np.minimum(self._low, error.min(axis=0))
+        self._high = np.maximum(self._high, error.max(axis=0))
+
+    def _close(self) -> None:
+        """End the window that is open."""
+        if self._count:
+            mean = self._sum / self._count
+            self._grow("mean", abs(mean))
+            self._grow("relative", np.maximum(self._high - mean, mean - self._low))
+        self._sum, self._count = np.zeros(3), 0
+        self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
+
+    def _grow(self, kind: str, values: Vector) -> None:
+        self._largest[kind] = np.maximum(self._largest.get(kind, values), values)
+
+    def result(self, ending: Ending) -> dict[str, Any]:
+        """Return the three errors by body axis."""
+        if self._testbed is None:
+            return {}
+        found = {kind: values.tolist() for kind, values in self._largest.items()}
+        return {
+            f"{kind}_performance_error": found.get(kind)
+            for kind in ("absolute", "mean", "relative")
+        }
+
+
+PERFORMANCE_ERRORS = MetricEntry(PerformanceErrors)
