@@ -195,8 +195,9 @@ def initial_state(testbed: Testbed) -> Vector:
 
     model = testbed.model()
     rest = model.rest(initial_positions(testbed))
-    rates = testbed.initial_rates() if isinstance(testbed, StartsMoving) else np.zeros(rest.size)
-    return np.concatenate((rest, rates))
+    if isinstance(testbed, StartsMoving):
+        return np.concatenate((rest, testbed.initial_rates()))
+    return np.concatenate((rest, np.zeros(model.coordinates)))
 
 
 def _merged(values: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
