@@ -233,14 +233,20 @@ class Bench:
                 self.tell(BentFar(name, float(tips[k]), most))
 
     def _moved(self, effort: Vector) -> Vector:
-        """Return the state at the end of the tick under this held effort, and friction."""
-        x, model, period, now = self._x, self.model, self.settings.period, self.time
+        """Return the state at the end of the tick under this held effort, and friction.
+
+        The world outside pushes by half before and by half after (Strang 1968): of second order.
+        """
+        model, period, now = self.model, self.settings.period, self.time
+        x = model.pushed(self._x, 0.5 * period, now)
         if self._friction is None:
-            return model.advance(x, effort, period, t=now)
-        mobility = model.mobility(x, effort, now)
-        return self._friction.advance(
-            x, effort, mobility, lambda total: model.advance(x, total, period, t=now)
-        )
+            after = model.advance(x, effort, period, t=now)
+        else:
+            mobility = model.mobility(x, effort, now)
+            after = self._friction.advance(
+                x, effort, mobility, lambda total: model.advance(x, total, period, t=now)
+            )
+        return model.pushed(after, 0.5 * period, now + period)
 
     def request_switch(self, request: SwitchRequest) -> Refusal | None:
         """Schedule a switch at a tick (0: the next); return why it is refused, or None."""

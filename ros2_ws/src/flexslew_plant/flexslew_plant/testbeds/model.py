@@ -48,6 +48,8 @@ class Model:
         motors: those of the actuators; None: all, one in each joint, unless the kernels say
             what the efforts act on.
         attitude: the joints that read a platform's attitude; None: all errors are differences.
+        outside: from a state and a time to generalised forces of the world outside, shape (n,),
+            which only the bench applies; None: there are none.
     """
 
     kernels: Kernels
@@ -64,6 +66,7 @@ class Model:
     placed: Callable[[Mapping[str, float]], Vector] | None = None
     motors: Motors | None = None
     attitude: AttitudeJoints | None = None
+    outside: Callable[[Vector, float], Vector] | None = None
 
     @cached_property
     def joints(self) -> int:
@@ -198,6 +201,15 @@ class Model:
         self._require(x, effort)
         after = np.array(x, dtype=np.float64)
         self.integrate(self.packed, t, effort, dt, steps, self.before_modes, after)
+        return after
+
+    def pushed(self, x: Vector, dt: float, t: float) -> Vector:
+        """Return the state after the impulse of the world outside during dt, at time t."""
+        if self.outside is None:
+            return x
+        after, first = x.copy(), self.positions
+        mass = self.mass_matrix(x[:first], t)
+        after[first:] += dt * np.linalg.solve(mass, self.outside(x, t))
         return after
 
     @cached_property

@@ -33,6 +33,7 @@ from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, 
 from flexslew_plant.testbeds.spacecraft.equations.readings import read
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
 from flexslew_plant.testbeds.spacecraft.motions import Motions, motions
+from flexslew_plant.testbeds.spacecraft.orbit import Orbit, outside_forces
 from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit, turning_axes
 from flexslew_plant.testbeds.spacecraft.retargeting import hinge_turns, retargeted, section_units
 from flexslew_plant.testbeds.spacecraft.settings import (
@@ -83,6 +84,7 @@ class SpacecraftTestbed:
     initial: dict[str, float] = field(default_factory=dict)  # by joint [rad or m]
     pointing_tolerance: Positive = 3.490658503988659e-4  # of an appendage: .02 deg [rad]
     pointing_window: Positive = 10.0  # of the mean and relative performance errors [s]
+    orbit: Orbit | None = None  # whose torques turn a free platform, in SI; null: none
 
     operating_point: ClassVar[dict[str, float]] = {}
     typical_goal: ClassVar[dict[str, float]] = {"roll": 0.5}
@@ -99,6 +101,8 @@ class SpacecraftTestbed:
             channels(craft, self.sensors, UNITS[self.units])
         except BadInput as error:
             raise Placed(str(error)) from None
+        if self.orbit is not None and craft.motion != at.FREE:
+            raise Placed("testbed.orbit: only a free platform has one; use motion: free")
         if not craft.drives:
             raise Placed("testbed: has no actuators; give actuators, wheels or a driven hinge")
 
@@ -197,6 +201,7 @@ class SpacecraftTestbed:
             appendages=parts,
             wheels={},
             sensors={},
+            orbit=None,
             actuators={
                 joint: ActuatorPlace(
                     kind="torque", direction=(x, y, z), limit=float(limit / units.torque)
@@ -297,7 +302,7 @@ def _model(same: _Same) -> Model:
     craft = same.testbed.craft
     p = packed(craft)
     drives = craft.drives
-    free = craft.motion == at.FREE
+    free, orbit = craft.motion == at.FREE, same.testbed.orbit
     return Model(
         FLOATING if free else GROUNDED,
         p,
@@ -312,6 +317,7 @@ def _model(same: _Same) -> Model:
         placed=lambda positions: placed(craft, positions),
         motors=motors_of(craft),
         attitude=attitude_joints(turning_axes(craft)) if free else None,
+        outside=None if orbit is None else outside_forces(craft, orbit),
     )
 
 

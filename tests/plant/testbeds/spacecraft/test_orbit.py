@@ -1,0 +1,127 @@
+"""Torques of an orbit: against other derivations, energies that stay, and motion over 1,000 s."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.bench.measurement import EffortCommand
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.testbeds.spacecraft.orbit import GRAVITY, RADIUS, Orbit, Surroundings
+
+INERTIA = np.array([10.0, 16.0, 20.0])  # [kg m^2]
+PERIOD, LASTING = 1.0, 1000.0  # [s]
+ALTITUDE = 500e3  # [m]
+RATE = float(np.sqrt(GRAVITY / (RADIUS + ALTITUDE) ** 3))  # [rad/s]
+
+
+def drifted(orbit: dict[str, Any], yaw: float = 0.0) -> Bench:
+    """Return a bench on which a craft has drifted on an orbit, from rest at a turn about z."""
+    testbed = read_testbed(
+        {
+            "kind": "spacecraft",
+            "platform": {
+                "mass": 50.0,
+                "centre": [0.1, 0.0, 0.0],
+                # about the body origin: that about the centre of mass, and 50 kg at 0.1 m
+                "inertia": {"xx": INERTIA[0], "yy": INERTIA[1] + 0.5, "zz": INERTIA[2] + 0.5},
+            },
+            "appendages": {},
+            "initial": {"yaw": yaw},
+            "orbit": {"altitude": ALTITUDE, **orbit},
+        },
+        "here",
+    )
+    bench = Bench(BenchSettings(testbed=testbed, period=PERIOD, duration=LASTING + 1.0))
+    for _ in range(round(LASTING / PERIOD)):
+        asked = bench.question
+        assert bench.offer(EffortCommand(asked.tick, asked.epoch, asked.controller, np.zeros(3)))
+        bench.advance()
+    return bench
+
+
+def turned(bench: Bench) -> float:
+    """Return the turn about z, after nothing else has moved [rad]."""
+    x, y, z, w = bench.truth().position[3:7]
+    assert max(abs(x), abs(y)) < 1e-12
+    return float(2.0 * np.arctan2(z, w))
+
+
+def swung(acceleration: Any, start: float) -> float:
+    """Return the angle of a pendulum after LASTING, from rest [rad]."""
+    found = solve_ivp(
+        lambda t, y: [y[1], acceleration(t, y[0])], (0.0, LASTING), [start, 0.0],
+        rtol=1e-11, atol=1e-13,
+    )  # fmt: skip
+    return float(found.y[0, -1])
+
+
+def test_the_gravity_gradient_turns_a_craft_as_the_equation_of_its_pitch_says() -> None:
+    ratio = 1.5 * RATE**2 * (INERTIA[1] - INERTIA[0]) / INERTIA[2]
+    expected = swung(lambda t, angle: ratio * np.sin(2.0 * (RATE * t - angle)), 0.3)
+    found = turned(drifted({}, 0.3))
+    assert found == pytest.approx(expected, abs=1e-6)
+    assert abs(found - 0.3) > 0.02
+
+
+def test_sunlight_swings_a_craft_as_a_pendulum() -> None:
+    light = {"solar_area": 8.0, "solar_centre": [0.0, 1.5, 0.0], "gravity_gradient": False}
+    push = 4.56e-6 * 8.0 * 1.5 / INERTIA[2]  # the Sun along x: c x (-P A s)
+    expected = swung(lambda t, angle: push * np.cos(angle), 0.0)
+    found = turned(drifted(light))
+    assert found == pytest.approx(expected, abs=1e-6)
+    assert abs(found) > 0.1
+
+
+def test_a_dipole_above_the_equator_swings_about_the_field() -> None:
+    field = 3.12e-5 * (RADIUS / (RADIUS + ALTITUDE)) ** 3  # along z, everywhere on this orbit
+    moment = np.array([0.0, 2.0, 0.0])
+    bench = drifted({"dipole": moment.tolist(), "gravity_gradient": False})
+    truth = bench.truth()
+    along = Rotation.from_quat(truth.position[3:7]).inv().apply([0.0, 0.0, field])
+    rate = truth.velocity[3:6]
+    spin = 0.5 * float(rate @ (INERTIA * rate))
+    assert spin > 1e-7  # it swings
+    assert spin == pytest.approx(float(moment @ along), rel=1e-5)  # from rest across the field
+
+
+def test_air_pushes_against_the_course() -> None:
+    orbit = Orbit(
+        altitude=ALTITUDE, phase=0.5, gravity_gradient=False,
+        drag_area=3.0, air_density=1e-12, drag_centre=(0.0, 0.0, 0.4),
+    )  # fmt: skip
+    torque = Surroundings(orbit, np.eye(3)).torque(np.eye(3), 0.0)
+    speed = RATE * (RADIUS + ALTITUDE)
+    against = -np.array([-np.sin(0.5), np.cos(0.5), 0.0])
+    expected = np.cross([0.0, 0.0, 0.4], 0.5e-12 * speed**2 * 3.0 * against)
+    np.testing.assert_allclose(torque, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_torque_depends_on_how_body_and_inertial_axes_are_turned_together(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    frame = Rotation.random(random_state=seed).as_matrix()
+    attitude = Rotation.random(random_state=seed + 10).as_matrix()
+    moment, drag, light = rng.standard_normal((3, 3))
+
+    def torque(axes: Vector) -> Vector:
+        orbit = Orbit(
+            altitude=ALTITUDE, inclination=0.9, phase=0.4, dipole=tuple(axes @ moment),
+            drag_area=2.0, air_density=1e-12, drag_centre=tuple(axes @ drag),
+            solar_area=3.0, solar_centre=tuple(axes @ light), sun=(0.2, 0.5, -0.4),
+        )  # fmt: skip
+        inertia = axes @ np.diag(INERTIA) @ axes.T
+        return Surroundings(orbit, inertia).torque(axes @ attitude, 123.0)
+
+    np.testing.assert_allclose(torque(frame), frame @ torque(np.eye(3)), atol=1e-16)
+
+
+def test_only_a_free_platform_has_an_orbit() -> None:
+    held = {"kind": "spacecraft", "platform": {"motion": "pivot"}, "orbit": {"altitude": 5e5}}
+    with pytest.raises(BadInput, match="orbit"):
+        read_testbed(held, "here")
