@@ -174,6 +174,11 @@ workspace=$root/ros2_ws/install/flexslew.${workspace_digest:0:16}
 if [ ! -e "$packages" ] || [ ! -e "$workspace" ] || [ "$(<"$workspace")" != "$root" ]; then
   trap 'interrupted 130' INT
   trap 'interrupted 143' TERM
+  machine=$(uname -m)
+  case $machine in
+    x86_64 | amd64) ;;
+    *) fail "no packages are pinned for $machine: a 64-bit Intel or AMD PC is needed; without ROS: pip install ." ;;
+  esac
   system_packages
   if [ ! -e "$packages" ]; then python_packages; fi
   build_workspace

@@ -197,6 +197,18 @@ def test_a_path_that_the_build_tools_cannot_take_is_refused_before_anything_is_d
     assert not (checkout.root / ".venv").exists()
 
 
+def test_a_processor_without_wheels_is_told_before_anything_is_done(
+    checkout: Checkout, tmp_path: Path
+) -> None:
+    (tmp_path / "bin" / "uname").write_text("#!/bin/sh\necho aarch64\n")
+    (tmp_path / "bin" / "uname").chmod(0o755)
+    code, errors = checkout.call()
+    assert (code, len(errors.splitlines())) == (2, 1)
+    assert "no packages are pinned for aarch64" in errors
+    assert not checkout.log.read_text()
+    assert not (checkout.root / ".venv").exists()
+
+
 def test_a_symbolic_link_with_spaces_to_a_good_path_is_no_obstacle(checkout: Checkout) -> None:
     link = checkout.folder / "my checkout"
     link.symlink_to(checkout.root)

@@ -38,7 +38,7 @@ def test_every_method_flies_the_same_yaw_slew(yaw: Any) -> None:
     slews = {name for name, entry in PLANNERS.items() if entry.slews}
     assert {name.partition(",")[0] for name in flown} == slews
     variants = {f"{name}, {v.name}" for name, entry in PLANNERS.items() for v in entry.variants}
-    assert set(flown) == slews | variants
+    assert slews <= set(flown) <= slews | variants
     assert next(iter(flown)) == "optimized_feedforward"
     assert not [entry for entry in yaw.entries if entry.refused]
     for entry in flown.values():
@@ -46,6 +46,12 @@ def test_every_method_flies_the_same_yaw_slew(yaw: Any) -> None:
         assert [flight.error for flight in entry.by_stiffness] == [-0.2, 0.0]
         assert [flight.payload for flight in entry.by_payload] == [-0.2, 0.0, 0.2]
         assert np.all(entry.nominal.peak_effort <= 150.0)
+
+
+def test_no_row_of_a_method_is_there_twice(yaw: Any) -> None:
+    plans = [(e.name.partition(",")[0], e.plan.position.tobytes(), e.plan.effort.tobytes(),
+              e.plan.gains.tobytes()) for e in yaw.flown]  # fmt: skip
+    assert len(set(plans)) == len(plans) > len(PLANNERS) // 2
 
 
 def test_the_rigid_body_is_the_lower_bound(yaw: Any) -> None:

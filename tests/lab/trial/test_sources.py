@@ -17,7 +17,7 @@ from flexslew_plant.errors import BadInput
 def test_every_shipped_trial_is_known_by_its_name_and_says_what_it_is(shipped: Any) -> None:
     trial, source = read_trial(shipped.name)
     assert trial.name == shipped.name
-    assert source == str(shipped.path)
+    assert source == shipped.name
     assert 20 < len(shipped.about) < 300
     assert parse_trial(trial_text(trial), "again", trial.trust) == trial
 
@@ -42,13 +42,13 @@ def test_values_are_changed_by_their_path_and_read_as_yaml() -> None:
     assert trial.testbed.modes == 5
     assert trial.plan.goal == {"base_yaw": 1.0, "hub_pitch": 0.8}
     assert trial.controllers["pd_feedforward"]["kp"] == [1, 2]
-    assert source.endswith("m1.yaml --set " + " --set ".join(changes))
+    assert source == ("m1 --set " + " --set ".join(changes))
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("testbed.modez=5", r"m1\.yaml: testbed\.modez: unknown key; did you mean modes\?"),
+        ("testbed.modez=5", r"^--set: testbed\.modez: unknown key; did you mean modes\?"),
         ("durations=5", "durations: unknown key; did you mean duration"),
         ("testbed.modes", "--set: testbed.modes: give key.path=value"),
         ("=5", "--set: =5: give key.path=value"),

@@ -328,7 +328,7 @@ def test_an_injected_fault_does_what_a_scheduled_one_does() -> None:
 
     answers: list[Any] = []
     run, scheduled = Run(settings(), meanwhile=inject), with_fault("command_lost")
-    assert answers[0] == (200, "command_lost 0 at tick 200", 0, None)
+    assert answers[0] == (200, "command_lost from 2 s on (tick 200, no. 0)", 0, None)
     assert np.array_equal(run.states, scheduled.states)
     (wish,) = run.of("injected")
     assert wish.data["start"] == 200
@@ -337,7 +337,8 @@ def test_an_injected_fault_does_what_a_scheduled_one_does() -> None:
 
 def test_an_injected_disturbance_begins_at_the_next_tick() -> None:
     bench = Bench(settings())
-    assert bench.inject("disturbance: {base_yaw: 4.0}") == (1, "disturbance 0 at tick 1", 0, None)
+    words = "disturbance from 0.01 s on (tick 1, no. 0)"
+    assert bench.inject("disturbance: {base_yaw: 4.0}") == (1, words, 0, None)
     bench.advance()
     assert not bench.truth().disturbance.any()
     bench.advance()

@@ -10,8 +10,6 @@ testbeds are the families; bench puts a trial on a Bench that is stepped by hand
 are the commands of these names.
 """
 
-from importlib.metadata import PackageNotFoundError, version
-
 from flexslew_control import controllers as laws
 from flexslew_control import planners
 from flexslew_control.plan import Plan
@@ -23,11 +21,9 @@ from flexslew_lab.trial.trial import Trial
 from flexslew_plant import testbeds
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
+from flexslew_plant.version import VERSION
 
-try:
-    __version__ = version("flexslew")
-except PackageNotFoundError:  # in a checkout
-    __version__ = "0.1.0"
+__version__ = VERSION
 
 __all__ = [
     "BadInput",

@@ -20,6 +20,7 @@ from types import CodeType, ModuleType
 from typing import Any
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.near_names import did_you_mean
 
 ALL = "all"  # trusts every name
 LAWS, TESTBEDS, METRICS = GROUPS = (  # entry points of packages
@@ -127,8 +128,9 @@ def find_class(
         else:
             allowed = ", ".join(sorted({*known, *installed}))
             kind = what.title().replace(" ", "")
+            hint = did_you_mean(name, {*known, *installed})
             raise BadInput(
-                f"{name} is not a {what}; allowed: {allowed}, my_{what}.py:My{kind}, "
+                f"{name} is not a {what}; {hint}allowed: {allowed}, my_{what}.py:My{kind}, "
                 f"package.module.My{kind}",
                 source,
             )

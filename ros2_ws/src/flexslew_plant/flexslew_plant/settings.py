@@ -1,6 +1,5 @@
 """Sections of a trial file: one YAML section is one frozen dataclass, checked on the way in."""
 
-import difflib
 import re
 from collections.abc import Hashable
 from math import inf
@@ -13,6 +12,7 @@ from pydantic.errors import PydanticUndefinedAnnotation, PydanticUserError
 from pydantic.json_schema import SkipJsonSchema
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.units import is_quantity, replaced
@@ -235,8 +235,7 @@ def _refusal(error: ValidationError, kind: Any, values: Any, source: str) -> Ref
     key = ".".join(written) or WHOLE
     if first["type"] == "unexpected_keyword_argument":
         known = _known_keys(error, kind, place[:-1])
-        close = difflib.get_close_matches(place[-1], known, n=1)
-        hint = f"did you mean {close[0]}? " if close else ""
+        hint = did_you_mean(place[-1], known)
         allowed = f"allowed here: {', '.join(known)}" if known else "remove it"
         return Refusal(f"unknown key; {hint}{allowed}", key, source=source)
     others = {_written(one, values) for one in error.errors()} - {_written(first, values)}

@@ -8,6 +8,7 @@ import typer
 
 from flexslew_lab.cli.terminal import print_line, print_table, say
 from flexslew_lab.trial.outputs import writable_folder
+from flexslew_plant.version import VERSION
 
 log = typer.Typer(no_args_is_help=True, help="Inspect, check, recover and export bags.")
 
@@ -113,10 +114,23 @@ def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
         say(str(done.out), "bold")
 
 
+def _version(asked: bool) -> None:
+    """Print the version and leave."""
+    if asked:
+        print(f"flexslew {VERSION}")
+        raise typer.Exit
+
+
 def reading_limits(
     largest_chunk: Annotated[
         int, typer.Option(min=1, help="Largest chunk to read [MiB]; memory grows with it.")
     ] = 64,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", is_eager=True, callback=_version, help="Say which version it is."
+        ),
+    ] = False,
 ) -> None:
     """Take the options that stand before a subcommand."""
     from flexslew_lab.log.files.read_limits import MIB, read_at_most

@@ -4,15 +4,18 @@ import json
 import math
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.main import get_command
 
 from flexslew_lab.cli.analyse import analyse
 from flexslew_lab.cli.checkout import bench, test
 from flexslew_lab.cli.compare import Sets, TrialFile, compare
 from flexslew_lab.cli.compiling import say_when_compiling
+from flexslew_lab.cli.completion import completion
 from flexslew_lab.cli.console import console
 from flexslew_lab.cli.early import OPERATING
 from flexslew_lab.cli.identify import identify
@@ -22,6 +25,7 @@ from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.model import model
 from flexslew_lab.cli.open_page import Open, open_page
 from flexslew_lab.cli.operate import COMMANDS
+from flexslew_lab.cli.plain_help import without_types
 from flexslew_lab.cli.replay import TrustOption, check, live, play, resim
 from flexslew_lab.cli.reproduced import show_rows
 from flexslew_lab.cli.runs import runs
@@ -29,6 +33,7 @@ from flexslew_lab.cli.study import study
 from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say, short
 from flexslew_lab.trial.outputs import RUNS, WITHOUT, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
+from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import Trust
 
 if TYPE_CHECKING:
@@ -41,14 +46,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="A lab bench in software: slew a flexible spacecraft testbed on ROS 2 without ringing.",
 )
-app.add_typer(log, name="log")
-app.add_typer(study, name="study")
+app.add_typer(log, name="log", rich_help_panel="Logs and replay")
+app.add_typer(study, name="study", rich_help_panel="Analyse and identify")
 app.callback()(reading_limits)
 
 Bags = Annotated[list[Path], typer.Argument(help="Folders of runs, or bags.")]
 
 
-@app.command()
 def trial(
     file: TrialFile = None,
     sets: Sets = None,
@@ -107,7 +111,6 @@ def trial(
         raise typer.Exit(result.exit_code)
 
 
-@app.command()
 def trials(as_json: Json = False) -> None:
     """List the trials that come with the bench; each can be flown by its name.
 
@@ -123,7 +126,6 @@ def trials(as_json: Json = False) -> None:
         print_table(("trial", "about"), [(trial.name, trial.about) for trial in shipped])
 
 
-@app.command()
 def plan(
     file: TrialFile = None,
     sets: Sets = None,
@@ -179,7 +181,6 @@ def plan(
         print_table(("", made.method), rows)
 
 
-@app.command()
 def report(
     bags: Bags,
     out: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
@@ -213,7 +214,6 @@ def report(
         open_page(target)
 
 
-@app.command()
 def reproduce(
     name: Annotated[
         str, typer.Argument(help="csa, ofc, pi, time-optimal, scole or antennas; left out: all.")
@@ -231,7 +231,8 @@ def reproduce(
     from flexslew_lab.reproduce import REPRODUCTIONS, write_figures
 
     if name and name not in REPRODUCTIONS:
-        raise BadInput(f"unknown reproduction {name}; allowed: {', '.join(REPRODUCTIONS)}")
+        hint = did_you_mean(name, REPRODUCTIONS)
+        raise BadInput(f"unknown reproduction {name}; {hint}allowed: {', '.join(REPRODUCTIONS)}")
     if figures is not None:
         if not name:
             raise BadInput("--figures: give the name of the paper whose figures are drawn")
@@ -252,23 +253,19 @@ def reproduce(
         raise typer.Exit(1)
 
 
-for often in (
-    *COMMANDS,
-    runs,
-    compare,
-    model,
-    analyse,
-    identify,
-    recover,
-    resim,
-    check,
-    play,
-    live,
-    console,
-    bench,
-):
-    app.command()(often)
-app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(test)
+_GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
+    "Fly and plan": (trial, trials, plan, console),
+    "Look at runs": (runs, report, compare),
+    "Operate a running bench": (*COMMANDS, live),
+    "Logs and replay": (resim, check, play, recover),
+    "Analyse and identify": (analyse, model, identify, reproduce),
+    "The bench itself": (bench, completion),
+}
+for _group, _commands in _GROUPS.items():
+    for _command in _commands:
+        app.command(rich_help_panel=_group)(_command)
+_OTHERS = {"allow_extra_args": True, "ignore_unknown_options": True}
+app.command(context_settings=_OTHERS, rich_help_panel="The bench itself")(test)
 
 
 def _joint_units(wanted: "Trial") -> dict[str, str]:
@@ -289,7 +286,8 @@ def main() -> None:
     if "--json" not in sys.argv:  # whose reader may take both outputs for one
         say_when_compiling()
     try:
-        code = app(prog_name=_called(), standalone_mode=False) or 0
+        command = without_types(get_command(app))
+        code = command(prog_name=_called(), standalone_mode=False) or 0
         if code == INTERRUPTED:  # how typer passes a KeyboardInterrupt on
             say("interrupted")
     except typer.Exit as leave:

@@ -23,7 +23,7 @@ from flexslew_lab.report.story import Line, changes_of, story_of
 from flexslew_lab.report.verdict import told_to_move, verdict
 from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.events import IN_CHARGE, BentFar, Switched, largest
+from flexslew_plant.events import IN_CHARGE, BentFar, Switched, step_words
 from flexslew_plant.settings import load_yaml
 
 EVENTS = 300  # of a run that the table shows
@@ -225,7 +225,7 @@ def _charge(run: RunData) -> dict[str, Any]:
                 "share": f"{(phase.end - phase.start) / total:.6f}",
                 "colour": COLOURS[names.index(phase.controller) % len(COLOURS)] if known else PALE,
                 "how": event.kind if event is not None else "from the start",
-                "step": "" if step is None else f"{largest(step):.3g}",
+                "step": "" if step is None else step_words(step),
             }
         )
     return {"label": run.label, "phases": phases, "unit": unit_of("peak_effort", run.joint_units)}

@@ -1,6 +1,7 @@
 """Where a trial comes from: a file, or the name of a shipped one, with single values changed."""
 
-import difflib
+from collections.abc import Mapping
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -8,6 +9,7 @@ from typing import Any, NamedTuple
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.trial import Trial, checked_trial, text_of, trial_of_values
 from flexslew_plant.errors import BadInput
+from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import load_yaml
 
@@ -54,8 +56,7 @@ def trial_path(name: str | Path | None) -> Path:
     known = {trial.name: trial.path for trial in shipped_trials()}
     if given in known:
         return known[given]
-    close = difflib.get_close_matches(given, known, n=1)
-    hint = f"did you mean {close[0]}? " if close else ""
+    hint = did_you_mean(given, known)
     raise BadInput(
         f"{given}: is neither a file nor a shipped trial; {hint}shipped: {', '.join(known)}"
     )
@@ -95,5 +96,18 @@ def read_trial(name: str | Path | None, assignments: list[str] | None = None) ->
             values = overridden(values, changes)
         except BadInput as error:
             raise BadInput(f"--set: {error}") from None
-    source = str(path) + "".join(f" --set {assignment}" for assignment in assignments or [])
-    return checked_trial(trial_of_values(values, str(path), ANY_CODE), str(path)), source
+    label = path.stem if path.parent == FOLDER else str(path)
+    source = label + "".join(f" --set {assignment}" for assignment in assignments or [])
+    try:
+        return checked_trial(trial_of_values(values, label, ANY_CODE), label), source
+    except BadInput as error:
+        refusal = error.refusal
+        if not _is_set(refusal.key, changes):
+            raise
+        raise BadInput(replace(refusal, source="--set")) from None
+
+
+def _is_set(key: str, changes: Mapping[str, Any]) -> bool:
+    """Return whether a key was set on the command line, is part of what was, or holds it."""
+    pairs = [(f"{key}.", f"{path}.") for path in changes if key]
+    return any(one.startswith(other) or other.startswith(one) for one, other in pairs)

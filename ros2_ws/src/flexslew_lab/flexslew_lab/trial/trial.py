@@ -27,6 +27,7 @@ from flexslew_plant.bench.hardware.sensors import SensorSettings
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import Schedule, require_allowed
 from flexslew_plant.errors import BadInput
+from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import (
@@ -152,7 +153,9 @@ def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
     for key, controller in wanted.items():
         if controller not in trial.controllers:
             known = ", ".join(trial.controllers)
-            raise BadInput(f"{key}: {controller} is not in controllers; allowed: {known}", source)
+            hint = did_you_mean(controller, trial.controllers)
+            words = f"{controller} is not in controllers; {hint}allowed: {known}"
+            raise BadInput(words, source, key)
     require_allowed(trial.schedule, trial.allow_faults, source)
     return _with_files(trial, source)
 

@@ -286,7 +286,8 @@ class Bench:
             return InjectResult(self.tick, refused=error.refusal)
         word, number = self._injections.add(injection)
         self.tell(InjectionRequested(text, start, number, who, word))
-        return InjectResult(start, f"{word} {number} at tick {start}", number)
+        at = start * self.settings.period
+        return InjectResult(start, f"{word} from {at:g} s on (tick {start}, no. {number})", number)
 
     def retarget(self, text: str, tick: int = 0, who: str = "") -> InjectResult:
         """Return whether an appendage gets a new target, or why not.

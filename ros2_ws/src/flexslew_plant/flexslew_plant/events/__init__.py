@@ -59,6 +59,7 @@ from flexslew_plant.events.switching import (
     SwitchRefused,
     SwitchRequested,
     largest,
+    step_words,
 )
 
 __all__ = [
@@ -115,6 +116,7 @@ __all__ = [
     "event_of",
     "fact_of",
     "largest",
+    "step_words",
 ]
 
 _KINDS: tuple[Any, ...] = (

@@ -16,6 +16,9 @@ from flexslew_plant.refusal import Cause
 BRAKE = ""  # the name of the drive's own brake, where a controller's stands
 
 
+_ROUNDING = 1e-9  # effort steps below this come from it [N m or N]
+
+
 @fact
 class SwitchRequested:
     """Somebody asked for another controller, and will get it unless something comes between."""
@@ -47,7 +50,7 @@ class Switched:
     @property
     def message(self) -> str:
         """One line for a person."""
-        return f"{self.from_ or 'brake'} -> {self.to}, effort step {largest(self.effort_step):.3g}"
+        return f"{self.from_ or 'brake'} -> {self.to}, effort step {step_words(self.effort_step)}"
 
 
 @fact
@@ -236,6 +239,12 @@ class SensorsImplausible:
             f"the sensors of {self.joint} contradict each other: it moves by "
             f"{self.difference:.3g} per second more than its rate sensor says"
         )
+
+
+def step_words(step: list[float] | float | None) -> str:
+    """Return the largest magnitude of an effort step for a person; what is rounding is 0."""
+    size = largest(step)
+    return f"{size:.3g}" if size > _ROUNDING else "0"
 
 
 def largest(step: list[float] | float | None) -> float:

@@ -162,7 +162,10 @@ def compared(
     trial = replace(trial, plan=section)
     if not errors or min(errors) <= -1.0:
         raise BadInput("one or more, each above -1", key="errors", value=list(errors))
-    entries = [_planned(trial, source, *candidate) for candidate in _candidates(trial)]
+    candidates = _candidates(trial)
+    entries = _distinct(
+        [(method, _planned(trial, source, method, variant)) for method, variant in candidates]
+    )
     plans = [entry.plan for entry in entries if entry.plan is not None]
     longest = max((plan.end for plan in plans), default=0.0)
     long_enough = replace(trial, duration=max(trial.duration, longest + _WATCHED))
@@ -193,6 +196,27 @@ def compared(
     limits = _limit(trial, errors, longest)
     units = model.joint_units
     return Comparison(trial, model.joint_names, units, bound, tuple(entries), limits)
+
+
+def _distinct(planned: Sequence[tuple[str, Entry]]) -> list[Entry]:
+    """Return the entries without variants whose plan is that of an earlier one of their method."""
+    kept: list[tuple[str, Entry]] = []
+    for method, entry in planned:
+        plan = entry.plan
+        same = (
+            other.plan
+            for name, other in kept
+            if name == method and other.plan is not None and plan is not None
+        )
+        if plan is None or not any(_same(plan, other) for other in same):
+            kept.append((method, entry))
+    return [entry for _, entry in kept]
+
+
+def _same(one: Plan, other: Plan) -> bool:
+    """Return whether two plans ask for the same motion."""
+    parts = ("start", "duration", "position", "velocity", "effort", "state", "gains")
+    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in parts)
 
 
 def _limit(trial: Trial, errors: Sequence[float], longest: float) -> LimitCurve | None:

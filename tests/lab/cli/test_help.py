@@ -1,0 +1,56 @@
+"""What the command line says of itself: version, help in groups, completion."""
+
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from flexslew_lab.cli.main import main
+
+ROOT = Path(__file__).parents[3]
+
+
+def said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    monkeypatch.setattr(sys, "argv", ["flexslew", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    return capsys.readouterr().out
+
+
+def test_the_version_is_that_of_the_package(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert said(monkeypatch, capsys, "--version") == f"flexslew {version}\n"
+
+
+def test_help_comes_in_groups_and_a_flag_has_no_type(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = said(monkeypatch, capsys, "--help")
+    assert whole.index("Fly and plan") < whole.index("Operate a running bench")
+    assert "─ Commands" not in whole  # nothing stands outside of the groups
+    for words in (["--help"], ["trial", "--help"], ["study", "run", "--help"]):
+        assert "bool" not in said(monkeypatch, capsys, *words)
+    assert "<float>" in said(monkeypatch, capsys, "trial", "--help")
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [("flexslew trial swap", ["swap_demo"]), ("flexslew comp", ["compare", "completion"])],
+)
+def test_a_shell_completes_commands_and_trials(
+    line: str,
+    found: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = line.split()
+    ask = f"COMP_WORDS=({shlex.join(words)}) COMP_CWORD={len(words) - 1} && _flexslew"
+    script = f"{said(monkeypatch, capsys, 'completion')}\n{ask}\nprintf '%s ' ${{COMPREPLY[@]}}"
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert sorted(done.stdout.split()) == found
