@@ -8,7 +8,7 @@ import pytest
 from tests.plants import plant
 
 from flexslew_control.controllers import build_controller, settings_text, user_law
-from flexslew_control.law import Estimate
+from flexslew_control.law import Estimate, PlantDescription
 from flexslew_lab.trial.in_process import fly
 from flexslew_plant import own_code
 from flexslew_plant.bench.bench import Bench, BenchSettings
@@ -16,7 +16,7 @@ from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Level
 from flexslew_plant.own_code import ANY_CODE, LAWS, NO_CODE
-from flexslew_plant.settings import load_yaml, validated
+from flexslew_plant.settings import Positive, load_yaml, section, validated
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = f"{ROOT / 'docs' / 'examples' / 'my_law.py'}:MyLaw"
@@ -33,6 +33,21 @@ class Steady:
 
     def update(self, measurement: Any, estimate: Any, reference: Any) -> list[Any]:
         return [1.0, 2.0]
+
+
+class Described:
+    """A law that gets what a built-in law gets."""
+
+    @section
+    class Settings:
+        gain: Positive = 1.0
+        soft: bool = False
+
+    def __init__(self, settings: Any, plant: PlantDescription) -> None:
+        self.settings, self.plant = settings, plant
+
+    def update(self, measurement: Any, estimate: Any, reference: Any) -> Any:
+        return np.zeros(2)
 
 
 class Broken(Steady):
@@ -145,6 +160,21 @@ def test_a_law_gets_its_settings_the_period_and_the_limits() -> None:
     logged = load_yaml(settings_text(built, HERE + "Steady", values), "log")
     digest = sha256(Path(__file__).read_bytes()).hexdigest()
     assert logged == {**values, "computed": {}, "law_sha256": digest}
+
+
+def test_a_class_with_settings_gets_them_validated_and_the_plant() -> None:
+    built = controller("mine", HERE + "Described", gain="1e3", handover_time=0.5)._law._built
+    assert (built.settings.gain, built.settings.soft) == (1000.0, False)
+    assert built.plant.joint_names == JOINTS
+    assert built.plant.testbed.model().joint_names == JOINTS
+
+
+@pytest.mark.parametrize("wrong", [{"gian": 2.0}, {"gain": -1.0}, {"gain": "stiff"}])
+def test_a_setting_that_such_a_class_does_not_have_is_refused(wrong: dict[str, Any]) -> None:
+    (key,) = wrong
+    with pytest.raises(BadInput, match=key) as refused:
+        controller("mine", HERE + "Described", **wrong)
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("how", REASONS)

@@ -20,6 +20,12 @@ def double_integrator(h: float) -> tuple[np.ndarray, np.ndarray]:
     return np.array([[1.0, h], [0.0, 1.0]]), np.array([[0.5 * h * h], [h]])
 
 
+def undriven(x: np.ndarray, n: int) -> np.ndarray:
+    """Return the states of n steps without efforts, shape (n, 2)."""
+    f, _ = double_integrator(0.5)
+    return np.array([np.linalg.matrix_power(f, k + 1) @ x for k in range(n)])
+
+
 def program(n: int, hard: np.ndarray, soft: np.ndarray, shares: Any = None) -> Any:
     f, g = double_integrator(0.5)
     q, r = np.diag([2.0, 1.0]), np.array([[0.3]])
@@ -31,10 +37,10 @@ def program(n: int, hard: np.ndarray, soft: np.ndarray, shares: Any = None) -> A
 def test_without_limits_it_is_the_regulator() -> None:
     f, g = double_integrator(0.5)
     gain, _, _ = control.dlqr(f, g, np.diag([2.0, 1.0]), np.array([[0.3]]))
-    ahead, _, found = program(8, np.zeros((0, 8)), np.zeros((0, 16)))
+    _, _, found = program(8, np.zeros((0, 8)), np.zeros((0, 16)))
     x = np.array([0.7, -0.2])
     wide = np.full(8, 1e6)
-    free = (ahead.free @ x).reshape(8, 2)
+    free = undriven(x, 8)
     solved, _ = found.solve(free, np.zeros((8, 1)), -wide, wide, np.zeros(8))
     assert solved.optimal
     np.testing.assert_allclose(solved.efforts[0], -(gain @ x), rtol=1e-6)
@@ -48,7 +54,7 @@ def test_within_limits_it_is_the_optimum_of_another_solver(seed: int) -> None:
     shares = np.where(np.arange(n) < seed % 4, 0.01, 1.0)
     ahead, cost, found = program(n, hard, soft, shares)
     x, wanted = rng.normal(0.0, 0.4, 2), rng.normal(0.0, 0.2, (n, 1))
-    free = (ahead.free @ x).reshape(n, 2)
+    free = undriven(x, n)
     size = np.concatenate((np.full(n, 1.0), np.full(n - 1, 0.4), np.full(n, 2.0)))
     shift = np.concatenate((np.zeros(2 * n - 1), free[:, 0]))
     solved, active = found.solve(free, wanted, -size - shift, size - shift, np.zeros(3 * n - 1))

@@ -4,6 +4,9 @@ The class needs `__init__(settings, period, effort_limit)` and
 `update(measurement, estimate, reference) -> efforts`. It may have `reset(measurement, estimate,
 reference, effort)`, an `estimator` (see law.Estimator), `terms`, and `follows_reference = False`
 where it only holds the testbed at rest: then it is not ready under a plan that moves.
+
+A class with `Settings`, a section as built-in laws have (flexslew_plant.settings.section), is built
+as they are, with `__init__(settings, plant)`: validated settings and the plant's description.
 """
 
 from time import perf_counter
@@ -55,12 +58,17 @@ def build_user_law(
         source: file or node to name in an error.
 
     Raises:
-        BadInput: the class cannot be built, or has no `update`.
+        BadInput: a setting is not allowed, the class cannot be built, or has no `update`.
     """
     own = dict(values)
     limit = validated(Positive | None, own.pop("time_limit", None), f"{source}: time_limit")
     try:
-        built = found(own, plant.period, plant.effort_limit.copy())
+        if (section := getattr(found, "Settings", None)) is None:
+            built = found(own, plant.period, plant.effort_limit.copy())
+        else:
+            built = found(validated(section, own, source), plant)
+    except BadInput:
+        raise
     except Exception as error:
         raise BadInput(f"{law} cannot be built: {one_line(error)}", source) from error
     if not callable(getattr(built, "update", None)):

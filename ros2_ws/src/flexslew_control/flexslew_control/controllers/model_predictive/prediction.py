@@ -20,8 +20,7 @@ _SOFTENED = 2  # its exit flag: optimal, with a soft limit passed
 class Horizon(NamedTuple):
     """The condensed prediction of N steps, for a state of k numbers and m efforts."""
 
-    free: Matrix  # X = free x(0) + forced V, (N k, k)
-    forced: Matrix  # (N k, N m)
+    forced: Matrix  # X = what it does without efforts + forced V, (N k, N m)
 
 
 class Costs(NamedTuple):
@@ -48,7 +47,7 @@ def horizon(f: Matrix, g: Matrix, steps: int) -> Horizon:
     for i in range(steps):
         for j in range(i + 1):
             forced[i * k : (i + 1) * k, j * m : (j + 1) * m] = powers[i - j] @ g
-    return Horizon(np.vstack(powers[1:]), forced)
+    return Horizon(forced)
 
 
 def costs(f: Matrix, g: Matrix, state: Matrix, effort: Matrix) -> Costs:
