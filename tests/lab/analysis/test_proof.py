@@ -97,3 +97,9 @@ def test_poles_of_a_law_with_an_estimator_are_told_apart() -> None:
     assert len(proof.poles) >= 3
     for pole in proof.poles:
         assert pole.flown_frequency == pytest.approx(pole.frequency, rel=1e-3)
+
+
+def test_a_law_that_listens_to_nothing_closes_no_loop() -> None:
+    keys: Any = {"plan": None, "controllers": {"linear": {}}, "active": "linear"}
+    with pytest.raises(BadInput, match="closes no loop"):
+        analysed(trial("time_optimal_oscillator", keys), "here")

@@ -143,6 +143,8 @@ def analysed(
         gains = plan.reference(round(point.rest.time / trial.period)).gains
     running = running_law(built, point.rest, plant.effort_limit, gains)
     loop = loop_of(sampled_plant(point.rest, point.path, applied=True), running.form)
+    if not loop.sensors:
+        raise BadInput(f"{source}: {name} listens to no sensor there: it closes no loop")
     return _measured(trial, name, law, point, running, loop, plan)
 
 
