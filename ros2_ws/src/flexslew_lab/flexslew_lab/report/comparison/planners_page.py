@@ -74,15 +74,17 @@ def cost(comparison: Comparison) -> Group:
         marks.append(Mark("rigid-body lower bound", at, at, "#000"))
     if limit is None:
         x, y = comparison.best_found
+        shape = "hv"  # it does for more time, too
         name, words = "best found, not a bound", "The line is the best that was found: no bound."
     else:
         x, y = limit.duration, limit.residual
+        shape = "vh"  # a bound for some time is one for less
         name, words = "convex optimum, a bound", "No efforts on 60 pieces can be below the line."
         if limit.least_time is not None:
             at = limit.least_time
             marks.append(Mark("least time to rest, nominal", at, at, "#777"))
     if x.size > 1:
-        panel.line(x, y, name, {"color": "#777", "dash": "dot"})
+        panel.line(x, y, name, {"color": "#777", "dash": "dot", "shape": shape})
         _widen(panel, y)
     return Group(
         "Cost in time",
