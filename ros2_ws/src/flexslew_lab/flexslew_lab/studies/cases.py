@@ -8,8 +8,9 @@ import numpy as np
 import pyarrow as pa
 
 from flexslew_control.controllers import CONTROLLERS
+from flexslew_lab.studies.experiment import found_by_shaking
 from flexslew_lab.studies.sampling.methods import Samples, drawn
-from flexslew_lab.studies.study import Nominal, Study
+from flexslew_lab.studies.study import IDENTIFIED, Nominal, Study
 from flexslew_lab.trial.overrides import overridden, value_at
 from flexslew_lab.trial.trial import Trial, feedback_of, law_of, trial_of_values
 from flexslew_plant.errors import BadInput
@@ -113,7 +114,8 @@ def case_trial(study: Study, case: Case) -> Trial:
     """Return the trial of a case.
 
     Controllers that never take charge are left out: they change nothing. Without `replan`, what
-    planner and controllers believe of the bench is written out, so it stays the nominal one.
+    planner and controllers believe of the bench is written out, so it stays the nominal one; with
+    `replan: identified` the sampled bench is shaken, and they believe what that has found.
     Sections that no sample changes are those of the nominal trial, which was checked already.
 
     Raises:
@@ -123,7 +125,8 @@ def case_trial(study: Study, case: Case) -> Trial:
     if case.variant not in study.nominal:
         variant = study.variants[case.variant]
         whole = _flying(overridden(study.base, variant.changes))
-        values = whole if study.settings.replan else _believing(whole, study.source, study.trust)
+        known = variant.replan is True
+        values = whole if known else believing(whole, study.source, study.trust)
         study.nominal[case.variant] = Nominal(
             values, trial_of_values(values, study.source, study.trust)
         )
@@ -133,11 +136,23 @@ def case_trial(study: Study, case: Case) -> Trial:
     alike = {key: value for key, value in vars(nominal.trial).items() if key in nominal.values}
     changed = overridden(touched, changes)
     name = f"{study.settings.study}-{max(case.number, 0)}"
-    return trial_of_values(
-        alike | changed | {"seed": case.seed, "name": name, "rate_factor": 0.0},
-        source,
-        study.trust,
-    )
+    own = {"seed": case.seed, "name": name, "rate_factor": 0.0}
+    trial = trial_of_values(alike | changed | own, source, study.trust)
+    if study.variants[case.variant].replan != IDENTIFIED:
+        return trial
+    found = plain(found_by_shaking(_experiment(study, case, changes)))
+    asked = overridden(study.base, study.variants[case.variant].changes)
+    values = believing(_flying(overridden(asked, changes)), source, study.trust, found)
+    return trial_of_values(values | own, source, study.trust)
+
+
+def _experiment(study: Study, case: Case, changes: dict[str, Any]) -> Trial:
+    """Return the trial that shakes a sampled bench; its plan believes the nominal one."""
+    source = f"{study.source}: shake"
+    asked = overridden(study.base, study.variants[case.variant].changes | study.settings.shake)
+    nominal = believing(_flying(asked), source, study.trust)
+    own = {"seed": trial_seed(case.seed, 0), "name": "shake", "rate_factor": 0.0}
+    return trial_of_values(overridden(nominal, changes) | own, source, study.trust)
 
 
 def _flying(values: dict[str, Any]) -> dict[str, Any]:
@@ -154,15 +169,25 @@ def _flying(values: dict[str, Any]) -> dict[str, Any]:
     return values | {"controllers": controllers}
 
 
-def _believing(values: dict[str, Any], source: str, trust: Trust) -> dict[str, Any]:
+def believing(
+    values: dict[str, Any], source: str, trust: Trust, found: dict[str, Any] | None = None
+) -> dict[str, Any]:
     """Return the trial with all beliefs about the nominal bench written out.
 
     What planner and controllers would take from the testbed they meet: its model, where its joints
     rest, and, for the planner, the gains of the controller in charge.
+
+    Args:
+        values: of the trial.
+        source: for messages.
+        trust: which classes it may name.
+        found: a testbed's section that they believe in; None: the trial's own.
     """
     nominal = trial_of_values(values, source, trust)
 
     def model(given: Any, place: str) -> dict[str, Any]:
+        if found is not None:
+            return found | {k: v for k, v in (given or {}).items() if k in found and k != "kind"}
         belief: dict[str, Any] = plain(
             believed(nominal.testbed, given, f"{source}: {place}", trust)
         )

@@ -12,7 +12,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.studies.flight import Plans
-from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.study import IDENTIFIED, Study
 from flexslew_lab.trial.trial import law_of
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
@@ -25,6 +25,7 @@ _CODE = (
     "flexslew_lab/metrics",
     "flexslew_lab/studies/lanes",
 )
+_IDENTIFICATION = "flexslew_lab/identification"  # decides, too, where samples are shaken
 _LIBRARIES = ("pyarrow", "pydantic", "llvmlite")
 
 
@@ -44,7 +45,7 @@ def identity_of(
         "study": {key: value for key, value in settings.items() if key not in _FREE},
         "trial": study.base,
         "files": _law_files(study),
-        "versions": _versions(),
+        "versions": _versions(study),
         "plans": [plan_hash(p) if isinstance(p, Plan) else str(p) for p in plans.made.values()],
         "samples": _samples_digest(samples),
         "variants": [variant.label for variant in study.variants],
@@ -95,9 +96,10 @@ def _law_files(study: Study) -> dict[str, str]:
     return digests
 
 
-def _versions() -> dict[str, str]:
+def _versions(study: Study) -> dict[str, str]:
     found = software_versions() | {name: metadata.version(name) for name in _LIBRARIES}
-    for folder in _CODE:
+    shakes = any(variant.replan == IDENTIFIED for variant in study.variants)
+    for folder in (*_CODE, *([_IDENTIFICATION] if shakes else [])):
         package, _, inside = folder.partition("/")
         root = Path(str(resources.files(package))) / inside
         found[f"source of {folder}"] = _digest(sorted(root.rglob("*.py")))

@@ -4,7 +4,7 @@ import difflib
 from importlib import resources
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from flexslew_plant.settings import Positive, load_yaml, plain, section, validat
 SHIPPED = Path(str(resources.files("flexslew_lab"))) / "studies" / "shipped"
 
 _TAKEN = ("index", "sample", "variant", "replicate", "seed", "status", "reason", "way")
+
+Knowledge: TypeAlias = Literal["identified"] | bool
+REPLAN, IDENTIFIED = "replan", "identified"
 
 Confidence = Annotated[float, Field(gt=0.5, lt=1.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
@@ -63,7 +66,8 @@ class StudySettings:
     seed: Annotated[int, Field(ge=0)] = 1
     sampling: Sampling = Sampling()
     vary: dict[str, dict[str, Any]] = Field(default_factory=dict)
-    replan: bool = False  # whether planner and controllers know the sampled bench
+    replan: Knowledge = False  # whether planner and controllers know the sampled bench
+    shake: dict[str, Any] = Field(default_factory=dict)  # keys that make the trial an experiment
     compare: dict[str, list[Any] | dict[str, Any]] = Field(default_factory=dict)
     criteria: dict[str, Criterion] = Field(default_factory=dict)
     stop: Stop | None = None
@@ -94,6 +98,7 @@ class Variant(NamedTuple):
 
     label: str  # empty where nothing is compared
     changes: dict[str, Any]
+    replan: Knowledge = False  # see StudySettings
 
 
 class Nominal(NamedTuple):
@@ -283,7 +288,9 @@ def _numeric(value: Any) -> bool:
 def _variants(settings: StudySettings, base: dict[str, Any], source: str) -> tuple[Variant, ...]:
     axes = []
     for key, given in settings.compare.items():
-        if key.split(".")[0] not in base:
+        if key == REPLAN:
+            _require_knowledge(given, source)
+        elif key.split(".")[0] not in base:
             nominal_value(base, key, f"{source}: compare")
         named = given if isinstance(given, dict) else {_label(v): v for v in given}
         if len(named) != len(given):
@@ -297,8 +304,22 @@ def _variants(settings: StudySettings, base: dict[str, Any], source: str) -> tup
         changes: dict[str, Any] = {}
         for _, change in choice:
             changes |= change
-        variants.append(Variant(", ".join(label for label, _ in choice if label), changes))
+        label = ", ".join(label for label, _ in choice if label)
+        knows = changes.pop(REPLAN, settings.replan)
+        if knows == IDENTIFIED and not settings.shake:
+            raise BadInput(
+                "shake: is missing; name the keys that make the trial an experiment, such as "
+                "plan: {method: excitation}",
+                source,
+            )
+        variants.append(Variant(label, changes, knows))
     return tuple(variants)
+
+
+def _require_knowledge(given: list[Any] | dict[str, Any], source: str) -> None:
+    for value in given.values() if isinstance(given, dict) else given:
+        if value not in (False, True, IDENTIFIED):
+            raise BadInput(f"false, true or {IDENTIFIED}", f"{source}: compare", REPLAN, value)
 
 
 def _label(value: Any) -> str:

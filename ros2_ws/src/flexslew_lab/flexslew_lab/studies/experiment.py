@@ -1,0 +1,41 @@
+"""What the experiment of a study finds out about a sampled bench."""
+
+from flexslew_lab.identification.measurements import Listener
+from flexslew_lab.identification.model_file import testbed_of
+from flexslew_lab.identification.modes import identify_modes
+from flexslew_lab.trial.in_process import fly
+from flexslew_lab.trial.trial import (
+    Trial,
+    bench_settings,
+    build_controllers,
+    follow,
+    plan_of_trial,
+)
+from flexslew_plant.bench.bench import Bench
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.identified import IdentifiedTestbed
+
+
+def found_by_shaking(experiment: Trial) -> IdentifiedTestbed:
+    """Return the bench of a trial as its measurements identify it.
+
+    Args:
+        experiment: with a plan of method excitation.
+
+    Raises:
+        BadInput: it cannot be flown, or cannot tell; with the numbers.
+    """
+    place = f"{experiment.name}: plan"
+    bench = Bench(bench_settings(experiment))
+    controllers = build_controllers(experiment, bench, experiment.name)
+    plan = plan_of_trial(experiment)
+    if plan is None or "band" not in plan.summary:
+        raise BadInput("it shakes nothing; give a plan of method excitation", place)
+    if (refused := follow(controllers, experiment.active, plan)) is not None:
+        raise BadInput(str(refused), place)
+    heard = Listener(bench)
+    fly(bench, controllers, heard)
+    if bench.failure:
+        raise BadInput(bench.failure, place)
+    low, high = plan.summary["band"]
+    return testbed_of(identify_modes(heard.record(experiment.name), (float(low), float(high))))

@@ -1,0 +1,93 @@
+"""A study shakes its sampled benches and plans with what that finds."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_lab.studies.cases import case_of, case_trial, sample_table
+from flexslew_lab.studies.flight import Plans, flown
+from flexslew_lab.studies.study import SHIPPED, Study, load_study
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import read_testbed
+
+SAMPLES = 4  # of 200; `./flexslew study run identify_and_replan` flies all
+SHAKE = {"plan": {"method": "excitation"}}
+
+
+@pytest.fixture(scope="module")
+def shipped() -> Study:
+    return load_study(SHIPPED / "identify_and_replan.yaml")
+
+
+def frequency(section: Any) -> float:
+    """Return the free frequency of the oscillator's spring."""
+    model = read_testbed(section, "here").model()
+    return float(model.linearise(model.rest({})).frequencies[0])
+
+
+def test_a_plan_on_the_identified_bench_is_as_good_as_one_on_the_truth(shipped: Study) -> None:
+    samples = sample_table(shipped)
+    left: dict[str, list[float]] = {}
+    for k in range(3 * SAMPLES):
+        case = case_of(shipped, samples, k)
+        found = flown(shipped, case, Plans())
+        assert found.status == "ok", found.reason
+        tip = found.metrics["residual_tip_deflection"]
+        assert tip is not None
+        left.setdefault(shipped.variants[case.variant].label, []).append(tip)
+    assert np.median(left["identified"]) <= 1.5 * np.median(left["truth"])
+    assert np.median(left["nominal"]) > 5.0 * np.median(left["identified"])
+
+
+def test_planner_and_laws_believe_what_was_found_and_the_bench_stays_the_sampled_one(
+    shipped: Study,
+) -> None:
+    samples = sample_table(shipped)
+    by_label = {
+        shipped.variants[k].label: case_trial(shipped, case_of(shipped, samples, k))
+        for k in range(3)
+    }
+    trial = by_label["identified"]
+    assert trial.testbed == by_label["truth"].testbed == by_label["nominal"].testbed
+    true = frequency(plain(trial.testbed))
+    believed: Any = trial.plan
+    assert believed.model["kind"] == "identified"
+    assert frequency(believed.model) == pytest.approx(true, rel=2e-3)
+    nominal: Any = by_label["nominal"].plan
+    assert frequency(nominal.model) == pytest.approx(2.0**0.5, rel=1e-4)
+    again: Any = case_trial(shipped, case_of(shipped, samples, 1)).plan
+    assert again == believed
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"replan": "identified"}, "shake: is missing"),
+        ({"replan": "guessed"}, "replan"),
+        ({"compare": {"replan": [False, "guessed"]}}, "guessed.*false, true or identified"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_in_one_line(
+    study_of: Callable[..., Study], keys: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(BadInput, match=words) as error:
+        study_of(**keys)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("shake", "words"),
+    [
+        ({"duration": 2.0}, "shakes nothing"),
+        (SHAKE | {"duration": 6.0}, "at least|not allowed|hold"),
+    ],
+)
+def test_an_experiment_that_cannot_tell_fails_its_trial_with_the_reason(
+    study_of: Callable[..., Study], shake: dict[str, Any], words: str
+) -> None:
+    study = study_of(replan="identified", shake=shake)
+    with pytest.raises(BadInput, match=words):
+        case_trial(study, case_of(study, sample_table(study), 0))
