@@ -63,6 +63,15 @@ class Estimate(NamedTuple):
         return self.found.low <= self.truth <= self.found.high
 
 
+class Identified(NamedTuple):
+    """What a record told."""
+
+    estimates: list[Estimate]
+    missed: int  # modes
+    extra: int  # modes that are none
+    seconds: float  # processor time
+
+
 def figures() -> dict[str, float]:
     """Return figures of each kind, over all its benches.
 
@@ -78,12 +87,11 @@ def figures() -> dict[str, float]:
     chosen = [k for k in os.environ.get(CHOSEN, "").split(",") if k] or list(KINDS)
     for kind in chosen:
         campaign = [_bench(KINDS[kind], seed) for seed in _counted(kind, count)]
-        estimates = [one for bench_ in campaign for one in bench_[0]]
-        for name, value in _errors(estimates).items():
-            found[f"identification_{kind}_{name}"] = value
-        for k, name in enumerate(("missed", "extra", "seconds"), start=1):
-            total = max if name == "seconds" else sum
-            found[f"identification_{kind}_{name}"] = total(one[k] for one in campaign)
+        values = _errors([one for record in campaign for one in record.estimates])
+        values["missed"] = float(sum(record.missed for record in campaign))
+        values["extra"] = float(sum(record.extra for record in campaign))
+        values["seconds"] = max(record.seconds for record in campaign)
+        found |= {f"identification_{kind}_{name}": value for name, value in values.items()}
     found["identification_memory_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     return found
 
@@ -95,8 +103,8 @@ def _counted(kind: str, count: int) -> Iterator[int]:
         yield seed
 
 
-def _bench(kind: dict[str, Any], seed: int) -> tuple[list[Estimate], float, float, float]:
-    """Return the estimates of a bench, modes missed, modes that are none, and seconds."""
+def _bench(kind: dict[str, Any], seed: int) -> Identified:
+    """Return what the record of a drawn bench told."""
     rng = np.random.default_rng(seed)
     nominal = bench(**kind["keys"])
     true = nominal.scaled(*[rng.uniform(0.8, 1.2) for _ in range(1 + kind["payload"])])
@@ -110,18 +118,19 @@ def _bench(kind: dict[str, Any], seed: int) -> tuple[list[Estimate], float, floa
         fit = fit_parameters(model, nominal, kind["fitted"])
         stiffness = true.parameters.bending_stiffness
         estimates.append(Estimate("stiffness", fit.parameters[0].value, stiffness, True))
-    return estimates, missed, extra, seconds
+    return Identified(estimates, missed, extra, seconds)
 
 
-def _modes(model: ModalModel, true: Any, high: float) -> tuple[list[Estimate], float, float]:
+def _modes(model: ModalModel, true: Any, high: float) -> tuple[list[Estimate], int, int]:
+    """Return the estimates, modes missed and modes that are none."""
     frequencies, damping, rigid = truth(true)
-    estimates, missed, matched = [], 0.0, set()
+    estimates, missed, matched = [], 0, set()
     for k, (w, zeta) in enumerate(zip(frequencies, damping, strict=True), 1):
         if w > 0.5 * high:
             continue
         mode = min(model.modes, key=lambda m: abs(m.frequency.value - w), default=None)
         if mode is None or abs(mode.frequency.value / w - 1.0) > _NEAR:
-            missed += 1.0
+            missed += 1
             continue
         matched.add(mode.frequency.value)
         long = mode.periods >= _PERIODS
@@ -130,7 +139,7 @@ def _modes(model: ModalModel, true: Any, high: float) -> tuple[list[Estimate], f
     for k, row in enumerate(model.inertia):
         estimates.append(Estimate(f"inertia_{k + 1}", row[k], rigid[k, k], True))
     below = [m for m in model.modes if m.frequency.value <= 0.5 * high]
-    return estimates, missed, float(len(below) - len(matched))
+    return estimates, missed, len(below) - len(matched)
 
 
 def _errors(estimates: list[Estimate]) -> dict[str, float]:

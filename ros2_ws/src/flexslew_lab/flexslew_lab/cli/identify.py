@@ -15,6 +15,8 @@ from flexslew_plant.own_code import Trust
 
 if TYPE_CHECKING:
     from flexslew_lab.identification.identification import Experiment
+    from flexslew_lab.identification.modes import ModalModel
+    from flexslew_lab.identification.next_plan import NextPlan
 
 MODEL, PAGE = "identified.yaml", "identification.html"
 
@@ -42,6 +44,9 @@ def identify(
     system: Annotated[
         Path | None, typer.Option(help="Also a linear system: .mat, .npz or .json.")
     ] = None,
+    replan: Annotated[
+        bool, typer.Option(help="Of a slew: what its plan leaves on what was found, and a new one.")
+    ] = False,
     trust: TrustOption = None,
     as_json: Json = False,
 ) -> None:
@@ -72,6 +77,7 @@ def identify(
             _starts(start),
             status.update,
         )
+    better = _next(runs[0], experiments[0], found.model, trust) if replan else None
     text, without_model = file_text(
         found.model, None if found.physical is None else found.physical.changes
     )
@@ -80,13 +86,32 @@ def identify(
     if system is not None:
         save_system(found.model, system)
     if as_json:
-        print(json.dumps(summary(found), indent=2))
+        told = {"next_plan": None if better is None else better._asdict()}
+        print(json.dumps(summary(found) | told, indent=2))
     else:
         print_table(("", runs[0].name), summary_rows(found))
         say(verdict(found), "bold")
+        if better is not None:
+            say(
+                f"on the bench as found, the plan that was flown leaves {better.flown:.3g} m at "
+                f"the tips, {better.method} on this model {better.again:.3g} m"
+            )
     if without_model:
         say(f"no model to plan with: {without_model}", "red")
     say(f"written {folder / MODEL} and {link(page)}")
+
+
+def _next(
+    run: Path, experiment: "Experiment", model: "ModalModel", trust: list[str] | None
+) -> "NextPlan":
+    from flexslew_lab.identification.next_plan import next_plan
+    from flexslew_lab.log.bag_reader import BagReader
+
+    if experiment.flown is None or experiment.plan is not None:
+        raise BadInput(f"{run}: --replan needs the log of a slew with its plan")
+    bag = run / "bag" if (run / "bag").is_dir() else run
+    with for_people.status("planning again"):
+        return next_plan(BagReader(bag, trust=Trust.of(trust or ())), model, experiment.flown)
 
 
 def _experiment(

@@ -22,7 +22,9 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE, Trust
-from flexslew_plant.testbeds import Testbed, varied
+from flexslew_plant.testbeds import Testbed, initial_positions, read_testbed, varied
+
+_BELOW, _ABOVE = 0.4, 2.5  # band of a slew, in parts of the modes that its plan believed
 
 Tell = Callable[[str], None]
 
@@ -70,6 +72,7 @@ class Experiment:
     record: Record
     plan: Plan | None  # that shook it
     testbed: Testbed | None  # that its log says stood on the bench
+    flown: Plan | None = None  # the last plan of any method
 
 
 def experiment_of(run: Path, trust: Trust = NO_CODE) -> Experiment:
@@ -87,7 +90,8 @@ def experiment_of(run: Path, trust: Trust = NO_CODE) -> Experiment:
     record = record_of(bag, testbed.model().appendages if testbed is not None else None)
     plans = [plan_of(message, f"{bag.path}: plan") for message in bag.overview.plans]
     shaken = [plan for plan in plans if plan.method == EXCITATION.name]
-    return Experiment(record, shaken[-1] if shaken else None, testbed)
+    last = plans[-1] if plans else None
+    return Experiment(record, shaken[-1] if shaken else None, testbed, last)
 
 
 def _testbed(bag: BagReader, trust: Trust) -> Testbed | None:
@@ -111,7 +115,8 @@ def identify(
 
     Args:
         experiments: at least one.
-        band: that was shaken [rad/s]; None: the plan's, or where the efforts have their power.
+        band: that was shaken [rad/s]; None: the plan's, or where the efforts have their power; of
+            a slew, around the modes that its plan believed.
         fit: paths of numbers in the testbed's section to fit.
         start: first values of some of them.
         tell: called with what is being done.
@@ -120,9 +125,8 @@ def identify(
         BadInput: an experiment cannot tell; it says why, with the numbers.
     """
     first = experiments[0]
-    if band is None and first.plan is not None:
-        low, high = first.plan.summary["band"]
-        band = (float(low), float(high))
+    if band is None:
+        band = _band(first)
     model = identify_modes(first.record, band, tell)
     response, why = _response(experiments)
     return Identification(
@@ -132,6 +136,22 @@ def identify(
         _physical(first, model, fit, start or {}, tell) if fit else None,
         tuple(validated_on(model, other.record) for other in experiments[1:]),
     )
+
+
+def _band(experiment: Experiment) -> tuple[float, float] | None:
+    """Return the frequencies that a plan shook, or believed the modes in; None: nobody says."""
+    if experiment.plan is not None:
+        low, high = experiment.plan.summary["band"]
+        return float(low), float(high)
+    believed = experiment.flown.request.get("model") if experiment.flown is not None else None
+    if not isinstance(believed, dict) or "kind" not in believed:
+        return None
+    testbed = read_testbed(believed, f"{experiment.record.source}: plan")
+    model = testbed.model()
+    frequencies = model.linearise(model.rest(initial_positions(testbed))).frequencies
+    if not frequencies.size:
+        return None
+    return _BELOW * float(frequencies[0]), _ABOVE * float(frequencies[-1])
 
 
 def _response(experiments: list[Experiment]) -> tuple[FrequencyResponse | None, str]:
