@@ -1,0 +1,72 @@
+# ---
+# jupyter:
+#   kernelspec: {display_name: Python 3, language: python, name: python3}
+# ---
+
+# %% [markdown]
+# # From shaking to a better slew
+#
+# A floating oscillator has another spring and another mass than everybody believes. A slew planned
+# on the old numbers rings. Shake the bench, identify it, plan again.
+
+# %%
+import tempfile
+from pathlib import Path
+
+from flexslew_lab.identification.identification import experiment_of, identify
+from flexslew_lab.identification.model_file import testbed_of
+from flexslew_lab.notebook import fly, trial
+from flexslew_plant.settings import plain
+
+BENCH = {"testbed.parameters.stiffness": 0.85, "testbed.parameters.free_mass": 1.2}  # the truth
+NOMINAL = plain(trial("replan_oscillator").testbed)
+
+# %%
+first = fly(trial("replan_oscillator", BENCH | {"plan.model": NOMINAL}))
+first.plot("position", "tip", "effort")
+
+# %% [markdown]
+# The experiment: a multisine within the limits of the bench, under the same controller. Its plan
+# believes the old numbers, too.
+
+# %%
+shake = {
+    "duration": 125.0,
+    "plan": {
+        "method": "excitation",
+        "model": NOMINAL,
+        "band": [0.3, 6.0],
+        "largest_excursion": [0.2],
+        "duration": 120.0,
+    },
+}
+folder = Path(tempfile.mkdtemp()) / "shake"
+shaken = fly(trial("replan_oscillator", BENCH | shake), folder)
+shaken.plot("position", "tip", "effort")
+
+# %% [markdown]
+# Identification reads the sensors and the efforts of the log, never the truth. Intervals hold the
+# truth with 95 %.
+
+# %%
+found = identify([experiment_of(folder)]).model
+for mode in found.modes:
+    w, zeta = mode.frequency, mode.damping_ratio
+    print(f"frequency {w.value:.5f} rad/s, from {w.low:.5f} to {w.high:.5f}")
+    print(f"damping   {zeta.value:.5f}, from {zeta.low:.5f} to {zeta.high:.5f}")
+true = (0.85 * (1.0 + 1.0 / 1.2)) ** 0.5
+print(f"truth     {true:.5f} rad/s; inertia {found.inertia[0][0].value:.4f} of 2.2 kg")
+
+# %% [markdown]
+# Plan on what was found, and fly the same bench.
+
+# %%
+model = plain(testbed_of(found))
+second = fly(trial("replan_oscillator", BENCH | {"plan.model": model}))
+known = fly(trial("replan_oscillator", BENCH))
+for label, flight in (("nominal", first), ("identified", second), ("truth", known)):
+    print(f"plan on {label:10} {flight.metrics['residual_tip_deflection']:.5f} m after the end")
+
+assert abs(found.modes[0].frequency.value / true - 1.0) < 2e-3
+assert second.metrics["residual_tip_deflection"] < 1.5 * known.metrics["residual_tip_deflection"]
+assert second.metrics["residual_tip_deflection"] < 0.2 * first.metrics["residual_tip_deflection"]
