@@ -11,6 +11,7 @@ from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from flexslew_lab.cli.main import main as cli
+from flexslew_lab.identification.foreign import foreign_record
 from flexslew_lab.identification.from_bag import bag_of, record_of
 from flexslew_lab.identification.identification import experiment_of, identify
 from flexslew_lab.identification.record import Record
@@ -111,6 +112,34 @@ def test_a_bag_of_joint_states_gives_the_mode_of_the_run(
     assert code == 0
     (mode,) = json.loads(printed[printed.index("{\n") : printed.rindex("}") + 1])["modes"]
     assert mode["frequency"]["value"] == pytest.approx(W, rel=2e-3)
+
+
+def test_a_bag_of_this_bench_read_by_columns_has_the_efforts_at_their_ticks(run: Path) -> None:
+    """A measurement holds the effort of the tick before; taken for the next one, all is late."""
+    own = record_of(bag_of(run))
+    columns = ("/measurement.joint_position[0]=position.mass",)
+    repaired = foreign_record(run / "bag", ("/measurement.applied_effort[0]=mass",), columns)
+    ticks = repaired.record.ticks
+    assert own.ticks - ticks <= 1
+    # means over ticks that the stamps' nanoseconds round
+    assert repaired.record.effort == pytest.approx(own.effort[:ticks], abs=1e-5)
+    assert repaired.record.measured[:, 0] == pytest.approx(own.measured[: ticks + 1, 0], abs=1e-6)
+
+
+def test_a_file_says_when_its_efforts_end_and_where_they_look_limited(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    u = np.clip(rng.standard_normal(400), -1.5, 1.5)
+    t = 0.02 * np.arange(400)
+    path = tmp_path / "lab.csv"
+    np.savetxt(path, np.column_stack((t, u, u)), delimiter=",", header="t,u,x", comments="")
+    begun, ended = (foreign_record(path, ("u",), ("x",), past=past) for past in (False, True))
+    # the time written has 18 digits
+    assert ended.record.effort[:-1, 0] == pytest.approx(begun.record.effort[1:398, 0], abs=1e-9)
+    share = float((np.abs(u) == 1.5).mean())
+    assert any(f"at its largest value, 1.5, in {share:.0%}" in words for words in begun.words)
+    free = np.column_stack((t, rng.standard_normal(400), u))
+    np.savetxt(path, free, delimiter=",", header="t,u,x", comments="")
+    assert foreign_record(path, ("u",), ("x",)).words == ()
 
 
 @pytest.mark.parametrize(

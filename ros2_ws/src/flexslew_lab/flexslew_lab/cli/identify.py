@@ -40,6 +40,9 @@ def identify(
     ] = None,
     outputs: Annotated[str | None, typer.Option(help="Columns of its sensors.")] = None,
     period: Annotated[float | None, typer.Option(help="Its ticks [s]; else the median.")] = None,
+    past: Annotated[
+        bool, typer.Option("--past", help="Efforts are stamped when they end, not when they begin.")
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder of the results; else the run's.")] = None,
     system: Annotated[
         Path | None, typer.Option(help="Also a linear system: .mat, .npz or .json.")
@@ -63,7 +66,7 @@ def identify(
     from flexslew_lab.identification.page import identification_page, summary_rows, verdict
     from flexslew_lab.report.page import write_page
 
-    experiments = [_experiment(run, inputs, outputs, period, trust) for run in runs]
+    experiments = [_experiment(run, inputs, outputs, period, past, trust) for run in runs]
     folder = out or _beside(runs[0])
     for name in (MODEL, PAGE):
         writable_file(folder / name, "--out")
@@ -119,6 +122,7 @@ def _experiment(
     inputs: str | None,
     outputs: str | None,
     period: float | None,
+    past: bool,
     trust: list[str] | None,
 ) -> "Experiment":
     from flexslew_lab.identification.foreign import foreign_record
@@ -132,7 +136,7 @@ def _experiment(
         return experiment_of(run, Trust.of(trust or ()))
     if not inputs or not outputs:
         raise BadInput(f"{run}: --inputs and --outputs belong together")
-    repaired = foreign_record(run, _names(inputs), _names(outputs), period)
+    repaired = foreign_record(run, _names(inputs), _names(outputs), period, past)
     for words in repaired.words:
         say(f"{run}: {words}")
     return Experiment(repaired.record, None, None)

@@ -14,6 +14,9 @@ from flexslew_plant.errors import BadInput
 _TIME = ("time", "t", "stamp")  # names of a CSV's column of times [s]
 _MOST_MISSING = 5.0  # longest gap that is filled, in periods
 _JITTER = 0.3  # of a period: the standard deviation beyond which a record is refused
+_AT_LIMIT = (0.01, 0.5)  # part of the samples at the largest value that looks like a drive's limit
+# fields that hold the effort of the tick before their stamp
+_PAST_EFFORTS = {("flexslew_msgs/msg/Measurement", "applied_effort")}
 _INDEX = re.compile(r"^(?P<field>.*?)\[(?P<index>\d+)\]$")
 
 
@@ -22,6 +25,7 @@ class Columns(NamedTuple):
 
     series: dict[str, tuple[Vector, Vector]]  # times [s] and values
     source: str
+    past: frozenset[str] = frozenset()  # whose values held until their stamp, not from it on
 
 
 class Repaired(NamedTuple):
@@ -32,7 +36,11 @@ class Repaired(NamedTuple):
 
 
 def foreign_record(
-    path: Path, inputs: tuple[str, ...], outputs: tuple[str, ...], period: float | None = None
+    path: Path,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    period: float | None = None,
+    past: bool = False,
 ) -> Repaired:
     """Return a record of a CSV file or a bag, on ticks.
 
@@ -46,12 +54,17 @@ def foreign_record(
         inputs: columns of efforts, each `column` or `column=joint`.
         outputs: columns of sensors, each `column` or `column=name`.
         period: of the ticks [s]; None: the median of the first input's.
+        past: an effort is stamped when it ends, not when it begins.
 
     Raises:
         BadInput: no such column, a gap or jitter beyond what can be mended; with the numbers.
     """
     wanted = [_named(text) for text in (*inputs, *outputs)]
     columns = (read_csv if path.suffix == ".csv" else read_bag)(path, [name for name, _ in wanted])
+    for name, _ in wanted[: len(inputs)]:
+        if past or name in columns.past:
+            t, values = columns.series[name]
+            columns.series[name] = t[:-1], values[1:]
     clock = columns.series[wanted[0][0]][0]
     h = period or float(np.median(np.diff(clock)))
     first = max(t[0] for t, _ in columns.series.values())
@@ -63,6 +76,8 @@ def foreign_record(
     words: list[str] = []
     for name, _ in wanted:
         words += _told(path, name, columns.series[name][0], h)
+    for name, _ in wanted[: len(inputs)]:
+        words += _limited(name, columns.series[name][1])
     effort = np.column_stack([_held(columns.series[n], grid) for n, _ in wanted[: len(inputs)]])
     measured = np.column_stack(
         [np.interp(grid, *columns.series[n]) for n, _ in wanted[len(inputs) :]]
@@ -77,6 +92,18 @@ def foreign_record(
         np.full(len(inputs), np.inf),
     )
     return Repaired(record.moved(), tuple(words))
+
+
+def _limited(name: str, values: Vector) -> list[str]:
+    """Return, in words, that an effort looks as if its drive had been at its limit."""
+    size = np.abs(values)
+    share = float((size >= size.max() * (1.0 - 1e-9)).mean())
+    if not _AT_LIMIT[0] < share < _AT_LIMIT[1]:  # more: a signal of two values
+        return []
+    return [
+        f"{name}: at its largest value, {size.max():.4g}, in {share:.0%} of the samples; if that "
+        "is the drive's limit, the column must hold the effort applied, not the one asked for"
+    ]
 
 
 def _named(text: str) -> tuple[str, str]:
@@ -183,6 +210,7 @@ def read_bag(path: Path, names: list[str]) -> Columns:
 
     wanted = [_place(path, name) for name in names]
     found: dict[str, tuple[list[float], list[float]]] = {name: ([], []) for name in names}
+    past = set()
     try:
         with AnyReader([path]) as reader:
             topics = {place.topic for place in wanted}
@@ -195,6 +223,8 @@ def read_bag(path: Path, names: list[str]) -> Columns:
                 at = _stamp(message, stamp)
                 for name, place in zip(names, wanted, strict=True):
                     if place.topic == connection.topic:
+                        if (connection.msgtype, place.field) in _PAST_EFFORTS:
+                            past.add(name)
                         found[name][0].append(at)
                         found[name][1].append(_entry(path, name, message, place))
     except (AnyReaderError, OSError) as error:
@@ -203,7 +233,7 @@ def read_bag(path: Path, names: list[str]) -> Columns:
     for name, (t, _) in series.items():
         if t.size < 2:
             raise BadInput(f"{path}: {name}: {t.size} messages are no series")
-    return Columns(series, str(path))
+    return Columns(series, str(path), frozenset(past))
 
 
 class _Place(NamedTuple):
