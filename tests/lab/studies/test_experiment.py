@@ -65,9 +65,9 @@ def test_planner_and_laws_believe_what_was_found_and_the_bench_stays_the_sampled
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"replan": "identified"}, "shake: is missing"),
+        ({"replan": "experiment"}, "shake: is missing"),
         ({"replan": "guessed"}, "replan"),
-        ({"compare": {"replan": [False, "guessed"]}}, "guessed.*false, true or identified"),
+        ({"compare": {"replan": [False, "guessed"]}}, "guessed.*false, true or experiment"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_in_one_line(
@@ -88,6 +88,6 @@ def test_what_cannot_be_meant_is_refused_in_one_line(
 def test_an_experiment_that_cannot_tell_fails_its_trial_with_the_reason(
     study_of: Callable[..., Study], shake: dict[str, Any], words: str
 ) -> None:
-    study = study_of(replan="identified", shake=shake)
+    study = study_of(replan="experiment", shake=shake)
     with pytest.raises(BadInput, match=words):
         case_trial(study, case_of(study, sample_table(study), 0))

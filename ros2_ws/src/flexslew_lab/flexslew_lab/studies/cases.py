@@ -10,7 +10,7 @@ import pyarrow as pa
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.studies.experiment import found_by_shaking
 from flexslew_lab.studies.sampling.methods import Samples, drawn
-from flexslew_lab.studies.study import IDENTIFIED, Nominal, Study
+from flexslew_lab.studies.study import EXPERIMENT, Nominal, Study
 from flexslew_lab.trial.overrides import overridden, value_at
 from flexslew_lab.trial.trial import Trial, feedback_of, law_of, trial_of_values
 from flexslew_plant.errors import BadInput
@@ -115,7 +115,7 @@ def case_trial(study: Study, case: Case) -> Trial:
 
     Controllers that never take charge are left out: they change nothing. Without `replan`, what
     planner and controllers believe of the bench is written out, so it stays the nominal one; with
-    `replan: identified` the sampled bench is shaken, and they believe what that has found.
+    `replan: experiment` the sampled bench is shaken, and they believe what that has found.
     Sections that no sample changes are those of the nominal trial, which was checked already.
 
     Raises:
@@ -138,7 +138,7 @@ def case_trial(study: Study, case: Case) -> Trial:
     name = f"{study.settings.study}-{max(case.number, 0)}"
     own = {"seed": case.seed, "name": name, "rate_factor": 0.0}
     trial = trial_of_values(alike | changed | own, source, study.trust)
-    if study.variants[case.variant].replan != IDENTIFIED:
+    if study.variants[case.variant].replan != EXPERIMENT:
         return trial
     found = plain(found_by_shaking(_experiment(study, case, changes)))
     asked = overridden(study.base, study.variants[case.variant].changes)

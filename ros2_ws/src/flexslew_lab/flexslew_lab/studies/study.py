@@ -23,8 +23,8 @@ SHIPPED = Path(str(resources.files("flexslew_lab"))) / "studies" / "shipped"
 
 _TAKEN = ("index", "sample", "variant", "replicate", "seed", "status", "reason", "way")
 
-Knowledge: TypeAlias = Literal["identified"] | bool
-REPLAN, IDENTIFIED = "replan", "identified"
+Knowledge: TypeAlias = Literal["experiment"] | bool
+REPLAN, EXPERIMENT = "replan", "experiment"
 
 Confidence = Annotated[float, Field(gt=0.5, lt=1.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
@@ -306,7 +306,7 @@ def _variants(settings: StudySettings, base: dict[str, Any], source: str) -> tup
             changes |= change
         label = ", ".join(label for label, _ in choice if label)
         knows = changes.pop(REPLAN, settings.replan)
-        if knows == IDENTIFIED and not settings.shake:
+        if knows == EXPERIMENT and not settings.shake:
             raise BadInput(
                 "shake: is missing; name the keys that make the trial an experiment, such as "
                 "plan: {method: excitation}",
@@ -318,8 +318,8 @@ def _variants(settings: StudySettings, base: dict[str, Any], source: str) -> tup
 
 def _require_knowledge(given: list[Any] | dict[str, Any], source: str) -> None:
     for value in given.values() if isinstance(given, dict) else given:
-        if value not in (False, True, IDENTIFIED):
-            raise BadInput(f"false, true or {IDENTIFIED}", f"{source}: compare", REPLAN, value)
+        if value not in (False, True, EXPERIMENT):
+            raise BadInput(f"false, true or {EXPERIMENT}", f"{source}: compare", REPLAN, value)
 
 
 def _label(value: Any) -> str:
