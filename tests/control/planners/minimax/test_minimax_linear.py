@@ -95,7 +95,7 @@ def test_more_time_is_never_worse(feedback: Any) -> None:
     worst = [plan(duration=t, feedback=feedback).summary["worst_residual"] for t in times]
     for shorter, longer in itertools.pairwise(worst):
         assert longer <= 1.001 * shorter + 1e-8
-    assert worst[-1] < 1e-8
+    assert worst[-1] < 1e-6 < worst[0]
 
 
 def test_a_slew_far_below_what_can_be_seen_is_a_smooth_turn() -> None:
