@@ -142,8 +142,12 @@ class Browser:
 
 
 @contextmanager
-def chromium() -> Iterator[Browser]:
-    """Yield a browser; the test fails where there is none, and is left out if so asked."""
+def chromium(*more: str) -> Iterator[Browser]:
+    """Yield a browser; the test fails where there is none, and is left out if so asked.
+
+    Args:
+        more: options of the command line.
+    """
     if os.environ.get("FLEXSLEW_BROWSER") == "0":
         pytest.skip("FLEXSLEW_BROWSER=0: no test looks at a page")
     binary = next(filter(None, map(shutil.which, CHROMIUM)), None)
@@ -171,6 +175,7 @@ def chromium() -> Iterator[Browser]:
                     "--hide-scrollbars",
                     "--disable-background-networking",
                     f"--user-data-dir={profile}",
+                    *more,
                 ],
             }
             wanted = {"goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}

@@ -1,15 +1,19 @@
-"""A page without a browser: it speaks the protocol of viser over its own connection."""
+"""A page without a browser: it speaks the protocol of NiceGUI over its own connection."""
 
-from threading import Lock, Thread
+import html
+import json
+import re
+from http.client import HTTPConnection
+from threading import Condition, Thread
 from typing import Any
+from urllib.parse import urlencode, urlsplit
 
-import msgspec
-import viser
-import zstandard
-from viser import _messages
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
-from websockets.typing import Origin, Subprotocol
+from websockets.typing import Origin
+
+_VALUES = ("value", "model-value")
+_EVENTS = ("update:modelValue", "update:value", "click")
 
 
 class PageClient:
@@ -21,45 +25,73 @@ class PageClient:
     """
 
     def __init__(self, address: str, hangs: bool = False) -> None:
+        url = urlsplit(address)
+        connection = HTTPConnection(url.netloc, timeout=60.0)
+        connection.request("GET", f"/?{url.query}")
+        answer = connection.getresponse()
+        page, cookie = answer.read().decode(), answer.headers["Set-Cookie"].partition(";")[0]
+        connection.close()
+        whole = re.search(r"parseElements\(String\.raw`(.*?)`\)", page, re.DOTALL)
+        number = re.search(r"'client_id': '([^']+)'", page)
+        assert whole is not None
+        assert number is not None
+        self._client = number[1]
+        self._elements: dict[str, dict[str, Any]] = json.loads(html.unescape(whole[1]))
+        query = urlencode(
+            {
+                "client_id": self._client, "next_message_id": 0, "implicit_handshake": "true",
+                "document_id": self._client, "tab_id": self._client, "EIO": 4,
+                "transport": "websocket",
+            }
+        )  # fmt: skip
         self.socket = connect(
-            address.replace("http", "ws", 1),
-            origin=Origin(address.split("/?")[0]),
-            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-            max_size=None,
-            max_queue=1 if hangs else None,
-            ping_interval=None,
-        )
-        self._lock = Lock()
-        self._elements: dict[str, dict[str, Any]] = {}  # what each shows, by its id
+            f"ws://{url.netloc}/_nicegui_ws/socket.io/?{query}",
+            origin=Origin(f"http://{url.netloc}"), additional_headers={"Cookie": cookie},
+            max_size=None, max_queue=1 if hangs else None, ping_interval=None,
+        )  # fmt: skip
+        self._news = Condition()
+        assert str(self.socket.recv(60.0)).startswith("0")  # the server opens
+        self.socket.send("40")
         if not hangs:
             Thread(target=self._hear, daemon=True).start()
-        zero = (0.0, 0.0, 0.0)
-        camera = _messages.ViewerCameraMessage(
-            (1.0, 0.0, 0.0, 0.0), zero, 1.0, 0.1, 10.0, 100, 100, zero, (0.0, 0.0, 1.0)
-        )
-        self.send(camera.as_serializable_dict([]))
 
     @property
     def elements(self) -> dict[str, dict[str, Any]]:
-        """What stands on the page by its ids: type, value where it has one, and properties."""
-        with self._lock:
-            return {uuid: dict(element) for uuid, element in self._elements.items()}
+        """What stands on the page by its ids."""
+        with self._news:
+            return dict(self._elements)
 
     @property
     def inputs(self) -> dict[str, dict[str, Any]]:
-        """Those of the elements that have a value: fields and buttons."""
-        return {uuid: e for uuid, e in self.elements.items() if "value" in e and "label" in e}
+        """Fields and buttons: label, kind, value and, of a list, options."""
+        return {uuid: found for uuid, e in self.elements.items() if (found := _input(e))}
 
     @property
     def text(self) -> str:
         """Everything that stands on the page as HTML."""
-        return "\n".join(str(e["content"]) for e in self.elements.values() if "content" in e)
+        return "\n".join(
+            str(e.get("props", {}).get("innerHTML", "")) for e in self.elements.values()
+        )
 
-    def send(self, message: dict[str, Any]) -> None:
-        self.socket.send(msgspec.msgpack.encode(message))
+    def emit(self, event: str, values: Any) -> None:
+        """Send an event of the protocol."""
+        self.socket.send(f"42{json.dumps([event, values])}")
 
     def set(self, uuid: str, value: Any) -> None:
-        self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
+        """Press a button, or write into a field; into a list the text of its option."""
+        element = self.elements.get(uuid, {})
+        found = _input(element) or {"listener": "nobody", "kind": "text", "options": ()}
+        arguments: Any = value
+        if found["kind"] == "choice":
+            names = list(found["options"])
+            number = names.index(value) if value in names else 99
+            arguments = {"value": number, "label": str(value)}
+        sent = [] if found["kind"] == "button" else [json.dumps(arguments)]
+        self.emit(
+            "event",
+            {"id": int(uuid) if uuid.isdigit() else -1, "client_id": self._client,
+             "listener_id": found["listener"], "args": sent},
+        )  # fmt: skip
 
     def named(self, label: str) -> str:
         """Return the id of what has a label."""
@@ -78,25 +110,38 @@ class PageClient:
             raise TimeoutError("the server of the page has not answered a ping for a minute")
 
     def _hear(self) -> None:
-        decompress = zstandard.ZstdDecompressor().decompress
         try:
             for data in self.socket:
-                assert isinstance(data, bytes)
-                size = int.from_bytes(data[8:16], "little")
-                for message in msgspec.msgpack.decode(decompress(data[16 : 16 + size]))["messages"]:
-                    self._take(message)
+                if data == "2":  # a ping
+                    self.socket.send("3")
+                elif str(data).startswith("42"):
+                    self._take(*json.loads(str(data)[2:])[:2])
         except ConnectionClosed:
             return
 
-    def _take(self, message: dict[str, Any]) -> None:
-        uuid, kind = message.get("uuid"), message["type"]
-        if not isinstance(uuid, str) or not kind.startswith("Gui"):
-            return
-        with self._lock:
-            if "props" in message:
-                value = {"value": message["value"]} if "value" in message else {}
-                self._elements[uuid] = {"type": kind, **message["props"], **value}
-            elif kind == "GuiUpdateMessage" and uuid in self._elements:
-                self._elements[uuid] |= message["updates"]
-            elif kind == "GuiRemoveMessage":
-                self._elements.pop(uuid, None)
+    def _take(self, event: str, values: Any) -> None:
+        with self._news:
+            if event == "update":
+                for uuid, element in values.items():
+                    if uuid == "_id":
+                        continue
+                    if element is None:
+                        self._elements.pop(uuid, None)
+                    else:
+                        self._elements[uuid] = element
+
+
+def _input(element: dict[str, Any]) -> dict[str, Any] | None:
+    """Return a field or a button as label, kind, value, options and the listener of its event."""
+    props, tag = element.get("props", {}), element.get("tag", "")
+    listeners = [e["listener_id"] for e in element.get("events", ()) if e["type"] in _EVENTS]
+    label = props.get("aria-label") or props.get("label") or element.get("text")
+    if not listeners or not isinstance(label, str) or tag in ("q-tabs", "q-tab-panels"):
+        return None
+    kind = {"q-btn": "button", "nicegui-select": "choice"}.get(tag, "text")
+    value = next((props[name] for name in _VALUES if name in props), None)
+    options = [one["label"] for one in props.get("options", ())] if kind == "choice" else []
+    shown = "hidden" not in element.get("class", ())
+    value = value["label"] if isinstance(value, dict) and "label" in value else value
+    return {"label": label, "kind": kind, "value": value, "options": options, "visible": shown,
+            "listener": listeners[0]}  # fmt: skip

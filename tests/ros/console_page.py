@@ -10,11 +10,8 @@ from pathlib import Path
 
 from tests.browser import Browser
 
+_CLOSED = "return !document.querySelector('[role=option]')"
 _STATE = "return (document.getElementById('bench-state')?.innerText || '').includes(arguments[0])"
-
-# between two fields or buttons, by the clock of the page: of what changes within 50 ms, viser's
-# page sends the last alone, which no person is quick enough to see
-_HAND = "return new Promise(then => setTimeout(() => then(true), 100))"
 
 
 class Page:
@@ -24,25 +21,19 @@ class Page:
         self.browser = browser
 
     def click(self, name: str) -> None:
-        self.browser.click(f"//button[normalize-space()='{name}']")
-        self.browser.run(_HAND)
+        self.browser.click(f"//button[not(@role='tab') and normalize-space()='{name}']")
 
     def tab(self, name: str) -> None:
         self.browser.click(f"//*[@role='tab' and normalize-space()='{name}']")
 
     def write(self, label: str, text: str) -> None:
-        self.browser.write(f"{_field(label)}//*[self::input or self::textarea]", text)
-        self.browser.run(_HAND)
+        self.browser.write(_field(label), text)
 
     def choose(self, label: str, option: str) -> None:
-        self.browser.click(f"{_field(label)}//input")
-        place = self.browser.until(
-            "return document.querySelector('input[aria-expanded=true]')"
-            "?.getAttribute('aria-controls')"
-        )
+        self.browser.click(f"{_field(label)}/ancestor::label")
         wanted = f"@role='option' and normalize-space()='{option}'"
-        self.browser.click(f"//*[@id='{place}']//*[{wanted}]")
-        self.browser.run(_HAND)
+        self.browser.click(f"//*[{wanted}]")
+        self.browser.until(_CLOSED)
 
     def state(self, words: str) -> None:
         """Wait until the state of the bench says this."""
@@ -54,19 +45,28 @@ class Page:
 
 
 def _field(label: str) -> str:
-    """Return the path of the row of a labelled field that is shown."""
-    named = f"normalize-space()='{label}' or starts-with(normalize-space(), '{label} [')"
-    return f"(//label[{named}]/ancestor::*[.//input or .//textarea][1])[last()]"
+    """Return the path of a labelled field."""
+    named = f"@aria-label='{label}' or starts-with(@aria-label, '{label} [')"
+    return f"(//*[(self::input or self::textarea) and ({named})])[last()]"
 
 
 @contextmanager
 def console(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """Yield the process of `flexslew console ...` and the address of its page."""
     child = subprocess.Popen(
-        [sys.executable, "-m", "flexslew_lab.cli.main", "console", "--port", "0", *arguments],
+        [
+            sys.executable,
+            "-m",
+            "flexslew_lab.cli.main",
+            "console",
+            "--no-browser",
+            "--port",
+            "0",
+            *arguments,
+        ],
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        env={**os.environ, "PYTHONUNBUFFERED": "1", "XDG_CONFIG_HOME": os.devnull},  # nobody's own
     )
     assert child.stderr is not None
     try:

@@ -13,7 +13,7 @@ from tests.browser import FOUND, chromium
 
 from .console_page import Page, console, trial_file
 
-pytest.importorskip("viser")
+pytest.importorskip("nicegui")
 
 
 @pytest.mark.alone
@@ -40,7 +40,7 @@ def test_a_session_worked_by_hand_flies_again_with_the_same_bits(tmp_path: Path)
 
 _STATE = "return document.getElementById('bench-state').innerText"
 
-_SHOWN, _CHECKED = f"return {FOUND}?.checkVisibility()", f"return {FOUND}?.checked"
+_SHOWN, _CHECKED = f"return {FOUND}?.checkVisibility()", f"return {FOUND}?.ariaChecked === 'true'"
 
 
 def asked(run: Path) -> list[str]:
@@ -99,9 +99,7 @@ def disturb(page: Page) -> None:
     page.says("constant effort: 'much' is not allowed: give a number")
     page.write("constant effort", "2.0")
     page.click("Disturb")
-    page.browser.until(
-        "return [...document.querySelectorAll('input')].some(e => e.value.startsWith('0: '))"
-    )
+    page.browser.until("return document.body.innerText.includes('0: ')")
     page.click("End it")
     page.says("ends at tick")
 
@@ -134,13 +132,13 @@ def note(page: Page) -> None:
     page.click("Note it")
     page.says("noted at tick")
     page.write("Filter", "ring")
-    page.browser.until(_SHOWN, "//button[contains(., ' s the beams ring')]")
+    page.browser.until(_SHOWN, "//tr[contains(., 'the beams ring')]")
 
 
 def look(page: Page) -> None:
     """Charts and the view from above; none of it is asked of the bench."""
-    page.browser.click("//button[contains(., ' s the beams ring')]")
-    page.browser.until(_CHECKED, "//label[.='Pause the view']/following::input[1]")
+    page.browser.click("//tr[contains(., 'the beams ring')]/td[2]")
+    page.browser.until(_CHECKED, "//*[@role='checkbox' and @aria-label='Pause the view']")
     page.choose("Window", "10 s")
     page.choose("Chart", "estimate minus truth")
     page.click("Clear the charts")
@@ -171,5 +169,7 @@ def end(page: Page, run: Path) -> None:
     page.write("Earlier run", str(run))
     page.click("Overlay it")
     page.says("largest difference: position 0")
-    page.click("Open the report")
-    page.browser.until("return document.querySelector('iframe')?.contentDocument?.body?.innerText")
+    page.browser.until(
+        "return fetch(document.querySelector('a[target=_blank]').href)"
+        ".then(answer => answer.ok && answer.text()).then(text => text && text.includes('<html'))"
+    )

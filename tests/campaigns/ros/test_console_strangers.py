@@ -22,7 +22,7 @@ from tests.ros.bystander import held
 from tests.ros.console_page import console, trial_file
 from tests.ros.flight import Flight, patient, slew
 
-pytest.importorskip("viser")
+pytest.importorskip("nicegui")
 
 from tests.page_client import PageClient
 
@@ -118,23 +118,24 @@ def opened(log: Path) -> str:
 
 def anything(rng: random.Random, element: dict[str, Any]) -> Any:
     """Return what a page may send for an element: half of it is of use."""
-    if "Button" in element["type"]:
+    if element["kind"] == "button":
         return True
     if rng.random() < 0.5:
         return rng.choice([x for x in ODD if x != 1e300 or not ENDS.search(element["label"])])
-    if element.get("options"):
+    if element["options"]:
         return rng.choice(element["options"])
     return element["value"]
 
 
 def shown(page: PageClient, *more: str) -> list[Any]:
-    """Return what a page shows but for the data of its charts."""
-    keys = ("type", "label", "options", "content", "visible", *more)
-    return sorted(
-        str((uuid, [element.get(key) for key in keys]))
-        for uuid, element in page.elements.items()
-        if "Button" not in element["type"] or not more  # who pressed one is told nothing
-    )
+    """Return the fields and the texts of a page; what it has written itself it is not told."""
+    keys = ("kind", "label", "options", "visible")
+    fields = []
+    for element in page.inputs.values():
+        value = str(element["value"])
+        number = value.removesuffix(".0")  # a browser is told 7.0 at first, and 7 later
+        fields.append(str([*(element[key] for key in keys), number if "value" in more else ""]))
+    return [sorted(fields), sorted(filter(None, page.text.splitlines()))]
 
 
 def until(condition: Callable[[], bool], *pages: PageClient) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from flexslew_lab.cli import early, operate
 
-HEAVY = ("numpy", "scipy", "numba", "plotly", "pyarrow", "casadi", "rclpy", "rosbags", "viser")
+HEAVY = ("numpy", "scipy", "numba", "plotly", "pyarrow", "casadi", "rclpy", "rosbags", "nicegui")
 DESIGN = ("control", "ctrlsys", "matplotlib", "daqp", "optuna")  # what no flight needs
 
 

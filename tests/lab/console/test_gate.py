@@ -1,19 +1,20 @@
 """The gate before the page: one port, a token, the page's own origin, nothing from elsewhere."""
 
+import re
 import socket
 from collections.abc import Iterator
 from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
 
 import pytest
-import viser
-from viser import _messages
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
-from websockets.typing import Origin, Subprotocol
+from websockets.typing import Origin
 
 from flexslew_lab.console.server import ConsoleServer
 from flexslew_plant.errors import BadInput
+
+SOCKET = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +35,9 @@ def opened(server: ConsoleServer, origin: str | None, cookie: str) -> int:
     """Return the status of a WebSocket's handshake; 101 lets it in."""
     try:
         with connect(
-            f"ws://127.0.0.1:{server.port}/",
+            f"ws://127.0.0.1:{server.port}{SOCKET}",
             origin=Origin(origin) if origin else None,
             additional_headers={"Cookie": cookie},
-            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
         ):
             return 101
     except InvalidStatus as refused:
@@ -77,10 +77,34 @@ def test_the_browser_is_told_to_fetch_nothing_from_elsewhere(server: ConsoleServ
     assert answer.headers["Referrer-Policy"] == "no-referrer"
 
 
-def test_no_page_can_open_a_tunnel_to_the_outside(server: ConsoleServer) -> None:
-    handlers = server.viser._websock_server._incoming_handlers
-    assert _messages.ShareUrlRequest not in handlers
-    assert _messages.GuiUpdateMessage in handlers
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "127.0.0.1:1", "localhost.evil:80"])
+def test_a_request_for_another_host_gets_403(server: ConsoleServer, host: str) -> None:
+    """A name that a stranger's DNS leads here."""
+    assert asked(server, f"/?token={server.gate.token}", Host=host)[0].status == 403
+    assert (
+        asked(server, f"/?token={server.gate.token}", Host=f"localhost:{server.port}")[0].status
+        == 200
+    )
+
+
+def test_a_foreign_page_reads_and_posts_nothing(server: ConsoleServer) -> None:
+    cookie = f"flexslew_{server.port}={server.gate.token}"
+    own = f"http://127.0.0.1:{server.port}"
+    poll = SOCKET.replace("websocket", "polling")
+    for origin in ("http://evil.example", "null", "http://127.0.0.1:1"):
+        for path in ("/", poll):
+            assert asked(server, path, Cookie=cookie, Origin=origin)[0].status == 403
+    assert asked(server, poll, Cookie=cookie, Origin=own)[0].status == 200
+    connection = HTTPConnection("127.0.0.1", server.port, timeout=20)
+    connection.request("POST", poll, "40", {"Cookie": cookie})
+    assert connection.getresponse().status == 403  # no browser posts without an origin
+
+
+def test_everything_that_the_page_names_is_on_this_server(server: ConsoleServer) -> None:
+    _, body = asked(server, f"/?token={server.gate.token}")
+    named = re.findall(r'(?:src|href|url|from)\s*[=(]?\s*["\'(]+([^"\')]+)', body.decode())
+    assert any(one.startswith("/_nicegui/") for one in named)
+    assert not [one for one in named if "//" in one]
 
 
 def test_files_are_served_by_name_and_no_other(server: ConsoleServer, tmp_path: Path) -> None:

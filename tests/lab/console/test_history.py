@@ -1,9 +1,9 @@
-"""What charts draw: arrays that grow and forget, extremes that survive thinning, event lines."""
+"""What charts draw: arrays that grow and forget, extremes that survive thinning."""
 
 import numpy as np
 import pytest
 
-from flexslew_lab.console.history import LIMIT, Curve, Track, marked, power_of, thinned
+from flexslew_lab.console.history import LIMIT, Curve, Track, thinned
 
 
 def test_a_track_keeps_rows_and_begins_anew_after_a_reset() -> None:
@@ -62,16 +62,8 @@ def test_few_points_stay_as_they_are_and_curves_of_other_ticks_share_the_axis() 
     axis, (first, second) = thinned([a, b], 0.0, 2.0)
     assert axis.tolist() == [0.0, 1.0, 1.5, 2.0]
     assert first[[0, 1, 3]].tolist() == [1.0, 2.0, 3.0]
-    assert second[[0, 1, 2]].tolist() == [5.0, 5.0, 6.0]  # begins with a number
-
-
-def test_event_lines_stand_up_at_their_times_and_bend_no_curve() -> None:
-    axis, values = np.array([0.0, 1.0, 2.0]), [np.array([0.0, 10.0, 20.0])]
-    whole, (row,), up = marked(axis, values, np.array([0.5, 1.5]))
-    assert (np.diff(whole) >= 0).all()
-    assert np.allclose(row, whole * 10.0)
-    assert whole[up == 2.0].tolist() == [0.5, 1.5]
-    assert (up[[0, -1]] == -1.0).all()
+    assert np.isnan(second[[0, 3]]).all()
+    assert second[[1, 2]].tolist() == [5.0, 6.0]
 
 
 @pytest.mark.parametrize("points", [5, 5000])
@@ -90,17 +82,3 @@ def test_a_window_is_as_wide_as_it_says_after_a_stall(points: int) -> None:
 def test_a_window_without_data_is_as_wide_as_it_says() -> None:
     for curves in ([], [Curve("a", np.zeros(0), np.zeros(0))]):
         assert thinned(curves, 0.0, 30.0)[0].tolist() == [0.0, 30.0]
-
-
-@pytest.mark.parametrize("exponent", range(-12, 9))
-def test_an_axis_counts_in_a_power_that_leaves_three_digits(exponent: int) -> None:
-    rng = np.random.default_rng(exponent + 12)
-    rows = [rng.uniform(-1.0, 1.0, 50) * 10.0**exponent, np.full(3, np.nan)]
-    power, largest = power_of(rows), np.nanmax(np.abs(rows[0]))
-    assert power % 3 == 0
-    assert 0.1 <= largest / 10.0**power < 1e5
-
-
-def test_nothing_zero_and_infinity_are_drawn_as_they_are() -> None:
-    for rows in ([], [np.zeros(3)], [np.array([np.nan])], [np.array([np.inf, 1e-9])]):
-        assert power_of(rows) == 0

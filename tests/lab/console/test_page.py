@@ -2,13 +2,19 @@
 
 from collections.abc import Iterator
 from math import inf, nan, pi
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from tests.fake_bench import FakeLink
 
+from flexslew_lab.console import quantities
+from flexslew_lab.console.forms import scaled
+from flexslew_lab.console.gui import Element
 from flexslew_lab.console.page import Page
+from flexslew_plant.events import AnswerMissed, Noted
+from flexslew_plant.events.event import event_of
 from flexslew_plant.settings import load_yaml
 
 
@@ -16,56 +22,45 @@ class Hands:
     """Works the page as its elements, without a browser."""
 
     def __init__(self, page: Page, link: FakeLink) -> None:
-        self.page, self.link, self.server = page, link, page.server
+        self.page, self.link, self.gui = page, link, page.server.gui
 
-    def elements(self, label: str) -> list[Any]:
-        known = self.server.gui._gui_input_handle_from_uuid.values()
-        labels = [(str(getattr(e, "label", "")), e) for e in known]
-        return [e for words, e in labels if words == label or words.startswith(f"{label} [")]
+    def elements(self, label: str) -> list[Element]:
+        found = [e for e in self.gui.all() if e.kind not in ("html", "folder", "tab", "slider")]
+        return [e for e in found if e.label == label or e.label.startswith(f"{label} [")]
 
     def set(self, label: str, value: Any) -> None:
-        self.elements(label)[-1]._impl.value = value  # as a browser does, unchecked
+        self.elements(label)[-1].value = value  # unchecked
 
     def click(self, label: str) -> list[tuple[str, dict[str, Any]]]:
         """Return what the bench is asked for."""
         self.link.asked.clear()
-        waiting = self.page._desk._waiting
-        for callback in self.elements(label)[0]._impl.update_cb:
-            with pytest.raises(StopIteration):
-                callback(_Event()).send(None)
-        assert waiting
+        for told in self.elements(label)[0].clicked:
+            told(3)
         self.page._desk.work()
-        self.refresh()
+        self.page.refresh()
         return list(self.link.asked)
 
     def refresh(self) -> None:
-        for panel in self.page._panels:
-            panel.refresh()
+        self.page.refresh()
 
     def titles(self) -> list[str]:
         """Return the titles of the charts that stand on the page."""
-        messages = self.server.viser._websock_server._broadcast_buffer.message_from_id.values()
-        return [str(m.props.title) for m in messages if hasattr(getattr(m, "props", None), "title")]
+        charts = [e for e in self.gui.all() if e.kind == "chart" and _shown(e)]
+        return [e.data.options["title"]["text"] for e in charts]
 
     def texts(self) -> str:
         """Return everything that stands on the page as HTML."""
-        messages = self.server.viser._websock_server._broadcast_buffer.message_from_id.values()
-        found = []
-        for message in messages:
-            props = getattr(message, "props", None)
-            updates = getattr(message, "updates", {})
-            found.append(str(getattr(props, "content", "")) + str(updates.get("content", "")))
-        return "\n".join(found)
+        return "\n".join(e.content for e in self.gui.all() if _shown(e))
 
 
-class _Event:
-    client_id = 3
+def _shown(element: Element) -> bool:
+    return element.visible and (element.parent is None or _shown(element.parent))
 
 
 @pytest.fixture(scope="module")
-def hands() -> Iterator[Hands]:
-    link = FakeLink()
-    page = Page(link, "127.0.0.1", 0, lambda words: None)
+def hands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hands]:
+    link, file = FakeLink(), tmp_path_factory.mktemp("page") / "layouts.json"
+    page = Page(link, "127.0.0.1", 0, lambda words: None, layouts=file)
     found = Hands(page, link)
     found.refresh()
     yield found
@@ -134,10 +129,10 @@ def test_a_wrong_gain_is_told_beside_its_field(
     hands.refresh()
     field = hands.elements(key)[-1]
     before = field.value
-    field._impl.value = text
+    field.value = text
     assert hands.click("Tune") == []
     assert words in hands.texts()
-    field._impl.value = before
+    field.value = before
     assert hands.click("Tune") == []
     assert "nothing has changed" in hands.texts()
 
@@ -227,43 +222,117 @@ def test_a_remark_must_say_something(hands: Hands) -> None:
     assert (service, values["text"]) == ("note", "<b>it rings</b>")
 
 
-def test_a_reference_has_its_joints_colour_and_its_unit_says_the_power_of_ten(hands: Hands) -> None:
+def test_a_chart_shows_its_window_and_a_dashed_reference(hands: Hands) -> None:
     view, time = hands.link.view, np.arange(500) * 0.01
     rows = 2e-6 * np.column_stack((np.sin(time), np.cos(time)))
     view.truth.add(time, {"position": rows})
     view.controller_state.add(time, {"reference_position": rows})
     view.time = 4.99
     hands.refresh()
-    plot = hands.page._panels[0]._charts[0]._plot
-    assert plot.data[0][[0, -1]].tolist() == [0.0, 30.0]
-    shown = {str(one["label"]): one for one in plot.series[2:]}
-    assert list(shown) == [
-        "a [1e-6 rad]", "b [1e-6 m]", "reference a [1e-6 rad]", "reference b [1e-6 m]",
-    ]  # fmt: skip
-    for joint in ("a [1e-6 rad]", "b [1e-6 m]"):
-        assert shown[f"reference {joint}"]["stroke"] == shown[joint]["stroke"]
-        assert "dash" in shown[f"reference {joint}"]
-        assert "dash" not in shown[joint]
-    assert max(np.nanmax(np.abs(row)) for row in plot.data[2:]) == pytest.approx(2.0, rel=1e-3)
+    chart = next(e for e in hands.gui.middle.all() if e.kind == "chart")
+    assert chart.data.news["xAxis"] == {"min": 0.0, "max": 30.0}
+    shown = {one["name"]: one for one in chart.data.options["series"][:-1]}
+    assert list(shown) == ["a [rad]", "b [m]", "reference a [rad]", "reference b [m]"]
+    for joint in ("a [rad]", "b [m]"):
+        assert shown[f"reference {joint}"]["color"] == shown[joint]["color"]
+        assert shown[f"reference {joint}"]["lineStyle"]["type"] == "dashed"
+    known = [v for v in chart.data.news["dataset"]["source"]["0"] if v is not None]
+    assert max(known) == pytest.approx(2e-6, rel=1e-3)
     view.truth.clear()
     view.controller_state.clear()
     view.time = 0.0
 
 
+def test_a_slider_scales_all_of_a_gain_and_comes_back(hands: Hands) -> None:
+    hands.set("Tuned controller", "pd")
+    hands.refresh()
+    field = hands.elements("kp")[-1]
+    [slider] = [e for e in hands.gui.all() if e.kind == "slider" and e.label.startswith("kp ")]
+    for power, text in (
+        (1.0, "[4600.0, 4600.0]"),
+        (-0.5, "[145.5, 145.5]"),
+        (0.0, "[460.0, 460.0]"),
+    ):
+        slider.value = power
+        for told in slider.changed:
+            told(3)
+        assert field.value == text
+
+
+@pytest.mark.parametrize(
+    "text", ["-1.0", "0.0", "[1.0, -1.0]", "soon", "true", "[", "", "{a: 1.0}"]
+)
+def test_only_positive_numbers_have_a_slider(text: str) -> None:
+    assert scaled(text, 1.0) is None
+
+
+def test_a_layout_is_saved_and_chosen(hands: Hands) -> None:
+    charts = hands.elements("Chart")
+    charts[0].value = quantities.VELOCITY
+    hands.set("Name of the layout", "mine")
+    hands.click("Save the layout")
+    assert "mine" in hands.elements("Layout")[0].options
+    layout = hands.elements("Layout")[0]
+    for name, first in (("flight", quantities.POSITION), ("mine", quantities.VELOCITY)):
+        layout.value = name
+        for told in layout.changed:
+            told(3)
+        hands.page._desk.work()
+        assert charts[0].value == first
+
+
+def test_what_does_nothing_after_the_end_is_gone(hands: Hands) -> None:
+    view = hands.link.view
+    before = view.now
+    view.now = before._replace(state="finished")
+    hands.refresh()
+    for button in ("Start", "Pause", "Switch", "Tune", "Plan", "Disturb", "Break", "Note it"):
+        assert not _shown(hands.elements(button)[0]), button
+    assert not hands.elements("Brake (space bar)")[0].enabled
+    for button in ("Overlay it", "View from above", "Clear the charts"):
+        assert _shown(hands.elements(button)[0]), button
+    view.now = before
+    hands.refresh()
+    assert _shown(hands.elements("Start")[0])
+
+
+def test_warnings_of_a_kind_that_follow_each_other_are_one_row(hands: Hands) -> None:
+    view = hands.link.view
+    for tick in range(1, 8):
+        what = AnswerMissed("pd", 1) if tick != 4 else Noted("it rings", "somebody")
+        view.events.append(event_of(what, tick, 0.01 * tick, 0, "plant"))
+        view.heard += 1
+    hands.refresh()
+    [table] = [e for e in hands.gui.all() if e.kind == "table"]
+    rows = [str(row["what"]) for row in table.data]
+    assert len(rows) == 3
+    assert "3 times since 0.05 s" in rows[0]
+    assert "it rings" in rows[1]
+    hands.set("Fold warnings", False)
+    hands.refresh()
+    assert len(table.data) == 7
+    table.value = 3
+    hands.click("events")
+    assert hands.elements("Pause the view")[0].value
+    hands.set("Fold warnings", True)
+
+
 def test_reset_stands_below_everything_else_of_the_run_and_in_a_folder_of_its_own(
     hands: Hands,
 ) -> None:
-    order = [hands.elements(one)[0].order for one in ("Start", "Pause", "Step", "Set the rate")]
+    names = [e.label for e in hands.gui.left.all()]
+    order = [names.index(one) for one in ("Start", "Pause", "Step", "Set the rate", "Reset")]
     assert order == sorted(order)
-    reset = hands.elements("Reset")[0]
-    assert reset._impl.parent_container_id != hands.elements("Pause")[0]._impl.parent_container_id
+    assert hands.elements("Reset")[0].parent is not hands.elements("Pause")[0].parent
 
 
-def test_forms_open_on_the_law_in_charge_and_stay_where_a_person_has_put_them() -> None:
+def test_forms_open_on_the_law_in_charge_and_stay_where_a_person_has_put_them(
+    tmp_path: Path,
+) -> None:
     link = FakeLink()
     link.view.controllers["after"] = link.view.controllers["pd"]._replace(name="after")
     link.view.now = link.view.now._replace(active="pd")
-    page = Page(link, "127.0.0.1", 0, lambda words: None)
+    page = Page(link, "127.0.0.1", 0, lambda words: None, layouts=tmp_path / "layouts.json")
     try:
         hands = Hands(page, link)
         hands.refresh()

@@ -1,28 +1,36 @@
 """Pages that send what is no message, and two hands on one field."""
 
-from collections.abc import Callable
+from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
-import msgspec
 import pytest
 from tests.fake_bench import FakeLink
 from tests.page_client import PageClient
 
 from flexslew_lab.console.page import Page
 
+GARBAGE = [b"", b"\xc1", b"\x00" * 999, "42", "42{", '42["event"]', '42["event", null]', "4", "x",
+           '42["event", {"client_id": "nobody"}]', '42["javascript_response", {"client_id": 7}]',
+           '42["handshake", {"client_id": "nobody"}]', "40{", "451-[", "1"]  # fmt: skip
 
-def test_what_is_no_message_ends_its_page_and_no_other(capfd: pytest.CaptureFixture[str]) -> None:
-    link = FakeLink()
-    page = Page(link, "127.0.0.1", 0, lambda words: None)
+
+def opened(tmp_path: Path, link: FakeLink, said: list[str]) -> Page:
+    page = Page(link, "127.0.0.1", 0, said.append, layouts=tmp_path / "layouts.json")
     page.poll()
-    for garbage in (b"", b"\xc1", msgspec.msgpack.encode({"type": "NoSuchMessage"}), b"\x00" * 999):
+    return page
+
+
+def test_what_is_no_message_ends_at_most_its_page(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    link = FakeLink()
+    page = opened(tmp_path, link, [])
+    for garbage in GARBAGE:
         stranger = PageClient(page.server.address)
         stranger.socket.send(garbage)
     other = PageClient(page.server.address)
-    inputs = page.server.gui._gui_input_handle_from_uuid.values()
-    [start] = [e for e in inputs if getattr(e, "label", "") == "Start"]
-    other.set(start._impl.uuid, True)
+    other.set(other.named("Start"), True)
     while not link.asked:
         page.poll()
         other.reach()
@@ -31,27 +39,46 @@ def test_what_is_no_message_ends_its_page_and_no_other(capfd: pytest.CaptureFixt
     assert "Traceback" not in "".join(capfd.readouterr())
 
 
+@pytest.mark.parametrize("value", [None, [], {"a": 1}, True, 7, 1e300, "x"])
+def test_a_value_of_another_kind_is_told_and_changes_no_field(tmp_path: Path, value: Any) -> None:
+    said: list[str] = []
+    page = opened(tmp_path, FakeLink(), said)
+    stranger = PageClient(page.server.address)
+    before = {id(e): e.value for e in page.server.gui.all()}
+    for name in ("Rate", "Strict", "Ticks", "Remark", "Deflection scale"):
+        stranger.set(stranger.named(name), value)
+    stranger.reach()
+    stranger.set(stranger.named("Filter"), "seen")
+    limit = monotonic() + 30.0
+    while "seen" not in [e.value for e in page.server.gui.all()]:
+        assert monotonic() < limit, said
+        stranger.reach()
+    for element in page.server.gui.all():
+        same = element.value == before[id(element)]
+        kinds = {"check": bool, "number": float, "slider": float, "choice": str, "text": str}
+        assert same or isinstance(element.value, kinds.get(element.kind, object)), element.label
+    assert any("sent invalid data" in words for words in said)
+    page.close()
+
+
 def test_what_is_written_while_a_remark_is_noted_is_not_lost(
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     link = FakeLink()
-    page = Page(link, "127.0.0.1", 0, lambda words: None)
-    page.poll()
+    page = opened(tmp_path, link, [])
     writer = PageClient(page.server.address)
-    while "Note it" not in [element["label"] for element in writer.inputs.values()]:
-        writer.reach()
     remark, note = writer.named("Remark"), writer.named("Note it")
-    tell: Callable[[Any], None] = page.server.gui._websock_interface.queue_message
+    empty = page.server.call
 
-    def slow(message: Any) -> None:  # the field is about to be emptied
-        if getattr(message, "updates", None) == {"value": ""}:
-            monkeypatch.undo()
-            writer.set(remark, "second")
-            writer.set(note, True)
-            sleep(0.3)
-        tell(message)
+    def slow(act: Any) -> None:  # the field is about to be emptied
+        monkeypatch.undo()
+        writer.set(remark, "second")
+        writer.set(note, True)
+        writer.reach()
+        sleep(0.3)
+        empty(act)
 
-    monkeypatch.setattr(page.server.gui._websock_interface, "queue_message", slow)
+    monkeypatch.setattr(page.server, "call", slow)
     writer.set(remark, "first")
     writer.set(note, True)
     limit = monotonic() + 10.0

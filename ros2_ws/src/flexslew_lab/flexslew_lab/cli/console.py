@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from threading import Thread
 from typing import IO, Annotated
@@ -24,6 +25,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
 _GRACE = 10.0  # for the page to end [wall s]
+_ENDLESS = 1e9  # of a run without an end [s]
 
 
 def console(
@@ -44,6 +46,12 @@ def console(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
     rate: Annotated[float, typer.Option(help="At the start; 1 is real time, 0 fast.")] = 1.0,
+    open_ended: Annotated[
+        bool, typer.Option("--open-ended", help="Without an end: Ctrl-C ends the run.")
+    ] = False,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Only print the address of the page.")
+    ] = False,
     namespace: Namespace = "",
     trust: TrustOption = None,
 ) -> None:
@@ -59,31 +67,35 @@ def console(
         raise BadInput("0 is as fast as possible, 1 real time", key="--rate", value=rate)
     if sum((file is not None, attach, replay is not None)) > 1:
         raise BadInput("console: give one of a trial, --attach and --replay")
+    if open_ended and (attach or replay is not None):
+        raise BadInput("console: --open-ended is for a trial, not for --attach or --replay")
     if replay is not None:
         from flexslew_lab.console.replay_page import serve
 
-        serve(bag_of(replay), host, port, say, Trust.of(trust or ()))
+        serve(bag_of(replay), host, port, say, Trust.of(trust or ()), not no_browser)
         return
     require_ros()
     if attach:
-        _attach(host, port, namespace, tuple(trust or ()))
+        _attach((host, port, not no_browser), namespace, tuple(trust or ()))
     else:
-        raise typer.Exit(_fly(file, sets, out, rate, (host, port)))
+        raise typer.Exit(_fly(file, sets, out, (rate, open_ended), (host, port, not no_browser)))
 
 
-def _attach(host: str, port: int, namespace: str, trust: tuple[str, ...]) -> None:
+def _attach(at: tuple[str, int, bool], namespace: str, trust: tuple[str, ...]) -> None:
     domain, _ = bench_domain()
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     from flexslew_lab.ros.console_node import ConsoleSettings
     from flexslew_lab.ros.console_node import console as serve
 
     say(f"ROS_DOMAIN_ID {domain}; Ctrl-C ends the page, not the bench")
-    serve(ConsoleSettings(host=host, port=port, trust=trust), say, namespace)
+    host, port, browser = at
+    serve(ConsoleSettings(host=host, port=port, browser=browser, trust=trust), say, namespace)
 
 
 def _fly(
-    file: str | None, sets: list[str] | None, out: Path | None, rate: float, at: tuple[str, int]
-) -> int:
+    file: str | None, sets: list[str] | None, out: Path | None, pace: tuple[float, bool],
+    at: tuple[str, int, bool],
+) -> int:  # fmt: skip
     """Fly a trial with a page beside it; return the exit code."""
     from dataclasses import replace
 
@@ -94,12 +106,14 @@ def _fly(
     from flexslew_lab.trial.sources import read_trial
 
     wanted, source = read_trial(file, sets)
-    wanted = replace(wanted, rate_factor=rate)
+    rate, open_ended = pace
+    wanted = replace(wanted, rate_factor=rate, duration=_ENDLESS if open_ended else wanted.duration)
     folder = new_folder(wanted.name, out)
     words = ["./flexslew", "trial", file or "m1", *(f"--set={one}" for one in sets or ())]
+    page = partial(_page, folder, shlex.join(words), at, own_names(wanted))
     with own_domain(wanted.name) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        with patient(NODES), _page(folder, shlex.join(words), at, own_names(wanted)) as page:
+        with patient(NODES), page() as child:
             with progress(wanted.name) as advance:
                 result = run_trial(
                     wanted, source, folder, progress=advance, say=say, autostart=False
@@ -111,20 +125,24 @@ def _fly(
             if result.message:
                 say(result.message)
             say("the run is over; Ctrl-C ends the page")
-            page.wait()
+            child.wait()
     return result.exit_code
 
 
 @contextmanager
 def _page(
-    folder: Path, command: str, at: tuple[str, int], trust: list[str]
+    folder: Path, command: str, at: tuple[str, int, bool], trust: list[str]
 ) -> Iterator["subprocess.Popen[str]"]:
     """Yield the process of the page as soon as it says where it is; end it afterwards."""
-    settings = {"folder": str(folder.resolve()), "command": command, "host": at[0], "port": at[1]}
+    settings: dict[str, object] = {"folder": str(folder.resolve()), "command": command}
+    settings |= dict(zip(("host", "port", "browser"), at, strict=True))
     settings |= {"trust": trust} if trust else {}  # ROS knows no list without entries
     words = [sys.executable, "-P", "-m", "flexslew_lab.ros.console_node", "--ros-args"]
     for key, value in settings.items():
-        words += ["-p", f"{key}:={value!r}" if isinstance(value, str) else f"{key}:={value}"]
+        words += [
+            "-p",
+            f"{key}:={value!r}" if isinstance(value, str) else f"{key}:={value}".lower(),
+        ]
     child = subprocess.Popen(  # a session of its own: Ctrl-C is ours
         words,
         env=os.environ | {"PYTHONUNBUFFERED": "1", "FLEXSLEW_SUPERVISOR": str(os.getpid())},

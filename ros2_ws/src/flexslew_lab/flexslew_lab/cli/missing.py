@@ -15,9 +15,9 @@ EXTRAS = {
     "casadi": "casadi",
     "distributed": "dask",
     "foxglove": "foxglove",
+    "nicegui": "console",
     "pandas": "pandas",
     "pyarrow": "export",
-    "viser": "console",
     "xarray": "xarray",
 }
 WITHOUT_ROS = (

@@ -7,7 +7,9 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, Protocol
 
+from flexslew_lab.console.gui import Element, Told
 from flexslew_lab.console.link import Link, RequestResult
+from flexslew_lab.console.server import ConsoleServer
 
 Act = Callable[[str], None]  # takes who asks
 
@@ -28,28 +30,21 @@ class Desk:
         say: told in one line when a page sends what none of its forms can.
     """
 
-    def __init__(self, server: Any, link: Link, say: Callable[[str], None]) -> None:
-        self.server, self.gui, self.scene = server, server.gui, server.scene
+    def __init__(self, server: ConsoleServer, link: Link, say: Callable[[str], None]) -> None:
+        self.server, self.gui = server, server.gui
         self.link, self.view = link, link.view
-        self._waiting: deque[tuple[Act, int | None]] = deque()
+        self._waiting: deque[tuple[Act, int]] = deque()
         self._user, self._say = _user(), say
 
-    def click(self, button: Any, act: Act) -> None:
-        """Let a button, or a command with a key of its own, do something."""
-        register = button.on_trigger if hasattr(button, "on_trigger") else button.on_click
-        register(self._handler(act))
+    def click(self, button: Element, act: Act) -> None:
+        """Let a button do something."""
+        button.clicked.append(self._handler(act))
 
-    def change(self, field: Any, act: Act) -> None:
+    def change(self, field: Element, act: Act) -> None:
         """Do something whenever a page, and not the console itself, changes a field."""
-        handle = self._handler(act)
+        field.changed.append(self._handler(act))
 
-        async def changed(event: Any) -> None:
-            if event.client_id is not None:
-                await handle(event)
-
-        field.on_update(changed)
-
-    def replace(self, field: Any, old: Any, new: Any) -> None:
+    def replace(self, field: Element, old: Any, new: Any) -> None:
         """Give a field another value, unless a page has changed it meanwhile.
 
         Both what pages write and this is done by the thread of the server, so that neither
@@ -60,22 +55,19 @@ class Desk:
             if field.value == old:
                 field.value = new
 
-        self.server._event_loop.call_soon_threadsafe(swap)
+        self.server.call(swap)
 
     def work(self) -> None:
         """Do what the pages have asked for since the last call."""
         while self._waiting:
             act, page = self._waiting.popleft()
             try:
-                act(f"{self._user}, page {page}" if page is not None else self._user)
+                act(f"{self._user}, page {page}")
             except (LookupError, TypeError, ValueError) as error:  # others go on working
                 self._say(f"a page sent invalid data: {error!r:.200}")
 
-    def _handler(self, act: Act) -> Callable[[Any], Any]:
-        async def handle(event: Any) -> None:  # async: runs in the order of the clicks
-            self._waiting.append((act, getattr(event, "client_id", None)))
-
-        return handle
+    def _handler(self, act: Act) -> Told:
+        return lambda page: self._waiting.append((act, page))
 
 
 class Reply:
@@ -87,7 +79,7 @@ class Reply:
 
     def __init__(self, desk: Desk) -> None:
         self._link, self._shown = desk.link, ""
-        self._html = desk.gui.add_html("")
+        self._html = desk.gui.html()
 
     def ask(
         self,

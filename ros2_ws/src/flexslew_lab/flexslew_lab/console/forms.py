@@ -6,6 +6,7 @@ from math import inf
 from typing import Any, NamedTuple, get_args
 
 from flexslew_lab.console.desk import Desk, line
+from flexslew_lab.console.gui import Element
 from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import load_yaml, validated, yaml_text
@@ -114,10 +115,11 @@ def one_of(name: str, value: Any, known: Mapping[str, float]) -> float:
     return known[str(value)]
 
 
-def offer(field: Any, options: tuple[str, ...], nothing: str) -> None:
+def offer(field: Element, options: tuple[str, ...], nothing: str) -> None:
     """Let a list offer these; without any of them it says so in these words."""
     shown = options or (nothing,)
-    if shown != tuple(field.options):
+    if shown != field.options:
+        field.value = field.value if field.value in shown else shown[0]
         field.options = shown
 
 
@@ -128,7 +130,7 @@ class OpenedOn:
         field: the list.
     """
 
-    def __init__(self, field: Any) -> None:
+    def __init__(self, field: Element) -> None:
         self._field, self._first = field, field.value
 
     def offer(self, options: tuple[str, ...], nothing: str, active: str) -> None:
@@ -154,24 +156,26 @@ class Form:
         desk: of the page.
         keys: of the fields.
         place: a folder of the page that they stand in.
+        sliders: beside each positive number, over two powers of ten.
     """
 
-    def __init__(self, desk: Desk, keys: list[Key], place: Any) -> None:
+    def __init__(self, desk: Desk, keys: list[Key], place: Element, sliders: bool = False) -> None:
         gui = desk.gui
         self._keys = keys
-        self._elements: dict[str, Any] = {}
-        self._errors: dict[str, Any] = {}
+        self._elements: dict[str, Element] = {}
+        self._errors: dict[str, Element] = {}
+        self._sliders: list[Element] = []
         with place:
             for key in keys:
-                hint = key.words or None
                 if key.options:
-                    element = gui.add_dropdown(
-                        key.label, key.options, initial_value=key.text or key.options[0], hint=hint
-                    )
+                    element = gui.choice(key.label, key.options, key.text)
+                    element.hint = key.words
                 else:
-                    element = gui.add_text(key.label, key.text, hint=hint)
+                    element = gui.text(key.label, key.text, hint=key.words)
                 self._elements[key.name] = element
-                self._errors[key.name] = gui.add_html("", visible=False)
+                if sliders and scaled(key.text, 0.0) is not None:
+                    self._sliders.append(_slider(desk, element, key.text))
+                self._errors[key.name] = gui.html(visible=False)
 
     def changed(self) -> dict[str, Any] | None:
         """Return the values of the fields that say something else than at first, or None."""
@@ -195,7 +199,7 @@ class Form:
 
     def remove(self) -> None:
         """Take the fields off the page."""
-        for element in (*self._elements.values(), *self._errors.values()):
+        for element in (*self._elements.values(), *self._errors.values(), *self._sliders):
             element.remove()
 
     def _read(self, known: Mapping[str, str]) -> dict[str, Any] | None:
@@ -219,6 +223,31 @@ class Form:
             error.visible = bool(words)
         if words:
             error.content = line(words, "alert", "#b00020")
+
+
+def scaled(text: str, power: float) -> str | None:
+    """Return a positive number, or a list of such, times a power of ten; None: it is none."""
+    try:
+        found = load_yaml(text, "")
+    except BadInput:
+        return None
+    many = found if isinstance(found, list) else [found]
+    if not many or not all(isinstance(one, float) and 0.0 < one < inf for one in many):
+        return None
+    rows = [float(f"{one * 10.0**power:.4g}") for one in many]
+    return text_of(rows if isinstance(found, list) else rows[0])
+
+
+def _slider(desk: Desk, field: Element, text: str) -> Element:
+    """Add a slider of powers of ten that writes into a field what stood there, scaled."""
+    name = f"{field.label}, times a power of ten"
+    found = desk.gui.add("slider", name, low=-1.0, high=1.0, step=0.01, value=0.0)
+
+    def write(page: int) -> None:
+        field.value = (scaled(text, found.value) if found.value else text) or text
+
+    found.changed.append(write)
+    return found
 
 
 def _value(key: Key, text: str) -> Any:

@@ -1,39 +1,37 @@
-"""Access control: one port, the page's own origin, a token; and nothing leaves the machine.
+"""Access control: one port, the page's own origin, a token; and nothing leaves the machine."""
 
-viser serves its page and its WebSocket to anybody on every interface. Both pass through the gate
-here, which stands between its HTTP server and its handlers.
-"""
-
-import http
-import logging
 import mimetypes
 import secrets
 import socket
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import partial
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from contextlib import suppress
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-import websockets.asyncio.server
-from websockets.datastructures import Headers
-from websockets.http11 import Request, Response
-
 from flexslew_plant.errors import BadInput
 
-LOOPBACK = ("127.0.0.1", "localhost")
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 FILES = "/run/"  # before the names of the files that the gate serves itself
-_POLICY = (
-    "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
-    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
-    "connect-src 'self' data: blob:; worker-src 'self' blob: data:; frame-src 'self'; "
-    "frame-ancestors 'self'; base-uri 'none'; form-action 'self'"
+WORDS = "use the address that was printed at the start: it contains a token"
+_RULES = (
+    (
+        b"content-security-policy",
+        b"default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
+        b"style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+        b"connect-src 'self' data: blob:; worker-src 'self' blob: data:; frame-src 'self'; "
+        b"frame-ancestors 'self'; base-uri 'none'; form-action 'self'",
+    ),
+    (b"referrer-policy", b"no-referrer"),
+    (b"x-content-type-options", b"nosniff"),
 )
-_SCRIPT = b"</head>"
+_STORED = b"/_nicegui/"  # below it stand files of the page that never change: they may be kept
 
-Inner = Callable[[Any, Request], Response | None]
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Any]]
+Send = Callable[[Any], Awaitable[None]]
+Inner = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 
 def listening(host: str, port: int, what: str = "console") -> socket.socket:
@@ -61,154 +59,139 @@ def listening(host: str, port: int, what: str = "console") -> socket.socket:
 
 
 class Gate:
-    """Lets in who knows the token and comes from the page itself.
+    """Lets in who knows the token, asks for this host and comes from the page itself: ASGI.
 
     Args:
-        port: that is listened on.
-        script: JavaScript that the page runs beside its own.
+        inner: what answers those who are let in.
+        host: that is listened on.
+        port: of it.
         token: in the address of the page; empty: a new one.
     """
 
-    def __init__(self, port: int, script: str = "", token: str = "") -> None:
+    def __init__(self, inner: Inner, host: str, port: int, token: str = "") -> None:
         self.token = token or secrets.token_urlsafe(24)
-        self._script = f"<script>{script}</script></head>".encode()
-        self._cookie = f"flexslew_{port}"
+        self._inner, self._cookie = inner, f"flexslew_{port}"
+        local = host.startswith("127.") or host in ("localhost", "::1")
+        names = {*LOOPBACK, f"[{host}]" if ":" in host else host}
+        # elsewhere a machine has names that it does not know itself
+        self._hosts = {f"{name}:{port}" for name in names} if local else None
         self.files: dict[str, Path] = {}  # by name below FILES
 
-    def admit(self, inner: Inner, connection: Any, request: Request) -> Response | None:
-        """Answer a request, or pass it on.
-
-        Args:
-            inner: what viser would answer; None lets a WebSocket in.
-            connection: of the request.
-            request: the first of its connection.
-        """
-        try:
-            url = urlsplit(request.path)
-        except ValueError:
-            return _sealed(_answer(http.HTTPStatus.BAD_REQUEST, "text/plain", b"no address"))
-        by_address = address_knows(request.path, self.token)
-        if request.headers.get("Upgrade", "").lower() == "websocket":
-            if not _same_origin(request.headers):
-                return refused("this page comes from another origin")
-            return None if by_address or self._knows(request.headers) else refused(WORDS)
-        if not (by_address or self._knows(request.headers)):
-            return refused(WORDS)
-        if url.path.startswith(FILES):
-            answer = self._file(url.path.removeprefix(FILES))
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or pass it on."""
+        if scope["type"] == "lifespan":
+            return
+        by_address = _query_knows(scope.get("query_string", b""), self.token)
+        why = self._refusal(scope, by_address)
+        if scope["type"] == "websocket":
+            if why:
+                await _close(scope, receive, send, why)
+            else:
+                await self._inner(scope, receive, send)
+            return
+        cookie = f"{self._cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/"
+        sealed = _sealed(scope, send, cookie if by_address and not why else "")
+        if why:
+            await answer(sealed, 403, why.encode())
+        elif scope["path"].startswith(FILES):
+            await self._file(scope["path"].removeprefix(FILES), sealed)
         else:
-            try:
-                answer = self._page(inner(connection, _plainly(request)))
-            except (OSError, ValueError):  # a name that no file can have
-                answer = _answer(http.HTTPStatus.NOT_FOUND, "text/plain", b"there is no such file")
-        if by_address:
-            value = f"{self._cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/"
-            answer.headers["Set-Cookie"] = value
-        return _sealed(answer)
+            await self._inner(scope, receive, sealed)
 
-    def _knows(self, headers: Headers) -> bool:
-        cookies: SimpleCookie = SimpleCookie()
+    def _refusal(self, scope: Scope, by_address: bool) -> str:
+        """Return why a request is refused; empty lets it in."""
         try:
-            cookies.load("; ".join(headers.get_all("Cookie")))
-        except CookieError:
-            return False
+            host, origin = (header(scope, name) for name in ("host", "origin"))
+            asked = urlsplit(origin or "").netloc
+        except (LookupError, ValueError):  # given twice, or no address
+            return "a header is given twice or cannot be read"
+        if host is None or (self._hosts is not None and host not in self._hosts):
+            return "another host is asked for"  # a name that a stranger's DNS led here
+        acts = scope["type"] == "websocket" or scope.get("method") not in ("GET", "HEAD")
+        if asked != host and (acts or origin is not None):
+            return "this page comes from another origin"
+        return "" if by_address or self._knows(scope) else WORDS
+
+    def _knows(self, scope: Scope) -> bool:
+        cookies: SimpleCookie = SimpleCookie()
+        with suppress(CookieError):
+            cookies.load("; ".join(_headers(scope, "cookie")))
         found = cookies[self._cookie].value if self._cookie in cookies else ""
         return secrets.compare_digest(found.encode(), self.token.encode())
 
-    def _page(self, answer: Response | None) -> Response:
-        """Return the page of viser with the script of this one."""
-        assert answer is not None
-        if not answer.headers.get("Content-Type", "").startswith("text/html"):
-            return answer
-        body = bytes(answer.body or b"").replace(_SCRIPT, self._script, 1)
-        return _answer(http.HTTPStatus.OK, "text/html; charset=utf-8", body)
-
-    def _file(self, name: str) -> Response:
+    async def _file(self, name: str, send: Send) -> None:
         try:
             body = self.files[name].read_bytes()
         except (KeyError, OSError):
-            return _answer(http.HTTPStatus.NOT_FOUND, "text/plain", b"there is no such file")
+            await answer(send, 404, b"there is no such file")
+            return
         kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
-        return _answer(http.HTTPStatus.OK, f"{kind}; charset=utf-8", body)
-
-
-WORDS = "use the address that was printed at the start: it contains a token"
-
-
-@contextmanager
-def guarded_by(gate: Gate, sock: socket.socket) -> Iterator[None]:
-    """Let the server that is started meanwhile listen on this socket, behind the gate.
-
-    viser offers no way to give it a socket or a check of its own: it is handed both where it asks
-    for a server.
-    """
-    module = websockets.asyncio.server
-    original = module.serve
-
-    def serve(handler: Any, host: str, port: int, **options: Any) -> Any:
-        inner = options.pop("process_request")
-        check = partial(gate.admit, inner)
-        return original(handler, sock=sock, process_request=check, **options)
-
-    module.serve = serve  # type: ignore[assignment, misc]
-    try:
-        yield
-    finally:
-        module.serve = original  # type: ignore[misc]
-    # who is refused is told so; the server's own log would print a traceback for each
-    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
+        await answer(send, 200, body, f"{kind}; charset=utf-8")
 
 
 def address_knows(path: str, token: str) -> bool:
     """Return whether the path of a request names the token."""
     try:
-        asked = parse_qs(urlsplit(path).query).get("token", [""])[0]
-        return secrets.compare_digest(asked.encode(), token.encode())
-    except ValueError:  # no address, or more fields than anybody gives
+        return _query_knows(urlsplit(path).query.encode(), token)
+    except ValueError:  # no address
         return False
 
 
-def given(headers: Headers, name: str) -> str | None:
+def _query_knows(query: bytes, token: str) -> bool:
+    try:
+        asked = parse_qs(query.decode("latin-1"), max_num_fields=100).get("token", [""])[0]
+        return secrets.compare_digest(asked.encode(), token.encode())
+    except ValueError:  # more fields than anybody gives
+        return False
+
+
+def header(scope: Scope, name: str) -> str | None:
     """Return the value of a header, or None.
 
     Raises:
         LookupError: it is given twice.
     """
-    return headers.get(name)
+    found = list(_headers(scope, name))
+    if len(found) > 1:
+        raise LookupError(name)
+    return found[0] if found else None
 
 
-def _same_origin(headers: Headers) -> bool:
-    """Return whether a browser says that the page of this very address asks."""
-    try:
-        origin, host = given(headers, "Origin"), given(headers, "Host")
-        asked = urlsplit(origin or "").netloc
-    except (LookupError, ValueError):  # given twice, or no address
-        return False
-    return origin is not None and host is not None and asked == host
+def _headers(scope: Scope, name: str) -> Iterable[str]:
+    wanted = name.encode()
+    return (value.decode("latin-1") for key, value in scope["headers"] if key.lower() == wanted)
 
 
-def _plainly(request: Request) -> Request:
-    """Return the request with a body that can be read: viser compresses where it is asked to."""
-    headers = Headers(request.headers)
-    if "Accept-Encoding" in headers:
-        del headers["Accept-Encoding"]
-    return Request(request.path, headers)
+async def answer(
+    send: Send, status: int, body: bytes, kind: str = "text/plain; charset=utf-8"
+) -> None:
+    """Send a whole answer."""
+    headers = [(b"content-type", kind.encode()), (b"content-length", str(len(body)).encode())]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": body})
 
 
-def refused(words: str) -> Response:
-    """Return the answer to those who are not let in."""
-    return _sealed(_answer(http.HTTPStatus.FORBIDDEN, "text/plain; charset=utf-8", words.encode()))
+def _sealed(scope: Scope, send: Send, cookie: str) -> Send:
+    """Return a send that adds the rules of the browser: nothing is fetched from elsewhere."""
+    kept = scope["path"].encode(errors="replace").startswith(_STORED)
+
+    async def sending(message: Any) -> None:
+        if message["type"] == "http.response.start":
+            own = [(k, v) for k, v in message.get("headers", ()) if kept or k != b"cache-control"]
+            more = [] if kept else [(b"cache-control", b"no-store")]
+            more += [(b"set-cookie", cookie.encode())] if cookie else []
+            message = {**message, "headers": [*own, *_RULES, *more]}
+        await send(message)
+
+    return sending
 
 
-def _answer(status: http.HTTPStatus, kind: str, body: bytes) -> Response:
-    headers = Headers({"Content-Type": kind, "Content-Length": str(len(body))})
-    return Response(status.value, status.phrase, headers, body)
-
-
-def _sealed(answer: Response) -> Response:
-    """Return the answer with the rules of the browser: nothing is fetched from elsewhere."""
-    answer.headers["Content-Security-Policy"] = _POLICY
-    answer.headers["Referrer-Policy"] = "no-referrer"
-    answer.headers["X-Content-Type-Options"] = "nosniff"
-    answer.headers["Cache-Control"] = "no-store"
-    return answer
+async def _close(scope: Scope, receive: Receive, send: Send, why: str) -> None:
+    """Refuse a WebSocket before its handshake, with the reason where the server can tell one."""
+    await receive()
+    if "websocket.http.response" not in scope.get("extensions", {}):
+        await send({"type": "websocket.close"})  # 403
+        return
+    headers = [(b"content-type", b"text/plain; charset=utf-8"), *_RULES]
+    await send({"type": "websocket.http.response.start", "status": 403, "headers": headers})
+    await send({"type": "websocket.http.response.body", "body": why.encode()})

@@ -1,7 +1,6 @@
 """What a bench has done so far, tick by tick, for charts: arrays that grow and forget."""
 
 from collections.abc import Mapping
-from math import floor, inf, log10
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -116,58 +115,9 @@ def thinned(
     return axis, [_extremes(part, edges) for part in parts]
 
 
-def power_of(rows: list[Vector]) -> int:
-    """Return the power of ten, a multiple of 3, that a chart's axis counts in.
-
-    0 from 0.1 to 1e5: an axis writes three digits after the point, so that values below 5e-4
-    would all read 0.
-    """
-    largest = max((float(np.nanmax(np.abs(row), initial=0.0)) for row in rows), default=0.0)
-    if not 0.0 < largest < inf or 0.1 <= largest < 1e5:
-        return 0
-    return max(3 * floor(log10(largest) / 3.0), -300)
-
-
-def marked(
-    axis: Vector, values: list[Vector], events: Vector
-) -> tuple[Vector, list[Vector], Vector]:
-    """Return axis and values with rows for events, and a line that stands up at each of them.
-
-    The line runs at -1 between events and up to 2 at them: on a scale from 0 to 1 only what stands
-    up is seen.
-
-    Args:
-        axis: times [s], (points,).
-        values: each (points,).
-        events: times [s] within the axis.
-    """
-    if not len(events) or not len(axis):
-        return axis, values, np.full(len(axis), -1.0)
-    more = np.repeat(np.sort(events), 3)
-    whole = np.concatenate((axis, more))
-    order = np.argsort(whole, kind="stable")
-    filled = []
-    for row in values:
-        known = np.isfinite(row)
-        at = np.full(len(more), np.nan)
-        if known.any():
-            at = np.interp(more, axis[known], row[known])
-        filled.append(np.concatenate((row, at))[order])
-    up = np.concatenate((np.full(len(axis), -1.0), np.tile([-1.0, 2.0, -1.0], len(events))))
-    return whole[order], filled, up[order]
-
-
 def _placed(curve: Curve, axis: Vector) -> Vector:
     row = np.full(len(axis), np.nan)
     row[np.searchsorted(axis, curve.time)] = curve.value
-    return _begun(row)
-
-
-def _begun(row: Vector) -> Vector:
-    """Return a row whose first number is one: the chart takes its scale from there."""
-    known = np.flatnonzero(np.isfinite(row))
-    if len(known):
-        row[0] = row[known[0]]
     return row
 
 
@@ -180,7 +130,7 @@ def _extremes(curve: Curve, edges: Vector) -> Vector:
     bounds: NDArray[np.intp] = np.searchsorted(curve.time, edges)
     there = np.flatnonzero(np.diff(bounds) > 0)
     if not len(there):
-        return np.zeros(out.size + 2)
+        return np.full(out.size + 2, np.nan)
     part, starts = curve.value[: bounds[-1]], bounds[there]
     low, high = np.fmin.reduceat(part, starts), np.fmax.reduceat(part, starts)
     rising = part[bounds[there + 1] - 1] >= part[starts]
@@ -188,4 +138,4 @@ def _extremes(curve: Curve, edges: Vector) -> Vector:
         rising[:, None], np.column_stack((low, high)), np.column_stack((high, low))
     )
     ends = np.where(np.isin(edges[[0, -1]], curve.time), curve.value[[0, -1]], np.nan)
-    return _begun(np.concatenate((ends[:1], out.ravel(), ends[1:])))
+    return np.concatenate((ends[:1], out.ravel(), ends[1:]))

@@ -6,6 +6,7 @@ the gate, where clients expect it, passes on those that it has let in.
 """
 
 import asyncio
+import http
 import logging
 import secrets
 from collections.abc import Collection
@@ -15,10 +16,11 @@ from typing import Any
 
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from flexslew_lab.console.gate import WORDS, address_knows, given, listening, refused
+from flexslew_lab.console.gate import WORDS, address_knows, listening
 from flexslew_plant.errors import BadInput
 
 HOST = "127.0.0.1"  # never another one
@@ -99,16 +101,16 @@ class LiveGate:
     def _admit(self, connection: Any, request: Request) -> Response | None:
         """Return why a client is refused; None lets it in."""
         try:
-            host, origin = given(request.headers, "Host"), given(request.headers, "Origin")
+            host, origin = request.headers.get("Host"), request.headers.get("Origin")
         except LookupError:
-            return refused("a header is given twice")
+            return _refused("a header is given twice")
         if host not in (f"{HOST}:{self._port}", f"localhost:{self._port}"):
-            return refused("another host is asked for")  # a name that a stranger's DNS led here
+            return _refused("another host is asked for")  # a name that a stranger's DNS led here
         if origin is not None and origin not in self._origins:
             if origin not in self._foreign and len(self._foreign) < _TOLD:
                 self._foreign.append(origin)
-            return refused("this page comes from another origin")
-        return None if address_knows(request.path, self._token) else refused(WORDS)
+            return _refused("this page comes from another origin")
+        return None if address_knows(request.path, self._token) else _refused(WORDS)
 
     async def _pass_on(self, client: ServerConnection) -> None:
         protocols: Any = [client.subprotocol] if client.subprotocol else None
@@ -131,3 +133,10 @@ async def _copy(source: Any, target: Any) -> None:
     with suppress(ConnectionClosed):
         async for message in source:
             await target.send(message)
+
+
+def _refused(words: str) -> Response:
+    """Return the answer to those who are not let in."""
+    status, body = http.HTTPStatus.FORBIDDEN, words.encode()
+    headers = {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}
+    return Response(status.value, status.phrase, Headers(headers), body)

@@ -1,11 +1,12 @@
 """The page: which panels stand where."""
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from time import monotonic, process_time
 
 from flexslew_lab.console.desk import Desk, Panel
+from flexslew_lab.console.gui import Element
+from flexslew_lab.console.layouts import layout_file
 from flexslew_lab.console.link import Link
 from flexslew_lab.console.panels.breakage import ActivePanel, BreakPanel, DisturbPanel
 from flexslew_lab.console.panels.charts import ChartsPanel
@@ -14,7 +15,7 @@ from flexslew_lab.console.panels.end import EndPanel
 from flexslew_lab.console.panels.log import EventsPanel, NotePanel
 from flexslew_lab.console.panels.plan import PlanPanel
 from flexslew_lab.console.panels.replay import Recording, ReplayPanel
-from flexslew_lab.console.panels.run import BrakePanel, RunPanel
+from flexslew_lab.console.panels.run import FINISHED, HeaderPanel, RunPanel
 from flexslew_lab.console.panels.scene import ScenePanel
 from flexslew_lab.console.panels.state import StatePanel
 from flexslew_lab.console.panels.swap import SwapPanel
@@ -25,7 +26,6 @@ LOOK = 0.025  # between two looks at bench and pages [wall s]
 FRAME = 1 / 10  # between two frames at least [wall s]
 SHARE = 0.04  # of a core that the page takes of a bench that goes as fast as it can, about
 _SLOWEST = 1.0  # between two frames then at most [wall s]
-LEFT, RIGHT = 400, 560  # widths [px]
 Make = Callable[[Desk], Panel]
 
 
@@ -38,6 +38,7 @@ class Page:
         port: 0 takes any.
         say: told what a person should know, a line each.
         recording: that the link shows; None: the bench is alive.
+        layouts: file of what the charts show; None: the user's own.
 
     Raises:
         BadInput: the port cannot be opened.
@@ -50,11 +51,13 @@ class Page:
         port: int,
         say: Callable[[str], None],
         recording: Recording | None = None,
+        layouts: Path | None = None,
     ) -> None:
         self._link = link
         self.server = ConsoleServer(host, port, say)
-        self._desk = Desk(self.server.viser, link, say)
-        self._panels = _built(self._desk, recording, self.server.gate.files)
+        self._desk = Desk(self.server, link, say)
+        self._working: tuple[Element, ...] = ()  # tabs that do nothing once the run is over
+        self._panels = self._built(recording, layouts or layout_file())
         self._next = 0.0
         self._spent = 0.0  # processor time at the last frame [s]
         say(f"open {self.server.address}")
@@ -65,10 +68,18 @@ class Page:
         self._desk.work()
         self._link.poll(now)
         if now >= self._next:
-            for panel in self._panels:
-                panel.refresh()
+            self.refresh()
             self._next = now + self._pause()
+        self.server.show()
         return LOOK
+
+    def refresh(self) -> None:
+        """Have every panel say what is known now."""
+        for panel in self._panels:
+            panel.refresh()
+        over = self._link.view.now.state == FINISHED
+        for tab in self._working:
+            tab.visible = not over
 
     def _pause(self) -> float:
         """Return the wall seconds until the next frame: fewer frames where time is scarce."""
@@ -82,37 +93,32 @@ class Page:
         """End all pages."""
         self.server.close()
 
-
-def _built(desk: Desk, recording: Recording | None, files: dict[str, Path]) -> list[Panel]:
-    gui = desk.gui
-    gui.configure_theme(show_logo=False, show_share_button=False)
-    gui.set_panel_label("flexslew")
-    right = gui.add_panel()
-    with right.add_tab("Charts"):
-        charts = ChartsPanel(desk)
-    panels: list[Panel] = [charts, StatePanel(desk)]
-    if recording is not None:
-        panels.append(ReplayPanel(desk, recording))
-        tabs: dict[str, tuple[Make, ...]] = {}
-    else:
-        panels.append(BrakePanel(desk))
-        tabs = {
+    def _built(self, recording: Recording | None, layouts: Path) -> list[Panel]:
+        desk, gui = self._desk, self._desk.gui
+        panels: list[Panel] = [HeaderPanel(desk, recording is None), StatePanel(desk)]
+        if recording is not None:
+            panels.append(ReplayPanel(desk, recording))
+        live: dict[str, tuple[Make, ...]] = {
             "Run": (RunPanel,),
             "Swap": (SwapPanel,),
             "Tune": (TunePanel,),
             "Plan": (PlanPanel,),
             "Break": (ActivePanel, DisturbPanel, BreakPanel),
         }
-    events: Make = partial(EventsPanel, jump=charts.jump)
-    tabs["Log"] = (events,) if recording else (NotePanel, events)
-    tabs["View"] = (ScenePanel,)
-    tabs["End"] = (partial(EndPanel, files=files), partial(ComparePanel, charts=charts))
-    group = gui.add_tab_group()
-    for name, makes in tabs.items():
-        with group.add_tab(name):
-            panels += [make(desk) for make in makes]
-    gui.main_panel.dock_left()
-    gui.main_panel.set_width(LEFT)
-    right.dock_right()
-    right.set_width(RIGHT)
-    return panels
+        work = {} if recording else live
+        names = (*work, "Log", "View", "End")
+        places = dict(zip(names, gui.tabs(names), strict=True))
+        for name, makes in work.items():
+            with places[name]:
+                panels += [make(desk) for make in makes]
+        self._working = tuple(places[name] for name in work)
+        with places["View"]:
+            charts = ChartsPanel(desk, layouts)
+            panels += [charts, ScenePanel(desk)]
+        with places["Log"]:
+            panels += [] if recording else [NotePanel(desk)]
+            panels.append(EventsPanel(desk, charts.jump))
+        with places["End"]:
+            panels.append(EndPanel(desk, self.server.gate.files))
+            panels.append(ComparePanel(desk, charts))
+        return panels

@@ -10,7 +10,12 @@ from flexslew_plant.own_code import NO_CODE, Trust
 
 
 def serve(
-    bag: Path, host: str, port: int, say: Callable[[str], None], trust: Trust = NO_CODE
+    bag: Path,
+    host: str,
+    port: int,
+    say: Callable[[str], None],
+    trust: Trust = NO_CODE,
+    browser: bool = False,
 ) -> None:
     """Serve a page over a log until interrupted.
 
@@ -20,12 +25,15 @@ def serve(
         port: 0 takes any.
         say: told where the page is.
         trust: testbeds of the user's own that are drawn.
+        browser: open the page where there is a screen.
 
     Raises:
         BadInput: the bag cannot be read, or the port cannot be opened.
     """
     link = Replay(bag, trust)
     page, never = Page(link, host, port, say, link), Event()
+    if browser:
+        page.server.open_browser()
     try:
         while not never.wait(page.poll()):
             pass

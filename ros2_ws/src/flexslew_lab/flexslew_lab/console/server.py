@@ -1,68 +1,41 @@
-"""viser behind the gate: one port, no banner, no tunnel to the outside."""
+"""NiceGUI behind the gate: one port, from a thread of its own."""
 
 import asyncio
+import logging
+import os
+import sys
+import webbrowser
 from collections.abc import Callable
-from contextlib import redirect_stdout
-from io import StringIO
+from contextlib import suppress
+from functools import cache
+from threading import Thread
 from typing import Any
 
-import viser
-from viser import _messages
+import uvicorn
+from fastapi import FastAPI, Request
+from nicegui import core, ui
 
-from flexslew_lab.console.gate import Gate, guarded_by, listening
+from flexslew_lab.console.drawing import PageView
+from flexslew_lab.console.gate import Gate, Receive, Scope, Send, listening
+from flexslew_lab.console.gui import Element, Gui
 
-SCRIPT = """
-// a space is the brake, not a click on what has the focus; fields to write in keep it
-addEventListener("keydown", event => {
-  if (event.code !== "Space" || event.target.closest("input, textarea, select")) return;
-  document.activeElement?.blur();
-  event.preventDefault();
-}, true);
-
-// viser draws on for a quarter of a second after each change, as often as the screen can, which
-// never ends while the bench moves. Here it draws what has come, and more only while somebody has
-// a hand on the page. It would take that for a slow machine and draw fewer dots.
-let touched = -1e9, drawn = -1e9, news = false, number = 0, timer, asked = new Map();
-const screenFrame = requestAnimationFrame.bind(window);
-function draw(time) {
-  const due = asked;
-  [asked, news, drawn] = [new Map(), false, performance.now()];
-  for (const then of due.values()) try { then(time); } catch (error) { reportError(error); }
-}
-function schedule() {
-  if (!asked.size) return;
-  const now = performance.now();
-  const pause = now - touched < 500 ? 0 : news ? 85 : 250;  // after the last frame [ms]
-  clearTimeout(timer);
-  timer = setTimeout(() => screenFrame(draw), drawn + pause - now);
-}
-window.requestAnimationFrame = then => {
-  asked.set(++number, then);
-  if (asked.size === 1) schedule();
-  return number;
-};
-window.cancelAnimationFrame = which => { asked.delete(which); };
-for (const kind of ["pointerdown", "pointermove", "wheel", "keydown"])
-  addEventListener(kind, () => { touched = performance.now(); schedule(); }, true);
-window.Worker = class extends Worker {
-  constructor(...of) {
-    super(...of);
-    this.addEventListener("message", () => { news = true; schedule(); });
-  }
-};
-const here = new URL(location);
-here.searchParams.set("fixedDpr", devicePixelRatio);
-history.replaceState(null, "", here);
-"""
+RECONNECT = 30.0  # for so long a page that is held up finds itself again [wall s]
+_HISTORY = 4000  # messages that are sent again to such a page
+_MESSAGE = 1 << 20  # bytes that a page may send at once
+_SCREENS = {"DISPLAY", "WAYLAND_DISPLAY"}  # environment variables: a browser can be seen
+_SERVER = "flexslew.server"  # key of a request's scope
 
 
 class ConsoleServer:
-    """A viser server for one page.
+    """Serves one page to everybody who may see it.
 
     Args:
         host: address to listen on.
         port: 0 takes any.
         say: told in one line when a page sends what cannot be read.
+
+    Attributes:
+        gui: what stands on the page.
 
     Raises:
         BadInput: the port cannot be opened.
@@ -71,19 +44,21 @@ class ConsoleServer:
     def __init__(self, host: str, port: int, say: Callable[[str], None]) -> None:
         sock = listening(host, port)
         self.host, self.port = host, int(sock.getsockname()[1])
-        self.gate = Gate(self.port, SCRIPT)
-        with guarded_by(self.gate, sock), redirect_stdout(StringIO()):  # it prints a banner
-            self.viser = viser.ViserServer(host, self.port, verbose=False)
-        self.gui, self.scene = self.viser.gui, self.viser.scene
-        inside = self.viser._websock_server
-        for kind in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
-            inside.unregister_handler(kind)  # it would open a tunnel to another machine
+        self.gui, self.say, self.pages = Gui(), say, 0
+        self.views: list[PageView] = []
+        self._loop, inner = _nicegui()
 
-        def unreadable(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-            say(f"a page sent invalid data: {context.get('exception') or 'nothing'!r:.200}")
+        async def own(scope: Scope, receive: Receive, send: Send) -> None:
+            await inner({**scope, _SERVER: self}, receive, send)
 
-        loop = self.viser._event_loop
-        loop.call_soon_threadsafe(loop.set_exception_handler, unreadable)
+        self.gate = Gate(own, host, self.port)
+        config = uvicorn.Config(
+            self.gate, lifespan="off", log_config=None, access_log=False, ws_max_size=_MESSAGE,
+            proxy_headers=False, server_header=False, timeout_graceful_shutdown=1,
+        )  # fmt: skip
+        self._server = uvicorn.Server(config)
+        self._over = asyncio.run_coroutine_threadsafe(self._server.serve([sock]), self._loop)
+        self._drawing = False
 
     @property
     def address(self) -> str:
@@ -91,7 +66,78 @@ class ConsoleServer:
         name = f"[{self.host}]" if ":" in self.host else self.host
         return f"http://{name}:{self.port}/?token={self.gate.token}"
 
+    def open_browser(self) -> None:
+        """Open the page in a browser, where somebody sits before a screen."""
+        if sys.platform == "linux" and not _SCREENS & os.environ.keys():
+            return
+        with suppress(webbrowser.Error):
+            webbrowser.open(self.address)
+
+    def show(self) -> None:
+        """Have all pages show what has changed; may be called by any thread."""
+        if self.gui.news and not self._drawing:
+            self._drawing = True
+            self._loop.call_soon_threadsafe(self._draw)
+
+    def call(self, act: Callable[[], None]) -> None:
+        """Do something in the thread that takes what pages write, and show what it changes."""
+
+        def acting() -> None:
+            act()
+            self._draw()
+
+        self._loop.call_soon_threadsafe(acting)
+
     def close(self) -> None:
         """End all pages."""
-        with redirect_stdout(StringIO()):
-            self.viser.stop()
+        self._server.should_exit = True
+        self._over.result(20.0)
+        self.views.clear()
+
+    def _draw(self) -> None:
+        self._drawing = False
+        changed: dict[int, Element] = {}
+        while self.gui.news:
+            element = self.gui.news.popleft()
+            changed[id(element)] = element
+        self.views = [view for view in self.views if not view.gone]
+        for view in self.views:
+            for element in changed.values():
+                view.update(element)
+
+
+@cache
+def _nicegui() -> tuple[asyncio.AbstractEventLoop, Any]:
+    """Return the loop that all pages of this process share, running, and what answers there."""
+    logging.getLogger("nicegui").setLevel(logging.CRITICAL)  # else a traceback for what is told
+    for name in ("uvicorn.error", "engineio.server", "socketio.server"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    ui.page("/", title="flexslew", reconnect_timeout=RECONNECT)(_page)
+    ui.run_with(
+        app, title="flexslew", reconnect_timeout=RECONNECT, show_welcome_message=False,
+        message_history_length=_HISTORY, binding_refresh_interval=None, tailwind=False,
+    )  # fmt: skip
+    core.app.on_exception(_invalid)
+    loop = asyncio.new_event_loop()
+    loop.set_exception_handler(lambda _, context: _invalid(context.get("exception")))
+    Thread(target=loop.run_forever, daemon=True, name="pages").start()
+    lifespan = app.router.lifespan_context(app)
+    asyncio.run_coroutine_threadsafe(lifespan.__aenter__(), loop).result(60.0)
+    core.sio.eio.max_http_buffer_size = _MESSAGE
+    core.sio.eio.ping_timeout = RECONNECT  # one that only draws slowly is not cut off
+    return loop, app
+
+
+def _invalid(error: BaseException | None) -> None:
+    """Tell in one line what a page has sent that is no message."""
+    print(f"a page sent invalid data: {error!r:.200}", file=sys.stderr, flush=True)
+
+
+async def _page(request: Request) -> None:
+    """Draw the page of the server that has let the request in."""
+    server: ConsoleServer = request.scope[_SERVER]
+    server.pages += 1
+    view = PageView(server.gui, server.pages, server.say, server.show)
+    server.views.append(view)
+    await view.settle()

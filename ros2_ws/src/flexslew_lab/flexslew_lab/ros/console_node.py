@@ -24,6 +24,7 @@ class ConsoleSettings:
 
     host: str = "127.0.0.1"  # address to listen on
     port: Annotated[int, Field(ge=0, le=65535)] = 8080  # 0: any free one
+    browser: bool = False  # open the page where there is a screen
     folder: str = ""  # of the run; empty: not known
     command: str = ""  # that repeats the run
     trust: tuple[str, ...] = ()  # testbeds of your own that may be loaded, to be drawn
@@ -50,6 +51,8 @@ class ConsoleNode:
         chosen: ConsoleSettings = settings or settings_of(node, ConsoleSettings)
         self._link = LiveLink(node, chosen.folder, chosen.command, Trust.of(chosen.trust))
         self._page = Page(self._link, chosen.host, chosen.port, say)
+        if chosen.browser:
+            self._page.server.open_browser()
 
     def poll(self) -> float:
         """Serve the bench and the page."""

@@ -30,11 +30,11 @@ class _Injection:
     def __init__(self, desk: Desk, label: str, options: tuple[str, ...], button: str) -> None:
         gui = desk.gui
         self._desk, self._view = desk, desk.view
-        self.choice = gui.add_dropdown(label, options)
-        self._place = gui.add_folder(label)
+        self.choice = gui.choice(label, options)
+        self._place = gui.folder(label)
         self._form: Form | None = None
         self._shown: tuple[Any, ...] = ()
-        self.button = gui.add_button(button)
+        self.button = gui.button(button)
         self._reply = Reply(desk)
 
     def show(self, keys: Callable[[str], list[Key]]) -> None:
@@ -143,8 +143,8 @@ class ActivePanel:
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
         self._view = desk.view
-        self._which = gui.add_dropdown("Active", (_NOTHING,))
-        desk.click(gui.add_button("End it"), self._end)
+        self._which = gui.choice("Active", (_NOTHING,))
+        desk.click(gui.button("End it"), self._end)
         self._reply = Reply(desk)
 
     def refresh(self) -> None:

@@ -1,21 +1,21 @@
 """Four charts over simulated time: which signals, which window, events as vertical lines."""
 
 from functools import partial
-from typing import Any
+from pathlib import Path
 
 import numpy as np
-from viser import uplot
 
 from flexslew_lab.console import quantities
-from flexslew_lab.console.desk import Desk
-from flexslew_lab.console.history import Curve, marked, power_of, thinned
+from flexslew_lab.console.charting import ChartData, news, options
+from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.history import Curve, thinned
+from flexslew_lab.console.layouts import Layouts
+from flexslew_lab.console.link import RequestResult
 from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
 from flexslew_plant.events import AnswerMissed, BecameReady, BecameUnready, FellBehind
 
-_SHOWN = (quantities.POSITION, quantities.ERROR, quantities.EFFORT, quantities.TIPS)
 _WINDOWS = {"10 s": 10.0, "30 s": 30.0, "100 s": 100.0, "300 s": 300.0, "whole run": 0.0}
-COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555", "#8a2be2")
-_EVENTS = "events"
 _QUIET = (AnswerMissed, FellBehind, BecameReady, BecameUnready)  # too many for lines
 _NONE = "nothing"
 
@@ -25,18 +25,30 @@ class ChartsPanel:
 
     Args:
         desk: of the page.
+        file: where layouts are kept.
     """
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: Desk, file: Path) -> None:
         gui, self._view = desk.gui, desk.view
         self.overlays: dict[str, list[Curve]] = {}  # of another run, by quantity
         self._held: tuple[float, float] | None = None  # what a paused view shows [s]
-        self._window = gui.add_dropdown("Window", tuple(_WINDOWS), initial_value="30 s")
-        self._pause = gui.add_checkbox("Pause the view", False, hint="the bench goes on")
-        self._lines = gui.add_checkbox("Events as lines", True)
-        desk.click(gui.add_button("Clear the charts", hint="the log keeps everything"), self._clear)
-        self._charts = [_Chart(desk, quantity) for quantity in _SHOWN]
+        self._layouts = Layouts(file, (*quantities.NAMES, _NONE))
+        with gui.middle:
+            with gui.add("tools"):
+                self._window = gui.choice("Window", tuple(_WINDOWS), value="30 s")
+                names = tuple(self._layouts.known)
+                self._layout = gui.choice("Layout", names, value=self._layouts.last)
+                self._pause = gui.check("Pause the view", False, hint="the bench goes on")
+                self._lines = gui.check("Events as lines", True)
+                hint = "the log keeps everything"
+                desk.click(gui.button("Clear the charts", hint=hint), self._clear)
+            with gui.add("grid"):
+                self._charts = [_Chart(desk, shown) for shown in self._layouts.chosen()]
+        self._name = gui.text("Name of the layout", hint="what the four charts show")
+        desk.click(gui.button("Save the layout"), self._save)
+        self._reply = Reply(desk)
         desk.change(self._pause, self._on_pause)
+        desk.change(self._layout, self._choose)
 
     def refresh(self) -> None:
         """Draw what is new."""
@@ -71,82 +83,54 @@ class ChartsPanel:
         self._view.truth.clear()
         self._view.controller_state.clear()
 
+    def _choose(self, who: str) -> None:
+        self._layouts.choose(self._layout.value)
+        for chart, shown in zip(self._charts, self._layouts.chosen(), strict=True):
+            chart.what.value = shown
+
+    def _save(self, who: str) -> None:
+        try:
+            self._layouts.save(self._name.value, [chart.what.value for chart in self._charts])
+        except (BadInput, OSError) as error:
+            self._reply.tell(RequestResult(False, str(error)))
+            return
+        self._layout.options = tuple(self._layouts.known)
+        self._layout.value = self._layouts.last
+        self._reply.tell(RequestResult(True, f"the layout {self._layouts.last} is kept"))
+
 
 class _Chart:
     """One chart with the choice of its quantity."""
 
     def __init__(self, desk: Desk, quantity: str) -> None:
-        self._server, self._view = desk.server, desk.view
-        options = (*quantities.NAMES, _NONE)
-        self._what = desk.gui.add_dropdown("Chart", options, initial_value=quantity)
-        nothing = np.zeros(1)
-        self._labels: tuple[Any, ...] = ()
-        self._drawn: tuple[Any, ...] = ()
-        self._plot = desk.gui.add_uplot(
-            (nothing, nothing, nothing),
-            _series([]),
-            height=170,
-            scales={
-                "x": uplot.Scale(time=False, auto=True),
-                _EVENTS: uplot.Scale(auto=False, range=(0.0, 1.0)),
-            },
-            axes=(
-                uplot.Axis(size=30),
-                uplot.Axis(size=56),
-            ),
-            cursor=uplot.Cursor(sync=uplot.Cursor_Sync(key="bench")),
-        )
-        desk.change(self._what, partial(self._changed))
+        self._view = desk.view
+        with desk.gui.folder():
+            self.what = desk.gui.choice("Chart", (*quantities.NAMES, _NONE), value=quantity)
+            self._labels: tuple[object, ...] = ()
+            self._drawn: tuple[object, ...] = ()
+            nothing = ChartData(options([]), news(np.zeros(0), [], np.zeros(0)))
+            self._plot = desk.gui.add("chart", "chart", data=nothing)
+        desk.change(self.what, partial(self._changed))
 
     def draw(
         self, start: float, end: float, events: Vector, overlays: dict[str, list[Curve]]
     ) -> None:
         """Show a window of time."""
-        quantity = self._what.value
+        quantity = self.what.value
         state = (quantity, start, end, len(events), self._view.truth.time.size, len(overlays))
         if state == self._drawn:
             return
         self._drawn = state
-        if quantity not in quantities.NAMES:
-            self._plot.visible = False
+        self._plot.visible = quantity in quantities.NAMES
+        if not self._plot.visible:
             return
-        self._plot.visible = True
         curves = [*quantities.curves_of(self._view, quantity), *overlays.get(quantity, [])]
         axis, rows = thinned(curves, start, end)
-        power = power_of(rows)
-        rows = [row / 10.0**power for row in rows]
-        axis, rows, up = marked(axis, rows, events)
-        labels = (power, *((curve.label, curve.dashed) for curve in curves))
-        with self._server.atomic():
-            if labels != self._labels:
-                self._labels = labels
-                self._plot.series = _series(curves, power)
-            self._plot.data = (axis, up, *rows)
+        labels = tuple((curve.label, curve.dashed) for curve in curves)
+        looks = self._plot.data.options
+        if labels != self._labels:
+            self._labels, looks = labels, options(curves)
+        self._plot.data = ChartData(looks, news(axis, rows, events))
 
     def _changed(self, who: str) -> None:
         self._drawn = ()
-
-
-def scaled_label(label: str, power: int) -> str:
-    """Return a label whose unit says the power of ten that is counted in: `arm [1e-6 rad]`."""
-    if not power:
-        return label
-    name, bracket, unit = label.partition(" [")
-    return f"{name} [1e{power} {unit}" if bracket else f"{name} [1e{power}]"
-
-
-def _series(curves: list[Curve], power: int = 0) -> tuple[Any, ...]:
-    events = uplot.Series(
-        label=_EVENTS, scale=_EVENTS, stroke="#999999", width=1, points={"show": False}
-    )
-    shown = [
-        uplot.Series(
-            label=scaled_label(curve.label, power),
-            stroke=COLORS[(k if curve.color is None else curve.color) % len(COLORS)],
-            width=1.5,
-            points={"show": False},
-            **({"dash": (6.0, 4.0)} if curve.dashed else {}),
-        )
-        for k, curve in enumerate(curves)
-    ]
-    return (uplot.Series(label="time [s]"), events, *(shown or [uplot.Series(label="-")]))

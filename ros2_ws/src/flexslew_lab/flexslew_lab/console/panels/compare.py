@@ -30,9 +30,9 @@ class ComparePanel:
         gui = desk.gui
         self._view, self._charts = desk.view, charts
         folder = Path(desk.link.folder) if desk.link.folder else Path("runs/run")
-        self._run = gui.add_text("Earlier run", _newest_beside(folder), hint="its folder or bag")
-        desk.click(gui.add_button("Overlay it"), self._overlay)
-        desk.click(gui.add_button("Remove the overlay"), self._remove)
+        self._run = gui.text("Earlier run", _newest_beside(folder), hint="its folder or bag")
+        desk.click(gui.button("Overlay it"), self._overlay)
+        desk.click(gui.button("Remove the overlay"), self._remove)
         self._reply = Reply(desk)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="compare")
         self._reading: Future[Curves] | None = None

@@ -2,12 +2,12 @@
 
 import html
 from pathlib import Path
-from typing import Any
 
 from flexslew_lab.console.desk import Desk
 from flexslew_lab.console.gate import FILES
 
 _REPORT = "report.html"
+_OPEN = f'<a href="{FILES}{_REPORT}" target="_blank" rel="noopener">Open the report</a>'
 
 
 class EndPanel:
@@ -19,7 +19,7 @@ class EndPanel:
     """
 
     def __init__(self, desk: Desk, files: dict[str, Path]) -> None:
-        gui, self._desk = desk.gui, desk
+        gui = desk.gui
         folder = Path(desk.link.folder) if desk.link.folder else None
         self._report = folder / _REPORT if folder else None
         if self._report is not None:
@@ -27,32 +27,13 @@ class EndPanel:
         rows = [("folder of the run", str(folder) if folder else "not known to this page")]
         if desk.link.command:
             rows.append(("to repeat it", desk.link.command))
-        gui.add_html("".join(_row(*row) for row in rows))
-        self._button = gui.add_button("Open the report", visible=False)
-        self._state = gui.add_html(_row("report", "written when the run is over"))
-        desk.click(self._button, self._open)
+        gui.html("".join(_row(*row) for row in rows))
+        self._state = gui.html()
 
     def refresh(self) -> None:
         """Offer the report as soon as it is there."""
         there = self._report is not None and self._report.exists()
-        if there != self._button.visible:
-            self._button.visible = there
-            self._state.visible = not there
-
-    def _open(self, who: str) -> None:
-        modal: Any = self._desk.gui.add_modal("Report of the run")
-        with modal:
-            self._desk.gui.add_html(
-                f'<iframe title="report of the run" src="{FILES}{_REPORT}" '
-                'style="width:100%;height:75vh;border:0"></iframe>'
-            )
-            close = self._desk.gui.add_button("Close the report")
-
-        def closed(who: str) -> None:
-            if not modal.closed:  # by another page
-                modal.close()
-
-        self._desk.click(close, closed)
+        self._state.content = _OPEN if there else _row("report", "written when the run is over")
 
 
 def _row(name: str, value: str) -> str:

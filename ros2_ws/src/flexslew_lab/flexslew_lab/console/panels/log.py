@@ -1,19 +1,21 @@
 """What happened, newest first, with a filter; and remarks of the operator."""
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterable
 
 from flexslew_lab.console.desk import Desk, Reply
 from flexslew_lab.console.link import RequestResult
+from flexslew_lab.console.panels.run import FINISHED
 from flexslew_plant import topics
+from flexslew_plant.events import Event
 
-_ROWS, _WIDTH = 10, 44  # of the list, in characters
+_ROWS = 200  # of the table
 _LEVELS = {"all": ("info", "warning", "fault"), "warnings and faults": ("warning", "fault")}
+_COLUMNS = ("time [s]", "what", "by")
 _SIGNS = {"info": "", "warning": "warning: ", "fault": "fault: "}
 
 
 class EventsPanel:
-    """A page of events; a click moves the charts there.
+    """A table of events; a click moves the charts there.
 
     Args:
         desk: of the page.
@@ -23,49 +25,61 @@ class EventsPanel:
     def __init__(self, desk: Desk, jump: Callable[[float], None]) -> None:
         gui = desk.gui
         self._view, self._jump = desk.view, jump
-        self._level = gui.add_dropdown("Show", tuple(_LEVELS))
-        self._filter = gui.add_text("Filter", "", hint="words of the message, its kind or source")
-        self._buttons = [gui.add_button(" ", color="gray", visible=False) for _ in range(_ROWS)]
-        self._rows = [(0.0, "")] * _ROWS
-        self._skip = 0
-        desk.click(gui.add_button("Older events"), partial(self._turn, _ROWS))
-        desk.click(gui.add_button("Newer events"), partial(self._turn, -_ROWS))
-        for row, button in enumerate(self._buttons):
-            desk.click(button, partial(self._go, row))
-        self._whole = Reply(desk)
+        self._level = gui.choice("Show", tuple(_LEVELS))
+        self._filter = gui.text("Filter", "", hint="words of the message, its kind or source")
+        self._fold = gui.check("Fold warnings", True, hint="those of a kind that follow each other")
+        self._table = gui.add("table", "events", options=_COLUMNS, data=[])
+        desk.click(self._table, self._go)
+        self._found: list[list[Event]] = []
         self._shown: tuple[object, ...] = ()
 
     def refresh(self) -> None:
         """List what passes the filter."""
-        state = (self._view.heard, self._level.value, self._filter.value, self._skip)
+        state = (self._view.heard, self._level.value, self._filter.value, self._fold.value)
         if state == self._shown:
             return
         self._shown = state
         words, levels = self._filter.value.lower(), _LEVELS.get(self._level.value, ())
-        found = [
+        found = (
             e
             for e in reversed(self._view.events)
             if e.level in levels and words in f"{e.message} {e.kind} {e.source}".lower()
-        ]
-        self._skip = max(0, min(self._skip, len(found) - 1))
-        chosen = found[self._skip : self._skip + _ROWS]
-        for row, button in enumerate(self._buttons):
-            button.visible = row < len(chosen)
-            if row < len(chosen):
-                event = chosen[row]
-                who = event.data.get("who", "")
-                by = f" (by {who})" if who else ""
-                label = f"{event.time:.2f} s {_SIGNS[event.level]}{event.message}"
-                self._rows[row] = event.time, f"{label}{by}"
-                button.label = label if len(label) <= _WIDTH else f"{label[:_WIDTH]}..."
+        )
+        self._found = folded(found, _ROWS, bool(self._fold.value))
+        self._table.data = [_row(k, group) for k, group in enumerate(self._found)]
 
-    def _turn(self, rows: int, who: str) -> None:
-        self._skip = max(0, self._skip + rows)
+    def _go(self, who: str) -> None:
+        row = self._table.value
+        if isinstance(row, int) and 0 <= row < len(self._found):
+            self._jump(self._found[row][0].time)
 
-    def _go(self, row: int, who: str) -> None:
-        time, words = self._rows[row]
-        self._jump(time)
-        self._whole.tell(RequestResult(True, words))
+
+def folded(events: Iterable[Event], rows: int, fold: bool) -> list[list[Event]]:
+    """Return events in groups: warnings of a kind that follow each other are one.
+
+    Args:
+        events: newest first.
+        rows: groups at most.
+        fold: False: each for itself.
+    """
+    found: list[list[Event]] = []
+    for event in events:
+        last = found[-1][0] if found else None
+        same = last is not None and (event.kind, event.source) == (last.kind, last.source)
+        if fold and same and event.level == "warning":
+            found[-1].append(event)
+        elif len(found) == rows:
+            break
+        else:
+            found.append([event])
+    return found
+
+
+def _row(number: int, group: list[Event]) -> dict[str, object]:
+    event = group[0]
+    many = f" ({len(group)} times since {group[-1].time:.2f} s)" if len(group) > 1 else ""
+    values = (f"{event.time:.2f}", f"{_SIGNS[event.level]}{event.message}{many}")
+    return {"id": number, **dict(zip(_COLUMNS, (*values, event.data.get("who", "")), strict=True))}
 
 
 class NotePanel:
@@ -77,12 +91,15 @@ class NotePanel:
 
     def __init__(self, desk: Desk) -> None:
         gui, self._desk = desk.gui, desk
-        self._text = gui.add_text("Remark", "", multiline=True)
-        desk.click(gui.add_button("Note it"), self._note)
-        self._reply = Reply(desk)
+        self._place = gui.folder("Remark")
+        with self._place:
+            self._text = gui.text("Remark", "", lines=True)
+            desk.click(gui.button("Note it"), self._note)
+            self._reply = Reply(desk)
 
     def refresh(self) -> None:
-        """Nothing changes by itself."""
+        """A run that is over takes no more remarks."""
+        self._place.visible = self._desk.view.now.state != FINISHED
 
     def _note(self, who: str) -> None:
         text = self._text.value

@@ -5,13 +5,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from viser import uplot
 
 from flexslew_control.planners import OPTIMIZED, PLANNERS, plan_settings
+from flexslew_lab.console.charting import ChartData, news, options
 from flexslew_lab.console.desk import Desk, Reply, line
 from flexslew_lab.console.forms import Form, Key, moment, number_of
+from flexslew_lab.console.history import Curve
 from flexslew_lab.console.link import Iterate, RequestResult
-from flexslew_lab.console.panels.charts import COLORS
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import yaml_text
@@ -31,21 +31,22 @@ class PlanPanel:
         gui = desk.gui
         self._desk, self._view, self._link = desk, desk.view, desk.link
         slews = tuple(name for name, entry in PLANNERS.items() if entry.slews)
-        self._method = gui.add_dropdown("Method", slews, initial_value=OPTIMIZED.name)
-        self._place = gui.add_folder("Manoeuvre")
+        self._method = gui.choice("Method", slews, value=OPTIMIZED.name)
+        self._place = gui.folder("Manoeuvre")
         self._form: Form | None = None
         self._joints: Any = None
-        desk.click(gui.add_button("Plan"), self._plan)
-        desk.click(gui.add_button("Cancel planning"), lambda who: desk.link.cancel())
-        self._adopt = gui.add_button("Adopt the draft", hint="fly it from its start on")
-        self._refuse = gui.add_button("Refuse the draft", color="gray")
+        desk.click(gui.button("Plan"), self._plan)
+        desk.click(gui.button("Cancel planning"), lambda who: desk.link.cancel())
+        self._adopt = gui.button("Adopt the draft", hint="fly it from its start on")
+        self._refuse = gui.button("Refuse the draft", color="blue-grey")
         for button, word in ((self._adopt, "adopt"), (self._refuse, "refuse")):
             desk.click(button, partial(self._decide, word))
         self._reply = Reply(desk)
-        self._progress = gui.add_html("")
-        self._course = gui.add_folder("Planned course", visible=False)  # below what is clicked
+        self._progress = gui.html()
+        self._course = gui.folder("Planned course", visible=False)  # below what is clicked
+        with self._course:
+            self._curve = gui.add("chart", "planned course", data=_chart([], ""))
         self._iterations: list[str] = []
-        self._curve: Any = None
         self._draft: Any = None  # that waits for a decision
         self._drawn = ("", "")  # hash of the plan, and what it is
 
@@ -142,9 +143,6 @@ class PlanPanel:
 
     def _draw(self, plan: Any, kind: str) -> None:
         """Show the planned positions; without a plan nothing."""
-        if self._curve is not None:
-            self._curve.remove()
-            self._curve = None
         self._course.visible = plan is not None
         if plan is None:
             return
@@ -152,14 +150,13 @@ class PlanPanel:
         rows = np.asarray(plan.position, dtype=float).reshape(-1, max(joints, 1))
         every = max(1, len(rows) // 500)
         time = plan.start + plan.period * np.arange(len(rows))
-        data = (time[::every], *(np.ascontiguousarray(column) for column in rows[::every].T))
-        series = [uplot.Series(label="time [s]")]
-        for k, name in enumerate(plan.joint_names):
-            color = COLORS[k % len(COLORS)]
-            series.append(uplot.Series(label=f"planned {name}", stroke=color, width=1.5))
-        with self._course:
-            self._curve = self._desk.gui.add_uplot(
-                data, tuple(series), height=160,
-                title=f"{kind}: {plan.method}, from {plan.start:g} s on",
-                scales={"x": uplot.Scale(time=False, auto=True)},
-            )  # fmt: skip
+        curves = [
+            Curve(f"planned {name}", time[::every], rows[::every, k])
+            for k, name in enumerate(plan.joint_names)
+        ]
+        self._curve.data = _chart(curves, f"{kind}: {plan.method}, from {plan.start:g} s on")
+
+
+def _chart(curves: list[Curve], title: str) -> ChartData:
+    axis = curves[0].time if curves else np.zeros(0)
+    return ChartData(options(curves, title), news(axis, [c.value for c in curves], np.zeros(0)))

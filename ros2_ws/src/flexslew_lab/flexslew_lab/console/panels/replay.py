@@ -39,12 +39,14 @@ class ReplayPanel:
         gui = desk.gui
         self._view, self._recording = desk.view, recording
         end = max(recording.last, recording.first + 0.01)
-        self._time = gui.add_slider("Time [s]", recording.first, end, 0.01, recording.first)
-        self._rate = gui.add_dropdown("Rate", tuple(_RATES), initial_value="1")
-        desk.click(gui.add_button("Play"), self._play)
-        desk.click(gui.add_button("Pause"), lambda who: recording.play(0.0))
+        self._time = gui.slider("Time [s]", recording.first, end, 0.01, recording.first)
+        self._goal = gui.number("Go to [s]", recording.first)
+        self._rate = gui.choice("Rate", tuple(_RATES), value="1")
+        desk.click(gui.button("Play"), self._play)
+        desk.click(gui.button("Pause"), lambda who: recording.play(0.0))
         self._reply = Reply(desk)
-        desk.change(self._time, self._seek)
+        desk.change(self._time, lambda who: self._seek(self._time.value))
+        desk.change(self._goal, lambda who: self._seek(self._goal.value))
 
     def refresh(self) -> None:
         """Let the slider follow."""
@@ -57,5 +59,8 @@ class ReplayPanel:
         except BadInput as error:
             self._reply.tell(RequestResult(False, str(error)))
 
-    def _seek(self, who: str) -> None:
-        self._reply.tell(self._recording.seek(float(self._time.value)))
+    def _seek(self, time: float) -> None:
+        """Go to a time; one that is no number, as of an empty field, is none to go to."""
+        if time == time:
+            self._reply.tell(self._recording.seek(time))
+            self._time.value = min(max(self._view.time, self._time.low), self._time.high)

@@ -1,5 +1,6 @@
 """Start, pause, step, reset, rate, and the brake."""
 
+import html
 from functools import partial
 
 from flexslew_lab.console.desk import Desk, Reply
@@ -8,33 +9,40 @@ from flexslew_lab.console.link import RequestResult
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 
+FINISHED = "finished"
 _RATES = {"0.1": 0.1, "0.5": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "fast": 0.0}
 
 
-class BrakePanel:
-    """The emergency stop, with the space bar.
+class HeaderPanel:
+    """One line on the bench, always in sight, and the emergency stop with the space bar.
 
     Args:
         desk: of the page.
+        brake: there is something to stop.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        gui, self._view = desk.gui, desk.view
-        self._brake = gui.add_button("Brake (space bar)", color="red")
-        self._release = gui.add_button("Release the brake", color="gray")
-        key = gui.add_command("Brake", description="Emergency stop", hotkey="space")
-        self._reply = Reply(desk)
+    def __init__(self, desk: Desk, brake: bool) -> None:
+        self._view = desk.view
+        with desk.gui.header:
+            self._brake = desk.gui.add("brake", "Brake (space bar)", color="negative")
+            self._release = desk.gui.button("Release the brake", color="blue-grey")
+            self._line = desk.gui.html()
+            self._reply = Reply(desk)
+        self._brake.visible, self._release.visible = brake, False
         for element, action in (
             (self._brake, topics.BRAKE),
-            (key, topics.BRAKE),
             (self._release, topics.RELEASE_BRAKE),
         ):
             desk.click(element, partial(self._act, action))
 
     def refresh(self) -> None:
-        """Offer to release only what is latched."""
-        if self._release.visible != self._view.now.brake_latched:
-            self._release.visible = self._view.now.brake_latched
+        """Say how it stands; offer to release only what is latched."""
+        now = self._view.now
+        self._release.visible = now.brake_latched
+        self._brake.enabled = now.state != FINISHED
+        words = [now.state, f"{self._view.time:.2f} s", now.active or "the drive's brake"]
+        words += ["BRAKE LATCHED"] * now.brake_latched
+        self._line.content = f'<span id="bench-line">{html.escape(" · ".join(words))}</span>'
 
     def _act(self, action: str, who: str) -> None:
         self._reply.ask(topics.OPERATE, {"action": action, "who": who})
@@ -51,15 +59,14 @@ class RunPanel:
         gui = desk.gui
         self._view = desk.view
         for name, action in (("Start", topics.START), ("Pause", topics.PAUSE)):
-            desk.click(gui.add_button(name), partial(self._act, action))
-        # a float: what a page sends is made one, and an integer of any size would stop every page
-        self._ticks = gui.add_number("Ticks", 100.0, step=1.0, hint="how many a step flies")
-        desk.click(gui.add_button("Step"), self._step)
-        self._rate = gui.add_dropdown("Rate", tuple(_RATES), initial_value="1")
-        desk.click(gui.add_button("Set the rate"), self._set_rate)
+            desk.click(gui.button(name), partial(self._act, action))
+        self._ticks = gui.number("Ticks", 100.0, step=1.0, hint="how many a step flies")
+        desk.click(gui.button("Step"), self._step)
+        self._rate = gui.choice("Rate", tuple(_RATES), value="1")
+        desk.click(gui.button("Set the rate"), self._set_rate)
         self._reply = Reply(desk)
-        with gui.add_folder("Back to tick 0"):  # away from Pause: it ends what is flown
-            desk.click(gui.add_button("Reset", color="gray"), partial(self._act, topics.RESET))
+        with gui.folder("Back to tick 0"):  # away from Pause: it ends what is flown
+            desk.click(gui.button("Reset", color="blue-grey"), partial(self._act, topics.RESET))
 
     def refresh(self) -> None:
         """Nothing changes by itself."""

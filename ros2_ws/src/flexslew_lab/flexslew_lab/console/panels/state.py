@@ -14,14 +14,12 @@ class StatePanel:
     """
 
     def __init__(self, desk: Desk) -> None:
-        self._view, self._shown = desk.view, ""
-        self._html = desk.gui.add_html("")
+        self._view = desk.view
+        self._html = desk.gui.html()
 
     def refresh(self) -> None:
         """Show it where it changed."""
-        text = _table(self._view)
-        if text != self._shown:
-            self._html.content = self._shown = text
+        self._html.content = _table(self._view)
 
 
 def _table(view: BenchView) -> str:

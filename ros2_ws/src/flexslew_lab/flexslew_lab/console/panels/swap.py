@@ -19,12 +19,12 @@ class SwapPanel:
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
         self._view = desk.view
-        self._who = gui.add_dropdown("Controller", (NOBODY,))
+        self._who = gui.choice("Controller", (NOBODY,))
         self._opened = OpenedOn(self._who)
-        self._at = gui.add_number("At [s]", 0.0, hint="simulated time; 0: the next tick")
-        self._strict = gui.add_checkbox("Strict", False, hint="refuse a larger step of the effort")
-        self._step = gui.add_number("Largest step [N m or N]", 1.0, hint="of the effort")
-        desk.click(gui.add_button("Switch"), self._switch)
+        self._at = gui.number("At [s]", 0.0, hint="simulated time; 0: the next tick")
+        self._strict = gui.check("Strict", False, hint="refuse a larger step of the effort")
+        self._step = gui.number("Largest step [N m or N]", 1.0, hint="of the effort")
+        desk.click(gui.button("Switch"), self._switch)
         self._reply = Reply(desk)
 
     def refresh(self) -> None:

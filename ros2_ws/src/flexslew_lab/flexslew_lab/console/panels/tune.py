@@ -23,11 +23,11 @@ class TunePanel:
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
         self._desk, self._view = desk, desk.view
-        self._which = gui.add_dropdown("Tuned controller", (NOBODY,))
+        self._which = gui.choice("Tuned controller", (NOBODY,))
         self._opened = OpenedOn(self._which)
-        self._place = gui.add_folder("Settings")
+        self._place = gui.folder("Settings")
         self._at = Form(desk, [Key(_FROM, "simulated time [s]; empty: the next tick")], self._place)
-        desk.click(gui.add_button("Tune"), self._tune)
+        desk.click(gui.button("Tune"), self._tune)
         self._reply = Reply(desk)
         self._form: Form | None = None
         self._shown = ("", "")  # name and settings in the form
@@ -43,7 +43,9 @@ class TunePanel:
         self._shown = state
         if self._form is not None:
             self._form.remove()
-        self._form = Form(self._desk, _keys(*state, known.law), self._place) if known else None
+        self._form = (
+            Form(self._desk, _keys(*state, known.law), self._place, True) if known else None
+        )
 
     def _tune(self, who: str) -> None:
         known = self._view.controllers.get(self._which.value)

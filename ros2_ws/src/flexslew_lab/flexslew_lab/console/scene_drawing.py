@@ -1,0 +1,119 @@
+"""The testbed in a browser: in three dimensions, or flat where there is no WebGL."""
+
+from typing import Any
+
+import numpy as np
+from nicegui import ui
+
+from flexslew_lab.console.picture import AUTOMATIC, SOLID, Body, Picture, Shape
+
+_BENT, _OUTLINE = "#0072b2", "#969696"
+_UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # y to z: of a cylinder
+_DOTS = 160  # along each line
+
+
+class SceneDrawing:
+    """A place that shows a picture; flat until the browser has said that it can do more.
+
+    Attributes:
+        able: 0: the browser has no WebGL; 1: its processor draws, which a bench beside it would
+            feel, so that only who asks for it gets three dimensions; 2: it has a graphics card.
+    """
+
+    def __init__(self) -> None:
+        self._place = ui.element("div").classes("bench-scene")
+        self._place.props["aria-label"] = "testbed"
+        self.able = 0
+        self._flat: Any = None
+        self._scene: Any = None
+        self._shapes: tuple[Shape, ...] = ()
+        self._parts: list[list[Any]] = [[], []]  # of the testbed, of its outline
+        self._lines: list[list[Any]] = [[], []]
+        self._look = 0
+        self._use(False)
+
+    def _use(self, webgl: bool) -> None:
+        """Draw in three dimensions, or flat."""
+        self._place.clear()
+        self._flat = self._scene = None
+        self._shapes = ()
+        with self._place:
+            if webgl:
+                self._scene = ui.scene(
+                    width=600, height=300, grid=(40, 20), background_color="#f8f8f8", fps=15
+                )
+            else:
+                self._flat = ui.html("", sanitize=False)
+
+    def show(self, picture: Picture | None) -> None:
+        """Move what has moved."""
+        if picture is None:
+            return
+        webgl = self.able > {AUTOMATIC: 1, SOLID: 0}.get(picture.drawing, 2)
+        if webgl != (self._scene is not None):
+            self._use(webgl)
+        if self._flat is not None:
+            self._flat.set_content(picture.flat)
+            return
+        if picture.shapes is not self._shapes:
+            self._build(picture)
+        for k, body in enumerate((picture.bent, picture.outline)):
+            self._move(k, body, picture)
+        if picture.look != self._look:
+            self._look = picture.look
+            self._turn(picture)
+
+    def delete(self) -> None:
+        """Take it off the page."""
+        self._place.delete()
+
+    def _build(self, picture: Picture) -> None:
+        self._shapes = picture.shapes
+        self._scene.clear()
+        size = picture.reach / 40.0
+        with self._scene:
+            for k, color in enumerate((_BENT, _OUTLINE)):
+                self._parts[k] = [_part(self._scene, one, bool(k)) for one in picture.shapes]
+                self._lines[k] = [
+                    self._scene.point_cloud([[0.0, 0.0, 0.0]], None, size).material(color)
+                    for _ in picture.bent.lines
+                ]
+        self._turn(picture)
+
+    def _move(self, k: int, body: Body | None, picture: Picture) -> None:
+        for part in self._parts[k] + self._lines[k]:
+            part.visible(body is not None)
+        if body is None:
+            return
+        for part, shape in zip(self._parts[k], picture.shapes, strict=True):
+            turn, at = body.poses[shape.frame]
+            x, y, z = (float(v) for v in at + turn @ shape.origin)
+            part.move(x, y, z)
+            whole = turn @ _UPRIGHT if shape.kind == "cylinder" else turn
+            part.rotate_R(np.round(whole, 6).tolist())
+        for cloud, line in zip(self._lines[k], body.lines, strict=True):
+            points = np.round(_dotted(line), 4).tolist()
+            if points != cloud.args[0]:
+                cloud.set_points(points)
+
+    def _turn(self, picture: Picture) -> None:
+        x, y, z = (float(2.0 * picture.reach * part) for part in picture.direction)
+        self._scene.move_camera(x, y, z, 0.0, 0.0, 0.0, duration=0.0)
+
+
+def _part(scene: Any, shape: Shape, outline: bool) -> Any:
+    if shape.kind == "box":
+        found = scene.box(*shape.size)
+    elif shape.kind == "cylinder":
+        radius, height = shape.size
+        found = scene.cylinder(radius, radius, height)
+    else:
+        found = scene.sphere(shape.size[0])
+    return found.material(_OUTLINE if outline else shape.color, 0.25 if outline else shape.opacity)
+
+
+def _dotted(line: Any) -> Any:
+    """Return points along a line so close that they look like one."""
+    along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))))
+    at = np.linspace(0.0, along[-1], _DOTS)
+    return np.column_stack([np.interp(at, along, line[:, k]) for k in range(3)])
