@@ -46,7 +46,7 @@ def test_every_command_of_a_page_exists_with_its_options(page: Path) -> None:
         options = {option for param in place.params for option in param.opts} | {"--help"}
         if place.name == "test":  # the rest goes to pytest
             continue
-        for word in words:
+        for word in takewhile(lambda word: word != "--", words):
             if word.startswith("--"):
                 assert word.split("=")[0] in options, f"{page.name}: {word} of {place.name}"
 

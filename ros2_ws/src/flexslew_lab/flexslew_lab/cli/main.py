@@ -16,6 +16,7 @@ from flexslew_lab.cli.checkout import bench, test
 from flexslew_lab.cli.compare import Sets, TrialFile, compare
 from flexslew_lab.cli.compiling import say_when_compiling
 from flexslew_lab.cli.completion import completion
+from flexslew_lab.cli.conform import conform
 from flexslew_lab.cli.console import console
 from flexslew_lab.cli.early import OPERATING
 from flexslew_lab.cli.identify import identify
@@ -265,6 +266,7 @@ for _group, _commands in _GROUPS.items():
     for _command in _commands:
         app.command(rich_help_panel=_group)(_command)
 _OTHERS = {"allow_extra_args": True, "ignore_unknown_options": True}
+app.command(context_settings=_OTHERS, rich_help_panel="Analyse and identify")(conform)
 app.command(context_settings=_OTHERS, rich_help_panel="The bench itself")(test)
 
 

@@ -1,0 +1,75 @@
+"""A controller of the bench with nothing but messages: what it takes in any language.
+
+See docs/any_language.md. A proportional and derivative law that holds the joints at zero.
+"""
+
+import random
+import time
+from contextlib import suppress
+
+import rclpy
+from flexslew_msgs.msg import Alive, ControllerStatus, EffortCommand, Measurement, Testbed
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+LOOP = QoSProfile(depth=4000)  # reliable
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+BEST_EFFORT = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
+STIFFNESS, DAMPING = 400.0, 1500.0  # [N m/rad, N m s/rad]
+
+
+class Controller(Node):
+    """Answers when it is named."""
+
+    def __init__(self) -> None:
+        super().__init__("any_language")
+        self.limit: list[float] = []
+        self.status = ControllerStatus(
+            controller=self.get_name(), law="docs/examples/any_language.py", reason="no testbed yet"
+        )
+        self.beat = Alive(
+            node=self.get_name(),
+            role="controller",
+            instance=random.getrandbits(63),
+            since=time.time_ns(),
+        )
+        self.effort = self.create_publisher(EffortCommand, "effort_command", LOOP)
+        self.told = self.create_publisher(ControllerStatus, "controller_status", LATCHED)
+        self.alive = self.create_publisher(Alive, "alive", BEST_EFFORT)
+        self.create_subscription(Testbed, "testbed", self.on_testbed, LATCHED)
+        self.create_subscription(Measurement, "measurement", self.on_measurement, LOOP)
+        self.create_timer(0.25, lambda: self.alive.publish(self.beat))
+        self.create_timer(0.1, lambda: self.told.publish(self.status))
+
+    def on_testbed(self, testbed: Testbed) -> None:
+        """Know the actuators: now it could answer."""
+        self.limit = list(testbed.effort_limit)
+        self.status.ready, self.status.reason = True, ""
+        self.told.publish(self.status)
+
+    def on_measurement(self, m: Measurement) -> None:
+        """Answer the question if it is for this controller; every question is an observation."""
+        self.status.last_tick, self.status.epoch = m.tick, m.epoch
+        if m.controller != self.get_name() or not self.limit:
+            return
+        joints = zip(m.joint_position, m.joint_velocity, self.limit, strict=True)
+        effort = [
+            max(-limit, min(limit, -STIFFNESS * position - DAMPING * rate))
+            for position, rate, limit in joints
+        ]
+        self.effort.publish(
+            EffortCommand(
+                stamp=m.header.stamp,
+                tick=m.tick,
+                epoch=m.epoch,
+                controller=m.controller,
+                effort=effort,
+            )
+        )
+
+
+if __name__ == "__main__":
+    rclpy.init()
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(Controller())

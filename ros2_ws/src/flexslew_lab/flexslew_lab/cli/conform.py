@@ -1,0 +1,71 @@
+"""Subcommand that examines an external controller."""
+
+import json
+import os
+import subprocess
+from typing import Annotated
+
+import typer
+
+from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.terminal import for_people, print_table, say
+from flexslew_plant.errors import BadInput
+
+_LEAVING = 5.0  # until a controller that was asked to end is ended [wall s]
+
+
+def conform(
+    context: typer.Context,
+    trial: Annotated[
+        str, typer.Option(help="Shipped trial or file whose testbed is announced.")
+    ] = "m1",
+    patience: Annotated[
+        float, typer.Option(min=0.1, max=600.0, help="For anything that must come [wall s].")
+    ] = 10.0,
+    as_json: Json = False,
+) -> None:
+    """Run any controller's process through the lock-step and say what it gets wrong.
+
+    COMMAND starts the controller, in whatever language: first question, repeats, a swap, late
+    answers, a stray question, a pause and a reset. The rules are those of the page "A controller in
+    any language". Exit code 1: a rule is broken.
+
+    Example: `./flexslew conform -- python docs/examples/any_language.py`
+    """
+    from flexslew_lab.ros.conformance import Examiner
+    from flexslew_lab.trial.domain import own_domain
+    from flexslew_lab.trial.sources import read_trial
+    from flexslew_lab.trial.trial import bench_settings
+    from flexslew_plant.bench.bench import Bench
+
+    if not context.args:
+        raise BadInput("COMMAND: give the command that starts the controller, after --")
+    bench = Bench(bench_settings(read_trial(trial)[0]))
+    with own_domain("conform") as domain:
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        try:
+            process = subprocess.Popen(context.args)
+        except OSError as error:
+            raise BadInput(f"COMMAND: {context.args[0]}: {error.strerror}") from None
+        try:
+            examiner = Examiner(bench, patience, lambda: process.poll() is None)
+            try:
+                with for_people.status(f"asking {' '.join(context.args)}"):
+                    findings = examiner.examine()
+            finally:
+                examiner.close()
+        finally:
+            process.terminate()
+            try:
+                process.wait(_LEAVING)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+    wrong = sum(not finding.ok for finding in findings)
+    if as_json:
+        print(json.dumps([{"rule": f.rule, "wrong": f.wrong} for f in findings], indent=2))
+    else:
+        print_table(("rule", "result"), [(f.rule, f.wrong or "kept") for f in findings])
+        say(f"{len(findings) - wrong} of {len(findings)} rules kept")
+    if wrong:
+        raise typer.Exit(1)

@@ -1,0 +1,299 @@
+"""Whether an external controller keeps the lock-step: questions that a bench asks on a bad day.
+
+The rules are those of docs/any_language.md. The bench here is at rest and stays there: what is
+examined is who answers what and when, and not how well.
+"""
+
+from collections.abc import Callable
+from struct import Struct
+from time import monotonic
+from typing import NamedTuple
+
+import numpy as np
+import rclpy
+from flexslew_msgs import msg
+from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from flexslew_plant import topics
+from flexslew_plant.bench.bench import Bench
+from flexslew_plant.bench.measurement import EffortCommand, Measurement
+from flexslew_plant.bench.message_fields import testbed_fields
+from flexslew_plant.bench.operation.presence import SILENT_AFTER
+from flexslew_plant.bench.wire import command_from, measurement_bytes
+from flexslew_plant.network import demand_loopback
+from flexslew_plant.ros.alive import Alive
+from flexslew_plant.ros.messages import message_of, stamp
+from flexslew_plant.ros.offers import publisher, subscription
+from flexslew_plant.ros.start import start_ros
+from flexslew_plant.settings import plain, yaml_text
+
+_QUESTIONS = 200  # in lock-step
+_BURST = 5  # questions nobody waits for
+_FAR = 3000  # ticks by which a stray question is ahead
+_QUIET = 0.3  # in which an answer that must not come would have come [wall s]
+_SOMEBODY = "somebody_else"
+_STAMP, _HEAD = Struct("<iI"), 4  # of an answer, behind the encapsulation of CDR
+
+
+class Finding(NamedTuple):
+    """What became of one rule."""
+
+    rule: str
+    wrong: str  # in words; empty: it is kept
+
+    @property
+    def ok(self) -> bool:
+        """It is kept."""
+        return not self.wrong
+
+
+class Wrong(Exception):
+    """A rule is broken, in words."""
+
+
+class Examiner:
+    """A plant that asks one controller.
+
+    Args:
+        bench: whose testbed is announced; it rests at its initial position.
+        patience: for anything that must come [wall s].
+        running: whether the controller's process still is.
+    """
+
+    def __init__(self, bench: Bench, patience: float, running: Callable[[], bool]) -> None:
+        self._bench, self._patience, self._running = bench, patience, running
+        # the arguments of this process are those of the controller
+        start_ros(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = node = rclpy.create_node("plant")
+        self._executor = EventsExecutor()
+        self._executor.add_node(node)
+        demand_loopback()
+        self._alive = Alive(node, "plant")
+        self._ask = publisher(node, topics.MEASUREMENT)
+        self._state = publisher(node, topics.BENCH_STATE)
+        self._answers: list[tuple[EffortCommand, float]] = []  # with the stamp [s]
+        self._status: msg.ControllerStatus | None = None
+        self._beats: dict[str, list[float]] = {}
+        subscription(node, topics.EFFORT_COMMAND, self._on_command, raw=True)
+        subscription(node, topics.CONTROLLER_STATUS, self._on_status)
+        subscription(node, topics.ALIVE, self._on_beat)
+        self._testbed = publisher(node, topics.TESTBED)
+        settings = yaml_text({"bench": plain(bench.settings)})
+        fields = {"stamp": stamp(0.0), **testbed_fields(bench, settings)}
+        self._testbed.publish(message_of(msg.Testbed, fields))
+        self._epoch, self._tick = 0, -1
+        self._who = ""
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.shutdown()
+
+    def examine(self) -> list[Finding]:
+        """Return a finding for each rule, in the order of docs/any_language.md.
+
+        A rule that cannot be looked at, since nobody has become ready, is not in the list.
+        """
+        rules = (
+            ("status: ready after /testbed", self._becomes_ready),
+            ("heartbeat: on alive, as a controller", self._beats_in_time),
+            ("first tick: the question is answered", self._first),
+            (f"lock-step: {_QUESTIONS} questions, one answer each", self._lock_step),
+            ("repeat: at most the same answer again", self._repeat),
+            ("swap: silent while somebody else is named, back at once", self._swap),
+            ("late: questions that nobody waits for", self._burst),
+            ("stray: a question from elsewhere changes nothing", self._stray),
+            ("pause: nothing is said but signs of life", self._pause),
+            ("reset: a new epoch begins at tick 0", self._reset),
+        )
+        found = []
+        for rule, look in rules:
+            wrong = ""
+            try:
+                look()
+            except Wrong as error:
+                wrong = str(error)
+            found.append(Finding(rule, wrong))
+            if not self._running() or (wrong and len(found) == 1):
+                break
+        return found
+
+    def _becomes_ready(self) -> None:
+        self._until(lambda: self._status is not None, "nothing was heard on controller_status")
+        self._until(
+            lambda: self._status is not None and self._status.ready,
+            lambda: f"it is not ready: {self._status.reason if self._status else ''}",
+        )
+        assert self._status is not None
+        self._who = self._status.controller
+        if not self._who:
+            raise Wrong("controller is empty in its controller_status; it must be its name")
+        self._until(lambda: self._ask.get_subscription_count() > 0, "nobody listens to measurement")
+
+    def _beats_in_time(self) -> None:
+        self._beats.clear()
+        self._spin(3.0 * SILENT_AFTER)
+        beats = self._beats.get(self._who, [])
+        if not beats:
+            others = ", ".join(self._beats) or "nobody"
+            raise Wrong(f"no heartbeat of {self._who} on alive; heard: {others}")
+        longest = float(np.diff([*beats, monotonic()]).max())
+        if longest > SILENT_AFTER:
+            raise Wrong(f"silent for {longest:.2f} s; after {SILENT_AFTER:g} s it counts as gone")
+
+    def _first(self) -> None:
+        self._answered(0)
+
+    def _lock_step(self) -> None:
+        for tick in range(1, _QUESTIONS):
+            self._answered(tick)
+        self._nothing_more("after the last question")
+
+    def _repeat(self) -> None:
+        first = self._answered(self._tick + 1)
+        self._say(self._tick)
+        self._spin(_QUIET)
+        for command, at in self._answers:
+            self._check(command, at, self._tick)
+            if not np.array_equal(command.effort, first.effort):
+                raise Wrong(f"tick {self._tick} asked again: another effort than the first time")
+        if len(self._answers) > 1:
+            raise Wrong(f"tick {self._tick} asked again: {len(self._answers)} answers")
+
+    def _swap(self) -> None:
+        self._answers.clear()
+        for _ in range(_BURST):
+            self._say(self._tick + 1, _SOMEBODY)
+        self._nothing_more("to questions that name somebody else")
+        self._answered(self._tick + 1)
+
+    def _burst(self) -> None:
+        self._answers.clear()
+        begin = self._tick + 1
+        for tick in range(begin, begin + _BURST):
+            self._say(tick)
+        last = begin + _BURST - 1
+        self._until(
+            lambda: any(c.tick == last for c, _ in self._answers),
+            f"no answer to tick {last}, the last of {_BURST} asked one after the other",
+        )
+        self._spin(_QUIET)
+        ticks = [command.tick for command, _ in self._answers]
+        for command, at in self._answers:
+            self._check(command, at, command.tick)
+        if ticks != sorted(set(ticks)) or not set(ticks) <= set(range(begin, last + 1)):
+            raise Wrong(f"ticks {begin} to {last} were asked, {ticks} answered")
+
+    def _stray(self) -> None:
+        self._answers.clear()
+        true_tick = self._tick
+        self._say(true_tick + _FAR)
+        self._spin(_QUIET)
+        self._answers.clear()
+        self._answered(true_tick + 1)
+
+    def _pause(self) -> None:
+        self._answers.clear()
+        self._beats.clear()
+        self._tell_state("paused")
+        self._spin(2.0 * SILENT_AFTER)
+        if self._answers:
+            raise Wrong(f"{len(self._answers)} answers without a question")
+        if not self._beats.get(self._who):
+            raise Wrong("no heartbeat while the bench is paused")
+        if self._status is not None and not self._status.ready:
+            raise Wrong(f"not ready while the bench is paused: {self._status.reason}")
+        self._tell_state("running")
+        self._answered(self._tick + 1)
+
+    def _reset(self) -> None:
+        self._epoch += 1
+        self._tick = -1
+        self._tell_state("running")
+        for tick in range(3):
+            self._answered(tick)
+
+    def _answered(self, tick: int) -> EffortCommand:
+        """Ask, and return the one answer."""
+        self._answers.clear()
+        self._say(tick)
+        self._until(lambda: bool(self._answers), f"no answer to tick {tick}")
+        command, at = self._answers.pop(0)
+        self._check(command, at, tick)
+        return command
+
+    def _check(self, command: EffortCommand, at: float, tick: int) -> None:
+        """Refuse an answer that a bench would reject."""
+        where = f"answer to tick {tick} of epoch {self._epoch}"
+        if (command.tick, command.epoch) != (tick, self._epoch):
+            raise Wrong(f"{where}: it says tick {command.tick} of epoch {command.epoch}")
+        if command.controller != self._who:
+            raise Wrong(f"{where}: controller is {command.controller!r}, not {self._who!r}")
+        size = self._bench.model.efforts
+        if command.effort.shape != (size,):
+            raise Wrong(f"{where}: {command.effort.size} efforts; the bench has {size} actuators")
+        if not np.isfinite(command.effort).all():
+            raise Wrong(f"{where}: an effort is not finite")
+        expected = tick * self._bench.settings.period
+        if abs(at - expected) > 1e-9:
+            raise Wrong(f"{where}: its stamp is {at:.9g} s; that of the question is {expected:.9g}")
+
+    def _nothing_more(self, when: str) -> None:
+        self._spin(_QUIET)
+        if self._answers:
+            raise Wrong(f"{len(self._answers)} answers {when}")
+
+    def _say(self, tick: int, who: str = "") -> None:
+        """Ask a question."""
+        model, appendages = self._bench.model, len(self._bench.appendages.names)
+        joints, tips = np.zeros(model.joints), np.zeros(appendages)
+        at = tick * self._bench.settings.period
+        self._tick, held = tick, np.zeros(model.efforts)
+        question = Measurement(
+            tick, self._epoch, at, who or self._who, joints, joints, tips, tips, held
+        )
+        self._ask.publish(measurement_bytes(question))
+
+    def _tell_state(self, state: str) -> None:
+        self._state.publish(
+            msg.BenchState(
+                state=state, tick=max(self._tick, 0), epoch=self._epoch, active=self._who
+            )
+        )
+
+    def _until(self, done: Callable[[], bool], otherwise: str | Callable[[], str]) -> None:
+        """Wait for something.
+
+        Raises:
+            Wrong: it has not come in time, or the controller's process has ended.
+        """
+        end = monotonic() + self._patience
+        while not done():
+            if not self._running():
+                raise Wrong("its process has ended")
+            if monotonic() > end:
+                words = otherwise if isinstance(otherwise, str) else otherwise()
+                raise Wrong(f"{words} within {self._patience:g} s")
+            self._serve(0.05)
+
+    def _spin(self, seconds: float) -> None:
+        end = monotonic() + seconds
+        while (left := end - monotonic()) > 0.0:
+            self._serve(min(left, 0.05))
+
+    def _serve(self, timeout: float) -> None:
+        self._alive.poll(monotonic())
+        self._executor.spin_once(timeout_sec=timeout)
+
+    def _on_command(self, data: bytes) -> None:
+        sec, nanosec = _STAMP.unpack_from(data, _HEAD)
+        self._answers.append((command_from(data), sec + 1e-9 * nanosec))
+
+    def _on_status(self, message: msg.ControllerStatus) -> None:
+        self._status = message
+
+    def _on_beat(self, message: msg.Alive) -> None:
+        if message.role == "controller":
+            self._beats.setdefault(message.node, []).append(monotonic())

@@ -1,0 +1,101 @@
+"""External controllers in the lock-step: ours keep its rules, and each broken rule is told."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+EXAMPLE = Path(__file__).parents[2] / "docs/examples/any_language.py"
+
+
+def examined(*command: str, patience: float = 120.0) -> tuple[int, dict[str, str]]:
+    """Return the exit code and what is wrong by rule; a node of ours may have to compile first."""
+    ours = [sys.executable, "-P", "-m", "flexslew_lab.cli.main", "conform", "--json"]
+    done = subprocess.run(
+        [*ours, "--patience", str(patience), "--", *command],
+        capture_output=True,
+        text=True,
+        env={k: v for k, v in os.environ.items() if k != "ROS_DOMAIN_ID"},
+        check=False,
+    )
+    assert done.stdout, done.stderr
+    found: list[dict[str, Any]] = json.loads(done.stdout)
+    return done.returncode, {each["rule"].partition(":")[0]: each["wrong"] for each in found}
+
+
+def of_example(folder: Path, *changes: tuple[str, str]) -> list[str]:
+    """Return the command of the example with some words exchanged."""
+    words = EXAMPLE.read_text()
+    for old, new in changes:
+        assert old in words
+        words = words.replace(old, new)
+    (folder / "controller.py").write_text(words)
+    return [sys.executable, str(folder / "controller.py")]
+
+
+@pytest.mark.parametrize("law", ["pd_feedforward", "output_feedback"])
+def test_our_own_nodes_keep_every_rule(law: str) -> None:
+    node = [sys.executable, "-P", "-m", "flexslew_control.ros.controller_node"]
+    code, wrong = examined(*node, "--ros-args", "-r", f"__node:={law}", "-p", f"law:={law}")
+    assert wrong == dict.fromkeys(wrong, "")
+    assert (code, len(wrong)) == (0, 10)
+
+
+def test_the_example_of_the_docs_keeps_every_rule(tmp_path: Path) -> None:
+    code, wrong = examined(*of_example(tmp_path))
+    assert wrong == dict.fromkeys(wrong, "")
+    assert (code, len(wrong)) == (0, 10)
+
+
+def test_each_broken_rule_is_told(tmp_path: Path) -> None:
+    dumb = ("self.create_timer(0.25, lambda: self.alive.publish(self.beat))", "pass")
+    deaf_to_epochs = ("epoch=m.epoch,\n", "epoch=0,\n")
+    answers_for_all = ("m.controller != self.get_name() or not self.limit", "not self.limit")
+    code, wrong = examined(*of_example(tmp_path, dumb, deaf_to_epochs, answers_for_all))
+    assert code == 1
+    assert {rule for rule, words in wrong.items() if words} == {
+        "heartbeat", "swap", "pause", "reset",
+    }  # fmt: skip
+    assert "no heartbeat of any_language" in wrong["heartbeat"]
+    assert "name somebody else" in wrong["swap"]
+    assert "it says tick 0 of epoch 0" in wrong["reset"]
+
+
+READY = 'self.status.ready, self.status.reason = True, ""'
+LATER = "stamp=__import__('builtin_interfaces.msg').msg.Time(sec=7)"
+TOLD = "        self.effort.publish("
+
+
+@pytest.mark.parametrize(("old", "new", "rule", "words"), [
+    ("effort=effort", "effort=[*effort, 0.0]", "first tick", "3 efforts; the bench has 2"),
+    ("effort=effort", "effort=[float('nan')] * 2", "first tick", "an effort is not finite"),
+    ("stamp=m.header.stamp", LATER, "first tick", "its stamp is 7 s"),
+    (TOLD, TOLD.replace("self", "for _ in '12': self"), "lock-step", "answer"),
+    (READY, "pass", "status", "not ready: no testbed"),
+])  # fmt: skip
+def test_an_answer_that_a_bench_would_reject_is_told(
+    tmp_path: Path, old: str, new: str, rule: str, words: str
+) -> None:
+    patience = 3.0 if rule == "status" else 120.0
+    code, wrong = examined(*of_example(tmp_path, (old, new)), patience=patience)
+    assert code == 1
+    assert wrong[rule]
+    assert words in wrong[rule]
+
+
+def test_a_command_that_ends_or_does_not_start_is_one_line(tmp_path: Path) -> None:
+    code, wrong = examined(sys.executable, "-c", "")
+    assert (code, wrong) == (1, {"status": "its process has ended"})
+    ours = [sys.executable, "-P", "-m", "flexslew_lab.cli.main", "conform"]
+    for command, words in (
+        (["--", "no_such_command"], "COMMAND: no_such_command: No such file or directory"),
+        ([], "COMMAND: give the command that starts the controller, after --"),
+    ):
+        done = subprocess.run([*ours, *command], capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        assert words in done.stderr
+        assert "Traceback" not in done.stderr
