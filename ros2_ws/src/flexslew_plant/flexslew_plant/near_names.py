@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Iterable
 
-_ALIKE, _SHORT, _ALIKE_SHORT = 0.6, 4, 0.5  # of four letters one wrong one leaves less alike
+_ALIKE, _SHORT, _ALIKE_SHORT = 0.65, 4, 0.5  # of four letters one wrong one leaves less alike
 
 
 def did_you_mean(given: object, known: Iterable[str]) -> str:

@@ -154,7 +154,8 @@ class Model:
         """
         for name, part, size in (("q", q, self.positions), ("v", v, self.coordinates)):
             if np.shape(part) != (size,):
-                raise ValueError(f"{name} of shape {np.shape(part)} does not fit: ({size},)")
+                words = f"({size},), for a state of {', '.join(self.state_names)}"
+                raise ValueError(f"{name} of shape {np.shape(part)} does not fit: {words}")
         return np.concatenate((q, v), dtype=np.float64)
 
     def input_matrix(self, q: Vector, t: float = 0.0) -> Matrix:
