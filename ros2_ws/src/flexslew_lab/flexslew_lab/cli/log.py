@@ -117,7 +117,7 @@ def recover(bag: Bag, out: Out = None, as_json: Json = False) -> None:
 def _version(asked: bool) -> None:
     """Print the version and leave."""
     if asked:
-        print(f"flexslew {VERSION}")
+        print_line(f"flexslew {VERSION}")
         raise typer.Exit
 
 

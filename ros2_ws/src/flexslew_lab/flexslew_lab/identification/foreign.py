@@ -15,6 +15,7 @@ _TIME = ("time", "t", "stamp")  # names of a CSV's column of times [s]
 _MOST_MISSING = 5.0  # longest gap that is filled, in periods
 _JITTER = 0.3  # of a period: the standard deviation beyond which a record is refused
 _AT_LIMIT = (0.01, 0.5)  # part of the samples at the largest value that looks like a drive's limit
+_FEW = 5  # samples
 # fields that hold the effort of the tick before their stamp
 _PAST_EFFORTS = {("flexslew_msgs/msg/Measurement", "applied_effort")}
 _INDEX = re.compile(r"^(?P<field>.*?)\[(?P<index>\d+)\]$")
@@ -97,8 +98,10 @@ def foreign_record(
 def _limited(name: str, values: Vector) -> list[str]:
     """Return, in words, that an effort looks as if its drive had been at its limit."""
     size = np.abs(values)
-    share = float((size >= size.max() * (1.0 - 1e-9)).mean())
-    if not _AT_LIMIT[0] < share < _AT_LIMIT[1]:  # more: a signal of two values
+    there = size >= size.max() * (1.0 - 1e-9)
+    share = float(there.mean())
+    # a few are the top of any signal; more than the most are a signal of two values
+    if there.sum() < _FEW or not _AT_LIMIT[0] < share < _AT_LIMIT[1]:
         return []
     return [
         f"{name}: at its largest value, {size.max():.4g}, in {share:.0%} of the samples; if that "
