@@ -38,6 +38,16 @@ GOOD: dict[str, Any] = {
         ({"overshoot": {"yaw": None}}, None, "tip deflection after the manoeuvre: 0.0125 m; no"),
         ({"missed_ticks": 1, "faults": 2}, None, "1 tick without an answer; 2 faults"),
         ({"residual_tip_deflection": None}, 5.0, "the manoeuvre was not completed; settled"),
+        (
+            {"residual_tip_deflection": None, "peak_tip_deflection": 0.25},
+            None,
+            "tip deflection up to 0.25 m; the manoeuvre was not completed",
+        ),
+        (
+            {"residual_tip_deflection": None, "peak_tip_deflection": {"left": 0.1, "right": 0.2}},
+            None,
+            "tip deflection up to 0.2 m; the manoeuvre was not completed",
+        ),
         ({"goal_error": 0.5, "final_error": {"yaw": 0.5}}, None, "goal missed by 50 %"),
     ],
 )

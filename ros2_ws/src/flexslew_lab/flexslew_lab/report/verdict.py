@@ -45,12 +45,19 @@ def told_to_move(metrics: Mapping[str, Any]) -> tuple[str, ...]:
 def _vibration(metrics: Mapping[str, Any], bare: Mapping[str, Any]) -> str:
     left, without = metrics.get("residual_tip_deflection"), bare.get("residual_tip_deflection")
     if left is None:
-        peak = metrics.get("peak_tip_deflection")
+        peak = _largest(metrics.get("peak_tip_deflection"))
         bent = "" if peak is None else f"tip deflection up to {peak:.3g} m; "
         return f"{bent}the manoeuvre was not completed"
     if without is None or max(left, without) < _NOTHING:
         return f"tip deflection after the manoeuvre: {left:.3g} m"
     return f"{_compared(left, without)} without feedforward ({left:.3g} m, not {without:.3g} m)"
+
+
+def _largest(deflection: float | Mapping[str, float] | None) -> float | None:
+    """Return the largest deflection where a platform that points has one by appendage."""
+    if isinstance(deflection, Mapping):
+        return max(deflection.values(), default=None)
+    return deflection
 
 
 def _compared(left: float, without: float) -> str:
