@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.fake_bench import FakeLink
+from tests.page_client import PageClient
 
 from flexslew_lab.console import quantities
 from flexslew_lab.console.forms import scaled
@@ -373,3 +374,17 @@ def test_a_goal_that_is_none_is_refused_at_its_field_and_not_sent(
     assert hands.click("Plan") == []
     assert words in hands.texts()
     hands.set("goal of a", "0.5")
+
+
+@pytest.mark.parametrize("number", [nan, inf, -inf, 1e300, None])
+def test_a_page_that_opens_later_is_whole_whatever_stands_in_a_number(
+    hands: Hands, number: float | None
+) -> None:
+    first = PageClient(hands.page.server.address)
+    field = next(uuid for uuid, e in first.inputs.items() if e["label"].startswith("At ["))
+    first.set(field, number)
+    first.reach()
+    late = PageClient(hands.page.server.address)
+    assert {e["label"] for e in late.inputs.values()} == {e["label"] for e in first.inputs.values()}
+    for page in (first, late):
+        page.socket.close()

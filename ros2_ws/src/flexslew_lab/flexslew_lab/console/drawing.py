@@ -254,9 +254,14 @@ def _set_label(view: PageView, element: Element, drawn: Any) -> None:
 
 
 def _set_value(view: PageView, element: Element, drawn: Any) -> None:
-    value = None if element.value != element.value else element.value
+    value = _or_none(element.value)
     if drawn.value != value:
         drawn.value = value
+
+
+def _or_none(value: Any) -> Any:
+    """Return what a field holds; an empty one of a number holds NaN."""
+    return None if value != value else value
 
 
 def _set_options(view: PageView, element: Element, drawn: Any) -> None:
@@ -292,7 +297,7 @@ _DRAWINGS: dict[str, Callable[[PageView, Element], Any]] = {
     "brake": _button,
     "text": partial(_field, lambda e: ui.input(e.label, value=e.value)),
     "lines": partial(_field, lambda e: ui.textarea(e.label, value=e.value)),
-    "number": partial(_field, lambda e: ui.number(e.label, value=e.value, step=e.step)),
+    "number": partial(_field, lambda e: ui.number(e.label, value=_or_none(e.value), step=e.step)),
     "choice": partial(_field, lambda e: ui.select(list(e.options), label=e.label, value=e.value)),
     "check": partial(_field, _check),
     "slider": partial(_field, _slider),

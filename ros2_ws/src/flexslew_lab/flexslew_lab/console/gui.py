@@ -5,6 +5,7 @@ Panels make and change them; `drawing` shows them in each browser.
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from math import isfinite
 from typing import Any
 
 Told = Callable[[int], None]  # takes the number of the page that did it
@@ -162,5 +163,7 @@ def accepted(element: Element, value: Any) -> Any:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"no number for {element.label!r:.60}")
         number = float(value)
+        if not isfinite(number):
+            raise ValueError(f"no finite number for {element.label!r:.60}")
         return min(max(number, element.low), element.high) if element.kind == "slider" else number
     return value
