@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from time import monotonic
 
 import pytest
@@ -25,6 +26,8 @@ from flexslew_lab.trial.domain import RunningBench, bench_to_operate, own_domain
 from flexslew_plant.policies import OWN_SERVICES, OWN_TOPICS, ROLES
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import qos
+from flexslew_plant.settings import load_yaml, plain, yaml_text
+from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
 from flexslew_plant.topics import EVENTS, PLAN, RECORDER_STATUS, TOPICS
 
 WAIT = 200.0  # on a busy machine, which may have to compile first
@@ -171,6 +174,45 @@ def test_the_planner_reports_every_iteration_and_publishes_the_plan(operator):
     assert heard[-1].norm_terminal_error < 1e-6
     assert len(result.plan.hash) == 64
     assert operator.node.count_publishers("plan") == 1
+
+
+def test_the_planner_takes_an_identified_model_while_the_bench_is_paused(operator):
+    found = IdentifiedTestbed(
+        joints=("base_yaw", "hub_pitch"),
+        joint_units=("rad", "rad"),
+        inertia=((4000.0, 0.0), (0.0, 4000.0)),
+        free_modes=(FreeMode(frequency=0.5, joints=(0.001, 0.0)),),
+        appendages=(),
+        effort_limit=(150.0, 150.0),
+    )
+    strange = replace(found, joints=("yaw", "hub_pitch"))
+
+    def believe(text):
+        parameter = Parameter("model", value=text).to_parameter_msg()
+        reply = operator.call(SetParameters, "/planner/set_parameters", parameters=[parameter])
+        return reply.results[0].successful, reply.results[0].reason
+
+    def believes(request):
+        result, _ = operator.plan(f"{{method: reference_only, {request}}}", "draft_plan")
+        assert result.error_code == result.DONE, result.message
+        return load_yaml(result.plan.summary, "the plan")["believes"]
+
+    goal = "goal: {base_yaw: 0.1}, duration: 5, start: 7000.0"
+    text = yaml_text({"source": "a run", "model": plain(found)})
+    operator.until(lambda: not believe(text)[0])  # the planner has heard that ticks pass
+    assert "pause it" in believe(text)[1]
+    assert operator.call(Trigger, "pause").success
+    operator.until(lambda: believe(text)[0])
+    assert "kind identified instead of csa" in believes(goal)
+    assert "identified" not in believes(f"{goal}, model: {{modes: 1}}")  # its own word goes first
+    refused, why = believe(yaml_text({"model": plain(strange)}))
+    assert not refused
+    assert "is of yaw, hub_pitch; on the bench are base_yaw, hub_pitch" in why
+    assert "give the text of an identified.yaml" in believe("modes: []")[1]
+    assert "kind identified" in believes(goal)
+    assert believe("") == (True, "")
+    assert "identified" not in believes(goal)
+    assert operator.call(Trigger, "start").success
 
 
 def test_a_draft_is_followed_by_nobody_until_it_is_adopted(operator):

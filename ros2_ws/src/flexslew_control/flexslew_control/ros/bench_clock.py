@@ -27,10 +27,14 @@ class BenchClock:
         """Counts resets."""
         return int(self._state.epoch)
 
+    @property
+    def running(self) -> bool:
+        """Whether ticks pass, as far as is known."""
+        return bool(self._state.state == "running")
+
     def now(self) -> float:
         """Return the simulated time [s]: as told, and what has passed since where it is paced."""
-        running = self._state.state == "running"
-        passed = (monotonic() - self._heard) * self._state.rate_factor if running else 0.0
+        passed = (monotonic() - self._heard) * self._state.rate_factor if self.running else 0.0
         return seconds_of(self._state.stamp) + passed
 
     def _on_state(self, message: msg.BenchState) -> None:

@@ -34,6 +34,8 @@ from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
+from flexslew_plant.settings import load_yaml
+from flexslew_plant.testbeds import read_testbed
 
 ADOPT, REFUSE = "adopt", "refuse"
 Gains = tuple[tuple[float, ...], tuple[float, ...]]  # kp and kd, of the one in charge
@@ -71,6 +73,7 @@ class PlanRelease:
     ) -> None:
         self._trust, self._law = Trust.of(trust), law
         self._loop, self._alive, self._gains = loop, alive, gains
+        self._believed: dict[str, Any] | None = None  # a testbed's section; None: as each request
         self._draft: tuple[Plan, msg.Plan] | None = None
         self._course: PlannedCourse | None = None
         self._testbed = msg.Testbed()
@@ -99,6 +102,31 @@ class PlanRelease:
         self._testbed = testbed
         return True
 
+    def believe(self, text: str) -> str:
+        """Let requests that name no model believe what was identified; return why not, or "".
+
+        Args:
+            text: of an identified.yaml; empty: believe the bench again.
+        """
+        if self._clock.running:
+            return "the bench is running: pause it, then set the model that plans believe"
+        if not text:
+            self._believed = None
+            return ""
+        try:
+            values = load_yaml(text, "model")
+            section = values.get("model") if isinstance(values, dict) else None
+            if not isinstance(section, dict):
+                return "model: give the text of an identified.yaml that holds a model"
+            names = read_testbed(section, "model", self._trust).model().joint_names
+        except BadInput as error:
+            return str(error)
+        here = tuple(self._testbed.joint_names)
+        if here and names != here:
+            return f"model: is of {', '.join(names)}; on the bench are {', '.join(here)}"
+        self._believed = section
+        return ""
+
     def request(
         self, text: str, period: float = 0.0, limit: Sequence[float] = ()
     ) -> PlanRequest | Refusal:
@@ -108,7 +136,12 @@ class PlanRelease:
             text, here.settings, period or here.period, limit or here.effort_limit, self._gains,
             self._rest_at, self._trust,
         )  # fmt: skip
-        return found if isinstance(found, Refusal) else found._replace(law=self._law)
+        if isinstance(found, Refusal):
+            return found
+        values = found.values
+        if self._believed is not None and isinstance(values, dict) and not values.get("model"):
+            values = values | {"model": self._believed}
+        return found._replace(law=self._law, values=values)
 
     def own_request(self, text: str) -> PlanRequest | Refusal:
         """Return what the node's own parameters ask for; they may name any method."""

@@ -20,6 +20,7 @@ from flexslew_control.ros.plan_release import PlanRelease
 from flexslew_control.ros.plan_result import BUSY, CANCELED, failure, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
@@ -27,6 +28,7 @@ from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 
+MODEL = "model"  # the parameter that may be set at run time
 _LOOK = 0.2  # between two looks at the graph [wall s]
 _PLANNING = 0.02  # between two looks at the planning process [wall s]
 
@@ -38,7 +40,7 @@ class Planner:
         self.loop = loop
         self.node = node = new_node("planner")
         alive = loop.live(node, "planner")
-        self._settings: PlannerSettings = settings_of(node, PlannerSettings)
+        self._settings: PlannerSettings = settings_of(node, PlannerSettings, (MODEL,))
         self._planning = Planning(soon=not self._settings.file)
         self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
         self._done: Future | None = None  # of the plan under way
@@ -46,7 +48,9 @@ class Planner:
         s = self._settings
         self._release = PlanRelease(node, loop, alive, (s.kp, s.kd), s.trust, s.in_charge())
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
-        serve_changes(node, lambda changes: "")
+        if why := self._release.believe(s.model):
+            raise BadInput(why)
+        serve_changes(node, lambda changes: self._release.believe(str(changes.get(MODEL, ""))))
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         self._servers = [
             ActionServer(

@@ -14,6 +14,8 @@ class PlannerSettings:
     law_settings: str = ""  # its section as YAML
     plan: str = ""  # `plan` section as YAML: planned as soon as the testbed is known; empty: none
     file: str = ""  # a saved plan to publish instead; empty: none
+    # text of an identified.yaml: what plans believe that name no model; may be set while paused
+    model: str = ""
     exit_with_plant: bool = False  # end the process when the plant is gone
     trust: tuple[str, ...] = ()  # classes of your own that testbed and requests may name
 
