@@ -388,3 +388,11 @@ def test_a_page_that_opens_later_is_whole_whatever_stands_in_a_number(
     assert {e["label"] for e in late.inputs.values()} == {e["label"] for e in first.inputs.values()}
     for page in (first, late):
         page.socket.close()
+
+
+def test_a_page_opens_where_the_option_that_was_chosen_has_gone(hands: Hands) -> None:
+    hands.set("Rate", "no rate any more")
+    hands.refresh()
+    late = PageClient(hands.page.server.address)
+    assert "Set the rate" in {e["label"] for e in late.inputs.values()}
+    late.socket.close()

@@ -254,19 +254,21 @@ def _set_label(view: PageView, element: Element, drawn: Any) -> None:
 
 
 def _set_value(view: PageView, element: Element, drawn: Any) -> None:
-    value = _or_none(element.value)
+    value = _shown(element)
     if drawn.value != value:
         drawn.value = value
 
 
-def _or_none(value: Any) -> Any:
-    """Return what a field holds; an empty one of a number holds NaN."""
-    return None if value != value else value
+def _shown(element: Element) -> Any:
+    """Return what a field shows: nothing where it holds NaN, or an option that has gone."""
+    value = element.value
+    gone = element.kind == "choice" and value not in element.options
+    return None if gone or value != value else value
 
 
 def _set_options(view: PageView, element: Element, drawn: Any) -> None:
     if drawn.options != list(element.options):
-        drawn.set_options(list(element.options), value=element.value)
+        drawn.set_options(list(element.options), value=_shown(element))
     else:
         _set_value(view, element, drawn)
 
@@ -297,8 +299,8 @@ _DRAWINGS: dict[str, Callable[[PageView, Element], Any]] = {
     "brake": _button,
     "text": partial(_field, lambda e: ui.input(e.label, value=e.value)),
     "lines": partial(_field, lambda e: ui.textarea(e.label, value=e.value)),
-    "number": partial(_field, lambda e: ui.number(e.label, value=_or_none(e.value), step=e.step)),
-    "choice": partial(_field, lambda e: ui.select(list(e.options), label=e.label, value=e.value)),
+    "number": partial(_field, lambda e: ui.number(e.label, value=_shown(e), step=e.step)),
+    "choice": partial(_field, lambda e: ui.select(list(e.options), label=e.label, value=_shown(e))),
     "check": partial(_field, _check),
     "slider": partial(_field, _slider),
     "html": lambda view, e: ui.html(e.content, sanitize=False),
