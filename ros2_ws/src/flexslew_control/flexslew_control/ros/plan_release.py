@@ -34,10 +34,12 @@ from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import publisher, subscription
+from flexslew_plant.ros.parameters import serve_changes
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import read_testbed
 
 ADOPT, REFUSE = "adopt", "refuse"
+MODEL = "model"  # the parameter of the node that may be set at run time
 Gains = tuple[tuple[float, ...], tuple[float, ...]]  # kp and kd, of the one in charge
 _Kind = type[PlanPublished] | type[PlanDrafted] | type[PlanRefused]
 
@@ -101,6 +103,16 @@ class PlanRelease:
             return False
         self._testbed = testbed
         return True
+
+    def serve_model(self, node: Node, text: str) -> None:
+        """Believe what the node was given at its start; from now on its parameter may be set.
+
+        Raises:
+            BadInput: this cannot be believed.
+        """
+        if why := self.believe(text):
+            raise BadInput(why)
+        serve_changes(node, lambda changes: self.believe(str(changes.get(MODEL, ""))))
 
     def believe(self, text: str) -> str:
         """Let requests that name no model believe what was identified; return why not, or "".

@@ -16,19 +16,17 @@ from rclpy.task import Future
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planning import Iteration, Planning, PlanRequest
-from flexslew_control.ros.plan_release import PlanRelease
+from flexslew_control.ros.plan_release import MODEL, PlanRelease
 from flexslew_control.ros.plan_result import BUSY, CANCELED, failure, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
 from flexslew_plant import topics
-from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import subscription
-from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
+from flexslew_plant.ros.parameters import new_node, settings_of
 
-MODEL = "model"  # the parameter that may be set at run time
 _LOOK = 0.2  # between two looks at the graph [wall s]
 _PLANNING = 0.02  # between two looks at the planning process [wall s]
 
@@ -48,9 +46,7 @@ class Planner:
         s = self._settings
         self._release = PlanRelease(node, loop, alive, (s.kp, s.kd), s.trust, s.in_charge())
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
-        if why := self._release.believe(s.model):
-            raise BadInput(why)
-        serve_changes(node, lambda changes: self._release.believe(str(changes.get(MODEL, ""))))
+        self._release.serve_model(node, s.model)
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         self._servers = [
             ActionServer(
