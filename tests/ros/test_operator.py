@@ -212,6 +212,7 @@ def test_the_planner_takes_an_identified_model_while_the_bench_is_paused(operato
     assert "kind identified" in believes(goal)
     assert believe("") == (True, "")
     assert "identified" not in believes(goal)
+    assert operator.call(srv.Operate, "decide_plan", action="refuse", who="ann").ok
     assert operator.call(Trigger, "start").success
 
 
