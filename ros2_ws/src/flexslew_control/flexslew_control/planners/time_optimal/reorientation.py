@@ -79,11 +79,7 @@ class Reorientation:
         """From efforts to the platform's angular acceleration, shape (3, joints)."""
         q = self.start[: self.model.positions]
         moved = np.linalg.solve(self.model.mass_matrix(q), self.model.input_matrix(q))
-        return self._from_joints @ rate_readings(self.model, q) @ moved
-
-    @cached_property
-    def _from_joints(self) -> Matrix:
-        return np.asarray(np.linalg.pinv(self.attitude.axes), dtype=np.float64)
+        return self.attitude.turn_of((rate_readings(self.model, q) @ moved).T).T
 
     @cached_property
     def scale(self) -> Vector:
@@ -113,8 +109,9 @@ class Reorientation:
     def missed(self, x: Vector) -> Vector:
         """Return what a state is away from rest at the goal, shape (conditions,)."""
         position, rate = self.model.joint_state(x)
-        turn = -self._from_joints @ self.model.joint_error(position, self.last)
-        return np.concatenate((turn, self._from_joints @ rate, *self.model.modal_state(x)))
+        turn_of = self.attitude.turn_of
+        turn = -turn_of(self.model.joint_error(position, self.last))
+        return np.concatenate((turn, turn_of(rate), *self.model.modal_state(x)))
 
     def ended(self, efforts: Matrix, durations: Vector) -> End:
         """Return how a flight ends, and its slopes.
