@@ -63,11 +63,11 @@ def test_within_limits_it_is_the_optimum_of_another_solver(seed: int) -> None:
     weights = np.array([s * (cost.state if k < n - 1 else cost.last) for k, s in enumerate(shares)])
 
     def value(v: np.ndarray) -> float:
-        states = free + (ahead.forced @ v).reshape(n, 2)
+        states = free + (ahead @ v).reshape(n, 2)
         efforts = v - wanted.ravel()
         return float(np.einsum("ni,nij,nj", states, weights, states) + 0.3 * efforts @ efforts)
 
-    rows = np.vstack((hard, soft @ ahead.forced))
+    rows = np.vstack((hard, soft @ ahead))
     limits = (size - shift)[n:], (-size - shift)[n:]
     other: Any = minimize(  # type: ignore[call-overload]
         value,

@@ -16,7 +16,6 @@ from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
 from flexslew_control.controllers.model_predictive.prediction import (
     Costs,
-    Horizon,
     Program,
     costs,
     horizon,
@@ -76,7 +75,7 @@ class Predicted:
     Args:
         model: for the nominal state.
         rest: x about which it is linear, shape (k,).
-        horizon: its prediction.
+        forced: of its horizon, see prediction.horizon.
         costs: of a step.
         limits: that hold at its end.
         steps: N.
@@ -87,7 +86,7 @@ class Predicted:
 
     model: Designed
     rest: Vector
-    horizon: Horizon
+    forced: Matrix
     costs: Costs
     limits: Limits
     steps: int
@@ -114,7 +113,7 @@ class ModelPredictiveLaw:
         hard = _differences(n, m) if p.limits.rate is not None else np.zeros((0, n * m))
         soft = np.asarray(np.kron(np.eye(n), p.limits.rows), dtype=np.float64)
         self._programs = [
-            Program(p.horizon, p.costs, np.where(np.arange(n) < moving, on_the_way, 1.0),
+            Program(p.forced, p.costs, np.where(np.arange(n) < moving, on_the_way, 1.0),
                     p.limits.effort, hard, soft, iterations)
             for moving in (range(n + 1) if on_the_way != 1.0 else (0,))
         ]  # fmt: skip
@@ -175,7 +174,7 @@ class ModelPredictiveLaw:
         for i, effort in enumerate(self._last):
             x = p.model.advance(x, effort, dt, p.substeps, t + i * dt)
             found.append(x)
-        forced = p.horizon.forced @ self._last.ravel()
+        forced = p.forced @ self._last.ravel()
         return np.array(found) - p.rest - forced.reshape(p.steps, -1)
 
     def _bounds(self, applied: Vector, d: Vector, free: Vector) -> tuple[Vector, Vector]:
@@ -197,7 +196,7 @@ class ModelPredictiveLaw:
     def _passed(self, free: Matrix, efforts: Matrix) -> LimitSoftened:
         """Return which limit the prediction passes, and by how much."""
         p = self._p
-        forced = (p.horizon.forced @ efforts.ravel()).reshape(free.shape)
+        forced = (p.forced @ efforts.ravel()).reshape(free.shape)
         seen = (free + forced) @ p.limits.rows.T
         excess = np.maximum(seen - p.limits.upper, p.limits.lower - seen)
         worst = int(excess.max(axis=0).argmax())

@@ -17,12 +17,6 @@ _ACTIVE, _LOWER, _SOFT = 1, 2, 8  # of DAQP's `sense`
 _SOFTENED = 2  # its exit flag: optimal, with a soft limit passed
 
 
-class Horizon(NamedTuple):
-    """The condensed prediction of N steps, for a state of k numbers and m efforts."""
-
-    forced: Matrix  # X = what it does without efforts + forced V, (N k, N m)
-
-
 class Costs(NamedTuple):
     """The weights of every step."""
 
@@ -31,8 +25,10 @@ class Costs(NamedTuple):
     last: Matrix  # of the last state: P of the regulator with Q and R, (k, k)
 
 
-def horizon(f: Matrix, g: Matrix, steps: int) -> Horizon:
-    """Return the condensed prediction.
+def horizon(f: Matrix, g: Matrix, steps: int) -> Matrix:
+    """Return how N steps of a state follow from the efforts V, by condensed prediction.
+
+    X = what it does without efforts + forced V; forced has the shape (N k, N m).
 
     Args:
         f: of one step, shape (k, k).
@@ -47,7 +43,7 @@ def horizon(f: Matrix, g: Matrix, steps: int) -> Horizon:
     for i in range(steps):
         for j in range(i + 1):
             forced[i * k : (i + 1) * k, j * m : (j + 1) * m] = powers[i - j] @ g
-    return Horizon(forced)
+    return forced
 
 
 def costs(f: Matrix, g: Matrix, state: Matrix, effort: Matrix) -> Costs:
@@ -76,7 +72,7 @@ class Program:
     """The quadratic program with some of its steps weighed less, ready for any tick.
 
     Args:
-        horizon: of the prediction.
+        forced: of the horizon, shape (N k, N m).
         costs: of each step.
         shares: factor of the weights of each step's state, shape (N,).
         size: of each effort, by which the variables are divided, shape (m,).
@@ -87,7 +83,7 @@ class Program:
 
     def __init__(
         self,
-        horizon: Horizon,
+        forced: Matrix,
         costs: Costs,
         shares: Vector,
         size: Vector,
@@ -96,7 +92,7 @@ class Program:
         iterations: int,
     ) -> None:
         n, k = len(shares), len(costs.state)
-        self._forced, self._n, self._k = horizon.forced, n, k
+        self._forced, self._n, self._k = forced, n, k
         self._size = np.tile(size, n)
         self._state = shares[:, None, None] * np.array([costs.state] * (n - 1) + [costs.last])
         weighted = np.einsum("nij,njv->niv", self._state, self._forced.reshape(n, k, -1))
