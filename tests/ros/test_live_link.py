@@ -90,11 +90,12 @@ def test_through_the_recorder_no_tick_is_missing(
     monkeypatch.setattr(live_link, "_UNRECORDED", PATIENCE)  # until they have met, busy as they are
     watchers: list[Watcher] = []
     flight = Flight(
-        slew(duration=60.0, rate=rate), tmp_path / "run", 0,
+        patient(slew(duration=60.0, rate=rate)), tmp_path / "run", 0,
         lambda pids, domain: watchers.append(Watcher(domain)),
     )  # fmt: skip
     seen = watchers[0].seen()
     assert watchers[0].listened == [RECORDED]
+    assert len(flown(flight.bag)[0]) == 6001
     assert np.allclose(np.diff(seen[0]), 0.01)
     assert seen[0][-1] == pytest.approx(60.0)
     assert_flown(seen, flown(flight.bag))

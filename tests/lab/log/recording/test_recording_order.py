@@ -107,6 +107,20 @@ def test_an_answer_is_waited_for_no_longer_than_patience() -> None:
     assert found == [("/measurement", 0)]
 
 
+def test_a_truth_that_was_heard_is_waited_for_and_one_that_never_comes_is_not() -> None:
+    for heard in (True, False):
+        order = RecordingOrder()
+        first = [message(topic, 0) for topic in ("/measurement", *ANSWERS, "/truth")]
+        order.take(first if heard else first[:-1], 0.0)
+        order.take([message(topic, 1) for topic in ("/measurement", *ANSWERS)], 0.01)
+        order.take((), 0.02)
+        found = order.take([message("/measurement", 2)], 5.0 * PATIENCE)
+        assert (1 in map(tick_of, found)) is not heard
+        if heard:
+            order.take([message("/truth", 1)], 5.0 * PATIENCE)
+            assert 1 in map(tick_of, order.take((), 5.1 * PATIENCE))
+
+
 def test_a_controller_that_never_says_its_state_is_waited_for_once() -> None:
     order = RecordingOrder()
     for tick in range(4):

@@ -218,7 +218,7 @@ def test_the_recorder_s_death_is_an_event_within_two_seconds_and_nobody_waits_fo
 def test_as_fast_as_it_goes_a_starved_recorder_is_waited_for_and_not_for_ever() -> None:
     lab = Lab(controllers=("a", "recorder")).until(10)
     for seen in (10, 70):
-        lab.it.backlog.heard("recorder", seen, 0, 100)
+        lab.it.backlog.heard("recorder", seen, 0, recorder=True)
         lab.dead.add("recorder")  # not a beat
         end = lab.now + 1.9
         while lab.now < end:
@@ -226,6 +226,43 @@ def test_as_fast_as_it_goes_a_starved_recorder_is_waited_for_and_not_for_ever() 
         assert lab.it.bench.tick == seen + 100
     assert lab.kinds("recorder_lost") == ["recorder_lost"]
     lab.until(1000)
+
+
+@pytest.mark.parametrize("rate", [1.0, 20.0])
+def test_paced_the_plant_falls_behind_its_schedule_before_the_log_has_a_gap(rate: float) -> None:
+    lab = Lab(rate, controllers=("a", "recorder")).until(10)
+    lab.it.backlog.heard("recorder", 10, 0, recorder=True)
+    lab.it.backlog.heard("a", 10, 0)  # nobody else is waited for
+    lab.until(1010)
+    held = lab.now
+    lab.dead.add("recorder")  # starved: not a beat either
+    while lab.now < held + 1.9:
+        lab.poll()
+    assert lab.it.bench.tick == 1010
+    lab.it.backlog.heard("recorder", 900, 0, recorder=True)
+    lab.until(1900)
+    assert lab.kinds("late") == ["late"]
+    assert lab.it.bench.drive.missed == 0
+    lab.until(3000)  # not for ever
+
+
+@pytest.mark.parametrize(("rate", "within"), [(0.0, 100), (20.0, 1000)])
+def test_a_recorder_is_waited_for_before_its_first_status(rate: float, within: int) -> None:
+    lab = Lab(rate, controllers=("a", "recorder")).until(10)
+    end = lab.now + 1.9
+    while lab.now < end:
+        lab.poll()
+    assert lab.it.bench.tick <= within + 10
+
+
+def test_a_recorder_that_has_ended_holds_nobody_back() -> None:
+    lab = Lab(20.0, controllers=("a", "recorder")).until(10)
+    lab.dead.add("recorder")
+    lab.until(900)
+    lab.it.presence.ended(Beat("recorder", "recorder", 1, 1))
+    lab.it.backlog.forget("recorder")
+    lab.until(5000)
+    assert lab.kinds("late") == []
 
 
 def test_as_fast_as_it_goes_one_that_has_just_fallen_silent_may_be_switched_in() -> None:

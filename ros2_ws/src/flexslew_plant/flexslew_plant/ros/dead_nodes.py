@@ -28,19 +28,23 @@ class DeadNodes:
         self._next = 0.0  # [wall s]
         self._gone: set[int] = set()  # instances
 
-    def poll(self, now: float) -> None:
-        """Look for the dead if it is time."""
+    def poll(self, now: float) -> set[str]:
+        """Look for the dead if it is time; return the names of those that were found."""
+        dead: set[str] = set()
         if now < self._next:
-            return
+            return dead
         self._next = now + _EVERY
         for beat in self._presence.overdue(now):
             if beat.instance in self._gone or not has_ended(beat.process):
                 continue
+            dead.add(beat.node)
+            self._presence.ended(beat)
             prefixes = self._prefixes(beat)
             for prefix in prefixes:
                 tell_all(dispose(prefix), self._node.context.get_domain_id())
             if not prefixes:  # done, or it took its leave itself
                 self._gone.add(beat.instance)
+        return dead
 
     def _prefixes(self, beat: Beat) -> set[bytes]:
         """Return the GUID prefixes that a dead node still has on the graph.

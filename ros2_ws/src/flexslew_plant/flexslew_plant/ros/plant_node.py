@@ -9,7 +9,6 @@ from flexslew_plant import topics
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.message_fields import testbed_fields
-from flexslew_plant.bench.operation.backlog import RECORDED_WITHIN
 from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import command_from, measurement_bytes, truth_bytes
@@ -137,7 +136,7 @@ class Plant:
         self.session.backlog.heard(message.controller, message.last_tick, message.epoch)
 
     def _on_recorder(self, message: msg.RecorderStatus) -> None:
-        self.session.backlog.heard(message.recorder, message.tick, message.epoch, RECORDED_WITHIN)
+        self.session.backlog.heard(message.recorder, message.tick, message.epoch, recorder=True)
 
 
 def main() -> None:

@@ -13,8 +13,12 @@ from flexslew_lab.log.recording.open_ticks import PATIENCE, OpenTicks
 _TICK_AND_EPOCH = struct.Struct("<QI")
 _BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame
 _OF_PLANT = ("/measurement", "/truth")  # their epoch counts
+# For the other of the two, once it was heard [wall s]: it comes, as late as a starved machine makes
+# it. A plant may publish no truth at all; for that PATIENCE is enough.
+_SURE = 15.0
 _DISPLAYED = ("/clock", "/joint_states", "/appendage_states", "/tf", "/markers")  # they have none
 _RANK = {topic: rank for rank, topic in enumerate(TOPICS)}
+_UNHEARD = 0, -1  # epoch and time of a topic that never came
 _time, _by_time = itemgetter(0, 1), itemgetter(0, 1, 2)
 
 
@@ -42,8 +46,8 @@ class RecordingOrder:
         self._displayed = dict.fromkeys(_DISPLAYED, (0, 0))  # epoch and time by topic
         self._waiting: list[Ordered] = []
         self._open = OpenTicks()
-        self._plant = dict.fromkeys(_OF_PLANT, (0, -1))  # newest epoch and time by topic
-        self._slowest = 0, -1  # of these
+        self._plant = dict.fromkeys(_OF_PLANT, _UNHEARD)  # newest epoch and time by topic
+        self._slowest = _UNHEARD  # of these
         self._moved_at = 0.0  # when it moved or was the newest [wall s]
 
     def take(
@@ -83,7 +87,8 @@ class RecordingOrder:
         slowest, fastest = min(self._plant.values()), max(self._plant.values())
         if slowest == fastest or slowest != self._slowest:
             self._slowest, self._moved_at = slowest, now
-        behind = slowest != fastest and now - self._moved_at <= PATIENCE
+        patience = PATIENCE if slowest == _UNHEARD else _SURE
+        behind = slowest != fastest and now - self._moved_at <= patience
         return slowest if behind else self.newest
 
     def _epoch(self, topic: str, at: int, data: bytes) -> int:

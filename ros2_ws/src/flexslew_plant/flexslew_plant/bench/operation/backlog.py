@@ -6,6 +6,8 @@ from flexslew_plant.refusal import Cause, Refusal
 
 # How far ahead of the disk the plant may be, not paced: what the kill of a recorder may cost
 RECORDED_WITHIN = 100  # [ticks]; one second at the default period
+# The same, paced: a quarter of what DDS keeps for a recorder (topics.LOOP_DEPTH)
+HEARD_WITHIN = 1000  # [ticks]
 
 
 @dataclass
@@ -13,6 +15,7 @@ class _Heard:
     tick: int  # last measurement it has seen
     epoch: int
     allowed: int  # ticks behind the plant
+    paced: int | None  # the same for a paced plant; None: it waits for nobody
     held_since: float | None = None  # the plant has been waiting for it [wall s]
     lost: bool = False  # silent for so long that it is waited for no more
 
@@ -21,8 +24,8 @@ class _Heard:
 class Backlog:
     """Who has seen which tick, from the statuses of controllers and recorders.
 
-    Not paced, the plant holds back for the slowest. Paced it cannot, so a controller that is too
-    far behind is not ready.
+    Not paced, the plant holds back for the slowest. Paced, a controller that is too far behind is
+    not ready; only for a recorder the plant falls behind its schedule, before the log has a gap.
 
     Args:
         allowed: largest distance behind the plant [ticks].
@@ -35,36 +38,41 @@ class Backlog:
     paced: bool = False
     _heard: dict[str, _Heard] = field(init=False, default_factory=dict)
 
-    def heard(self, name: str, tick: int, epoch: int, allowed: int | None = None) -> None:
+    def heard(self, name: str, tick: int, epoch: int, recorder: bool = False) -> None:
         """Take a status.
 
         Args:
             name: of the node.
             tick: the last that it has seen.
             epoch: of that tick.
-            allowed: largest distance behind the plant, if it has one of its own [ticks].
+            recorder: it is one, and not a controller.
         """
         before = self._heard.get(name)
         if before is None or (before.epoch, before.tick) != (epoch, tick):
-            self._heard[name] = _Heard(tick, epoch, self.allowed if allowed is None else allowed)
+            limits = (RECORDED_WITHIN, HEARD_WITHIN) if recorder else (self.allowed, None)
+            self._heard[name] = _Heard(tick, epoch, *limits)
+
+    def expect_recorder(self, name: str, tick: int, epoch: int) -> None:
+        """Count from this tick on for a recorder that is there and has sent no status yet."""
+        if name not in self._heard:
+            self.heard(name, tick, epoch, recorder=True)
 
     def forget(self, name: str) -> None:
-        """Wait for this one no more: it is gone."""
+        """Wait for this one no more: it has ended."""
         self._heard.pop(name, None)
 
     def slow(self, tick: int, epoch: int, now: float) -> list[str]:
-        """Return for whom the plant must hold back now; paced for nobody.
+        """Return for whom the plant must hold back now.
 
         Args:
             tick: of the question that would go out next.
             epoch: of that question.
             now: wall clock [s].
         """
-        if self.paced:
-            return []
         slow = []
         for name, heard in self._heard.items():
-            if heard.lost or not self._behind(heard, tick, epoch):
+            allowed = heard.paced if self.paced else heard.allowed
+            if heard.lost or allowed is None or _behind(heard, tick, epoch) <= allowed:
                 continue
             if heard.held_since is None:
                 heard.held_since = now
@@ -76,18 +84,17 @@ class Backlog:
     def lag(self, name: str, tick: int, epoch: int) -> int | None:
         """Return by how many ticks it was behind when it last told; None: it never did."""
         heard = self._heard.get(name)
-        if heard is None:
-            return None
-        return tick - (heard.tick if heard.epoch == epoch else 0)
+        return None if heard is None else _behind(heard, tick, epoch)
 
     def reason(self, controller: str, tick: int, epoch: int) -> Refusal | None:
         """Return why a controller that is too far behind at this tick cannot take charge."""
         heard = self._heard.get(controller)
-        if heard is None or not self._behind(heard, tick, epoch):
+        if heard is None or _behind(heard, tick, epoch) <= heard.allowed:
             return None
         words = f"it has seen tick {heard.tick}, the bench is at {tick}"
         return Refusal(words, cause=Cause.BEHIND)
 
-    def _behind(self, heard: _Heard, tick: int, epoch: int) -> bool:
-        seen = heard.tick if heard.epoch == epoch else 0
-        return tick - seen > heard.allowed
+
+def _behind(heard: _Heard, tick: int, epoch: int) -> int:
+    """Return the distance behind the plant [ticks]."""
+    return tick - (heard.tick if heard.epoch == epoch else 0)

@@ -1,6 +1,7 @@
 """Who on the graph is alive, by the beats that every node of the bench sends."""
 
 from collections.abc import Iterable
+from math import inf
 from typing import NamedTuple
 
 BEAT_EVERY = 0.25  # [wall s]
@@ -37,6 +38,10 @@ class Presence:
     def excuse(self, seconds: float) -> None:
         """Start all waiting times anew: it was the listener that was late."""
         self._heard = {key: (beat, at + seconds) for key, (beat, at) in self._heard.items()}
+
+    def ended(self, beat: Beat) -> None:
+        """Note that the process of this beat is no more: it is silent from now on."""
+        self._heard[beat.instance] = beat, -inf
 
     def alive(self, now: float) -> dict[str, Beat]:
         """Return who is alive by name; of several with one name the oldest."""

@@ -285,17 +285,18 @@ class Session:
     def _held_back(self, now: float) -> bool:
         """Return whether another question must wait for somebody who is behind or held up.
 
-        Paced it never does. Else a busy machine must not decide whether a switch happens: who is
-        due to take over and sends no heartbeat is waited for. So is a recorder: one that is
-        starved of processor time gives none either, and what it does not have is lost if it dies.
+        A recorder is waited for, with or without a heartbeat: one that is starved of processor time
+        gives none either, and what it does not have is lost if it dies. Paced nobody else is. Not
+        paced, a busy machine must not decide whether a switch happens: who is due to take over and
+        sends no heartbeat is waited for.
         """
-        if self.pacing.paced:
-            return False
         tick, epoch = self.bench.tick + 1, self.bench.epoch
         slow = self.backlog.slow(tick, epoch, now)
         recorders = self.presence.of_role("recorder")
         if any(name in recorders or not self.presence.silent(name, now) for name in slow):
             return True
+        if self.pacing.paced:
+            return False
         due = self.bench.charge.due(tick)
         held = any(self.presence.silent(name, now) for name in due)
         if not held:
@@ -319,6 +320,8 @@ class Session:
             self._refresh(sorted({*self.reasons, *self._named}), now)
         for name in self.presence.of_role("recorder"):
             silent = self.presence.silent(name, now)
+            if not silent:
+                self.backlog.expect_recorder(name, self.bench.tick, self.bench.epoch)
             if silent and name not in self._gone:
                 self._gone.add(name)
                 self.bench.tell(RecorderLost(name))

@@ -58,7 +58,8 @@ class PlantReport:
     def poll(self, now: float) -> None:
         """Print the progress, log who is missing or one too many; let go of the dead."""
         session = self._session
-        self._dead.poll(now)
+        for name in self._dead.poll(now):
+            session.backlog.forget(name)
         if self._progress and session.run.running and now >= self._next:
             print(f"tick {session.bench.tick} of {session.bench.last_tick}", flush=True)
             self._next = now + 0.5
