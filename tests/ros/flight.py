@@ -15,7 +15,7 @@ from flexslew_control.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.fork_server import ForkServer
+from flexslew_lab.trial.fork_server import BEFORE_FORK, ForkServer
 from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.trial.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial
@@ -56,7 +56,7 @@ NODES = (
 @cache
 def fork_server() -> ForkServer:
     """Return the fork server of all flights of this process."""
-    return ForkServer(NODES)
+    return ForkServer((BEFORE_FORK, *NODES))
 
 
 class Flight:

@@ -92,3 +92,19 @@ def test_when_it_is_killed_nobody_is_waited_for(server: ForkServer) -> None:
     os.kill(pid, signal.SIGKILL)
     with pytest.raises(FlexslewError, match="is gone"):
         born(server, "0")
+
+
+def test_what_a_module_does_before_a_fork_is_done_once_for_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    once = "import os\nseen = []\n\ndef before_fork(): seen.append(os.getpid())\n"
+    (tmp_path / "settled.py").write_text(f"{once}\ndef main(): print(seen)\n")
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ['PYTHONPATH']}")
+    server = ForkServer(["settled"])
+    try:
+        for _ in range(2):
+            pid, said = born(server, module="settled")
+            assert everything(said) == f"[{server._process.pid}]\n"
+            assert ended(server, pid) == 0
+    finally:
+        server.close()

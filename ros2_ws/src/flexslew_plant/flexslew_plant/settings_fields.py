@@ -3,6 +3,7 @@
 import inspect
 import re
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from math import inf, nextafter
 from typing import Any, NamedTuple
 
@@ -35,6 +36,7 @@ def meanings(settings: Any, prefix: str = "") -> dict[str, FieldMeaning]:
     return found
 
 
+@lru_cache(maxsize=256)
 def own_meanings(kind: type[Any]) -> dict[str, FieldMeaning]:
     """Return what the keys of a section mean, nested sections not followed."""
     comments = dict(_LINE.findall(_source(kind)))

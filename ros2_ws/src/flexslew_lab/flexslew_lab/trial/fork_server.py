@@ -1,8 +1,9 @@
 """Nodes as copies of one process that has imported what they need: six start as fast as one.
 
 What costs a node its start is imports, about 1.5 s of processor time. The fork server, a process of
-its own, makes them once and then forks; it has neither threads nor a place on any graph. Each node
-is a process like any other one: its own pid, session and exit code, and it can be killed alone.
+its own, makes them once, calls `before_fork` of each module that has it, and then forks; it has
+neither threads nor a place on any graph. Each node is a process like any other one: its own pid,
+session and exit code, and it can be killed alone.
 """
 
 import gc
@@ -22,6 +23,7 @@ from threading import Lock
 from flexslew_lab.trial.shared_memory import require_shared_memory
 from flexslew_plant.errors import FlexslewError
 
+BEFORE_FORK = "flexslew_lab.ros.before_fork"  # does what all nodes have in common
 _LARGEST = 1 << 17  # of a request or a report [B]
 _VANISHED = 1  # exit code of a node whose fork server was killed: it ends by itself
 
@@ -30,7 +32,7 @@ class ForkServer:
     """Starts nodes and hears how they end.
 
     Args:
-        modules: what nodes will run; others are imported when they are started.
+        modules: what nodes will run, and BEFORE_FORK; others are imported when they are started.
 
     Raises:
         BadInput: they could not start on this machine.
@@ -174,9 +176,9 @@ def main() -> None:
     """Serve the fork server whose socket and modules the command line names."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pipe = socket.socket(fileno=int(sys.argv[1]))
-    for module in sys.argv[2:]:
+    for name in sys.argv[2:]:
         with suppress(ImportError):  # the node itself will say so
-            importlib.import_module(module)
+            getattr(importlib.import_module(name), "before_fork", lambda: None)()
     gc.collect()
     gc.freeze()  # else each copy would soon have its own pages
     run = _serve(pipe)

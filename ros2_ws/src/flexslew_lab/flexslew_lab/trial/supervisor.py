@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from time import monotonic
 
-from flexslew_lab.trial.fork_server import ForkServer
+from flexslew_lab.trial.fork_server import BEFORE_FORK, ForkServer
 from flexslew_lab.trial.outcome import Outcome as Outcome
 from flexslew_lab.trial.processes import NodeProcess
 
@@ -50,7 +50,7 @@ class Supervisor:
     ) -> None:
         self._progress = progress
         self._own_fork_server = server is None
-        self._fork_server = server or ForkServer(process.module for process in processes)
+        self._fork_server = server or ForkServer([BEFORE_FORK, *(p.module for p in processes)])
         self._plant = processes[-1].name
         self._again = {p.name: p for p in processes if p.package == "flexslew_control"}
         self._tick = -1

@@ -1,0 +1,20 @@
+"""What every node does once in its life, done once for all in the process they are forked from."""
+
+import inspect
+
+import numba.core.registry
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.type_support import check_for_type_support
+
+from flexslew_lab.log.messages.schemas import store
+from flexslew_plant.ros.plant.settings import PlantSettings
+from flexslew_plant.settings_fields import meanings
+
+
+def before_fork() -> None:
+    """Load what the first parameter, message, kernel and line of a log need; see fork_server."""
+    meanings(PlantSettings())
+    store()
+    check_for_type_support(ParameterEvent)
+    numba.core.registry.cpu_target.target_context.refresh()
+    inspect.getmodule(inspect.currentframe())  # rclpy looks up who logs, among all modules
