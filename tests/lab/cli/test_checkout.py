@@ -1,6 +1,7 @@
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import typer
@@ -38,15 +39,15 @@ DIES = "import os\n\ndef test_dies(): os.kill(os.getpid(), 9)"
 
 
 @pytest.mark.parametrize(
-    ("plain", "over_ros", "alone", "code"),
+    ("plain", "over_ros", "alone", "code", "workers"),
     [
-        (PASSES, PASSES, PASSES, 0),
-        (PASSES, FLAKY, PASSES, 1),
-        (PASSES, FAILS, PASSES, 1),
-        (PASSES, FLAKY, DIES, 137),
-        (FLAKY, PASSES, PASSES, 1),
-        (PASSES, PASSES, FLAKY, 1),
-        (PASSES, "import nowhere", PASSES, 2),
+        (PASSES, PASSES, PASSES, 0, True),
+        (PASSES, FLAKY, PASSES, 1, False),
+        (PASSES, FAILS, PASSES, 1, False),
+        (PASSES, FLAKY, DIES, 137, False),
+        (FLAKY, PASSES, PASSES, 1, True),
+        (PASSES, PASSES, FLAKY, 1, False),
+        (PASSES, "import nowhere", PASSES, 2, False),
     ],
 )
 def test_what_fails_has_failed_and_runs_once(
@@ -56,6 +57,7 @@ def test_what_fails_has_failed_and_runs_once(
     over_ros: str,
     alone: str,
     code: int,
+    workers: bool,
 ) -> None:
     (tmp_path / "tests" / "ros").mkdir(parents=True)
     campaigns = tmp_path / "tests" / "campaigns" / "ros"
@@ -68,9 +70,9 @@ def test_what_fails_has_failed_and_runs_once(
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers = alone: none beside it\n")
     calls = []
 
-    def counted(*arguments: str) -> int:
+    def counted(*arguments: str, **how: Any) -> Any:
         calls.append(arguments)
-        return real(*arguments)
+        return real(*arguments, *(() if workers else ("-n", "0")), **how)
 
     real = checkout._pytest
     monkeypatch.setattr(checkout, "_root", lambda: tmp_path)
