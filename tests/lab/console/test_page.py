@@ -197,6 +197,19 @@ def test_a_plan_needs_a_start_to_come(hands: Hands) -> None:
     assert "1: J 5.0000e-01" in hands.texts()
 
 
+def test_a_planner_of_ones_own_is_asked_of_the_planner_and_not_run_by_the_page(
+    hands: Hands,
+) -> None:
+    method = "not_here.py:Shaper"
+    hands.set("start", "12.0")
+    hands.set("duration", "20")
+    hands.set("more", f"{{method: '{method}', waits: 2}}")
+    [(_, values)] = hands.click("Plan")
+    request = load_yaml(values["request"], "")
+    assert (request["method"], request["waits"]) == (method, 2)
+    hands.set("more", "")
+
+
 @pytest.mark.parametrize(
     ("button", "word"), [("Adopt the draft", "adopt"), ("Refuse the draft", "refuse")]
 )

@@ -21,12 +21,14 @@ from typing import Any
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.near_names import did_you_mean
+from flexslew_plant.refusal import Refusal
 
 ALL = "all"  # trusts every name
-LAWS, TESTBEDS, METRICS = GROUPS = (  # entry points of packages
+LAWS, TESTBEDS, METRICS, PLANNERS = GROUPS = (  # entry points of packages
     "flexslew.laws",
     "flexslew.testbeds",
     "flexslew.metrics",
+    "flexslew.planners",
 )
 
 
@@ -58,7 +60,7 @@ class Untrusted(BadInput):
         name: of the class.
     """
 
-    def __init__(self, words: str, name: str) -> None:
+    def __init__(self, words: Refusal | str, name: str) -> None:
         super().__init__(words)
         self.name = name
 

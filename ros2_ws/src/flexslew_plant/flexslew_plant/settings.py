@@ -13,7 +13,7 @@ from pydantic.json_schema import SkipJsonSchema
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.near_names import did_you_mean
-from flexslew_plant.own_code import NO_CODE, Trust
+from flexslew_plant.own_code import NO_CODE, Trust, Untrusted
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.units import is_quantity, replaced
 
@@ -66,6 +66,7 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
     Raises:
         BadInput: the first wrong key, with its value and what is allowed; the class is none that
             can be checked.
+        Untrusted: it names code that nobody has trusted.
     """
     try:
         try:
@@ -81,7 +82,8 @@ def validated(kind: Any, values: Any, source: str, trust: Trust = NO_CODE) -> An
         words = f"{name} cannot be read from keys; decorate it with @section ({why:.200})"
         raise BadInput(words, source) from None
     except ValidationError as error:
-        raise BadInput(_refusal(error, kind, values, source)) from None
+        refusal, name = _refusal(error, kind, values, source), _untrusted(error)
+        raise (Untrusted(refusal, name) if name else BadInput(refusal)) from None
 
 
 def plain(section_value: Any) -> Any:
@@ -246,6 +248,13 @@ def _refusal(error: ValidationError, kind: Any, values: Any, source: str) -> Ref
         placed = not written or isinstance(first["ctx"]["error"], Placed)
         return Refusal(f"{_reason(first)}{more}", "" if placed else key, source=source)
     return Refusal(f"{_reason(first)}{more}", key, first["input"], source)
+
+
+def _untrusted(error: ValidationError) -> str:
+    """Return the class that the first error refuses to run; empty: it is another error."""
+    cause = error.errors()[0].get("ctx", {}).get("error")
+    refused = cause.__cause__ if isinstance(cause, Exception) else None
+    return refused.name if isinstance(refused, Untrusted) else ""
 
 
 def _quantities(error: ValidationError, values: Any) -> list[tuple[str, ...]]:

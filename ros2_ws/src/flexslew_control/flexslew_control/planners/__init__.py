@@ -22,6 +22,7 @@ from flexslew_control.planners.slewing import Slewing
 from flexslew_plant.entries import table, union
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.own_code import NO_CODE, Trust, find_class
+from flexslew_plant.own_code import PLANNERS as GROUP
 from flexslew_plant.settings import plain, validated
 
 # isort: split
@@ -38,7 +39,6 @@ from flexslew_control.planners.retargeting import RETARGETING as RETARGETING
 from flexslew_control.planners.time_optimal.time_optimal import FASTEST as FASTEST
 
 PLANNERS: dict[str, PlannerEntry] = table(globals(), PlannerEntry)
-GROUP = "flexslew.planners"  # of the entry points of installed packages
 
 # what sections of several methods share
 _MANOEUVRE = ("goal", "start", "model", "initial", "feedback", "reference")
@@ -76,7 +76,7 @@ def _own(values: Any, info: ValidationInfo) -> Any:
             raise BadInput(f"method: {name} has no plan(slew, progress)")
         return validated(found, values, name, trust)
     except BadInput as error:
-        raise ValueError(str(error)) from None
+        raise ValueError(str(error)) from error  # from which `validated` tells an Untrusted
 
 
 if TYPE_CHECKING:

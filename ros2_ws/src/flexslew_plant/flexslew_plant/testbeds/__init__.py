@@ -85,7 +85,7 @@ def _own(values: Any, info: ValidationInfo) -> Any:
         _demand_testbed(found)
         return validated(found, _for_all(found, values), name, trust)
     except BadInput as error:
-        raise ValueError(str(error)) from None
+        raise ValueError(str(error)) from error  # from which `validated` tells an Untrusted
 
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ from flexslew_lab.console.history import Curve
 from flexslew_lab.console.link import Iterate, RequestResult
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import is_own_code
 from flexslew_plant.settings import yaml_text
 
 _GOAL = "goal of "
@@ -62,7 +63,7 @@ class PlanPanel:
             keys += [
                 Key("duration", "of the manoeuvre [s]; empty: what the method needs", "25.0"),
                 Key("start", "simulated time, later than now [s]", ""),
-                Key("more", "other keys of the method, YAML: {functions: 12}"),
+                Key("more", "other keys, YAML: {functions: 12}, {method: my_shaper.py:Shaper}"),
             ]
             self._form = Form(self._desk, keys, self._place)
         waits = self._draft is not None
@@ -133,7 +134,8 @@ class PlanPanel:
         values = {"method": self._method.value, "goal": goal, "start": start, **more}
         if "duration" in given:
             values["duration"] = given["duration"]
-        plan_settings(values, "")
+        if not is_own_code(str(values["method"])):  # no page runs a planner of the user's own
+            plan_settings(values, "")
         return values
 
     def _iterate(self, news: Iterate) -> None:
