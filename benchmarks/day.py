@@ -112,15 +112,15 @@ def record(folder: Path, hours: float) -> dict[str, float]:
     for controller in controllers.values():
         if plan is not None:
             controller.adopt(plan)
-    looks = {
+    probes = {
         (bench.last_tick or 0) // 1000 * share // 100 * 1000: name for name, share in SHARES.items()
     }
     seen: dict[str, float] = {}
 
     def look(tick: int) -> None:
-        if tick in looks:
-            seen[looks[tick]] = resident()
-            _say(f"{looks[tick]}: {seen[looks[tick]]:.1f}")
+        if tick in probes:
+            seen[probes[tick]] = resident()
+            _say(f"{probes[tick]}: {seen[probes[tick]]:.1f}")
 
     with BagWriter(folder, {"trial": trial_text(trial)}) as writer:
         observer = AllTopics(writer)

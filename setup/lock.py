@@ -39,10 +39,10 @@ def wheels(pins: list[Requirement], python: str) -> dict[str, str]:
         subprocess.CalledProcessError: pip finds no wheel for one; it says for which.
     """
     here = {"python_version": python, "python_full_version": f"{python}.0"}
-    wanted = [pin for pin in pins if pin.marker is None or pin.marker.evaluate(here)]
+    requested = [pin for pin in pins if pin.marker is None or pin.marker.evaluate(here)]
     with tempfile.TemporaryDirectory() as folder:
         names, report = Path(folder, "names.txt"), Path(folder, "report.json")
-        names.write_text("".join(f"{pin.name}{pin.specifier}\n" for pin in wanted))
+        names.write_text("".join(f"{pin.name}{pin.specifier}\n" for pin in requested))
         command = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run"]
         command += ["--ignore-installed", "--no-deps", "--only-binary", ":all:"]
         command += ["--target", folder, "--python-version", python]

@@ -106,8 +106,8 @@ class Browser:
 
     def _element(self, path: str) -> str:
         self.until(f"return {FOUND} !== null", path)
-        wanted = {"using": "xpath", "value": path}
-        found = _call("POST", f"{self._address}/element", wanted)
+        requested = {"using": "xpath", "value": path}
+        found = _call("POST", f"{self._address}/element", requested)
         return f"{self._address}/element/{next(iter(found.values()))}"
 
     def devtools(self, command: str, parameters: dict[str, Any]) -> Any:
@@ -178,8 +178,8 @@ def chromium(*more: str) -> Iterator[Browser]:
                     *more,
                 ],
             }
-            wanted = {"goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}
-            answer = _call("POST", f"{root}/session", {"capabilities": {"alwaysMatch": wanted}})
+            requested = {"goog:chromeOptions": options, "goog:loggingPrefs": {"browser": "ALL"}}
+            answer = _call("POST", f"{root}/session", {"capabilities": {"alwaysMatch": requested}})
             session = f"{root}/session/{answer['sessionId']}"
             try:
                 yield Browser(session)

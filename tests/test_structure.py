@@ -175,15 +175,22 @@ SENTENCES = {"message", "reason", "words", "why"}  # names of what people read
 
 
 def read_sentences(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield where code looks into a sentence: a part of it, its beginning or its end."""
+    """Yield where code reading into a sentence: a part of it, its beginning or its end."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn):
             part = isinstance(node.left, ast.Constant) and isinstance(node.left.value, str)
             if part and sentence(node.comparators[0]):
                 yield node
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
-            looks = ("startswith", "endswith", "removeprefix", "removesuffix", "partition", "find")
-            if node.func.attr in looks and sentence(node.func.value):
+            reading = (
+                "startswith",
+                "endswith",
+                "removeprefix",
+                "removesuffix",
+                "partition",
+                "find",
+            )
+            if node.func.attr in reading and sentence(node.func.value):
                 yield node
 
 

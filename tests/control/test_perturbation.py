@@ -52,9 +52,9 @@ def test_backward_solves_the_lyapunov_equation() -> None:
     found = backward(r, [changes[10], changes[-1]], step)
     slope = (found[1] - found[0]) / step
     middle = 0.5 * (found[0] + found[1])
-    wanted = -(middle @ a + a.T @ middle + gamma)
+    expected = -(middle @ a + a.T @ middle + gamma)
     # the fastest pole decides how far half a step leads: 1e-3
-    np.testing.assert_allclose(slope, wanted, atol=1e-3 * abs(wanted).max())
+    np.testing.assert_allclose(slope, expected, atol=1e-3 * abs(expected).max())
 
 
 def test_a_standing_change_keeps_the_adiabatic_solution() -> None:

@@ -50,7 +50,7 @@ class Operated(WireBench):
         assert not self.bench.retarget("{appendage: none, to: 0.1, duration: 1.0}").ok
 
     def brake(self) -> None:
-        self.session.brake(not self.bench.charge.latched)
+        self.session.brake(not self.bench.handover.latched)
 
     def note(self) -> None:
         assert self.session.note("here").ok
@@ -104,7 +104,7 @@ def test_any_two_requests_at_one_tick_leave_a_bench_that_flies(law: str, moment:
         for name, host in bench.hosts.items():
             assert host.reason is None, (words, name, host.reason)
             assert host.last_tick >= bench.bench.tick - 1, (words, name)
-        if not bench.bench.charge.latched and bench.bench.drive.active == "":
+        if not bench.bench.handover.latched and bench.bench.drive.active == "":
             bench.session.switch(SwitchRequest(law, 0), bench.now)  # after a release
             bench.fly(bench.bench.tick + LATER)
             assert bench.bench.drive.active == law, words

@@ -120,8 +120,8 @@ def test_after_a_reset_a_new_plan_is_flown_from_tick_0_and_else_the_first_one_ag
         assert host.reason is None
         assert host.controller is not None
         end = host.controller.reference(450).position
-        wanted = third if new else first
-        np.testing.assert_array_equal(end, wanted.position[-1])
+        expected = third if new else first
+        np.testing.assert_array_equal(end, expected.position[-1])
         assert host.plan_from == (1, 0)
         assert np.abs(bench.bench.truth().position[:2] - end).max() < 0.02
 

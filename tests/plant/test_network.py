@@ -52,8 +52,8 @@ def test_a_shell_and_python_read_the_setting_alike(
             given[network.SETTING] = setting
         ours = dict(given)
         network.prepare(ours)
-        wanted = {name: ours[name] for name in READ if name in ours}
-        assert _resolved(by_shell(given)) == _resolved(wanted)
+        requested = {name: ours[name] for name in READ if name in ours}
+        assert _resolved(by_shell(given)) == _resolved(requested)
 
 
 def _resolved(values: dict[str, str]) -> dict[str, str]:

@@ -31,8 +31,8 @@ class Page:
 
     def choose(self, label: str, option: str) -> None:
         self.browser.click(f"{_field(label)}/ancestor::label")
-        wanted = f"@role='option' and normalize-space()='{option}'"
-        self.browser.click(f"//*[{wanted}]")
+        requested = f"@role='option' and normalize-space()='{option}'"
+        self.browser.click(f"//*[{requested}]")
         self.browser.until(_CLOSED)
 
     def state(self, words: str) -> None:

@@ -153,8 +153,8 @@ def test_without_operate_a_client_only_watches(servers: Servers) -> None:
     before = told(client, {"op": "getParameters", "parameterNames": [name]})
     while name not in before:  # the node is still being met
         before = told(client, {"op": "getParameters", "parameterNames": [name]})
-    wanted = {"op": "setParameters", "parameters": [{"name": name, "value": [1.0, 1.0]}]}
-    assert told(client, wanted) == before
+    requested = {"op": "setParameters", "parameters": [{"name": name, "value": [1.0, 1.0]}]}
+    assert told(client, requested) == before
     client.send({"op": "advertise", "channels": [
         {"id": 1, "topic": "/effort_command", "encoding": "json", "schemaName": "x"}]})  # fmt: skip
     client.send_binary(struct.pack("<BI", 1, 1) + b"{}")
@@ -218,8 +218,10 @@ def test_a_client_calls_the_services_of_the_bench_and_plans(bench: tuple[Client,
     assert answer["message"] == "ticks: 'many' is not allowed: of type uint32"
     answer = called(client, tune, {"settings": "{kp: [510.0, 510.0]}"})
     assert answer["message"].startswith("kp: [510.0, 510.0] from tick")
-    wanted = "{method: reference_only, goal: {base_yaw: 0.1}, duration: 5}"
-    while "no planner" in (answer := called(client, "/draft_plan", {"request": wanted}))["message"]:
+    requested = "{method: reference_only, goal: {base_yaw: 0.1}, duration: 5}"
+    while (
+        "no planner" in (answer := called(client, "/draft_plan", {"request": requested}))["message"]
+    ):
         continue
     assert answer["message"] == "reference_only: 5 s from 0 s on is drafted: adopt or refuse it"
     assert called(client, "/decide_plan", {"action": "refuse"})["ok"]

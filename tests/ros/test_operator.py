@@ -256,8 +256,8 @@ def test_a_draft_is_followed_by_nobody_until_it_is_adopted(operator):
         return [(e.kind, json.loads(e.data)["who"]) for e in events]
 
     drafted, refused = ("plan_drafted", "unnamed"), ("plan_refused", "ann")
-    wanted = [drafted, drafted, refused, drafted, ("planned", "ann"), drafted, refused]
-    operator.until(lambda: told() == wanted)
+    requested = [drafted, drafted, refused, drafted, ("planned", "ann"), drafted, refused]
+    operator.until(lambda: told() == requested)
 
 
 def test_a_bad_request_gets_a_code_and_one_line_and_no_plan(operator):

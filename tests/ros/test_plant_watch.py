@@ -26,7 +26,7 @@ class Seen:
         ((0, 0), False, True, False),  # it has not come yet
         ((0, 1, 1), False, True, False),
         ((1, 0), False, True, True),
-        ((0, 0), True, True, True),  # it came and went between two looks
+        ((0, 0), True, True, True),  # it came and went between two polls
         ((1, 0), True, False, False),
     ],
 )

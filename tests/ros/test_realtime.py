@@ -36,10 +36,10 @@ def scheduled(pid: int) -> set[tuple[int, int]]:
 def test_plant_and_who_is_in_charge_are_real_time_while_a_clock_paces_them(tmp_path: Path) -> None:
     def act(pids: dict[str, int], domain: int) -> None:
         def real_time(*names: str) -> bool:
-            wanted = {n: {(os.SCHED_OTHER, 0)} for n in ("plant", FIRST, SECOND, "recorder")}
+            requested = {n: {(os.SCHED_OTHER, 0)} for n in ("plant", FIRST, SECOND, "recorder")}
             for name in names:
-                wanted[name] = {(REAL_TIME, PLANT if name == "plant" else CONTROLLER)}
-            return {name: scheduled(pids[name]) for name in wanted} == wanted
+                requested[name] = {(REAL_TIME, PLANT if name == "plant" else CONTROLLER)}
+            return {name: scheduled(pids[name]) for name in requested} == requested
 
         with beside(domain) as bench:
             bench.until(partial(real_time, "plant", FIRST))

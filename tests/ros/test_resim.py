@@ -166,8 +166,8 @@ def guest(name: Any, law: Any, **values: Any) -> NodeProcess:
 def test_guests_that_flew_in_the_trial_fly_again_or_it_says_what_is_missing(tmp_path: Path) -> None:
     def by_hand(pids: Any, domain: int) -> None:
         answers.extend(ask(domain, (Trigger, "pause", {}), (Step, "step", {"ticks": 1})))
-        looks = (all(s.plan_hash for s in standing(domain)) for _ in range(100))
-        assert any(looks)  # a newcomer may hear of the plan late
+        statuses = (all(s.plan_hash for s in standing(domain)) for _ in range(100))
+        assert any(statuses)  # a newcomer may hear of the plan late
         swaps = [swap("own", 42.0, timeout=0.01), swap("stiff", 44.0, timeout=0.01)]
         answers.extend(ask(domain, *swaps, (Trigger, "start", {})))
 

@@ -29,10 +29,10 @@ def built(**settings: Any) -> Any:
 
 def asked(tick: int, seed: int = 1) -> tuple[Measurement, Reference]:
     rng = np.random.default_rng([seed, tick])
-    q, v, tip, curvature, applied, wanted, rate = 1e-3 * rng.standard_normal((7, 2))
+    q, v, tip, curvature, applied, expected, rate = 1e-3 * rng.standard_normal((7, 2))
     return (
         Measurement(tick, 0, 0.01 * tick, "it", q, v, tip, curvature, applied),
-        Reference(wanted, rate, 100.0 * wanted, np.zeros(0)),
+        Reference(expected, rate, 100.0 * expected, np.zeros(0)),
     )
 
 

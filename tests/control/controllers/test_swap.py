@@ -107,9 +107,9 @@ def test_a_standby_is_as_warm_as_if_it_had_been_in_charge_all_along(incoming: An
     seen = swap(outgoing, incoming)
     alone = built(incoming)
     for question in seen.questions[: TICK + 1]:
-        wanted = alone.observe(question._replace(controller=incoming)).estimate
+        expected = alone.observe(question._replace(controller=incoming)).estimate
     found = seen.answers[TICK].estimate
-    for one, other in zip(found, wanted, strict=True):
+    for one, other in zip(found, expected, strict=True):
         assert np.array_equal(one, other)
 
 

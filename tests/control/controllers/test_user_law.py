@@ -97,8 +97,8 @@ class Incomplete:
 HERE = f"{__file__}:"
 REASONS = {
     "raises": "ZeroDivisionError",
-    "shape": "shape (3,), wanted (2,)",
-    "nothing": "shape (), wanted (2,)",
+    "shape": "shape (3,), expected (2,)",
+    "nothing": "shape (), expected (2,)",
     "words": "ValueError",
     "finite": "not finite",
     "slow": "time_limit is 0.1 ms",

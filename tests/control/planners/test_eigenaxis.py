@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from flexslew_control.controllers import build_controller
-from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.prediction import WATCHED
@@ -147,7 +147,7 @@ def test_flexible_slews_of_30_degrees_about_any_axis_fly_as_predicted(seed: int)
         "duration": 28.0,
         "goal": {"axis": axis, "angle": "30 deg"},
     }
-    plan = make_plan(plan_settings(values, "here"), bench, law=InCharge("pd_feedforward", gains))
+    plan = make_plan(plan_settings(values, "here"), bench, law=ActiveLaw("pd_feedforward", gains))
     duration = float(np.ceil(plan.end + WATCHED))
     flying = Bench(BenchSettings(testbed=testbed, period=bench.period, duration=duration))
     it = build_controller("pd_feedforward", "pd_feedforward", gains, bench, "here")

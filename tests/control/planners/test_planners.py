@@ -107,12 +107,12 @@ def test_too_short_a_duration_is_refused_with_one_that_does(method: str) -> None
 
 
 @pytest.mark.parametrize("given", SLEWS)
-@pytest.mark.parametrize("wanted", SLEWS)
-def test_every_method_can_be_asked_for_the_manoeuvre_of_another(given: Any, wanted: Any) -> None:
+@pytest.mark.parametrize("requested", SLEWS)
+def test_every_method_can_be_asked_for_the_manoeuvre_of_another(given: Any, requested: Any) -> None:
     goal = {"base_yaw": 0.7, "hub_pitch": 0.0}
     settings = plan_settings({"method": given, "goal": goal, "start": 3.0}, "trial.yaml")
-    other = other_method(settings, wanted, "trial.yaml")
-    assert other.method == wanted
+    other = other_method(settings, requested, "trial.yaml")
+    assert other.method == requested
     assert other.start == 3.0
     assert plain(other)["goal"] == goal
 

@@ -7,7 +7,7 @@ import pytest
 from tests.plants import plant
 
 from flexslew_control.controllers import build_controller
-from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
@@ -54,7 +54,7 @@ class Asked(NamedTuple):
     goal: dict[str, float]
 
 
-def flown(plan: Plan, asked: Asked, law: InCharge | None = None) -> float:
+def flown(plan: Plan, asked: Asked, law: ActiveLaw | None = None) -> float:
     """Return the residual of a flight on the bench under a law, else under joint feedback [m]."""
     here = asked.plant
     duration = float(np.ceil(plan.end + 40.0))
@@ -157,7 +157,7 @@ LAWS: dict[str, dict[str, Any]] = {
 def test_a_plan_that_any_law_flies_leaves_what_it_promises_or_warns(method: str, law: str) -> None:
     asked = wish(2)
     values = {"method": method, "goal": asked.goal, **METHODS[method]}
-    charge = InCharge(law, LAWS[law])
+    charge = ActiveLaw(law, LAWS[law])
     plan = make_plan(plan_settings(values, "test"), asked.plant, None, law=charge)
     left, summary = flown(plan, asked, charge), plan.summary
     assert left == pytest.approx(summary["predicted_residual_tip_deflection"], rel=1e-3, abs=1e-8)
@@ -169,7 +169,7 @@ def test_a_testbed_of_joints_is_flown_by_the_law_in_charge_too() -> None:
     asked = Asked(plant(), Feedback(), {"base_yaw": 0.5})
     values = {"method": "reference_only", "goal": asked.goal, "model": {"modes": 3}}
     for law, own in (("lqr", {}), ("pd_feedforward", {"kp": [100.0], "kd": [400.0]})):
-        charge = InCharge(law, own)
+        charge = ActiveLaw(law, own)
         plan = make_plan(plan_settings(values, "test"), asked.plant, None, law=charge)
         left, summary = flown(plan, asked, charge), plan.summary
         assert left == pytest.approx(summary["predicted_residual_tip_deflection"], rel=1e-6)

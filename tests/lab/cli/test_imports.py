@@ -1,4 +1,4 @@
-"""What the command line loads before it knows what is wanted of it."""
+"""What the command line loads before it knows what is requested of it."""
 
 import subprocess
 import sys

@@ -64,7 +64,7 @@ def test_what_swallows_the_interrupt_is_ended_all_the_same() -> None:
     script = (
         "import signal, sys\n"
         "from flexslew_lab.cli import interrupt\n"
-        "interrupt.SOON = interrupt._patience = 0.05\n"
+        "interrupt.EXIT_TIMEOUT = interrupt._patience = 0.05\n"
         "@interrupt.while_running()\n"
         "def deaf():\n"
         "    try:\n"

@@ -30,12 +30,12 @@ def test_the_window_is_the_axis_and_what_is_not_known_is_a_hole() -> None:
 
 
 def test_a_browser_that_comes_late_gets_looks_and_rows_and_neither_is_changed() -> None:
-    looks = options([Curve("a", NOTHING, NOTHING)], "course")
+    axes = options([Curve("a", NOTHING, NOTHING)], "course")
     rows = news(np.array([0.0, 1.0]), [np.array([1.0, 2.0])], NOTHING)
-    before = json.dumps([looks, rows])
-    found = whole(ChartData(looks, rows))
+    before = json.dumps([axes, rows])
+    found = whole(ChartData(axes, rows))
     assert found["xAxis"]["type"] == "value"
     assert (found["xAxis"]["min"], found["xAxis"]["max"]) == (0.0, 1.0)
     assert found["dataset"]["source"]["0"] == [1.0, 2.0]
     assert found["series"][0]["name"] == "a"
-    assert json.dumps([looks, rows]) == before
+    assert json.dumps([axes, rows]) == before

@@ -62,8 +62,8 @@ def test_a_killed_recorder_costs_one_chunk_at_most(tmp_path: Path, messages: lis
         child = context.Process(target=write_forever, args=(folder, messages, writer))
         child.start()
         writer.close()  # so that a child that fails is heard
-        wanted = int(rng.integers(1, 40))
-        written = [reader.recv() for _ in range(wanted)][-1]
+        requested = int(rng.integers(1, 40))
+        written = [reader.recv() for _ in range(requested)][-1]
         assert child.pid is not None
         os.kill(child.pid, signal.SIGKILL)
         child.join()

@@ -64,17 +64,17 @@ def test_a_line_of_sight_counts_when_a_turn_has_ended_and_until_the_next_begins(
     testbed = craft()
     again = with_requests(testbed, [("{appendage: membrane, to: 0.1, duration: 1.0}", 4.0)])
     q = still(testbed)
-    for (begin, end), wanted in {(0.0, 2.9): 0.0, (3.0, 3.9): 0.4, (5.1, 6.0): 0.4}.items():
+    for (begin, end), expected in {(0.0, 2.9): 0.0, (3.0, 3.9): 0.4, (5.1, 6.0): 0.4}.items():
         tilted = q.copy()
         rows = (begin - 1e-9 <= TIME) & (end + 1e-9 >= TIME)
         tilted[rows, 4], tilted[rows, 6] = np.sin(0.2), np.cos(0.2)  # about y
         # the line of sight of a hinge at angle a lies cos a from the plane of that turn
         error = measured(LineOfSight, again, tilted)["line_of_sight_error"]["membrane"]
         angle = 0.6 if end < 4.0 else 0.1
-        if wanted:
+        if expected:
             chord = 2.0 * np.sin(0.2) * np.cos(angle)
-            wanted = 2.0 * math.asin(chord / 2.0)
-        assert error == pytest.approx(wanted, abs=1e-12)
+            expected = 2.0 * math.asin(chord / 2.0)
+        assert error == pytest.approx(expected, abs=1e-12)
     settled = measured(LineOfSight, again, q)["line_of_sight_settled_at"]["membrane"]
     assert settled == pytest.approx(5.0)
     q[TIME > 5.5, 3] = 0.01
@@ -101,8 +101,8 @@ def test_a_vibration_settles_when_its_envelope_has_decayed_to_a_twentieth(decay:
     q = still(testbed)
     q[:, -10] = np.exp(-decay * np.maximum(TIME - 3.0, 0.0))
     found = measured(Vibration, testbed, q)["vibration_settling_time"]["membrane"]
-    wanted = math.log(20.0) / decay
-    assert (found is None) if wanted > 3.0 else found == pytest.approx(wanted, abs=0.005)
+    expected = math.log(20.0) / decay
+    assert (found is None) if expected > 3.0 else found == pytest.approx(expected, abs=0.005)
     q[:, -10] = 1.0
     assert measured(Vibration, testbed, q)["vibration_settling_time"]["membrane"] is None
 

@@ -70,14 +70,14 @@ def test_the_users_own_domain_wins(monkeypatch: pytest.MonkeyPatch) -> None:
     with domain.own_domain("m1") as first:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(first + 1))
         assert domain.bench_domain() == (first + 1, False)
-        with domain.own_domain("mine") as wanted:
-            assert wanted == first + 1
+        with domain.own_domain("mine") as requested:
+            assert requested == first + 1
             assert domain.bench_domain() == (first + 1, True)
 
 
-@pytest.mark.parametrize("wanted", ["x", "-1", "233", "1.5"])
-def test_a_domain_that_is_none_is_told(monkeypatch: pytest.MonkeyPatch, wanted: str) -> None:
-    monkeypatch.setenv("ROS_DOMAIN_ID", wanted)
+@pytest.mark.parametrize("requested", ["x", "-1", "233", "1.5"])
+def test_a_domain_that_is_none_is_told(monkeypatch: pytest.MonkeyPatch, requested: str) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", requested)
     with pytest.raises(BadInput, match="ROS_DOMAIN_ID: "), domain.own_domain():
         pass
 

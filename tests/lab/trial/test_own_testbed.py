@@ -62,8 +62,8 @@ def trial(**changes: Any) -> Any:
     return parse_trial("\n".join(lines), "own.yaml", ANY_CODE)
 
 
-def flown(wanted: Any, folder: Any, report: bool = False) -> Any:
-    result = run_trial(wanted, "own.yaml", folder, in_process=True, report=report)
+def flown(requested: Any, folder: Any, report: bool = False) -> Any:
+    result = run_trial(requested, "own.yaml", folder, in_process=True, report=report)
     assert result.exit_code == 0, result.message
     return result.metrics
 
@@ -75,8 +75,8 @@ def test_the_laws_of_this_file_are_those_of_the_table() -> None:
 @pytest.mark.parametrize("law", LAWS)
 def test_every_law_flies_it_to_its_goal(law: Any, tmp_path: Path) -> None:
     damped = f"{{kind: {KIND}, modes: 1, damping_ratio: 0.02}}"
-    wanted = trial(controllers=f"{{{law}: {LAWS[law]}}}", active=law, testbed=damped)
-    metrics = flown(wanted, tmp_path / "run")
+    requested = trial(controllers=f"{{{law}: {LAWS[law]}}}", active=law, testbed=damped)
+    metrics = flown(requested, tmp_path / "run")
     assert set(metrics["final_error"]) == {"base", "arm", "wrist"}
     assert max(map(abs, metrics["final_error"].values())) < 0.01
     assert metrics["missed_ticks"] == 0
@@ -107,10 +107,10 @@ def test_the_plans_of_this_file_are_those_of_the_table() -> None:
 
 @pytest.mark.parametrize("method", PLANS)
 def test_every_planner_plans_it_and_the_plan_flies(method: Any, tmp_path: Path) -> None:
-    wanted = trial(plan=PLANS[method], testbed=f"{{kind: {KIND}, modes: 1}}", duration=60.0)
-    plan = plan_of_trial(wanted)
+    requested = trial(plan=PLANS[method], testbed=f"{{kind: {KIND}, modes: 1}}", duration=60.0)
+    plan = plan_of_trial(requested)
     assert plan.joint_names == ("base", "arm", "wrist")
-    metrics = flown(wanted, tmp_path / "run")
+    metrics = flown(requested, tmp_path / "run")
     if method not in ("none", "reference_only"):
         assert metrics["residual_tip_deflection"] < 0.02
     assert np.abs(list(metrics["final_error"].values())).max() < 0.02
@@ -125,12 +125,12 @@ def test_what_a_planner_cannot_do_with_it_is_refused_in_one_line(method: Any) ->
 
 
 def test_its_run_is_recorded_reported_and_flown_again_from_the_log(tmp_path: Path) -> None:
-    wanted = trial(
+    requested = trial(
         testbed=f"{{kind: {KIND}, modes: 1}}",
         controllers=f"{{pd_feedforward: {GAINS}, lqr: {LAWS['lqr']}}}",
         schedule="[{at: 6.0, switch: lqr}, {at: 20.0, until: 21.0, disturbance: {arm: 2.0}}]",
     )
-    metrics = flown(wanted, tmp_path / "run", report=True)
+    metrics = flown(requested, tmp_path / "run", report=True)
     again = resim(tmp_path / "run" / "bag", trust=Trust.of([KIND]))
     assert again.identical
     assert again.hash == metrics["trajectory_hash"]

@@ -97,7 +97,7 @@ def described(settings: str, source: str, trust: Trust = NO_CODE) -> PlantDescri
     return PlantDescription(testbed, float(period), limit, trust)
 
 
-class InCharge(NamedTuple):
+class ActiveLaw(NamedTuple):
     """The law of the controller that will fly a plan."""
 
     law: str  # see controllers.build_controller

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.law import InCharge, PlantDescription, described
+from flexslew_control.law import ActiveLaw, PlantDescription, described
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.own_code import NO_CODE, Trust
@@ -33,7 +33,7 @@ class PlanRequest(NamedTuple):
     kd: tuple[float, ...] = ()
     rest_at: Mapping[str, float] | None = None  # the reference at the start; None: the testbed's
     trust: Trust = NO_CODE  # which classes of the user's own may be loaded
-    law: InCharge | None = None  # of the controller in charge; None: nobody knows
+    law: ActiveLaw | None = None  # of the controller in charge; None: nobody knows
 
 
 class Iteration(NamedTuple):

@@ -39,12 +39,12 @@ _TICKS = 5
 def default_bench(modes: int) -> None:
     """Fly the default testbed with every controller on an optimised plan."""
     goal = dict.fromkeys(default_testbed().typical_goal, 0.1)
-    wanted = OptimizedFeedforward(model={"modes": modes}, goal=goal)
+    requested = OptimizedFeedforward(model={"modes": modes}, goal=goal)
     testbed: Any = default_testbed()
     trial = Trial(
         testbed=replace(testbed, modes=modes), controllers={name: {} for name in CONTROLLERS}
     )
-    plan = make_plan(wanted, plant_of(trial))
+    plan = make_plan(requested, plant_of(trial))
     for name in CONTROLLERS:
         _fly(replace(trial, active=name), plan)
     Friction(plant_of(trial).testbed.model().own_motors, ActuatorSettings(), trial.period)

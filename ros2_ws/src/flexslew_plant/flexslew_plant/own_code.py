@@ -176,7 +176,9 @@ def module_at(path: Path) -> ModuleType:
         return loaded
     if path.suffix != ".py":
         raise ImportError(f"{path} is not a Python file")
-    spec = importlib.util.spec_from_file_location(stem, path, loader=_AsItStands(stem, str(path)))
+    spec = importlib.util.spec_from_file_location(
+        stem, path, loader=_UncachedLoader(stem, str(path))
+    )
     if spec is None or spec.loader is None:
         raise ImportError(f"{path} cannot be imported")
     module = importlib.util.module_from_spec(spec)
@@ -190,7 +192,7 @@ def module_at(path: Path) -> ModuleType:
     return module
 
 
-class _AsItStands(SourceFileLoader):
+class _UncachedLoader(SourceFileLoader):
     """Compiles a file as it stands.
 
     What Python keeps of a file is taken for current within a second of its last change: the bench

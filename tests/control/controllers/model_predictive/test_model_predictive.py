@@ -53,18 +53,18 @@ def test_within_limits_it_is_the_optimum_of_another_solver(seed: int) -> None:
     soft = np.kron(np.eye(n), [[1.0, 0.0]])
     shares = np.where(np.arange(n) < seed % 4, 0.01, 1.0)
     ahead, cost, found = program(n, hard, soft, shares)
-    x, wanted = rng.normal(0.0, 0.4, 2), rng.normal(0.0, 0.2, (n, 1))
+    x, requested = rng.normal(0.0, 0.4, 2), rng.normal(0.0, 0.2, (n, 1))
     free = undriven(x, n)
     size = np.concatenate((np.full(n, 1.0), np.full(n - 1, 0.4), np.full(n, 2.0)))
     shift = np.concatenate((np.zeros(2 * n - 1), free[:, 0]))
-    solved, active = found.solve(free, wanted, -size - shift, size - shift, np.zeros(3 * n - 1))
+    solved, active = found.solve(free, requested, -size - shift, size - shift, np.zeros(3 * n - 1))
     assert solved.optimal
     assert not solved.softened
     weights = np.array([s * (cost.state if k < n - 1 else cost.last) for k, s in enumerate(shares)])
 
     def value(v: np.ndarray) -> float:
         states = free + (ahead @ v).reshape(n, 2)
-        efforts = v - wanted.ravel()
+        efforts = v - requested.ravel()
         return float(np.einsum("ni,nij,nj", states, weights, states) + 0.3 * efforts @ efforts)
 
     rows = np.vstack((hard, soft @ ahead))
@@ -81,7 +81,7 @@ def test_within_limits_it_is_the_optimum_of_another_solver(seed: int) -> None:
     )
     assert other.success
     assert value(solved.efforts.ravel()) == pytest.approx(other.fun, rel=1e-5, abs=1e-7)
-    again, _ = found.solve(free, wanted, -size - shift, size - shift, active)
+    again, _ = found.solve(free, requested, -size - shift, size - shift, active)
     assert again.iterations <= solved.iterations
     np.testing.assert_allclose(again.efforts, solved.efforts, atol=1e-6)
 

@@ -209,9 +209,9 @@ RANGES: list[dict[str, list[float]]] = [
 ]
 
 
-@pytest.mark.parametrize("wanted", RANGES)
-def test_no_joint_leaves_its_range_on_any_member(wanted: dict[str, list[float]]) -> None:
-    bound, free = plan(joint_range=wanted), plan()
+@pytest.mark.parametrize("requested", RANGES)
+def test_no_joint_leaves_its_range_on_any_member(requested: dict[str, list[float]]) -> None:
+    bound, free = plan(joint_range=requested), plan()
     assert free.summary["swing"]["hub_pitch"][1] > 1.0  # without a range it goes twice as far
     errors = np.linspace(-0.2, 0.2, 9)
     joints = ("base_yaw", "hub_pitch")
@@ -223,14 +223,14 @@ def test_no_joint_leaves_its_range_on_any_member(wanted: dict[str, list[float]])
             rates = x[model.coordinates :][:2]
             effort = r.effort + KP * (r.position - x[:2]) + KD * (r.velocity - rates)
             x = model.advance(x, effort, bound.period, 1)
-            for joint, (low, high) in wanted.items():
+            for joint, (low, high) in requested.items():
                 assert low <= x[joints.index(joint)] <= high
     worst, before = (max(residual_tip(p, e) for e in errors) for p in (bound, plain_plan()))
     assert free.summary["worst_residual"] < worst < before / 2.0
 
 
 @pytest.mark.parametrize(
-    ("wanted", "words"),
+    ("requested", "words"),
     [
         ({"hub": [0.0, 1.0]}, "joint_range: hub is not a joint of the testbed; allowed: base_yaw"),
         ({"hub_pitch": [0.0, 0.4]}, r"joint_range\.hub_pitch: \[0.0, 0.4\] is not allowed: .* 0.5"),
@@ -238,6 +238,6 @@ def test_no_joint_leaves_its_range_on_any_member(wanted: dict[str, list[float]])
         ({"hub_pitch": [-0.001, 0.501], "base_yaw": [-0.001, 1.0001]}, "swings from"),
     ],
 )
-def test_a_range_that_cannot_be_kept_is_refused(wanted: Any, words: str) -> None:
+def test_a_range_that_cannot_be_kept_is_refused(requested: Any, words: str) -> None:
     with pytest.raises((BadInput, PlanFailed), match=words):
-        plan(joint_range=wanted)
+        plan(joint_range=requested)

@@ -57,9 +57,9 @@ def test_the_bench_keeps_within_millimetres_with_modes_nobody_shaped() -> None:
     plan = planned(duration=18.0, command="sin2", goal={"base_yaw": np.pi / 6, "hub_pitch": 0.5})
     model, x, tip = CsaTestbed(modes=3).model(), np.zeros(10), 0.0
     for k in range(4000):
-        wanted = plan.reference(k)
-        error, slip = wanted.position - x[:2], wanted.velocity - x[5:7]
-        x = model.advance(x, wanted.effort + 460.0 * error + 920.0 * slip, 0.01)
+        requested = plan.reference(k)
+        error, slip = requested.position - x[:2], requested.velocity - x[5:7]
+        x = model.advance(x, requested.effort + 460.0 * error + 920.0 * slip, 0.01)
         if k > plan.ticks:
             tip = max(tip, abs(x[2:5].sum()))
     assert tip < 0.004  # the page's case; 0.308 m with theta' shaped instead

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_plant.arrays import Vector
@@ -49,7 +49,7 @@ def planned(inertia: Triple, limit: Triple, turn: Triple, **keys: Any) -> Plan:
     """Return the fastest slew by a rotation vector."""
     values = {"method": "time_optimal", "drives": "all", **keys}
     values["goal"] = dict(zip(NAMES, turn, strict=True))
-    law = InCharge("pd_feedforward", {"kp": [1.0], "kd": [2.0]})
+    law = ActiveLaw("pd_feedforward", {"kp": [1.0], "kd": [2.0]})
     return make_plan(plan_settings(values, "here"), craft(inertia, limit), law=law)
 
 

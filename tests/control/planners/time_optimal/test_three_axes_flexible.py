@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_plant.testbeds import read_testbed
 
@@ -53,7 +53,7 @@ def test_a_flexible_craft_ends_at_rest_and_hardly_later_than_a_rigid_one() -> No
         "reserve": 0.2,
         "goal": {"axis": [1.0, 0.4, -0.8], "angle": "40 deg"},
     }
-    law = InCharge("pd_feedforward", {"kp": [20.0], "kd": [60.0]})
+    law = ActiveLaw("pd_feedforward", {"kp": [20.0], "kd": [60.0]})
     summary = make_plan(plan_settings(values, "here"), bench, law=law).summary
     rigid, flexible = summary["rigid_duration"], summary["duration"]
     assert summary["later_than_rigid"] == flexible - rigid

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.recording.bag_writer import BagWriter
-from flexslew_plant.unbroken import unbroken
+from flexslew_plant.atomic import atomic
 
 RECORDING = str(Path(sys.modules[BagWriter.__module__].__file__ or "").parent)
 DATA = b"\0\1\0\0" + bytes(16)
@@ -21,7 +21,7 @@ DATA = b"\0\1\0\0" + bytes(16)
 
 @pytest.fixture(autouse=True)
 def interrupts() -> Iterator[None]:
-    before = signal.signal(signal.SIGINT, lambda *_: unbroken.interrupt())
+    before = signal.signal(signal.SIGINT, lambda *_: atomic.interrupt())
     yield
     signal.signal(signal.SIGINT, before)
 
@@ -84,7 +84,7 @@ def test_an_interrupt_at_any_line_leaves_whole_messages_chunks_and_files(tmp_pat
 
 def interrupted_within(blocks: int, times: int, reached: list[int]) -> None:
     """Send signals in the innermost of some blocks; tell which blocks were left."""
-    with unbroken:
+    with atomic:
         if blocks > 1:
             interrupted_within(blocks - 1, times, reached)
         else:
@@ -98,7 +98,7 @@ def test_an_interrupt_waits_for_the_outermost_block_and_comes_once() -> None:
     with pytest.raises(KeyboardInterrupt):
         interrupted_within(3, 2, reached)
     assert reached == [1, 2, 3]
-    with unbroken:
+    with atomic:
         pass
 
 

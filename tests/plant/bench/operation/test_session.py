@@ -84,8 +84,8 @@ class Lab:
             self.poll()
         raise AssertionError(f"stuck at tick {self.it.bench.tick}")
 
-    def kinds(self, *wanted: Any) -> list[Any]:
-        return [e.kind for e in self.events if isinstance(e, Event) and e.kind in wanted]
+    def kinds(self, *requested: Any) -> list[Any]:
+        return [e.kind for e in self.events if isinstance(e, Event) and e.kind in requested]
 
 
 def test_it_runs_to_the_end_asks_every_tick_and_says_how_long_it_took() -> None:

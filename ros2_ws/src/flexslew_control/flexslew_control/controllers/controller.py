@@ -170,7 +170,7 @@ class Controller:
         self._course.add(plan)
         return None
 
-    def succeed(self, other: "Controller") -> None:
+    def take_over(self, other: "Controller") -> None:
         """Take the place of another design of the same controller from the next measurement on.
 
         Its plan and what its estimator knows are taken over (where both are of one kind and size;

@@ -64,7 +64,7 @@ class DesignModel(Protocol):
     def effectiveness(self, z: Vector, surface: Matrix) -> Matrix:
         """Return (G B)^-1, shape (m, m)."""
 
-    def wanted(self, reference: Reference) -> tuple[Vector, Vector]:
+    def nominal_state(self, reference: Reference) -> tuple[Vector, Vector]:
         """Return z* and z*', each of shape (k,)."""
 
     def on_bench(self, effort: Vector) -> Vector:
@@ -183,7 +183,7 @@ class JointsAndModes:
             return self._effectiveness
         return inverse(surface @ self.model.jacobian(z, self._no_effort)[1])
 
-    def wanted(self, reference: Reference) -> tuple[Vector, Vector]:
+    def nominal_state(self, reference: Reference) -> tuple[Vector, Vector]:
         """Return z* and the mean of its derivative over the coming tick."""
         m, modes = self.model.joints, self.model.modes
         now = nominal_state(reference.state, reference, m, modes)

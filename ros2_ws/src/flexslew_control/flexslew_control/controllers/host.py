@@ -160,7 +160,7 @@ class ControllerHost:
         """Return the answer if the question names this controller; see Controller.observe."""
         if self.controller is None:
             return None
-        if question.misfit(len(self.controller.joint_names), self._appendages):
+        if question.mismatch(len(self.controller.joint_names), self._appendages):
             return None  # of a testbed that is still to be announced, or of nobody who knows it
         if not self._thread.take((question.epoch, question.tick)):
             self.ignored(
@@ -246,7 +246,7 @@ class ControllerHost:
 
     def _take(self, tuning: _Tuning, question: Measurement) -> None:
         assert self.controller is not None
-        tuning.controller.succeed(self.controller)
+        tuning.controller.take_over(self.controller)
         before, self.controller, self.values = self.values, tuning.controller, tuning.values
         what = ControllerTuned(self.name, tuning.changes, before, tuning.who or UNNAMED)
         self.events.append(event_of(what, question.tick, question.time, question.epoch, self.name))

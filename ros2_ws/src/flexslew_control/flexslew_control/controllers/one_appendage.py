@@ -129,7 +129,7 @@ class OneAppendage:
             self._effectiveness = inverse(surface @ self.system.b)
         return self._effectiveness
 
-    def wanted(self, reference: Reference) -> tuple[Vector, Vector]:
+    def nominal_state(self, reference: Reference) -> tuple[Vector, Vector]:
         """Return z* and z*' at the tick: the modes of the plan's model, the rest zero."""
         n = len(self.system.a) // 2
         if not self.elastic or not reference.state.size:

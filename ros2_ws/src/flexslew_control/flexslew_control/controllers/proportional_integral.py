@@ -132,8 +132,8 @@ class NominalDeviation:
     def __call__(self, estimate: Estimate, reference: Reference) -> Action:
         """Return what the deviation of the estimate asks for."""
         n = self.model.coordinates
-        wanted = nominal(self.model, reference)
-        e, rate = estimate.position - wanted[:n], estimate.velocity - wanted[n:]
+        requested = nominal(self.model, reference)
+        e, rate = estimate.position - requested[:n], estimate.velocity - requested[n:]
         return Action(-(self.gains.ki @ e), -(self.gains.kp @ e), -(self.gains.kd @ rate))
 
 

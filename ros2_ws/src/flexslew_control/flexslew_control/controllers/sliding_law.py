@@ -118,7 +118,7 @@ class SlidingLaw:
         """Return the joint efforts, shape (joints,) [N m or N]."""
         observed, surface = self.observed, self.found.surface
         z = observed.state(estimate)
-        nominal, slope = observed.wanted(reference)
+        nominal, slope = observed.nominal_state(reference)
         drift, inverse = observed.drift(z, reference), observed.effectiveness(z, surface)
         summands = {
             "feedforward": inverse @ (surface @ slope),
@@ -148,7 +148,7 @@ def sliding_form(
     reaching = inverse @ (surface * rates)
     innovation = -inverse @ (surface @ law.found.observer_gain)
     equivalent = inverse @ surface @ system.a
-    pairs = [observed.wanted(w) for w in references]
+    pairs = [observed.nominal_state(w) for w in references]
     nominal, slope = (np.array(column) for column in zip(*pairs, strict=True))
     demand = slope @ (inverse @ surface).T + nominal @ reaching.T + equivalent @ observed.origin
     of_state, outputs = -equivalent - reaching, len(system.c)

@@ -182,7 +182,7 @@ class UserLaw:
             )
         if effort.shape != (self._joints,):
             raise LawFailed(
-                f"{self._law} gave efforts of shape {effort.shape}, wanted ({self._joints},)"
+                f"{self._law} gave efforts of shape {effort.shape}, expected ({self._joints},)"
             )
         if not np.isfinite(effort).all() and _whole(measurement):
             raise LawFailed(f"{self._law} gave {effort.tolist()}, which is not finite")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeAlias, runtime_c
 import numpy as np
 from pydantic import Discriminator, PlainValidator, Tag, ValidationInfo
 
-from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude_goal import AttitudeGoal, joint_goal
 from flexslew_control.planners.entry import PlannerEntry as PlannerEntry
@@ -175,7 +175,7 @@ def make_plan(
     plant: PlantDescription,
     feedback: Feedback | None = None,
     progress: Progress | None = None,
-    law: InCharge | None = None,
+    law: ActiveLaw | None = None,
 ) -> Plan:
     """Return the plan that a `plan` section asks for.
 

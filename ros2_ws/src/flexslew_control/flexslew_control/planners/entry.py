@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
-from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback
@@ -26,7 +26,7 @@ class PlanSection(Protocol):
 # section, bench, gains of the controller in charge (None: it has none), listener, its law
 # (None: nobody knows)
 Make: TypeAlias = Callable[
-    [Any, PlantDescription, Feedback | None, Progress, InCharge | None], Plan
+    [Any, PlantDescription, Feedback | None, Progress, ActiveLaw | None], Plan
 ]
 
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from flexslew_control.controllers.lqr import disturbance_gain
-from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.perturbation import (
     Change,
     EndCondition,
@@ -76,7 +76,7 @@ def plan_retargeting(
     plant: PlantDescription,
     feedback: Feedback | None,
     progress: Progress,
-    law: InCharge | None = None,
+    law: ActiveLaw | None = None,
 ) -> Plan:
     """Return the plan of a retargeting manoeuvre.
 
@@ -193,8 +193,10 @@ def changing_gains(settings: Retargeting, ticks: _Ticks) -> tuple[Matrix, dict[s
     inverse = np.linalg.inv(r.modes)
     for frozen, change, p in zip(ticks.middle, changes, first, strict=True):
         gains = r.gains(change, p)
-        wanted = np.hstack([g @ inverse for g in (gains.proportional, gains.rate, gains.integral)])
-        u = np.linalg.solve(r.modes.T @ frozen.input_matrix, wanted)
+        requested = np.hstack(
+            [g @ inverse for g in (gains.proportional, gains.rate, gains.integral)]
+        )
+        u = np.linalg.solve(r.modes.T @ frozen.input_matrix, requested)
         rows.append(motion.gains(u).ravel())
     told = {"frequencies": np.sqrt(r.squares).tolist(), "slowest_pole": _slowest(r)}
     return np.array(rows), told

@@ -132,9 +132,9 @@ def _beliefs(slew: Slew, plant: PlantDescription, feedback: Feedback | None) -> 
             theirs = per_joint(key, given, names)
             if (ours != theirs).any():
                 pairs.append((f"feedback.{key}", ours.tolist(), theirs.tolist()))
-    said = [f"{key} {ours} instead of {theirs}" for key, ours, theirs in pairs[:_LISTED]]
-    more = len(pairs) - len(said)
-    return ", ".join(said + [f"{more} more"] * (more > 0))
+    differences = [f"{key} {ours} instead of {theirs}" for key, ours, theirs in pairs[:_LISTED]]
+    more = len(pairs) - len(differences)
+    return ", ".join(differences + [f"{more} more"] * (more > 0))
 
 
 def tick_times(start: float, duration: float, period: float) -> Vector:

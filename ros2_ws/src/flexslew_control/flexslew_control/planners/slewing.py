@@ -8,7 +8,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_loop, radius
-from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.held_efforts import exact_on_ticks
 from flexslew_control.planners.one_axis import (
@@ -26,7 +26,7 @@ from flexslew_control.planners.trajectories import rigid_duration, rounded_up
 from flexslew_control.planners.whole_bench import (
     NOTHING,
     Better,
-    as_promised,
+    as_predicted,
     by_feedback,
     counted_with,
     flown_on_bench,
@@ -77,7 +77,7 @@ class Slewing:
         plant: PlantDescription,
         feedback: Feedback | None,
         progress: Progress,
-        law: InCharge | None = None,
+        law: ActiveLaw | None = None,
     ) -> Plan:
         """Return the plan of a section; see make_plan.
 
@@ -104,21 +104,21 @@ class Slewing:
             if isinstance(error, TooMuchTorque):
                 raise PlanFailed(f"{error}; {self._enough_time(settings, slew)}") from None
             raise PlanFailed(str(error)) from None
-        promised = predicted(plan, slew)
+        on_model = predicted(plan, slew)
         exact = self.exact is not None and self.exact(settings)
         rigid = not slew.model.modes
-        left = promised.attitude_error.max() if rigid else promised.tip_deflection
+        left = on_model.attitude_error.max() if rigid else on_model.tip_deflection
         if exact and left > (_EXACT_RIGID if rigid else _EXACT):
             plan = exact_on_ticks(plan, slew)
-            promised = predicted(plan, slew)
-        promise = {
-            **self._ringing(settings, promised),
+            on_model = predicted(plan, slew)
+        figures = {
+            **self._ringing(settings, on_model),
             "believes": slew.beliefs,
-            "predicted_residual_tip_deflection": promised.tip_deflection,
-            "predicted_residual_attitude_error": slew.named(promised.attitude_error),
+            "predicted_residual_tip_deflection": on_model.tip_deflection,
+            "predicted_residual_attitude_error": slew.named(on_model.attitude_error),
         }
         plan = replace(
-            plan, request=self._complete(settings, slew), summary={**plan.summary, **promise}
+            plan, request=self._complete(settings, slew), summary={**plan.summary, **figures}
         )
         return plan if law is None else self._flown_by(law, plan, settings, slew, plant)
 
@@ -131,7 +131,7 @@ class Slewing:
         return {"warning": f"the tip vibrates by {left:.3g} m after the end: {rings}"}
 
     def _flown_by(
-        self, law: InCharge, plan: Plan, settings: Any, slew: Slew, plant: PlantDescription
+        self, law: ActiveLaw, plan: Plan, settings: Any, slew: Slew, plant: PlantDescription
     ) -> Plan:
         """Return the plan with what it leaves where the law in charge flies it.
 
@@ -145,7 +145,7 @@ class Slewing:
         if found is None:
             return plan
         remedy = ""
-        if not as_promised(plan, found) and getattr(settings, "track", "planned") != "planned":
+        if not as_predicted(plan, found) and getattr(settings, "track", "planned") != "planned":
             about = self.plan(replace(settings, track="planned"), slew, ignore)
             other = flown_on_bench(about, plant, law, model)
             if other is not None and other.tip_deflection < 0.5 * found.tip_deflection:
@@ -158,7 +158,7 @@ class Slewing:
         plant: PlantDescription,
         feedback: Feedback | None,
         progress: Progress,
-        law: InCharge | None,
+        law: ActiveLaw | None,
     ) -> Plan:
         """Return the plan of a slew in three axes, with what it leaves on the bench."""
         slew = slew_of(settings, plant, feedback)
@@ -170,10 +170,10 @@ class Slewing:
         )
         gains = getattr(settings, "feedback", None) or feedback
         flies = law or (by_feedback(gains) if gains else None)
-        promise = None if flies is None else flown_on_bench(plan, plant, flies)
-        if promise is None:
+        prediction = None if flies is None else flown_on_bench(plan, plant, flies)
+        if prediction is None:
             return not_flown(plan)
-        return told(plan, plant, promise, remedy="give the law more room, by a reserve")
+        return told(plan, plant, prediction, remedy="give the law more room, by a reserve")
 
     def _turned(
         self,
@@ -181,7 +181,7 @@ class Slewing:
         plant: PlantDescription,
         feedback: Feedback | None,
         progress: Progress,
-        law: InCharge | None,
+        law: ActiveLaw | None,
     ) -> Plan:
         """Return the plan of a turn about one axis, with what it leaves on the whole bench.
 
@@ -195,16 +195,16 @@ class Slewing:
             flies = flies or by_feedback(Feedback())
             found = self._relevant(settings, plant, feedback, flies, progress, None)
             assert found is not None
-            return told(found[0], plant, found[1].promise)
+            return told(found[0], plant, found[1].prediction)
         plan = self._embedded(settings, plant, feedback, progress)
-        promise = None if flies is None else flown_on_bench(plan, plant, flies)
-        if flies is None or promise is None:
+        prediction = None if flies is None else flown_on_bench(plan, plant, flies)
+        if flies is None or prediction is None:
             return not_flown(plan)
-        plan = replace(plan, summary={**plan.summary, **self._ringing(settings, promise)})
-        if as_promised(plan, promise):
-            return told(plan, plant, promise)
-        better = self._relevant(settings, plant, feedback, flies, progress, promise)
-        return told(plan, plant, promise, better and better[1])
+        plan = replace(plan, summary={**plan.summary, **self._ringing(settings, prediction)})
+        if as_predicted(plan, prediction):
+            return told(plan, plant, prediction)
+        better = self._relevant(settings, plant, feedback, flies, progress, prediction)
+        return told(plan, plant, prediction, better and better[1])
 
     def _embedded(
         self,
@@ -238,7 +238,7 @@ class Slewing:
         settings: Any,
         plant: PlantDescription,
         feedback: Feedback | None,
-        flies: InCharge,
+        flies: ActiveLaw,
         progress: Progress,
         than: Prediction | None,
     ) -> tuple[Plan, Better] | None:
@@ -261,16 +261,16 @@ class Slewing:
                 if best is None and than is None:
                     raise
                 break
-            promise = flown_on_bench(plan, plant, flies)
-            if promise is None:
+            prediction = flown_on_bench(plan, plant, flies)
+            if prediction is None:
                 if than is None:
                     raise PlanFailed(
                         f"model: modes: relevant: {flies.law} cannot fly the plan, so nothing says "
                         "which modes matter; give a number of modes"
                     )
                 break
-            if promise.tip_deflection < least:
-                best, least = (plan, Better(count, promise)), promise.tip_deflection
+            if prediction.tip_deflection < least:
+                best, least = (plan, Better(count, prediction)), prediction.tip_deflection
             if least <= NOTHING or not more_modes(settings, plant, count):
                 break
         return best

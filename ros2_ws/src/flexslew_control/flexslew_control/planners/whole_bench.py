@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.controllers import PD_FEEDFORWARD, build_controller
-from flexslew_control.law import InCharge, PlantDescription, per_joint
+from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
 from flexslew_control.plan import Plan
 from flexslew_control.planners.prediction import WATCHED, Prediction
 from flexslew_control.planners.slew import Feedback, Slew
@@ -30,10 +30,10 @@ class Better(NamedTuple):
     """A plan on other modes that leaves less."""
 
     modes: int  # frequencies that it counts with
-    promise: Prediction
+    prediction: Prediction
 
 
-def as_promised(plan: Plan, bench: Prediction) -> bool:
+def as_predicted(plan: Plan, bench: Prediction) -> bool:
     """Return whether a plan leaves the bench as still as it has been promised so far."""
     on_model = float(plan.summary["predicted_residual_tip_deflection"])
     return bench.tip_deflection <= (1.0 + _ALLOWED) * on_model + NOTHING
@@ -63,9 +63,9 @@ def told(
         "predicted_residual_attitude_error": away,
         "residual_tip_deflection_on_model": on_model,
     }
-    if not as_promised(plan, bench):
+    if not as_predicted(plan, bench):
         if better is not None:
-            left = better.promise.tip_deflection
+            left = better.prediction.tip_deflection
             remedy = f"model: {{modes: {better.modes}}} leaves {left:.3g} m"
         words = (
             f"on the whole bench it leaves {bench.tip_deflection:.3g} m at the tips, on the model "
@@ -82,7 +82,7 @@ def not_flown(plan: Plan) -> Plan:
 
 
 def told_by_law(
-    plan: Plan, plant: PlantDescription, found: Prediction, law: InCharge, remedy: str = ""
+    plan: Plan, plant: PlantDescription, found: Prediction, law: ActiveLaw, remedy: str = ""
 ) -> Plan:
     """Return the plan with what it leaves where a law flies it, and a warning if that is more.
 
@@ -101,7 +101,7 @@ def told_by_law(
         "predicted_residual_attitude_error": away,
         "residual_tip_deflection_by_joint_feedback": by_joints,
     }
-    if not as_promised(plan, found):
+    if not as_predicted(plan, found):
         summary["warning"] = _also(
             plan,
             f"flown by {law.law} it leaves {found.tip_deflection:.3g} m at the tips, by the joint "
@@ -110,7 +110,7 @@ def told_by_law(
     return replace(plan, summary=summary)
 
 
-def counted_with(law: InCharge, slew: Slew) -> bool:
+def counted_with(law: ActiveLaw, slew: Slew) -> bool:
     """Return whether a law is the joint feedback that the planner counts with, and nothing else."""
     if law.law != PD_FEEDFORWARD.name or set(law.settings) - {"kp", "kd"}:
         return False
@@ -127,7 +127,7 @@ def _also(plan: Plan, words: str) -> str:
 
 
 def flown_on_bench(
-    plan: Plan, plant: PlantDescription, law: InCharge, model: Model | None = None
+    plan: Plan, plant: PlantDescription, law: ActiveLaw, model: Model | None = None
 ) -> Prediction | None:
     """Return the residuals of a plan that a law flies; None: it cannot fly it.
 
@@ -172,9 +172,9 @@ def flown_on_bench(
     return Prediction(swing, away, peak)
 
 
-def by_feedback(feedback: Feedback) -> InCharge:
+def by_feedback(feedback: Feedback) -> ActiveLaw:
     """Return the joint feedback with these gains as a law."""
-    return InCharge(PD_FEEDFORWARD.name, {"kp": list(feedback.kp), "kd": list(feedback.kd)})
+    return ActiveLaw(PD_FEEDFORWARD.name, {"kp": list(feedback.kp), "kd": list(feedback.kd)})
 
 
 def _largest(values: Vector) -> float:

@@ -28,9 +28,9 @@ class Announcer:
         host: that holds it.
         law: that it runs.
         alive: signs of life, for others of its name.
-        said: what must be heard: the commands first, then the states.
+        sent: what must be heard: the commands first, then the states.
         heard: the questions, which tell who the plant is.
-        listeners: nodes that must hear what is said, besides the plant.
+        listeners: nodes that must hear what is sent, besides the plant.
     """
 
     def __init__(
@@ -39,12 +39,12 @@ class Announcer:
         host: ControllerHost,
         law: str,
         alive: Alive,
-        said: Sequence[Publisher[Any]],
+        sent: Sequence[Publisher[Any]],
         heard: Subscription[Any],
         listeners: Sequence[str],
     ) -> None:
         self._node, self._host, self._law, self._alive = node, host, law, alive
-        self._said, self._heard, self._listeners = said, heard, listeners
+        self._sent, self._heard, self._listeners = sent, heard, listeners
         self._status = publisher(node, topics.CONTROLLER_STATUS)
         self.older: Refusal | None = None  # why this one is silent for another one of its name
         self.announced = False
@@ -108,8 +108,8 @@ class Announcer:
         if why is not None or self._is_heard:
             return why
         plant = publishers_of(self._node, self._heard)
-        missing = unmatched(self._node, self._said[:1], [*plant, *self._listeners])
-        missing += unmatched(self._node, self._said[1:], self._listeners)
+        missing = unmatched(self._node, self._sent[:1], [*plant, *self._listeners])
+        missing += unmatched(self._node, self._sent[1:], self._listeners)
         self._is_heard = bool(plant) and not missing
         unheard = ", ".join(sorted(set(missing))) or "a plant"
         if self._is_heard:

@@ -26,7 +26,7 @@ from flexslew_plant.ros.offers import publisher, subscription
 from flexslew_plant.ros.parameters import declared, new_node, parameters_of
 from flexslew_plant.ros.realtime import CONTROLLER, RealTime
 
-_LOOK = 0.02  # between two looks at the graph while not ready [wall s]
+_POLL_PERIOD = 0.02  # between two polls at the graph while not ready [wall s]
 
 
 class ControllerNode:
@@ -69,7 +69,7 @@ class ControllerNode:
         if now >= self._next_look:
             self._announcer.look()
             self._watch.look()
-            self._next_look = now + (_LOOK if self._announcer.reason else 0.2)
+            self._next_look = now + (_POLL_PERIOD if self._announcer.reason else 0.2)
         return self._next_look - now
 
     def _on_testbed(self, message: msg.Testbed) -> None:

@@ -10,7 +10,7 @@ from flexslew_msgs import msg, srv
 from rclpy.node import Node
 from rclpy.task import Future
 
-from flexslew_control.law import InCharge, described
+from flexslew_control.law import ActiveLaw, described
 from flexslew_control.message_fields import plan_fields
 from flexslew_control.plan import Plan
 from flexslew_control.planned_course import PATIENCE, PlanAnswers, PlannedCourse
@@ -71,7 +71,7 @@ class PlanRelease:
         alive: Alive,
         gains: Gains,
         trust: Sequence[str],
-        law: InCharge | None = None,
+        law: ActiveLaw | None = None,
     ) -> None:
         self._trust, self._law = Trust.of(trust), law
         self._loop, self._alive, self._gains = loop, alive, gains

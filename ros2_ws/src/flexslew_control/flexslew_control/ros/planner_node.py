@@ -27,8 +27,8 @@ from flexslew_plant.ros.node_process import run_node
 from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import new_node, settings_of
 
-_LOOK = 0.2  # between two looks at the graph [wall s]
-_PLANNING = 0.02  # between two looks at the planning process [wall s]
+_POLL_PERIOD = 0.2  # between two polls at the graph [wall s]
+_PLANNING = 0.02  # between two polls at the planning process [wall s]
 
 
 class Planner:
@@ -67,7 +67,7 @@ class Planner:
         now = monotonic()
         if now >= self._next_look:
             self._watch.look()
-            self._next_look = now + _LOOK
+            self._next_look = now + _POLL_PERIOD
         awaited = self._release.poll(now)
         if self._done is None:
             return _PLANNING if awaited else self._next_look - now
@@ -135,8 +135,8 @@ class Planner:
         request = goal.request
         if self._done is not None:
             return BUSY
-        wanted = self._release.request(request.request, request.period, request.effort_limit)
-        return self._release.checked(await self._ask(wanted, goal))
+        requested = self._release.request(request.request, request.period, request.effort_limit)
+        return self._release.checked(await self._ask(requested, goal))
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """The parameters of the planner node."""
 
-from flexslew_control.law import InCharge
+from flexslew_control.law import ActiveLaw
 from flexslew_plant.settings import NonNegative, load_yaml, section
 
 
@@ -19,11 +19,11 @@ class PlannerSettings:
     exit_with_plant: bool = False  # end the process when the plant is gone
     trust: tuple[str, ...] = ()  # classes of your own that testbed and requests may name
 
-    def in_charge(self) -> InCharge | None:
+    def in_charge(self) -> ActiveLaw | None:
         """Return the law of the controller in charge; None: nobody says.
 
         Raises:
             BadInput: its section is not YAML.
         """
         own = load_yaml(self.law_settings, "law_settings") or {}
-        return InCharge(self.law, own) if self.law else None
+        return ActiveLaw(self.law, own) if self.law else None

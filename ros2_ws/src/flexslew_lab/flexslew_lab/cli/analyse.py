@@ -43,14 +43,14 @@ def analyse(
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
-    wanted, source = read_trial(file, sets)
-    target = writable_file(out or new_file(f"{wanted.name}-analysis.html"), "--out")
+    requested, source = read_trial(file, sets)
+    target = writable_file(out or new_file(f"{requested.name}-analysis.html"), "--out")
     with for_people.status("analysing"):
-        found = analysed(wanted, source, controller, at, joints_of(rest))
+        found = analysed(requested, source, controller, at, joints_of(rest))
     proof = None
     if prove:
         with for_people.status("flying beside the margins"):
-            proof = proved(wanted, found)
+            proof = proved(requested, found)
     if as_json:
         proven = {} if proof is None else {"proof": finite(proof.plain())}
         print(json.dumps({**found.plain(), **proven}, indent=2))
@@ -61,7 +61,7 @@ def analyse(
         if proof is not None:
             print_table(MARGIN_COLUMNS, margin_rows(proof))
     if out is not None or not as_json:
-        page = write_page(analysis_page(found, wanted.name, proof), target)
+        page = write_page(analysis_page(found, requested.name, proof), target)
         say(f"written {link(page)}")
     if not found.stable or (proof is not None and not proof.holds):
         raise typer.Exit(1)

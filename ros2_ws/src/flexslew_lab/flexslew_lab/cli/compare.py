@@ -38,9 +38,9 @@ def compare(
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
-    wanted, source = read_trial(file, sets)
+    requested, source = read_trial(file, sets)
     words = "laws" if laws else "compare"
-    target = writable_file(out or new_file(f"{wanted.name}-{words}.html"), "--out")
+    target = writable_file(out or new_file(f"{requested.name}-{words}.html"), "--out")
     compared: Any
     compared, table_of, page_of = (
         (by_law.compared_laws, laws_page.short_table, laws_page.laws_page)
@@ -48,7 +48,7 @@ def compare(
         else (planners.compared, planners_page.short_table, planners_page.comparison_page)
     )
     with progress("compare", "flights") as advance:
-        found = compared(wanted, source, advance)
+        found = compared(requested, source, advance)
     if as_json:
         print(json.dumps(found.rows(), indent=2))
     else:

@@ -14,7 +14,7 @@ from typing import IO, Annotated
 
 import typer
 
-from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, patient
+from flexslew_lab.cli.interrupt import INTERRUPTED, NODES_EXIT_TIMEOUT, patient
 from flexslew_lab.cli.log import bag_of
 from flexslew_lab.cli.missing import require_ros
 from flexslew_lab.cli.operate import Namespace
@@ -105,18 +105,20 @@ def _fly(
     from flexslew_lab.trial.run import run_trial
     from flexslew_lab.trial.sources import read_trial
 
-    wanted, source = read_trial(file, sets)
+    requested, source = read_trial(file, sets)
     rate, open_ended = pace
-    wanted = replace(wanted, rate_factor=rate, duration=_ENDLESS if open_ended else wanted.duration)
-    folder = new_folder(wanted.name, out)
+    requested = replace(
+        requested, rate_factor=rate, duration=_ENDLESS if open_ended else requested.duration
+    )
+    folder = new_folder(requested.name, out)
     words = ["./flexslew", "trial", file or "m1", *(f"--set={one}" for one in sets or ())]
-    page = partial(_page, folder, shlex.join(words), at, own_names(wanted))
-    with own_domain(wanted.name) as domain:
+    page = partial(_page, folder, shlex.join(words), at, own_names(requested))
+    with own_domain(requested.name) as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        with patient(NODES), page() as child:
-            with progress(wanted.name) as advance:
+        with patient(NODES_EXIT_TIMEOUT), page() as child:
+            with progress(requested.name) as advance:
                 result = run_trial(
-                    wanted, source, folder, progress=advance, say=say, autostart=False
+                    requested, source, folder, progress=advance, say=say, autostart=False
                 )
             report = folder / "report.html"
             say(f"{link(report)}" if report.exists() else str(folder))

@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from flexslew_plant.unbroken import unbroken
+from flexslew_plant.atomic import atomic
 
 INTERRUPTED = 130  # exit code
-SOON = 1.5  # until the process ends, whatever holds it up [wall s]
-NODES = 30.0  # the same where files have to be closed [wall s]
-_patience = SOON
+EXIT_TIMEOUT = 1.5  # until the process ends, whatever holds it up [wall s]
+NODES_EXIT_TIMEOUT = 30.0  # the same where files have to be closed [wall s]
+_patience = EXIT_TIMEOUT
 
 
 def while_importing() -> None:
@@ -55,7 +55,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     timer = threading.Timer(_patience, _end_at_once, (number, None))
     timer.daemon = True
     timer.start()
-    unbroken.interrupt()
+    atomic.interrupt()
 
 
 def _end_at_once(number: int, frame: FrameType | None) -> None:

@@ -70,7 +70,9 @@ def export(
         Path | None, typer.Option(help="Folder of the tables; else export/ and the run's name.")
     ] = None,
     kind: Annotated[str, typer.Option("--format", help="parquet or csv.")] = "parquet",
-    topic: Annotated[list[str] | None, typer.Option(help="Only this; may be repeated.")] = None,
+    topic: Annotated[
+        list[str] | None, typer.Option(help="Topic to export; default: all; may be repeated.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Write a bag as tables, one per topic: time in seconds, columns named after the joints.

@@ -20,7 +20,13 @@ from flexslew_lab.cli.conform import conform
 from flexslew_lab.cli.console import console
 from flexslew_lab.cli.early import OPERATING
 from flexslew_lab.cli.identify import identify
-from flexslew_lab.cli.interrupt import INTERRUPTED, NODES, SOON, patient, while_running
+from flexslew_lab.cli.interrupt import (
+    EXIT_TIMEOUT,
+    INTERRUPTED,
+    NODES_EXIT_TIMEOUT,
+    patient,
+    while_running,
+)
 from flexslew_lab.cli.log import Json, bag_of, log, reading_limits, recover
 from flexslew_lab.cli.missing import remedy, require_ros
 from flexslew_lab.cli.model import model
@@ -83,21 +89,28 @@ def trial(
 
     if not in_process:
         require_ros()
-    wanted, source = read_trial(file, sets)
+    requested, source = read_trial(file, sets)
     if rate is not None:
         if not 0.0 <= rate < math.inf:
             raise BadInput("0 is as fast as possible, 1 real time", key="--rate", value=rate)
-        wanted = replace(wanted, rate_factor=rate)
-    with progress(wanted.name) as advance, patient(SOON if in_process else NODES):
-        result = run_trial(wanted, source, out, in_process, not no_report, advance, say)
+        requested = replace(requested, rate_factor=rate)
+    with (
+        progress(requested.name) as advance,
+        patient(EXIT_TIMEOUT if in_process else NODES_EXIT_TIMEOUT),
+    ):
+        result = run_trial(requested, source, out, in_process, not no_report, advance, say)
     if result.exit_code == INTERRUPTED:
         say(f"interrupted; what was recorded until then is in {result.folder}")
         sys.exit(INTERRUPTED)
     if as_json:
         print(json.dumps(result.metrics, indent=2))
     else:
-        print_table(("metric", "value", "unit"), metric_rows(result.metrics, _joint_units(wanted)))
-        words = verdict(result.metrics, result.bare_metrics, wanted.goal_tolerance, result.changes)
+        print_table(
+            ("metric", "value", "unit"), metric_rows(result.metrics, _joint_units(requested))
+        )
+        words = verdict(
+            result.metrics, result.bare_metrics, requested.goal_tolerance, result.changes
+        )
         say(words, "bold")
     page = result.folder / "report.html"
     say(f"{link(page)}" if page.exists() else str(result.folder))
@@ -147,11 +160,11 @@ def plan(
     for path, option in ((out, "--out"), (figure, "--figure")):
         if path is not None:
             writable_file(path, option)
-    wanted, source = read_trial(file, sets)
-    settings = plan_section_of(wanted, source)
+    requested, source = read_trial(file, sets)
+    settings = plan_section_of(requested, source)
     if method is not None:
         if settings is None:
-            settings = plan_settings({"method": method}, f"{source}: plan", wanted.trust)
+            settings = plan_settings({"method": method}, f"{source}: plan", requested.trust)
         else:
             settings = other_method(settings, method, f"{source}: plan")
     if settings is None:
@@ -163,7 +176,9 @@ def plan(
         say(f"  {update.number:3d}  J {update.objective:.6e}{size if known else ''}")
 
     told = None if as_json else iteration
-    made = make_plan(settings, plant_of(wanted), feedback_of(wanted), told, law_in_charge(wanted))
+    made = make_plan(
+        settings, plant_of(requested), feedback_of(requested), told, law_in_charge(requested)
+    )
     summary = {**made.summary, "duration": made.duration, "hash": plan_hash(made)}
     rows = [(k, short(v)) for k, v in summary.items() if k not in ("weights", "history")]
     if out is not None:
@@ -173,8 +188,8 @@ def plan(
     if figure is not None:
         from flexslew_lab.report.report import write_plan
 
-        units = wanted.testbed.model().joint_units
-        write_plan(made, units, tuple(wanted.testbed.effort_limit), rows, figure)
+        units = requested.testbed.model().joint_units
+        write_plan(made, units, tuple(requested.testbed.effort_limit), rows, figure)
         say(f"drawn {link(figure)}")
     if as_json:
         print(json.dumps(summary, indent=2))
@@ -270,9 +285,9 @@ app.command(context_settings=_OTHERS, rich_help_panel="Analyse and identify")(co
 app.command(context_settings=_OTHERS, rich_help_panel="The bench itself")(test)
 
 
-def _joint_units(wanted: "Trial") -> dict[str, str]:
+def _joint_units(requested: "Trial") -> dict[str, str]:
     """Return the units of a trial's joints by name."""
-    model = wanted.testbed.model()
+    model = requested.testbed.model()
     return dict(zip(model.joint_names, model.joint_units, strict=True))
 
 

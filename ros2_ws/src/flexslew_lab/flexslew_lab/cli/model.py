@@ -38,8 +38,8 @@ def model(
     from flexslew_lab.trial.sources import read_trial
 
     writable_file(to, "--to")
-    wanted, _ = read_trial(file, sets)
-    point = point_of(wanted, at, joints_of(rest))
+    requested, _ = read_trial(file, sets)
+    point = point_of(requested, at, joints_of(rest))
     system = model_of(point, sampled)
     save_model(system, to)
     for kind in point.left_out:

@@ -40,7 +40,7 @@ def pause(namespace: Namespace = "") -> None:
 
 
 def step(
-    ticks: Annotated[int, typer.Argument(help="How many.")] = 1, namespace: Namespace = ""
+    ticks: Annotated[int, typer.Argument(help="Number of ticks.")] = 1, namespace: Namespace = ""
 ) -> None:
     """Advance a paused bench by some ticks.
 

@@ -85,7 +85,7 @@ def resim(
 def check(
     bag: Bag,
     controller: Annotated[
-        str, typer.Argument(help="Its name in the log; default: the first.")
+        str, typer.Argument(help="Name of the controller in the log; default: the first in it.")
     ] = "",
     law: Annotated[str | None, typer.Option(help="Replaces the recorded one.")] = None,
     settings: Annotated[

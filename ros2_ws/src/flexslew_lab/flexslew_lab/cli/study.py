@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flexslew_lab.cli.interrupt import NODES, patient
+from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, patient
 from flexslew_lab.cli.log import Json, demand
 from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.study_words import progress, side_by_side, tell
@@ -60,27 +60,27 @@ def run(
     if workers is not None and dask is not None:
         raise BadInput("--workers and --dask: choose one of them")
     part = _shard(shard)
-    wanted = load_study(study_path(file), ANY_CODE)
+    requested = load_study(study_path(file), ANY_CODE)
     with for_people.status("preparing"):
-        ready = prepare(wanted)
-    for line in needed(wanted):
+        ready = prepare(requested)
+    for line in needed(requested):
         say(line)
-    folder = out or default_folder(wanted, part)
+    folder = out or default_folder(requested, part)
     executor = _executor(ready, workers, dask)
     if Store(folder).exists:
         _tell_damaged(Store(folder))
     try:
-        with progress(wanted.settings.study) as advance, patient(NODES):
+        with progress(requested.settings.study) as advance, patient(NODES_EXIT_TIMEOUT):
             store = run_study(ready, folder, executor, part, retry is not None, advance)
     finally:
         executor.close()
-    if part.of == 1 and wanted.settings.lanes:
+    if part.of == 1 and requested.settings.lanes:
         _check_lanes(ready, store, workers)
     if part.of > 1:
         say(": join all shards with ./flexslew study merge", head=str(folder), head_style="bold")
         return
-    found = finished(wanted, store)
-    keep_worst(wanted, store, found, say)
+    found = finished(requested, store)
+    keep_worst(requested, store, found, say)
     tell(found, as_json)
     demand(passed(found))
 
@@ -174,12 +174,12 @@ def fly(
 
     store: Store | None
     if Path(file).is_dir():
-        wanted, store = _opened(file, None, trust)
+        requested, store = _opened(file, None, trust)
     else:
-        wanted = load_study(study_path(file), ANY_CODE)
-        store = Store(default_folder(wanted))
+        requested = load_study(study_path(file), ANY_CODE)
+        store = Store(default_folder(requested))
         store = store if store.exists else None
-    result, difference = fly_again(wanted, store, index, out)
+    result, difference = fly_again(requested, store, index, out)
     if as_json:
         print(json.dumps(result.metrics, indent=2))
     else:
@@ -259,11 +259,11 @@ def _opened(place: str, out: Path | None, trust: list[str] | None) -> tuple["Stu
         if not store.exists:
             raise BadInput("holds no study", place)
         return load_study(store.description, Trust.of(trust or ())), store
-    wanted = load_study(study_path(place), ANY_CODE)
-    store = Store(out or default_folder(wanted))
+    requested = load_study(study_path(place), ANY_CODE)
+    store = Store(out or default_folder(requested))
     if not store.exists:
         raise BadInput("holds no study; run it first, or name its folder", store.folder)
-    return wanted, store
+    return requested, store
 
 
 def _executor(ready: "Preparation", workers: int | None, dask: str | None) -> "Executor":

@@ -46,9 +46,9 @@ def progress(name: str) -> Iterator[Callable[[int, int], None]]:
             f"{escape(one_line(name))} [dim]trials[/dim]", total=None, left=ESTIMATING
         )
 
-        def advance(done: int, wanted: int) -> None:
+        def advance(done: int, requested: int) -> None:
             pace.take(done, monotonic())
-            bar.update(task, completed=done, total=wanted, left=left_words(pace.left(wanted)))
+            bar.update(task, completed=done, total=requested, left=left_words(pace.left(requested)))
 
         yield advance
 
@@ -60,25 +60,26 @@ class _Lines:
         self._name, self._pace = name, Pace()
         self._began = self._last = monotonic()
 
-    def __call__(self, done: int, wanted: int) -> None:
+    def __call__(self, done: int, requested: int) -> None:
         now = monotonic()
         self._pace.take(done, now)
         if now - self._last >= _OFTEN:
             self._last = now
-            say(f"{self._name}: {far(done, wanted, now - self._began, self._pace.left(wanted))}")
+            left = self._pace.left(requested)
+            say(f"{self._name}: {far(done, requested, now - self._began, left)}")
 
 
-def far(done: int, wanted: int, seconds: float, left: float | None) -> str:
+def far(done: int, requested: int, seconds: float, left: float | None) -> str:
     """Return in words how far a study is.
 
     Args:
         done: trials, those of earlier runs too.
-        wanted: trials.
+        requested: trials.
         seconds: since this run began [wall s].
         left: until its end [wall s]; None: not known yet.
     """
     so_far = timedelta(seconds=round(seconds))
-    return f"{done} of {wanted} trials, {so_far} so far, {left_words(left)}"
+    return f"{done} of {requested} trials, {so_far} so far, {left_words(left)}"
 
 
 def left_words(left: float | None) -> str:

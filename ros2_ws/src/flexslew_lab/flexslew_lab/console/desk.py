@@ -113,9 +113,9 @@ class Reply:
 
 def line(words: str, role: str = "", color: str = "inherit") -> str:
     """Return one line of text as HTML."""
-    said = f' role="{role}"' if role else ""
+    attribute = f' role="{role}"' if role else ""
     style = f"color:{color};font-size:0.85em;padding:0 0.7em 0.4em;overflow-wrap:anywhere"
-    return f'<div{said} style="{style}">{html.escape(words)}</div>' if words else ""
+    return f'<div{attribute} style="{style}">{html.escape(words)}</div>' if words else ""
 
 
 def _user() -> str:

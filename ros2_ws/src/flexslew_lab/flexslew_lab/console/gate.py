@@ -158,8 +158,8 @@ def header(scope: Scope, name: str) -> str | None:
 
 
 def _headers(scope: Scope, name: str) -> Iterable[str]:
-    wanted = name.encode()
-    return (value.decode("latin-1") for key, value in scope["headers"] if key.lower() == wanted)
+    requested = name.encode()
+    return (value.decode("latin-1") for key, value in scope["headers"] if key.lower() == requested)
 
 
 async def answer(

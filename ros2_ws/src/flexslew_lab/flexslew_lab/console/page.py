@@ -8,10 +8,10 @@ from flexslew_lab.console.desk import Desk, Panel
 from flexslew_lab.console.gui import Element
 from flexslew_lab.console.layouts import layout_file
 from flexslew_lab.console.link import Link
-from flexslew_lab.console.panels.breakage import ActivePanel, BreakPanel, DisturbPanel
 from flexslew_lab.console.panels.charts import ChartsPanel
 from flexslew_lab.console.panels.compare import ComparePanel
 from flexslew_lab.console.panels.end import EndPanel
+from flexslew_lab.console.panels.faults import ActivePanel, DisturbPanel, FaultPanel
 from flexslew_lab.console.panels.log import EventsPanel, NotePanel
 from flexslew_lab.console.panels.plan import PlanPanel
 from flexslew_lab.console.panels.replay import Recording, ReplayPanel
@@ -22,7 +22,7 @@ from flexslew_lab.console.panels.swap import SwapPanel
 from flexslew_lab.console.panels.tune import TunePanel
 from flexslew_lab.console.server import ConsoleServer
 
-LOOK = 0.025  # between two looks at bench and pages [wall s]
+POLL_PERIOD = 0.025  # between two polls at bench and pages [wall s]
 FRAME = 1 / 10  # between two frames at least [wall s]
 SHARE = 0.04  # of a core that the page takes of a bench that goes as fast as it can, about
 _SLOWEST = 1.0  # between two frames then at most [wall s]
@@ -71,7 +71,7 @@ class Page:
             self.refresh()
             self._next = now + self._pause()
         self.server.show()
-        return LOOK
+        return POLL_PERIOD
 
     def refresh(self) -> None:
         """Have every panel say what is known now."""
@@ -103,7 +103,7 @@ class Page:
             "Swap": (SwapPanel,),
             "Tune": (TunePanel,),
             "Plan": (PlanPanel,),
-            "Break": (ActivePanel, DisturbPanel, BreakPanel),
+            "Break": (ActivePanel, DisturbPanel, FaultPanel),
         }
         work = {} if recording else live
         names = (*work, "Log", "View", "End")

@@ -37,28 +37,28 @@ def _shared(view: BenchView, field: str, truth: str) -> tuple[Vector, Matrix, Ma
 
 def _position(view: BenchView, joints: Joints) -> list[Curve]:
     names = _named("", joints, joints.units)
-    wanted = _named("reference ", joints, joints.units)
+    requested = _named("reference ", joints, joints.units)
     truth, state = view.truth, view.controller_state
     return [
         *_columns(names, truth.time, truth.column("position")),
-        *_columns(wanted, state.time, state.column("reference_position"), True),
+        *_columns(requested, state.time, state.column("reference_position"), True),
     ]
 
 
 def _velocity(view: BenchView, joints: Joints) -> list[Curve]:
     rates = tuple(f"{unit}/s" for unit in joints.units)
     truth, state = view.truth, view.controller_state
-    names, wanted = _named("", joints, rates), _named("reference ", joints, rates)
+    names, requested = _named("", joints, rates), _named("reference ", joints, rates)
     return [
         *_columns(names, truth.time, truth.column("velocity")),
-        *_columns(wanted, state.time, state.column("reference_velocity"), True),
+        *_columns(requested, state.time, state.column("reference_velocity"), True),
     ]
 
 
 def _error(view: BenchView, joints: Joints) -> list[Curve]:
-    time, wanted, position = _shared(view, "reference_position", "position")
-    n = min(wanted.shape[1], position.shape[1])
-    return _columns(_named("", joints, joints.units), time, wanted[:, :n] - position[:, :n])
+    time, requested, position = _shared(view, "reference_position", "position")
+    n = min(requested.shape[1], position.shape[1])
+    return _columns(_named("", joints, joints.units), time, requested[:, :n] - position[:, :n])
 
 
 def _effort(view: BenchView, joints: Joints) -> list[Curve]:

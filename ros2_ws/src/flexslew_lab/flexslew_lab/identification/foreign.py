@@ -60,13 +60,15 @@ def foreign_record(
     Raises:
         BadInput: no such column, a gap or jitter beyond what can be mended; with the numbers.
     """
-    wanted = [_named(text) for text in (*inputs, *outputs)]
-    columns = (read_csv if path.suffix == ".csv" else read_bag)(path, [name for name, _ in wanted])
-    for name, _ in wanted[: len(inputs)]:
+    requested = [_named(text) for text in (*inputs, *outputs)]
+    columns = (read_csv if path.suffix == ".csv" else read_bag)(
+        path, [name for name, _ in requested]
+    )
+    for name, _ in requested[: len(inputs)]:
         if past or name in columns.past:
             t, values = columns.series[name]
             columns.series[name] = t[:-1], values[1:]
-    clock = columns.series[wanted[0][0]][0]
+    clock = columns.series[requested[0][0]][0]
     h = period or float(np.median(np.diff(clock)))
     first = max(t[0] for t, _ in columns.series.values())
     last = min(t[-1] for t, _ in columns.series.values())
@@ -75,20 +77,20 @@ def foreign_record(
         raise BadInput(f"{path}: the columns have no time in common")
     grid = first + h * np.arange(ticks + 1)
     words: list[str] = []
-    for name, _ in wanted:
+    for name, _ in requested:
         words += _told(path, name, columns.series[name][0], h)
-    for name, _ in wanted[: len(inputs)]:
+    for name, _ in requested[: len(inputs)]:
         words += _limited(name, columns.series[name][1])
-    effort = np.column_stack([_held(columns.series[n], grid) for n, _ in wanted[: len(inputs)]])
+    effort = np.column_stack([_held(columns.series[n], grid) for n, _ in requested[: len(inputs)]])
     measured = np.column_stack(
-        [np.interp(grid, *columns.series[n]) for n, _ in wanted[len(inputs) :]]
+        [np.interp(grid, *columns.series[n]) for n, _ in requested[len(inputs) :]]
     )
     record = Record(
         h,
         effort[:-1],
         measured,
-        tuple(label for _, label in wanted[: len(inputs)]),
-        tuple(_output(label) for _, label in wanted[len(inputs) :]),
+        tuple(label for _, label in requested[: len(inputs)]),
+        tuple(_output(label) for _, label in requested[len(inputs) :]),
         str(path),
         np.full(len(inputs), np.inf),
     )
@@ -211,12 +213,12 @@ def read_bag(path: Path, names: list[str]) -> Columns:
     """
     from rosbags.highlevel import AnyReader, AnyReaderError
 
-    wanted = [_place(path, name) for name in names]
+    requested = [_place(path, name) for name in names]
     found: dict[str, tuple[list[float], list[float]]] = {name: ([], []) for name in names}
     past = set()
     try:
         with AnyReader([path]) as reader:
-            topics = {place.topic for place in wanted}
+            topics = {place.topic for place in requested}
             connections = [c for c in reader.connections if c.topic in topics]
             there = {c.topic for c in reader.connections}
             for topic in topics - there:
@@ -224,7 +226,7 @@ def read_bag(path: Path, names: list[str]) -> Columns:
             for connection, stamp, raw in reader.messages(connections=connections):
                 message = reader.deserialize(raw, connection.msgtype)
                 at = _stamp(message, stamp)
-                for name, place in zip(names, wanted, strict=True):
+                for name, place in zip(names, requested, strict=True):
                     if place.topic == connection.topic:
                         if (connection.msgtype, place.field) in _PAST_EFFORTS:
                             past.add(name)

@@ -156,7 +156,7 @@ def _by_modes(found: ModalModel, problem: Flights, first: Vector) -> Vector:
     """Return the parameters whose small motions have the modes and the inertia found."""
     if not found.modes:
         return first
-    wanted = np.array([[m.frequency.value, m.damping_ratio.value] for m in found.modes])
+    requested = np.array([[m.frequency.value, m.damping_ratio.value] for m in found.modes])
     inertia = np.array([[entry.value for entry in row] for row in found.inertia])
 
     def mismatch(values: Vector) -> Vector:
@@ -166,10 +166,10 @@ def _by_modes(found: ModalModel, problem: Flights, first: Vector) -> Vector:
         poles = linear.eigenvalues
         poles = poles[poles.imag > 1e-6]
         w, zeta = np.abs(poles), -poles.real / np.abs(poles)
-        mine, theirs = linear_sum_assignment(np.abs(np.log(wanted[:, :1] / w)))
+        mine, theirs = linear_sum_assignment(np.abs(np.log(requested[:, :1] / w)))
         parts = [
-            np.log(w[theirs] / wanted[mine, 0]),
-            _LIGHT * (zeta[theirs] - wanted[mine, 1]),
+            np.log(w[theirs] / requested[mine, 0]),
+            _LIGHT * (zeta[theirs] - requested[mine, 1]),
         ]
         if inertia.size:
             rigid = linear.mass[: model.before_modes, : model.before_modes]

@@ -30,8 +30,8 @@ class LowFrequencies:
     def __init__(self, samples: int, period: float, highest: float) -> None:
         self.each = max(int(2.0 * np.pi / (_ABOVE * highest * _PER_PERIOD * period)), 1)
         self._means = samples // self.each
-        wanted = int(np.ceil(_ABOVE * highest * samples * period / np.pi)) + 1
-        self.rows = min(self._means, wanted)
+        requested = int(np.ceil(_ABOVE * highest * samples * period / np.pi)) + 1
+        self.rows = min(self._means, requested)
 
     def __call__(self, columns: Matrix) -> Matrix:
         """Return the coefficients of every column, (rows, columns)."""

@@ -83,7 +83,7 @@ class Record:
 
     @property
     def ticks(self) -> int:
-        """How many."""
+        """Number of ticks."""
         return len(self.effort)
 
     @property

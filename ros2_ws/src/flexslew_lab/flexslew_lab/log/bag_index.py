@@ -127,8 +127,8 @@ class BagIndex:
     ) -> Iterator[tuple[int, int]]:
         """Yield position and length of the chunks that hold these topics."""
         channels = {n for n in self._lookup.channels if self._lookup.topic(n)[0] in topics}
-        wanted = [number for kinds, number in self._sets.items() if kinds & channels]
-        rows = self._rows[mask & np.isin(self._kinds, wanted)]
+        requested = [number for kinds, number in self._sets.items() if kinds & channels]
+        rows = self._rows[mask & np.isin(self._kinds, requested)]
         for row in rows[::-1] if backwards else rows:
             yield int(row["at"]), int(row["length"])
 

@@ -72,22 +72,22 @@ def export_log(
     if unknown:
         there = ", ".join(sorted(overview.counts))
         raise BadInput(f"no topic {unknown[0]}; it has {there}", bag.path)
-    wanted = list(topics or sorted(overview.counts))
-    skipped = {t: why for t in wanted if (why := _objection(overview.types[t]))}
-    wanted = [t for t in wanted if t not in skipped]
-    widths = _widths(bag, wanted)
+    requested = list(topics or sorted(overview.counts))
+    skipped = {t: why for t in requested if (why := _objection(overview.types[t]))}
+    requested = [t for t in requested if t not in skipped]
+    widths = _widths(bag, requested)
     out.mkdir(parents=True, exist_ok=True)
-    columns = {t: _columns(overview, t, widths[t], kind) for t in wanted}
-    files = {t: out / f"{_file_name(t)}.{kind}" for t in wanted}
+    columns = {t: _columns(overview, t, widths[t], kind) for t in requested}
+    files = {t: out / f"{_file_name(t)}.{kind}" for t in requested}
     if len({*files.values()}) < len(files):
         raise BadInput("two topics would be written to one file", bag.path)
-    rows = dict.fromkeys(wanted, 0)
+    rows = dict.fromkeys(requested, 0)
     with ExitStack() as stack:
         sinks = {}
-        for topic in wanted:
+        for topic in requested:
             schema = _schema(overview, topic, columns[topic])
             sinks[topic] = stack.enter_context(_sink(files[topic], schema, kind)), schema
-        for topic, blocks in _batches(bag, wanted):
+        for topic, blocks in _batches(bag, requested):
             sink, schema = sinks[topic]
             table = _table(blocks, columns[topic], schema, kind)
             rows[topic] += table.num_rows
@@ -95,7 +95,7 @@ def export_log(
     if kind == "csv":
         described = {
             str(files[t].name): {c.name: {"unit": c.unit, "field": c.source} for c in columns[t]}
-            for t in wanted
+            for t in requested
         }
         write_whole(out / "columns.json", json.dumps(described, indent=1))
     return Exported(files, rows, skipped)

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
-from flexslew_plant.testbeds.spacecraft.sights import HasLinesOfSight
+from flexslew_plant.testbeds.spacecraft.lines_of_sight import HasLinesOfSight
 
 
 class LineOfSight:
@@ -42,7 +42,9 @@ class LineOfSight:
         """Take the next ticks."""
         if self._testbed is None:
             return
-        for name, sight in self._testbed.sights(block.time, block.position, self._goal).items():
+        for name, sight in self._testbed.lines_of_sight(
+            block.time, block.position, self._goal
+        ).items():
             before = self._error.setdefault(name, None)
             bad = ~sight.rests | (sight.error > self._testbed.pointing_tolerance)
             since = self._good_from.get(name)

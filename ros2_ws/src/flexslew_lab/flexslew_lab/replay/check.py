@@ -94,9 +94,9 @@ def _checked(
         asked.add(key)
         logged.until(key)
         question = _question(message, answers.period)
-        misfit = question.misfit(len(testbed.joint_names), len(testbed.appendage_names))
-        if misfit:
-            raise BadInput(f"/measurement of tick {question.tick}: {misfit}", reader.path)
+        mismatch = question.mismatch(len(testbed.joint_names), len(testbed.appendage_names))
+        if mismatch:
+            raise BadInput(f"/measurement of tick {question.tick}: {mismatch}", reader.path)
         answer = logged.by_name[controller].observe(question)
         if answer is not None:
             answers.ours(key, answer_fields(answer))

@@ -112,7 +112,7 @@ class LoggedControllers:
             law, values = self._laws[name]
             self._laws[name] = law, merged(values, what.settings)
             successor = self._built(name)
-            successor.succeed(self.by_name[name])
+            successor.take_over(self.by_name[name])
             self.by_name[name] = successor
             tuned += 1
         return tuned
@@ -170,12 +170,14 @@ def adoptions(bag: BagReader) -> list[Adoption]:
     found = []
     for _, kind, _, _, data in bag.messages(("/controller_status",)):
         status = decode(kind, data)
-        name, wanted = status.controller, status.plan_hash
-        if not wanted or following.get(name) == (wanted, status.plan_number):
+        name, requested = status.controller, status.plan_hash
+        if not requested or following.get(name) == (requested, status.plan_number):
             continue
-        if wanted not in plans:
-            raise BadInput(f"{name} follows plan {wanted[:12]}, which is not in the log", bag.path)
-        following[name] = wanted, status.plan_number
+        if requested not in plans:
+            raise BadInput(
+                f"{name} follows plan {requested[:12]}, which is not in the log", bag.path
+            )
+        following[name] = requested, status.plan_number
         first = int(status.plan_epoch), int(status.plan_tick)
         if not status.plan_number:  # of an older log: what it had seen when it said so
             first = int(status.epoch), int(status.last_tick) + 1
@@ -183,5 +185,5 @@ def adoptions(bag: BagReader) -> list[Adoption]:
                 first = 0, 0
         # one that is built anew, for another testbed or after a crash, says that it began there
         begun[name] = first = max(first, begun.get(name, first))
-        found.append(Adoption(name, first, plans[wanted]))
+        found.append(Adoption(name, first, plans[requested]))
     return sorted(found, key=lambda adoption: adoption.first)

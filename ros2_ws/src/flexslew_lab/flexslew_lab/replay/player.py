@@ -199,9 +199,9 @@ class Player:
         return takewhile(lambda m: m.stamp <= self._end, self._bag.messages(self._chosen, stamp))
 
 
-def _chosen(wanted: Collection[str], types: Mapping[str, str], path: str) -> set[str]:
+def _chosen(requested: Collection[str], types: Mapping[str, str], path: str) -> set[str]:
     """Return the topics to play."""
-    names = [name if name.startswith("/") else f"/{name}" for name in wanted]
+    names = [name if name.startswith("/") else f"/{name}" for name in requested]
     for name in names:
         if name not in types:
             raise BadInput(f"no topic {name}; it has {', '.join(sorted(types))}", path)

@@ -111,7 +111,7 @@ class Resimulator:
         self.bench.reset()
 
     def _begin(self, key: Key) -> None:
-        """Let happen what was wanted of the controllers and of the bench at this tick."""
+        """Let happen what was requested of the controllers and of the bench at this tick."""
         self.replayed[ControllerTuned.kind] += self._controllers.until(key)
         for request in self._requests.pop(key, ()):
             self._grant(request)
@@ -147,7 +147,7 @@ class Resimulator:
         unready = set(self._dropped.get((key[0], key[1] + 1), ()))
         if key in self._successors:
             possible = {*self._controllers.by_name, *self.bench.settings.fallback}
-            ready = {self._successors[key], *self.bench.charge.due(key[1] + 1)}
+            ready = {self._successors[key], *self.bench.handover.due(key[1] + 1)}
             unready |= possible - ready
         return unready
 

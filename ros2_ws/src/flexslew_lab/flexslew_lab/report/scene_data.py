@@ -93,9 +93,9 @@ def _gain(straight: list[Matrix], shapes: list[Matrix], modes: Matrix) -> int:
     largest = float(max(moved))
     if largest <= 0.0 or largest > _SEEN * size:
         return _BEND
-    wanted = _SHOWN * size / largest
-    decade = 10.0 ** np.floor(np.log10(wanted))
-    return int(max(step for step in (1.0, 2.0, 5.0) if step * decade <= wanted) * decade)
+    requested = _SHOWN * size / largest
+    decade = 10.0 ** np.floor(np.log10(requested))
+    return int(max(step for step in (1.0, 2.0, 5.0) if step * decade <= requested) * decade)
 
 
 def _pose(frames: list[Frame], name: str) -> Vector:

@@ -60,17 +60,17 @@ def closed_loop(
     states, efforts = [x], []
     for tick in range(round(duration / PERIOD)):
         now = Measurement(tick, 0, tick * PERIOD, "", x[:m], x[n : n + m], nothing, nothing, effort)
-        wanted = reference(tick)
+        requested = reference(tick)
         if controller is None:
-            effort = wanted.effort
+            effort = requested.effort
         else:
             estimator, law = controller
             if tick == 0:
                 estimator.reset(now)
             estimate = estimator.update(now)
             if tick == 0 and from_rest:
-                law.reset(now, estimate, wanted, effort)
-            effort = law.update(now, estimate, wanted)
+                law.reset(now, estimate, requested, effort)
+            effort = law.update(now, estimate, requested)
         x = model.advance(x, effort + added, PERIOD)
         states.append(x)
         efforts.append(effort)

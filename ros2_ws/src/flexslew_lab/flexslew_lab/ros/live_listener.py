@@ -43,16 +43,18 @@ class LiveListener:
         """Return parameters by name; no names: all."""
         return self._live.shown(self._live.parameters.values(names))
 
-    def on_set_parameters(self, client: Any, wanted: list[Any], request: str | None) -> list[Any]:
+    def on_set_parameters(
+        self, client: Any, requested: list[Any], request: str | None
+    ) -> list[Any]:
         """Set parameters; what is refused is told as a status, and what holds is returned."""
-        for parameter in wanted:
+        for parameter in requested:
             if not self._live.operate:
                 self._live.refuse(READ_ONLY)
                 break
             refused = self._live.parameters.set(parameter.name, parameter.get_value())
             if refused:
                 self._live.refuse(refused)
-        return self._live.shown(self._live.parameters.values([p.name for p in wanted]))
+        return self._live.shown(self._live.parameters.values([p.name for p in requested]))
 
     def on_parameters_subscribe(self, names: list[str]) -> None:
         """Nothing to do: changes are told to all."""

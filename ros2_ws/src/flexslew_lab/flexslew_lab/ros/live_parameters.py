@@ -14,7 +14,7 @@ from rclpy.qos import qos_profile_parameter_events
 
 from flexslew_lab.ros.bench_client import PATIENCE
 
-_LOOK = 0.5  # between two looks at the graph [wall s]
+_POLL_PERIOD = 0.5  # between two polls at the graph [wall s]
 _KIND = "rcl_interfaces/srv/SetParameters"
 _SERVICE = "/set_parameters"
 
@@ -44,7 +44,7 @@ class LiveParameters:
         while self._requests:
             self._set(*self._requests.popleft())
         if now >= self._next_look:
-            self._next_look = now + _LOOK
+            self._next_look = now + _POLL_PERIOD
             self._look(now)
         changed, self._changed = self._changed, set()
         return {name: self._values[name] for name in sorted(changed)}

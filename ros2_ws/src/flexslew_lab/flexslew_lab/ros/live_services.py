@@ -20,7 +20,7 @@ from flexslew_plant.ros.offers import subscription
 _KINDS = {"string": "string", "boolean": "boolean", "double": "number"}  # of JSON; else integer
 _AT = "builtin_interfaces/Time"
 _TOLD = {"ok": "boolean", "message": "string", "tick": "uint64"}
-_LOOK = 0.5  # between two looks for controllers [wall s]
+_POLL_PERIOD = 0.5  # between two polls for controllers [wall s]
 _PLANS = (topics.PLAN_SLEW, topics.DRAFT_PLAN)
 _PLANNING = 600.0  # how long a plan may take [wall s]
 
@@ -62,7 +62,7 @@ class LiveServices:
                 self._client.ask(name, values, answer.set_result)
         self._client.poll(now)
         if add is not None and now >= self._next_look:
-            self._next_look = now + _LOOK
+            self._next_look = now + _POLL_PERIOD
             found = [self._service(name, srv.Tune.Request) for name in self._new_controllers()]
             if found:
                 add(found)

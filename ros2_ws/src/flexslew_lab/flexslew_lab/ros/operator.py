@@ -25,7 +25,7 @@ from flexslew_plant.ros.start import start_ros
 
 PATIENCE = 5.0  # for the plant to be found and to answer [wall s]
 _early: dict[tuple[int, str], tuple[list[Node], float]] = {}  # by domain and namespace
-_AGAIN = 0.25  # until another node tries to be heard, then twice that, and so on [wall s]
+_RETRY = 0.25  # until another node tries to be heard, then twice that, and so on [wall s]
 
 
 class Operator:
@@ -111,7 +111,7 @@ class Operator:
         for the plant's next one, up to 3 s; another newcomer most likely does not.
         """
         clients = [(node, node.create_client(kind, name)) for node in self.nodes]
-        now, wait = monotonic(), _AGAIN
+        now, wait = monotonic(), _RETRY
         end, again = now + self._patience, self._due or now + wait * bool(clients)
         self._due = 0.0
         while True:
@@ -148,7 +148,7 @@ def _newcomer(domain: int, namespace: str) -> Node:
 def join_early(domain: int) -> None:
     """Join the graph of a bench without a namespace, for the first connection to it."""
     nodes = [_newcomer(domain, "")]
-    _early[domain, ""] = nodes, monotonic() + _AGAIN
+    _early[domain, ""] = nodes, monotonic() + _RETRY
     atexit.register(_leave, nodes)
 
 

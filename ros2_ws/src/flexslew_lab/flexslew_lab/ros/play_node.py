@@ -21,8 +21,8 @@ from flexslew_plant.ros.offers import message_class, qos
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.topics import LOOP_DEPTH, Topic
 
-_LOOK = 0.05  # until the next poll, for what a service has changed [wall s]
-_BATCH = 1000  # messages between two looks at whether all were heard
+_POLL_PERIOD = 0.05  # until the next poll, for what a service has changed [wall s]
+_BATCH = 1000  # messages between two polls at whether all were heard
 _PATIENCE = Duration(seconds=2)  # with a listener that does not take what it is sent
 
 Report = Callable[[float, float], None]  # simulated time of the player and of the end [s]
@@ -52,7 +52,7 @@ class PlayNode:
             self._clock = node.create_publisher(Clock, CLOCK, LOOP_DEPTH)
         self._services = PlayServices(self)
         self._waiting: list[str] | None = None  # for whom; None: not any more
-        self._unheard = 0
+        self._unacknowledged = 0
         self._next_report = self._next_clock = 0.0
         if self._settings.wait_for:
             self._waiting = []
@@ -65,11 +65,11 @@ class PlayNode:
         self.send(self.player.due(now, _BATCH))
         self._tell(now)
         if self.player.done:
-            self._hear_out()
+            self._await_acknowledged()
             self._report(self.player.time, self.player.last * 1e-9)
             self.loop.stop(0)
             return 0.0
-        return min(self.player.wait(monotonic()), self._until_clock(), _LOOK)
+        return min(self.player.wait(monotonic()), self._until_clock(), _POLL_PERIOD)
 
     def _publish(self, topics: Set[str]) -> None:
         """Offer these topics; a publisher that is there already is forgotten with its history."""
@@ -94,15 +94,15 @@ class PlayNode:
         """Publish messages."""
         for message in messages:
             self._publishers[message.topic].publish(message.data)
-            self._unheard += 1
-            if self._unheard >= _BATCH:
-                self._hear_out()
+            self._unacknowledged += 1
+            if self._unacknowledged >= _BATCH:
+                self._await_acknowledged()
 
-    def _hear_out(self) -> None:
+    def _await_acknowledged(self) -> None:
         """Let reliable listeners take what is out, before more of it would push it away."""
         for publisher in self._publishers.values():
             publisher.wait_for_all_acked(_PATIENCE)
-        self._unheard = 0
+        self._unacknowledged = 0
 
     def _tell(self, now: float) -> None:
         """Publish the clock and report the progress where they are due."""
@@ -119,7 +119,7 @@ class PlayNode:
 
     def sought(self) -> None:
         """Offer the latched messages of another place."""
-        self._hear_out()
+        self._await_acknowledged()
         self._publish(self.player.latched)
         self._next_report = 0.0
         self.loop.hurry()

@@ -9,7 +9,7 @@ from flexslew_plant import topics
 from flexslew_plant.ros.offers import publisher
 
 PASSED_ON = (topics.TRUTH, topics.CONTROLLER_STATE)
-_EVERY = 0.04  # between two batches of a topic [wall s]
+_BATCH_PERIOD = 0.04  # between two batches of a topic [wall s]
 _MUCH = 32_000  # that go without waiting for it, so that every batch is one piece for DDS [bytes]
 
 
@@ -27,12 +27,12 @@ class Rebroadcast:
         self._publisher = publisher(node, topics.RECORDED)
         self._batches: dict[str, list[bytes]] = {f"/{name}": [] for name in PASSED_ON}
         self._size = 0  # of all batches [bytes]
-        self._wanted = False
+        self._requested = False
         self._next = 0.0  # [wall s]
 
     def hear(self, topic: str, data: bytes) -> None:
         """Take a message."""
-        if self._wanted and topic in self._batches:
+        if self._requested and topic in self._batches:
             self._batches[topic].append(data)
             self._size += len(data)
             if self._size >= _MUCH:
@@ -42,9 +42,9 @@ class Rebroadcast:
         """Send what has waited for long enough, or everything where nothing comes after it."""
         if now < self._next and not last:
             return
-        self._next = now + _EVERY
+        self._next = now + _BATCH_PERIOD
         self._send()
-        self._wanted = self._publisher.get_subscription_count() > 0
+        self._requested = self._publisher.get_subscription_count() > 0
 
     def _send(self) -> None:
         self._size = 0

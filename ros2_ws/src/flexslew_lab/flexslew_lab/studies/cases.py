@@ -157,11 +157,11 @@ def _experiment(study: Study, case: Case, changes: dict[str, Any]) -> Trial:
 
 def _flying(values: dict[str, Any]) -> dict[str, Any]:
     """Return the trial with only those controllers that may take charge, defaults for new ones."""
-    wanted = [values["active"], *values["fallback"]]
-    wanted += [entry["switch"] for entry in values["schedule"] if entry.get("switch")]
+    requested = [values["active"], *values["fallback"]]
+    requested += [entry["switch"] for entry in values["schedule"] if entry.get("switch")]
     given = values["controllers"]
     controllers = {}
-    for name in dict.fromkeys(wanted):
+    for name in dict.fromkeys(requested):
         if name in given:
             controllers[name] = given[name]
         elif name in CONTROLLERS:

@@ -78,12 +78,12 @@ def keep_worst(
         return []
     name = next(iter(study.settings.criteria), "residual_tip_deflection")
     folders = []
-    wanted = [entry["index"] for entry in found["metrics"][name]["worst"][: int(words[1])]]
+    requested = [entry["index"] for entry in found["metrics"][name]["worst"][: int(words[1])]]
     place = own_folder(store.folder / _WORST)
     for path in sorted(place.glob("*")) if place.is_dir() else []:
-        if not path.name.isdigit() or int(path.name) not in wanted:
+        if not path.name.isdigit() or int(path.name) not in requested:
             shutil.rmtree(own_folder(path))
-    for number in wanted:
+    for number in requested:
         folder = own_folder(place / str(number))
         if not (folder / "metrics.json").is_file():
             if folder.exists():

@@ -13,7 +13,7 @@ from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.studies.cases import Cases, case_of, case_trial, sample_table, typical_case
 from flexslew_lab.studies.execution.pool import Executor
 from flexslew_lab.studies.execution.worker import Job
-from flexslew_lab.studies.findings.stopping import looks, settled
+from flexslew_lab.studies.findings.stopping import interim_sizes, settled
 from flexslew_lab.studies.flight import Flown, Plans, metric_columns, plan_key
 from flexslew_lab.studies.identity import identity_of, require_same
 from flexslew_lab.studies.seals import opened_json
@@ -38,7 +38,7 @@ class Shard(NamedTuple):
 
 
 ALL = Shard()
-Progress = Callable[[int, int], None]  # trials flown, trials wanted
+Progress = Callable[[int, int], None]  # trials flown, trials requested
 
 
 @dataclass
@@ -104,7 +104,7 @@ def run_study(
     executor: Executor,
     shard: Shard = ALL,
     retry_failed: bool = False,
-    progress: Progress = lambda done, wanted: None,
+    progress: Progress = lambda done, requested: None,
 ) -> Store:
     """Fly what is missing of a study and return its folder with the sorted table written.
 
@@ -112,9 +112,9 @@ def run_study(
         ready: the study.
         folder: new, empty, or with a part of the same study.
         executor: who flies.
-        shard: which samples are wanted here.
+        shard: which samples are requested here.
         retry_failed: fly failed trials again.
-        progress: called with the trials that are done and those wanted.
+        progress: called with the trials that are done and those requested.
 
     Raises:
         BadInput: the folder holds another study; nothing was changed.
@@ -181,18 +181,18 @@ def _fly_missing(
     statuses = store.statuses(ready.trials)
     missing = (statuses == 0) | (retry_failed & (statuses == 2))
     missing &= (np.arange(ready.trials) // variants) % shard.of == shard.number - 1
-    wanted = int(np.count_nonzero(missing))
+    requested = int(np.count_nonzero(missing))
     before = int(np.count_nonzero(statuses[~missing]))
-    progress(before, before + wanted)
+    progress(before, before + requested)
     started, flown, start = monotonic(), 0, 0
     stopped = None
     try:
-        for look in looks(ready.study, ready.samples):
+        for look in interim_sizes(ready.study, ready.samples):
             numbers = np.flatnonzero(missing[start * variants : look * variants])
             cases = Cases(ready.study, ready.samples, (numbers + start * variants).tolist())
             for count in _written(executor.fly(cases), store):
                 flown += count
-                progress(before + flown, before + wanted)
+                progress(before + flown, before + requested)
             start = look
             stopped = settled(ready.study, store, ready.samples, look)
             if stopped is not None:

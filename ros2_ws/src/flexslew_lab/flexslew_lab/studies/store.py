@@ -204,10 +204,10 @@ class Store:
         Raises:
             BadInput: the table is damaged.
         """
-        wanted = None if numbers is None else [("index", "in", numbers)]
+        requested = None if numbers is None else [("index", "in", numbers)]
         try:
             return pq.read_table(
-                self.table_path, columns=columns, filters=wanted, page_checksum_verification=True
+                self.table_path, columns=columns, filters=requested, page_checksum_verification=True
             )
         except (OSError, KeyError, pa.ArrowException):
             raise BadInput(

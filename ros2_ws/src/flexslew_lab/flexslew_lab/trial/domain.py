@@ -55,15 +55,15 @@ def own_domain(what: str = "", folder: Path | None = None) -> Iterator[int]:
         BadInput: ROS_DOMAIN_ID is not a number of a domain.
         FlexslewError: all are taken.
     """
-    wanted = chosen_domain()
-    if wanted is not None:
-        if wanted in _held:  # claimed by this process before it knew the folder
-            _describe(_held[wanted], what, folder)
-        handle = _locked(wanted, what, folder)
+    requested = chosen_domain()
+    if requested is not None:
+        if requested in _held:  # claimed by this process before it knew the folder
+            _describe(_held[requested], what, folder)
+        handle = _locked(requested, what, folder)
         try:
-            yield wanted
+            yield requested
         finally:
-            _released(wanted, handle)
+            _released(requested, handle)
         return
     for number in range(1, _HIGHEST + 1):
         handle = _locked(number, what, folder)
@@ -83,12 +83,12 @@ def chosen_domain() -> int | None:
     Raises:
         BadInput: it is not a number of a domain.
     """
-    wanted = os.environ.get("ROS_DOMAIN_ID", "").strip()
-    if not wanted:
+    requested = os.environ.get("ROS_DOMAIN_ID", "").strip()
+    if not requested:
         return None
-    if not (wanted.isdigit() and int(wanted) <= _LAST):
-        raise BadInput(f"a number from 0 to {_LAST}", key="ROS_DOMAIN_ID", value=wanted)
-    return int(wanted)
+    if not (requested.isdigit() and int(requested) <= _LAST):
+        raise BadInput(f"a number from 0 to {_LAST}", key="ROS_DOMAIN_ID", value=requested)
+    return int(requested)
 
 
 def running_benches(everybody: bool = False) -> list[RunningBench]:
@@ -151,9 +151,9 @@ def _described(number: int, path: Path) -> RunningBench:
     with path.open(encoding="utf-8", errors="replace") as file:
         text = file.read(_WORDS)
     try:
-        said = json.loads(text)
-        trial, folder, root = (str(said[key]) for key in ("trial", "folder", "root"))
-        return RunningBench(number, trial, folder, root, int(said["user"]))
+        claim = json.loads(text)
+        trial, folder, root = (str(claim[key]) for key in ("trial", "folder", "root"))
+        return RunningBench(number, trial, folder, root, int(claim["user"]))
     except (ValueError, KeyError, TypeError):
         return RunningBench(number, user=path.stat().st_uid)
 

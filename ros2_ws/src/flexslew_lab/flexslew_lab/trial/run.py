@@ -25,7 +25,7 @@ from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.outcome import Outcome
 from flexslew_lab.trial.outputs import WITHOUT, new_folder
 from flexslew_lab.trial.own_code import HASHES, own_code_of
-from flexslew_lab.trial.promise import prediction_gap
+from flexslew_lab.trial.prediction_gap import prediction_gap
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,

@@ -18,7 +18,7 @@ _TICK = re.compile(rb"^tick (\d+) of (\d+)$")
 _LEAVES = re.compile(rb"^leaves with exit code (\d+)$")
 _ROOM = 1 << 20  # what a node may say while nobody reads it; Linux gives 64 KiB [bytes]
 _GRACE = 10.0  # from one signal to the next stronger one [wall s]
-_LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.LAST_WORDS
+_LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.DEPARTURE_TIMEOUT
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 # signals that end a crashed process
 _CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL)
@@ -98,15 +98,15 @@ class Supervisor:
             arguments += ["-r", f"__ns:={process.namespace}"]
         for old, new in process.remappings:
             arguments += ["-r", f"{old}:={new}"]
-        said, says = os.pipe()
+        read_end, write_end = os.pipe()
         with suppress(OSError):  # a terminal that rests for a while does not hold up the nodes
-            fcntl.fcntl(said, fcntl.F_SETPIPE_SZ, _ROOM)
+            fcntl.fcntl(read_end, fcntl.F_SETPIPE_SZ, _ROOM)
         try:
-            pid = self._fork_server.start(process.module, arguments, self._environment, says)
+            pid = self._fork_server.start(process.module, arguments, self._environment, write_end)
         finally:
-            os.close(says)
-        os.set_blocking(said, False)
-        self._selector.register(said, selectors.EVENT_READ, process.name)
+            os.close(write_end)
+        os.set_blocking(read_end, False)
+        self._selector.register(read_end, selectors.EVENT_READ, process.name)
         self._running[process.name] = pid
         self._rest[process.name] = b""
 
@@ -189,7 +189,7 @@ class Supervisor:
         self._log.close()
         if self._own_fork_server:
             self._fork_server.close()
-        said = self._complaint
+        complaint = self._complaint
         ended = ", ".join(f"{n}: {c}" for n, c in self._codes.items() if c not in (0, 130, -2))
-        details = said or (f"exit codes {ended}" if ended and code == 3 else "")
+        details = complaint or (f"exit codes {ended}" if ended and code == 3 else "")
         return Outcome(code, f"{message} ({details})" if details else message)

@@ -15,7 +15,7 @@ from flexslew_control.controllers import (
     with_file,
 )
 from flexslew_control.controllers.controller import Controller
-from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planners import PlanSettings, make_plan, plan_settings
@@ -148,9 +148,13 @@ def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
     if not isinstance(values, dict):
         raise BadInput("holds no keys; `flexslew trials` lists examples", source)
     trial: Trial = replace(validated(Trial, values, source, trust), trust=trust)
-    wanted = {"active": trial.active} | {f"fallback.{i}": c for i, c in enumerate(trial.fallback)}
-    wanted |= {f"schedule.{i}.switch": e.switch for i, e in enumerate(trial.schedule) if e.switch}
-    for key, controller in wanted.items():
+    requested = {"active": trial.active} | {
+        f"fallback.{i}": c for i, c in enumerate(trial.fallback)
+    }
+    requested |= {
+        f"schedule.{i}.switch": e.switch for i, e in enumerate(trial.schedule) if e.switch
+    }
+    for key, controller in requested.items():
         if controller not in trial.controllers:
             known = ", ".join(trial.controllers)
             hint = did_you_mean(controller, trial.controllers)
@@ -275,9 +279,9 @@ def plant_of(trial: Trial) -> PlantDescription:
     return PlantDescription(testbed, trial.period, limit, trial.trust)
 
 
-def law_in_charge(trial: Trial) -> InCharge:
+def law_in_charge(trial: Trial) -> ActiveLaw:
     """Return the law of the controller in charge at the start."""
-    return InCharge(*law_of(trial.active, trial.controllers[trial.active] or {}))
+    return ActiveLaw(*law_of(trial.active, trial.controllers[trial.active] or {}))
 
 
 def feedback_of(trial: Trial) -> Feedback | None:

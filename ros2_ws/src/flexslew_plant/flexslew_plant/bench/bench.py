@@ -9,8 +9,8 @@ from collections import deque
 import numpy as np
 
 from flexslew_plant.arrays import Vector, kept
-from flexslew_plant.bench.charge import RUN_OVER, Charge
 from flexslew_plant.bench.divergence import diagnosis, is_lost
+from flexslew_plant.bench.handover import RUN_OVER, Handover
 from flexslew_plant.bench.hardware.actuator import Actuator
 from flexslew_plant.bench.hardware.drive import Drive
 from flexslew_plant.bench.hardware.friction import friction_of
@@ -71,7 +71,7 @@ class Bench:
         slowest = min(free.frequencies, default=_RIGID_FREQUENCY)
         brake = settings.brake_damping_ratio * slowest * self.model.inertias(self._start)
         self.drive = Drive(settings.active, settings.max_missed, brake)
-        self.charge = Charge(self.drive, settings.fallback, self.tell)
+        self.handover = Handover(self.drive, settings.fallback, self.tell)
         self.actuator = Actuator(settings.actuator, self.limit, settings.period)
         chosen = settings.plausibility
         self._plausibility = Plausibility(chosen, settings.period) if chosen else None
@@ -93,12 +93,12 @@ class Bench:
 
     def reset(self) -> None:
         """Return to tick 0 in a new epoch."""
-        self.charge.reset(
+        self.handover.reset(
             SwitchRequest(entry.switch, self._tick_of(entry.at))
             for entry in self.settings.schedule
             if entry.switch is not None
         )
-        self._turned = self._testbed  # with what operators have wanted besides
+        self._turned = self._testbed  # with what operators have asked for besides
         self.model = self._testbed.model()
         self.epoch += 1
         self.tick = 0
@@ -130,7 +130,7 @@ class Bench:
 
     @property
     def testbed(self) -> Testbed:
-        """What stands here, with the turns of the schedule and those that operators have wanted."""
+        """What stands here, with the turns of the schedule and those of operators."""
         return self._turned
 
     @property
@@ -147,12 +147,12 @@ class Bench:
     @property
     def faulted(self) -> bool:
         """A controller had to be replaced, or the state was lost."""
-        return self.charge.faulted or bool(self.failure)
+        return self.handover.faulted or bool(self.failure)
 
     @property
     def switch_results(self) -> deque[SwitchResult]:
         """What became of switches, the oldest first; its reader empties it."""
-        return self.charge.results
+        return self.handover.results
 
     @property
     def answered(self) -> bool:
@@ -188,7 +188,7 @@ class Bench:
         if self._faults.fate(command) is not Fate.ARRIVES:
             self._lost = True
             return True
-        if not self.charge.answered(command.effort, self._applied):
+        if not self.handover.answered(command.effort, self._applied):
             self.question = self.question._replace(controller=self.drive.active)
             return False
         self._answer = kept(command.effort.copy())  # whatever becomes of the sender's array
@@ -204,7 +204,7 @@ class Bench:
         if self._answer is not None:
             self.drive.take(self._answer)
         elif self.drive.active:
-            self.charge.missed()
+            self.handover.missed()
         demand = self._faults.demand(self.drive.effort(self._velocity))
         applied = kept(self._faults.effort(self.actuator.apply(demand)))
         extra = kept(self._injections.disturbance(self.tick))
@@ -217,7 +217,7 @@ class Bench:
         self.tick += 1
         self._watch_tips()
         if self.tick == self.last_tick:
-            self.charge.drop_all(RUN_OVER)
+            self.handover.drop_all(RUN_OVER)
         self._ask()
 
     def _watch_tips(self) -> None:
@@ -254,15 +254,15 @@ class Bench:
             return self._over(request.tick)
         if request.tick <= self.tick:
             request = request._replace(tick=self.tick + 1)
-        return self.charge.request(request, self.tick, self.last_tick)
+        return self.handover.request(request, self.tick, self.last_tick)
 
     def note_readiness(self, controller: str, why: Refusal | None) -> None:
         """Take that a controller could not take charge, and why, or could again (None)."""
-        self.charge.note_readiness(controller, why)
+        self.handover.note_readiness(controller, why)
 
     def brake(self, on: bool, who: str = "") -> Refusal | None:
         """Latch or release the drive's own brake from the next tick on; return why not, or None."""
-        return self.charge.brake(on, self.tick + 1, who)
+        return self.handover.brake(on, self.tick + 1, who)
 
     def inject(self, text: str, tick: int = 0, who: str = "") -> InjectResult:
         """Return whether something breaks as an operator wants, or why not.
@@ -350,14 +350,14 @@ class Bench:
         what = StateLost(self.tick, self.time, where, cause)
         self.failure = what.message
         self.tell(what)
-        self.charge.drop_all(RUN_OVER)
+        self.handover.drop_all(RUN_OVER)
 
     def _tick_of(self, time: float) -> int:
         return round(time / self.settings.period)
 
     def _ask(self) -> None:
         self._injections.begin(self.tick)
-        self.charge.begin(self.tick)
+        self.handover.begin(self.tick)
         self._answer, self._lost = None, False
         exact = exact_readings(self.model, self._x, self._applied + self._extra, self.time)
         self._velocity = exact.joint_velocity
@@ -383,7 +383,7 @@ class Bench:
         found = plausibility.look(readings.joint_position, readings.joint_velocity)
         if found is None or not self.drive.active:
             return
-        self.charge.distrust(self._names.joints[found.joint], found.difference)
+        self.handover.distrust(self._names.joints[found.joint], found.difference)
 
     def _objected(self, command: EffortCommand) -> bool:
         """Return whether the drive rejects the command, and say so."""

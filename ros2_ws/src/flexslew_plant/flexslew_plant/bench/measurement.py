@@ -18,7 +18,7 @@ class Measurement(NamedTuple):
     root_curvature: Vector  # at the clamped ends, (appendages,) [1/m]; half thickness * it = strain
     applied_effort: Vector  # held during the last tick, (joints,) [N m or N]
 
-    def misfit(self, joints: int, appendages: int) -> str:
+    def mismatch(self, joints: int, appendages: int) -> str:
         """Return which field has not one number per joint, or per appendage; empty: none."""
         for name, values, size in (
             ("joint_position", self.joint_position, joints),

@@ -10,12 +10,12 @@ from flexslew_plant.testbeds import Testbed, varied
 from flexslew_plant.testbeds.contract import Retargeting
 
 
-def retargeted(testbed: Testbed, wanted: Any, at: float, place: str) -> Testbed:
+def retargeted(testbed: Testbed, requested: Any, at: float, place: str) -> Testbed:
     """Return a testbed with one more turn of a hinge.
 
     Args:
         testbed: that stands on the bench.
-        wanted: `appendage`, and the keys of a motion but for `at`.
+        requested: `appendage`, and the keys of a motion but for `at`.
         at: when it begins [s].
         place: where the request stands, for an error.
 
@@ -25,12 +25,12 @@ def retargeted(testbed: Testbed, wanted: Any, at: float, place: str) -> Testbed:
     """
     if not isinstance(testbed, Retargeting):
         raise BadInput(f"{testbed.kind} has no appendages that turn", place)
-    if not isinstance(wanted, dict):
+    if not isinstance(requested, dict):
         raise BadInput(
             "give YAML keys, for example {appendage: left, to: 0.3, duration: 2.0}", place
         )
     try:
-        changes = testbed.retargeted(wanted, at)
+        changes = testbed.retargeted(requested, at)
     except BadInput as error:
         raise BadInput(f"{place}.{error}") from None
     return varied(testbed, changes, place)

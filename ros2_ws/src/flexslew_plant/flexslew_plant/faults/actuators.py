@@ -9,9 +9,9 @@ from pydantic import Field
 from flexslew_plant.arrays import Vector
 from flexslew_plant.faults.effects import (
     Effect,
+    FaultContext,
     FaultEntry,
     Names,
-    Situation,
     Subject,
 )
 from flexslew_plant.settings import section
@@ -29,13 +29,13 @@ class ActuatorStuck:
         """Return the joint, and the effort that it is to give."""
         return Subject("joint", self.joint, names.joints, self.effort)
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on what the motors give."""
-        k = situation.names.joints.index(self.joint)
+        k = context.names.joints.index(self.joint)
 
         def effort(given: Vector) -> Vector:
             stuck = given.copy()
-            stuck[k] = situation.effort[k] if self.effort is None else self.effort
+            stuck[k] = context.effort[k] if self.effort is None else self.effort
             return stuck
 
         return Effect(effort=effort)
@@ -53,10 +53,10 @@ class ActuatorGain:
         """Return the joint."""
         return Subject("joint", self.joint, names.joints)
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on what reaches the motors."""
-        share = np.ones(len(situation.names.joints))
-        share[situation.names.joints.index(self.joint)] = self.gain
+        share = np.ones(len(context.names.joints))
+        share[context.names.joints.index(self.joint)] = self.gain
         return Effect(demand=lambda demand: demand * share)
 
 
@@ -75,11 +75,11 @@ class CommandDelay:
         """Return the joint, where it is about one."""
         return None if self.joint is None else Subject("joint", self.joint, names.joints)
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on what reaches the motors."""
         whole, part = int(self.ticks // 1.0), self.ticks % 1.0
-        late = np.array([self.joint in (None, name) for name in situation.names.joints])
-        queue = deque([situation.demand] * (whole + (part > 0.0)))
+        late = np.array([self.joint in (None, name) for name in context.names.joints])
+        queue = deque([context.demand] * (whole + (part > 0.0)))
 
         def demand(asked: Vector) -> Vector:
             queue.append(asked)

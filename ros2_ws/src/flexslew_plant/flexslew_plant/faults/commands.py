@@ -6,10 +6,10 @@ from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.faults.effects import (
     Effect,
     Fate,
+    FaultContext,
     FaultEntry,
     OnAnyTestbed,
     Seed,
-    Situation,
     Ticks,
 )
 from flexslew_plant.settings import Probability, section
@@ -23,10 +23,10 @@ class CommandLost(OnAnyTestbed):
     probability: Probability = 1.0  # of each tick
     seed: Seed = 0  # beside the trial's
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
         return Effect(
-            fate=lambda _: Fate.LOST if situation.happens(self.probability) else Fate.ARRIVES
+            fate=lambda _: Fate.LOST if context.happens(self.probability) else Fate.ARRIVES
         )
 
 
@@ -39,13 +39,13 @@ class CommandLate(OnAnyTestbed):
     ticks: Ticks = 1  # how late
     seed: Seed = 0
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
 
         def fate(command: EffortCommand) -> Fate:
-            if not situation.happens(self.probability):
+            if not context.happens(self.probability):
                 return Fate.ARRIVES
-            situation.deliver_later(command, self.ticks, True)
+            context.deliver_later(command, self.ticks, True)
             return Fate.LATE
 
         return Effect(fate=fate)
@@ -59,12 +59,12 @@ class CommandDuplicated(OnAnyTestbed):
     probability: Probability = 1.0
     seed: Seed = 0
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
 
         def fate(command: EffortCommand) -> Fate:
-            if situation.happens(self.probability):
-                situation.deliver_later(command, 1, True)
+            if context.happens(self.probability):
+                context.deliver_later(command, 1, True)
             return Fate.ARRIVES
 
         return Effect(fate=fate)
@@ -78,13 +78,13 @@ class CommandReordered(OnAnyTestbed):
     probability: Probability = 1.0
     seed: Seed = 0
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
 
         def fate(command: EffortCommand) -> Fate:
-            if not situation.happens(self.probability):
+            if not context.happens(self.probability):
                 return Fate.ARRIVES
-            situation.deliver_later(command, 1, False)
+            context.deliver_later(command, 1, False)
             return Fate.OVERTAKEN
 
         return Effect(fate=fate)
@@ -97,7 +97,7 @@ class ControllerSilent(OnAnyTestbed):
     kind: Literal["controller_silent"] = "controller_silent"
     controller: str
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
         return Effect(
             fate=lambda command: (

@@ -54,7 +54,7 @@ class OnAnyTestbed:
 
 
 @dataclass
-class Situation:
+class FaultContext:
     """What a fault sees of the bench while it acts.
 
     Args:
@@ -89,7 +89,7 @@ class Fault(Protocol):
     def subject(self, names: Names) -> Subject | None:
         """Return what it is about by name; None: nothing that a testbed could lack."""
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return what it does from now on, until it ends."""
 
 

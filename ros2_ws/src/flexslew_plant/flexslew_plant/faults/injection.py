@@ -10,7 +10,7 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.hardware.sensors import Readings
 from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.faults import Timed
-from flexslew_plant.faults.effects import Effect, Fate, Names, Situation
+from flexslew_plant.faults.effects import Effect, Fate, FaultContext, Names
 
 
 class Switched(NamedTuple):
@@ -68,7 +68,7 @@ class Faults:
         if ended or begun:
             over = set(map(id, ended))
             self._acting = [(t, effect) for t, effect in self._acting if id(t) not in over]
-            self._acting += [(t, t.fault.begin(self._situation(t))) for t in begun]
+            self._acting += [(t, t.fault.begin(self._context(t))) for t in begun]
             self._waiting = [t for t in self._waiting if tick < t.start]
         return [Switched(t, False) for t in ended] + [Switched(t, True) for t in begun]
 
@@ -115,9 +115,9 @@ class Faults:
         self._last_effort = effort
         return effort
 
-    def _situation(self, timed: Timed) -> Situation:
+    def _context(self, timed: Timed) -> FaultContext:
         """Return what a fault sees of the bench when it sets in."""
-        return Situation(
+        return FaultContext(
             self._names,
             partial(self._happens, timed),
             self._deliver_later,

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.hardware.sensors import Readings
-from flexslew_plant.faults.effects import Effect, FaultEntry, Names, Seed, Situation, Subject
+from flexslew_plant.faults.effects import Effect, FaultContext, FaultEntry, Names, Seed, Subject
 from flexslew_plant.settings import Probability, section
 
 ChannelName: TypeAlias = Literal[
@@ -59,13 +59,13 @@ class SensorDropout:
         """Return the joint or appendage."""
         return _subject(self, names)
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on the readings."""
 
         def wrong(reading: Vector) -> Vector:
-            return 0.0 * reading if situation.happens(self.probability) else reading
+            return 0.0 * reading if context.happens(self.probability) else reading
 
-        return _reading(self, situation.names, wrong)
+        return _reading(self, context.names, wrong)
 
 
 @section
@@ -81,9 +81,9 @@ class SensorBias:
         """Return the joint or appendage."""
         return _subject(self, names)
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on the readings."""
-        return _reading(self, situation.names, lambda reading: reading + self.bias)
+        return _reading(self, context.names, lambda reading: reading + self.bias)
 
 
 @section
@@ -98,7 +98,7 @@ class SensorFreeze:
         """Return the joint or appendage."""
         return _subject(self, names)
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on the readings."""
         first: list[Vector] = []
 
@@ -107,7 +107,7 @@ class SensorFreeze:
                 first.append(reading)
             return first[0]
 
-        return _reading(self, situation.names, wrong)
+        return _reading(self, context.names, wrong)
 
 
 @section
@@ -122,9 +122,9 @@ class SensorNan:
         """Return the joint or appendage."""
         return _subject(self, names)
 
-    def begin(self, situation: Situation) -> Effect:
+    def begin(self, context: FaultContext) -> Effect:
         """Return the effect on the readings."""
-        return _reading(self, situation.names, lambda reading: np.full_like(reading, np.nan))
+        return _reading(self, context.names, lambda reading: np.full_like(reading, np.nan))
 
 
 DROPOUT = FaultEntry(SensorDropout)

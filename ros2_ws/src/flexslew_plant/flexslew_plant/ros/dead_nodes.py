@@ -12,7 +12,7 @@ from flexslew_plant.bench.operation.presence import Beat, Presence
 from flexslew_plant.process_identity import has_ended
 from flexslew_plant.rtps import FAST_DDS, dispose, tell_all
 
-_EVERY = 0.1  # between two looks [wall s]; Fast DDS gives up a port after 1 s
+_PERIOD = 0.1  # between two polls [wall s]; Fast DDS gives up a port after 1 s
 
 
 class DeadNodes:
@@ -33,7 +33,7 @@ class DeadNodes:
         dead: set[str] = set()
         if now < self._next:
             return dead
-        self._next = now + _EVERY
+        self._next = now + _PERIOD
         for beat in self._presence.overdue(now):
             if beat.instance in self._gone or not has_ended(beat.process):
                 continue
@@ -54,10 +54,10 @@ class DeadNodes:
         """
         topic = self._node.resolve_topic_name(topics.ALIVE)
         low = (int(beat.process.split("/")[1]) & 0xFFFF).to_bytes(2, "little")
-        wanted = beat.node, self._node.get_namespace(), FAST_DDS, low
+        requested = beat.node, self._node.get_namespace(), FAST_DDS, low
         found = set()
         for info in self._node.get_publishers_info_by_topic(topic):
             gid = bytes(info.endpoint_gid)
-            if (info.node_name, info.node_namespace, gid[:2], gid[4:6]) == wanted:
+            if (info.node_name, info.node_namespace, gid[:2], gid[4:6]) == requested:
                 found.add(gid[:12])
         return found

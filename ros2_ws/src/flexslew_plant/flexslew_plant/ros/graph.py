@@ -89,7 +89,7 @@ class PlantWatch:
         enabled: otherwise it only watches.
 
     Attributes:
-        seen: it was there; set by who hears it, since it may come and go between two looks.
+        seen: it was there; set by who hears it, since it may come and go between two polls.
     """
 
     def __init__(self, loop: _Stops, subscription: Subscription[Any], enabled: bool) -> None:

@@ -4,9 +4,9 @@ import os
 import signal
 from threading import Timer
 
-from flexslew_plant.unbroken import unbroken
+from flexslew_plant.atomic import atomic
 
-_AGAIN = 0.3  # until it is raised once more [wall s]
+_REPEAT = 0.3  # until it is raised once more [wall s]
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -39,7 +39,7 @@ class Interrupts:
 
     def _raise(self, number: int, frame: object) -> None:
         self.taken()
-        self._again = Timer(_AGAIN, os.kill, (os.getpid(), number))
+        self._again = Timer(_REPEAT, os.kill, (os.getpid(), number))
         self._again.daemon = True
         self._again.start()
-        unbroken.interrupt()
+        atomic.interrupt()

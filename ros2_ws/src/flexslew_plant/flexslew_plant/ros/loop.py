@@ -11,10 +11,10 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
+from flexslew_plant.atomic import atomic
 from flexslew_plant.network import demand_loopback
 from flexslew_plant.ros.alive import Alive
-from flexslew_plant.ros.farewell import wait_until_acknowledged
-from flexslew_plant.unbroken import unbroken
+from flexslew_plant.ros.departure import wait_until_acknowledged
 
 # environment variable: id of the process that started this node and without which it ends
 SUPERVISOR = "FLEXSLEW_SUPERVISOR"
@@ -108,7 +108,7 @@ class Loop:
         while self._code is None:
             now = monotonic()
             if now >= self._due:
-                with unbroken:  # an interrupt finds no half-written tick or chunk
+                with atomic:  # an interrupt finds no half-written tick or chunk
                     self._due = now + poll()
             self._serve(self._due - now)
             if now >= next_look:

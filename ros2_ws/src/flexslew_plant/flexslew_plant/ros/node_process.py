@@ -12,7 +12,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from flexslew_plant.errors import BadInput, FlexslewError
-from flexslew_plant.ros.farewell import HURRIED, LAST_WORDS
+from flexslew_plant.ros.departure import DEPARTURE_TIMEOUT, INTERRUPTED_TIMEOUT
 from flexslew_plant.ros.interrupts import Interrupts
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.start import start_ros
@@ -89,7 +89,7 @@ def run_node(build: Callable[[Loop], Served], args: list[str] | None = None) -> 
     finally:
         _interrupts.ignore()
         if served is not None and loop is not None:
-            loop.close(HURRIED if code == 130 else LAST_WORDS)
+            loop.close(INTERRUPTED_TIMEOUT if code == 130 else DEPARTURE_TIMEOUT)
             code = _closed(served) or code
             loop.leave(code)
         # the graph hears of our leaving only if the participant is really destroyed

@@ -18,14 +18,16 @@ class RealTime:
     """
 
     def __init__(self, priority: int) -> None:
-        self._priority, self._wanted = priority, False
+        self._priority, self._requested = priority, False
 
-    def want(self, wanted: bool) -> None:
+    def want(self, requested: bool) -> None:
         """Change how all threads are scheduled, where that is news."""
-        if wanted == self._wanted:
+        if requested == self._requested:
             return
-        self._wanted = wanted
-        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if wanted else os.SCHED_OTHER
+        self._requested = requested
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if requested else os.SCHED_OTHER
         for thread in os.listdir("/proc/self/task"):
             with suppress(OSError):  # not allowed, or it has just ended
-                os.sched_setscheduler(int(thread), policy, os.sched_param(self._priority * wanted))
+                os.sched_setscheduler(
+                    int(thread), policy, os.sched_param(self._priority * requested)
+                )

@@ -127,11 +127,11 @@ class Retargeting(Protocol):
     def hinge_turns(self) -> tuple[HingeTurn, ...]:
         """Return all turns, in the order of their begin."""
 
-    def retargeted(self, wanted: dict[str, Any], at: float) -> dict[str, Any]:
+    def retargeted(self, requested: dict[str, Any], at: float) -> dict[str, Any]:
         """Return the keys of the section that give an appendage a new target (see varied).
 
         Args:
-            wanted: `appendage`, and the keys of a motion of its hinge but for `at`.
+            requested: `appendage`, and the keys of a motion of its hinge but for `at`.
             at: when it begins to turn [s].
 
         Raises:

@@ -148,10 +148,10 @@ class ModelPredictiveLaw:
         x = np.concatenate((estimate.position, estimate.velocity))
         free = self._without_efforts(x, measurement.time)
         target = np.array([nominal(p.model, one) for one in ahead]) - p.rest
-        wanted = np.array([reference.effort, *(one.effort for one in ahead[:-1])])
+        requested = np.array([reference.effort, *(one.effort for one in ahead[:-1])])
         lower, upper = self._bounds(measurement.applied_effort, d, (free @ p.limits.rows.T).ravel())
         program = self._programs[min(moving, len(self._programs) - 1)]
-        solved, active = program.solve(free - target, wanted, lower, upper, self._active)
+        solved, active = program.solve(free - target, requested, lower, upper, self._active)
         self.remarks = []
         if solved.optimal:
             self._active, self._last = active, kept(solved.efforts)

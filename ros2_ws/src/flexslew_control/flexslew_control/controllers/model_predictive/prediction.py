@@ -132,7 +132,7 @@ class Program:
     def solve(
         self,
         ahead: Matrix,
-        wanted: Matrix,
+        requested: Matrix,
         lower: Vector,
         upper: Vector,
         active: Vector,
@@ -141,16 +141,16 @@ class Program:
 
         Args:
             ahead: x(1 ... N) - x* with V = 0, shape (N, k).
-            wanted: v*, shape (N, m).
+            requested: v*, shape (N, m).
             lower: of V, of the hard rows, then of the soft ones' C (X - X with V = 0).
             upper: the same.
             active: of the limits at the start: 1 at the upper, -1 at the lower, else 0.
         """
         self.prepare()
         pull = np.einsum("nij,nj->ni", self._state, ahead).ravel() @ self._forced
-        pull -= (wanted @ self._r).ravel()
+        pull -= (requested @ self._r).ravel()
         if not (np.isfinite(pull).all() and np.isfinite(lower).all() and np.isfinite(upper).all()):
-            return Solved(np.zeros_like(wanted), 0, False, False), active  # it has run away
+            return Solved(np.zeros_like(requested), 0, False, False), active  # it has run away
         size = np.concatenate((self._size, self._row_size))
         start = (
             self._sense

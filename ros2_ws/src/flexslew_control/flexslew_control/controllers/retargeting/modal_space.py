@@ -58,10 +58,10 @@ def space_gains(before: Frozen, weight: float, rate_gain: float) -> Matrix:
     stiffening, damping = modal_gains(np.where(elastic, squares, 0.0), weight)
     position = np.diag(np.where(elastic, mass * stiffening, 0.0))
     rate = np.diag(np.where(elastic, mass * damping, mass * rate_gain))
-    wanted = np.hstack((position, rate))
-    gains = np.linalg.pinv(b[elastic]) @ wanted[elastic]
+    requested = np.hstack((position, rate))
+    gains = np.linalg.pinv(b[elastic]) @ requested[elastic]
     rigid = ~(abs(b[elastic]) > 0.0).any(axis=0)  # efforts that move no mode
-    gains[rigid] += np.linalg.pinv(b[np.ix_(~elastic, rigid)]) @ wanted[~elastic]
+    gains[rigid] += np.linalg.pinv(b[np.ix_(~elastic, rigid)]) @ requested[~elastic]
     return np.asarray(gains)
 
 

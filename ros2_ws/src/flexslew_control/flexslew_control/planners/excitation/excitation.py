@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from flexslew_control.law import InCharge, PlantDescription, per_joint
+from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
 from flexslew_control.plan import Plan
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.excitation.experiments import Experiments, divided, signal
@@ -54,7 +54,7 @@ def plan_excitation(
     plant: PlantDescription,
     feedback: Feedback | None,
     progress: Progress | None = None,
-    law: InCharge | None = None,
+    law: ActiveLaw | None = None,
 ) -> Plan:
     """Return the plan that shakes the joints in turn of phase, with the reference at rest.
 

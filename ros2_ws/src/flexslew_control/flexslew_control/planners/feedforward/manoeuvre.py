@@ -62,7 +62,7 @@ class Manoeuvre:
         Args:
             edges: rising times from 0 on, shape (steps + 1,) [s].
             feedforward: at the stage_times of the edges, shape (STAGES steps, joints) [N m].
-            rows: out, the state at every stage, if wanted.
+            rows: out, the state at every stage, if requested.
         """
         r = rest_to_rest(self.reference, self.start, self.goal, self.duration, stage_times(edges))
         drive = feedforward + self.kp * r.position + self.kd * r.velocity
@@ -90,9 +90,9 @@ class Manoeuvre:
             path: the states there, shape (steps + 1, 2 n).
         """
         n, joints = self.model.coordinates, self.model.joints
-        wanted = rest_to_rest(self.reference, self.start, self.goal, self.duration, edges)
-        feedback = self.kp * (wanted.position - path[:, :joints])
-        feedback += self.kd * (wanted.velocity - path[:, n : n + joints])
+        requested = rest_to_rest(self.reference, self.start, self.goal, self.duration, edges)
+        feedback = self.kp * (requested.position - path[:, :joints])
+        feedback += self.kd * (requested.velocity - path[:, n : n + joints])
         return np.asarray(feedforward + feedback)
 
 

@@ -110,14 +110,14 @@ def joint_range(settings: RobustFeedforward, slew: Slew) -> Matrix | None:
     return found
 
 
-def _require_range(wanted: Matrix, swing: Matrix, names: tuple[str, ...]) -> None:
+def _require_range(requested: Matrix, swing: Matrix, names: tuple[str, ...]) -> None:
     """Raise PlanFailed where a member swings beyond the range."""
     for j, name in enumerate(names):
-        if swing[0, j] < wanted[0, j] or swing[1, j] > wanted[1, j]:
+        if swing[0, j] < requested[0, j] or swing[1, j] > requested[1, j]:
             raise PlanFailed(
                 f"{name} swings from {swing[0, j]:.4g} to {swing[1, j]:.4g}, joint_range allows "
-                f"{wanted[0, j]:g} to {wanted[1, j]:g}: ask for a longer duration, a larger rho "
-                "or a wider range"
+                f"{requested[0, j]:g} to {requested[1, j]:g}: ask for a longer duration, a larger "
+                "rho or a wider range"
             )
 
 
@@ -134,11 +134,11 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
     effort_limit = slew.effort_limit
     basis = Basis(settings.basis, settings.functions, settings.duration)
     free = 1.0 - settings.reserve
-    wanted = joint_range(settings, slew)
+    requested = joint_range(settings, slew)
     inner = None
-    if wanted is not None:
+    if requested is not None:
         ends = np.array((np.minimum(slew.start, slew.goal), np.maximum(slew.start, slew.goal)))
-        inner = np.where(np.isfinite(wanted), ends + free * (wanted - ends), wanted)
+        inner = np.where(np.isfinite(requested), ends + free * (requested - ends), requested)
     problem = Problem(members, basis, settings.rho, free * effort_limit, inner)
     history = limited_gauss_newton(problem, settings.max_iterations, settings.tolerance, progress)
     weights = history[-1][0].reshape(nominal.model.joints, -1).T
@@ -154,8 +154,8 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
                 f"{100.0 * members[worst].stiffness_error:+g} %), the limit is "
                 f"{effort_limit[j]:g} N m"
             )
-    if wanted is not None:
-        _require_range(wanted, swing, nominal.model.joint_names)
+    if requested is not None:
+        _require_range(requested, swing, nominal.model.joint_names)
     plan = on_ticks(settings, slew, nominal, basis, weights)
     plan = about_its_own_trajectory(plan, slew, nominal, basis, weights)
     last = history[-1][1]

@@ -92,7 +92,7 @@ def make_shaper(
         frequency: of the mode, undamped [rad/s].
         damping: its ratio [-].
         tolerance: V that an EI shaper admits at the nominal frequency [-].
-        negative: whether negative impulses are wanted; um_zv needs them.
+        negative: whether negative impulses are requested; um_zv needs them.
 
     Raises:
         BadInput: frequency, damping or tolerance is out of range, or negative impulses without

@@ -217,7 +217,7 @@ def tabled(
     goal: Vector,
     grid: Grid,
     weights: Vector,
-    wanted: Sequence[int],
+    requested: Sequence[int],
 ) -> Derived:
     """Return the answer of a member about a flight.
 
@@ -229,7 +229,7 @@ def tabled(
         goal: joint positions, shape (joints,).
         grid: the ticks and pieces.
         weights: of the flight.
-        wanted: channels that have limits.
+        requested: channels that have limits.
     """
     m, n = model.joints, model.coordinates
     f, g = step_derivatives(model, flown.states[0], flown.applied, grid.period)
@@ -238,7 +238,7 @@ def tabled(
     own = gains if nominal is not None else np.zeros_like(gains)
     about = nominal if nominal is not None else states
     path_derivatives(np.ascontiguousarray(f), np.ascontiguousarray(g), own, about, edges, states)
-    slopes = {channel: _slopes(model, channel, states, nominal, own, grid) for channel in wanted}
+    slopes = {channel: _slopes(model, channel, states, nominal, own, grid) for channel in requested}
     rest = np.zeros(2 * n)
     rest[:m] = goal
     last = states[-1].copy()  # a view would keep the others

@@ -2,7 +2,7 @@
 
 All members are flown with the present efforts; the convex program about these flights gives the
 step inside a trust region; it is taken if the true merit falls, and the region grows or shrinks by
-how well the program foretold the gain (Nocedal and Wright, chapters 4 and 18). The merit is the
+how well the program predicted the gain (Nocedal and Wright, chapters 4 and 18). The merit is the
 worst residual plus a price on what misses the end or the limits. What is found is a local optimum:
 the bound of the last program holds near it and nowhere else.
 """
@@ -37,7 +37,7 @@ from flexslew_plant.arrays import Matrix, Vector
 _GOAL = Goal(close=0.02, rounds=3)  # of every program
 _FIRST_RADIUS = 0.3  # of the limits
 _SMALLEST_RADIUS = 1e-4
-_GOOD, _POOR = 0.7, 0.2  # shares of the foretold gain, above and below which the region changes
+_GOOD, _POOR = 0.7, 0.2  # shares of the predicted gain, above and below which the region changes
 _SETTLED = 5e-3  # relative gain at which it ends
 _DEARER = 5.0  # times, of the price of missing
 _MET = 1e-4  # share of end and limits that may be missed
@@ -91,10 +91,10 @@ class Ensemble:
     def responses(self, weights: Vector, flights: Sequence[Flight]) -> list[Response]:
         """Return the answers of all members about their flights."""
         found, nominal = list[Response](), None
-        goal, wanted = self.ends[1], self.limited
+        goal, requested = self.ends[1], self.limited
         for member, rest, flown in zip(self.members, self.rests, flights, strict=True):
             derived = tabled(
-                member.model, flown, nominal, self.gains, goal, self.grid, weights, wanted
+                member.model, flown, nominal, self.gains, goal, self.grid, weights, requested
             )
             nominal = derived.states if nominal is None else nominal
             found.append(Response(derived.path, rest, self.grid, goal))
@@ -233,13 +233,13 @@ def improved(
         except Infeasible:  # the changes of the start are too large
             return Local(weights, merit, k, False)
         known = found.rows
-        foretold = found.worst + price * found.missed
-        foretold += asked.rho * float(found.weights @ found.weights)
+        predicted_cost = found.worst + price * found.missed
+        predicted_cost += asked.rho * float(found.weights @ found.weights)
         flights = ensemble.flown(found.weights)
         new = merit_of(program, ensemble, found.weights, flights, price)
-        promised = merit.cost - foretold
+        predicted_decrease = merit.cost - predicted_cost
         step = found.weights
-        if promised > 0.0 and merit.cost - new.cost < _GOOD * promised:
+        if predicted_decrease > 0.0 and merit.cost - new.cost < _GOOD * predicted_decrease:
             # the same derivatives about what was flown: a correction of second order
             corrected = replace(asked, responses=ensemble.moved(asked, found.weights, flights))
             again = solved(replace(corrected, trust=trust), goal=_GOAL, known=known)
@@ -248,9 +248,12 @@ def improved(
             if other.cost < new.cost:
                 step, flights, new = again.weights, others, other
         gain = merit.cost - new.cost
-        share = gain / promised if promised > 0.0 else 0.0
+        share = gain / predicted_decrease if predicted_decrease > 0.0 else 0.0
         size = float(np.abs((step - weights) / unit).max())
-        little = min(promised, gain if gain > 0.0 else promised) <= _SETTLED * merit.cost
+        little = (
+            min(predicted_decrease, gain if gain > 0.0 else predicted_decrease)
+            <= _SETTLED * merit.cost
+        )
         if gain > 0.0:
             weights, merit = step, new
         none = merit.residuals.max() < NOTHING

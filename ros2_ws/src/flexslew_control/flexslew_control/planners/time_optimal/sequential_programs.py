@@ -3,7 +3,7 @@
 About the present flight the end conditions r are linear in the efforts' shares s and the duration:
     min T + dT + mu |r + (dr/ds) ds + (dr/dT) dT|_1,    |s + ds| <= 1,    |ds| <= radius.
 The step is taken if the true merit T + mu |r|_1 falls, and the radius grows or shrinks by how well
-the program foretold the gain (Nocedal and Wright, chapter 18). Its solutions are vertices, so the
+the program predicted the gain (Nocedal and Wright, chapter 18). Its solutions are vertices, so the
 efforts become those of arcs at their limits.
 """
 
@@ -18,10 +18,10 @@ from flexslew_plant.arrays import Matrix, Vector
 _PRICE = 10.0  # mu, of the first duration
 _FIRST_RADIUS, _LARGEST_RADIUS, _SMALLEST_RADIUS = 0.5, 2.0, 1e-5  # of the amplitude
 _OF_DURATION = 0.3  # by which share it may change at radius one [-]
-_GOOD, _POOR = 0.7, 0.2  # shares of the foretold gain
+_GOOD, _POOR = 0.7, 0.2  # shares of the predicted gain
 _FIRST_ARCS, _ARC_STEPS = 0.1, 20  # radius of the arcs' programs [-], and how many at most
 _GONE = 1e-5  # arcs that are no longer, of the duration
-_SETTLED = 1e-7  # foretold gain, of the duration
+_SETTLED = 1e-7  # predicted gain, of the duration
 
 
 class Local(NamedTuple):
@@ -63,15 +63,15 @@ def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: in
         if step is None:
             break
         there = _flown(slew, step[0], step[1])
-        foretold = here.merit(price) - step[2]
+        predicted = here.merit(price) - step[2]
         gain = here.merit(price) - there.merit(price)
         if gain > 0.0:
             here = there
-        if gain > _GOOD * foretold:
+        if gain > _GOOD * predicted:
             radius = min(2.0 * radius, _LARGEST_RADIUS)
-        elif gain < _POOR * foretold:
+        elif gain < _POOR * predicted:
             radius *= 0.5 if gain > 0.0 else 0.3
-        if foretold < _SETTLED * here.duration or radius < _SMALLEST_RADIUS:
+        if predicted < _SETTLED * here.duration or radius < _SMALLEST_RADIUS:
             break
     return Local(here.duration, here.shares, float(np.abs(here.missed).max()))
 
@@ -108,12 +108,12 @@ def settled_arcs(slew: Reorientation, signs: Matrix, guess: Vector) -> tuple[Mat
         there = d + found.x[:arcs]
         new = Arcs(slew, signs).linearised(there)
         other = float(there.sum() + price * np.abs(new[0] / slew.scale).sum())
-        foretold = merit - float(d.sum()) - float(found.fun)
-        if merit - other < _POOR * foretold:
+        predicted = merit - float(d.sum()) - float(found.fun)
+        if merit - other < _POOR * predicted:
             radius *= 0.3
         if other < merit:
             d, end, merit = there, new, other
-        if foretold < _SETTLED * whole or radius < _SMALLEST_RADIUS:
+        if predicted < _SETTLED * whole or radius < _SMALLEST_RADIUS:
             break
     return _merged(signs, d, _GONE * whole)
 
@@ -145,7 +145,7 @@ def _flown(slew: Reorientation, shares: Matrix, duration: float) -> _About:
 
 
 def _step(here: _About, price: float, radius: float) -> tuple[Matrix, float, float] | None:
-    """Return shares, duration and foretold merit of the program's solution; None: it has none."""
+    """Return shares, duration and predicted merit of the program's solution; None: it has none."""
     r, count, now = here.missed.size, here.shares.size, here.shares.ravel()
     cost = np.concatenate((np.zeros(count), [1.0], np.full(2 * r, price)))
     rows = np.hstack((here.by_share, here.by_duration[:, None], -np.eye(r), np.eye(r)))

@@ -291,18 +291,18 @@ def statement(
             f"the optimum of a transcription on {switches + 1} intervals; its arcs do not settle, "
             "as some effort hardly matters"
         )
-    said = (
+    verdict = (
         f"best of the {switches}-switch family, not time-optimal: the switching function has the "
         f"wrong sign at {check.at:.3f} s ({100.0 * check.violation:.1f} % of its largest value)"
     )
     if not _more_may_help(slew, check, structure):
-        return f"{said}; no extremal was found"
+        return f"{verdict}; no extremal was found"
     if faster is None:
-        return f"{said}; structure: optimal looks for more switches"
+        return f"{verdict}; structure: optimal looks for more switches"
     less = duration - faster.duration
     if faster.switches is None:
-        return f"{said}; no slew is more than {less:.3g} s faster"
-    return f"{said}; structure: optimal takes {less:.3g} s less with {faster.switches} switches"
+        return f"{verdict}; no slew is more than {less:.3g} s faster"
+    return f"{verdict}; structure: optimal takes {less:.3g} s less with {faster.switches} switches"
 
 
 def _more_may_help(slew: BangBang | AllDrives, check: Extremality, structure: Structure) -> bool:

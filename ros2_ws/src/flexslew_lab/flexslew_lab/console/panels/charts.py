@@ -127,10 +127,10 @@ class _Chart:
         curves = [*quantities.curves_of(self._view, quantity), *overlays.get(quantity, [])]
         axis, rows = thinned(curves, start, end)
         labels = tuple((curve.label, curve.dashed) for curve in curves)
-        looks = self._plot.data.options
+        axes = self._plot.data.options
         if labels != self._labels:
-            self._labels, looks = labels, options(curves)
-        self._plot.data = ChartData(looks, news(axis, rows, events))
+            self._labels, axes = labels, options(curves)
+        self._plot.data = ChartData(axes, news(axis, rows, events))
 
     def _changed(self, who: str) -> None:
         self._drawn = ()

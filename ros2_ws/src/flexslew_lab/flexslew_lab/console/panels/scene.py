@@ -25,7 +25,7 @@ class ScenePanel:
     def __init__(self, desk: Desk) -> None:
         gui, self._view = desk.gui, desk.view
         self._scale = gui.slider("Deflection scale", 1.0, 50.0, 1.0, 1.0)
-        self._outline_wanted = gui.check("Reference as an outline", True)
+        self._outline_box = gui.check("Reference as an outline", True)
         self._drawing = gui.choice("Drawing", DRAWINGS)
         for name, direction in _VIEWS.items():
             desk.click(gui.button(name), partial(self._turn, direction))
@@ -47,8 +47,8 @@ class ScenePanel:
         if testbed is not self._testbed or self._scene is None:
             self._scene = self._build(testbed)
         position = self._view.position if self._view.position.size else self._start
-        wanted = bool(self._outline_wanted.value)
-        chosen = self._scale.value, wanted, self._look, self._drawing.value
+        outlined = bool(self._outline_box.value)
+        chosen = self._scale.value, outlined, self._look, self._drawing.value
         state = (position.tobytes(), self._view.time, *chosen)
         model = testbed.model()
         if state == self._shown or position.size != model.positions:
@@ -58,7 +58,7 @@ class ScenePanel:
         bent[position.size - model.modes :] *= self._scale.value
         reference = self._view.controller_state.column("reference_position")
         outline = None
-        if wanted and len(reference) and reference.shape[1] == model.joints:
+        if outlined and len(reference) and reference.shape[1] == model.joints:
             pose = dict(zip(model.joint_names, reference[-1].tolist(), strict=True))
             outline = body(self._scene, model.rest(pose), self._view.time)
         self._drawn.data = Picture(

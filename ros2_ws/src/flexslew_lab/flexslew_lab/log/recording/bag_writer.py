@@ -21,9 +21,9 @@ from flexslew_lab.log.files.bag_lock import lock_folder, unlock_folder
 from flexslew_lab.log.files.mcap_file import Chunk, McapFile, RecordingStopped, record_bytes
 from flexslew_lab.log.files.rosbag2_folder import TopicCount, information, write_description
 from flexslew_lab.log.messages.schemas import schema_text, type_hash
+from flexslew_plant.atomic import atomic
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import yaml_text
-from flexslew_plant.unbroken import unbroken
 
 __all__ = ["CHUNK_SIZE", "BagWriter", "RecordingStopped"]
 
@@ -109,7 +109,7 @@ class BagWriter:
             RecordingStopped: the disk is full, or another failure of the system; the same again
                 at every later chunk.
         """
-        with unbroken:
+        with atomic:
             track = self._tracks.get(topic)
             if track is None:
                 track = self._new_track(topic, type_name)
@@ -136,7 +136,7 @@ class BagWriter:
             raise self._file.failed
         if self._chunk_start < 0:
             return
-        with unbroken:
+        with atomic:
             raw = bytes(self._buffer)
             tracks = [track for track in self._tracks.values() if track.entries]
             entries = {track.channel: bytes(track.entries) for track in tracks}
@@ -159,7 +159,7 @@ class BagWriter:
         """
         if self._closed:
             return
-        with unbroken:
+        with atomic:
             self._closed = True
             try:
                 self._finish(run)

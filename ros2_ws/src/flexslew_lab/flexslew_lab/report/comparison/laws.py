@@ -89,8 +89,8 @@ class LawComparison:
     def quantities(self) -> tuple[Quantity, ...]:
         """What they are compared by: what any of them has."""
         nominal = [entry.nominal.metrics for entry in self.flown]
-        wanted = quantities(nominal[0]) if nominal else ()
-        return tuple(q for q in wanted if any(q.of(m) is not None for m in nominal))
+        requested = quantities(nominal[0]) if nominal else ()
+        return tuple(q for q in requested if any(q.of(m) is not None for m in nominal))
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the numbers as plain data, one row per law."""
@@ -192,14 +192,14 @@ def _heavier(testbed: Testbed, factor: float) -> Testbed:
 def _candidates(trial: Trial) -> list[_Candidate]:
     """Return the laws to try: the trial's own, the one in charge first, then all others."""
     names = [trial.active, *(name for name in trial.controllers if name != trial.active)]
-    wanted = [(name, dict(trial.controllers[name] or {})) for name in names]
-    used = {law_of(name, values)[0] for name, values in wanted}
-    wanted += [(law, dict(CONTROLLERS[law].compared)) for law in CONTROLLERS if law not in used]
-    wanted.append((ALONE, _BARE))
+    requested = [(name, dict(trial.controllers[name] or {})) for name in names]
+    used = {law_of(name, values)[0] for name, values in requested}
+    requested += [(law, dict(CONTROLLERS[law].compared)) for law in CONTROLLERS if law not in used]
+    requested.append((ALONE, _BARE))
     assert not isinstance(trial.plan, SavedPlan)
     usual = None if trial.plan is None else planner_of(trial.plan).by_law
     found = []
-    for name, values in wanted:
+    for name, values in requested:
         law, _ = law_of(name, values)
         own = {**values, "law": law}
         plans = CONTROLLERS[law].plans if law in CONTROLLERS else (PlanVariant("", {}),)

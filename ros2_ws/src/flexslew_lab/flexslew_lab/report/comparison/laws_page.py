@@ -78,9 +78,9 @@ def motion(comparison: LawComparison) -> Group:
 
 def short_table(comparison: LawComparison) -> tuple[list[str], list[list[Any]]]:
     """Return the columns and rows of a table that fits into a terminal."""
-    wanted = comparison.quantities
-    head = ["law", *(f"{q.title}{f' [{q.unit}]' if q.unit else ''}" for q in wanted)]
-    return head, [[entry.name, *cells[: len(wanted)]] for entry, cells in _table(comparison)]
+    requested = comparison.quantities
+    head = ["law", *(f"{q.title}{f' [{q.unit}]' if q.unit else ''}" for q in requested)]
+    return head, [[entry.name, *cells[: len(requested)]] for entry, cells in _table(comparison)]
 
 
 def _table(comparison: LawComparison) -> list[tuple[Any, list[str]]]:

@@ -272,13 +272,13 @@ def _planned(trial: Trial, source: str, method: str, variant: Variant) -> Entry:
     assert not isinstance(trial.plan, SavedPlan | None)
     name = f"{method}, {variant.name}" if variant.name else method
     given = planner_of(trial.plan)
-    wanted = given if method == trial.plan.method else PLANNERS[method]
+    requested = given if method == trial.plan.method else PLANNERS[method]
     own: dict[str, Any] = dict(variant.keys)
     duration = plain(trial.plan).get("duration")
-    if duration and wanted.takes_duration and given.takes_duration:
+    if duration and requested.takes_duration and given.takes_duration:
         own["duration"] = duration * variant.longer
-    if wanted is not given:
-        own |= wanted.compared
+    if requested is not given:
+        own |= requested.compared
     plant, feedback = plant_of(trial), feedback_of(trial)
     try:
         settings = other_method(trial.plan, method, f"{source}: plan", **own)

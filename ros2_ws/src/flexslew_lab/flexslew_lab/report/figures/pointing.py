@@ -5,11 +5,11 @@ import numpy as np
 from flexslew_lab.report.figures.drawing import marks
 from flexslew_lab.report.panels import Entry, Group, Panel, legend, style
 from flexslew_lab.report.run_data import RunData
+from flexslew_plant.testbeds.spacecraft.lines_of_sight import HasLinesOfSight, LineOfSight
 from flexslew_plant.testbeds.spacecraft.motions import Pointing
-from flexslew_plant.testbeds.spacecraft.sights import HasLinesOfSight, LineOfSight
 
 _AXES = ("x", "y", "z")
-_LEAST = 1e-9  # that a logarithmic scale shows [rad]
+_FLOOR = 1e-9  # that a logarithmic scale shows [rad]
 
 
 def platform(run: RunData) -> Group | None:
@@ -33,7 +33,7 @@ def platform(run: RunData) -> Group | None:
         panels.append(panel)
     found: dict[str, LineOfSight] = {}
     if isinstance(testbed, HasLinesOfSight):
-        found = testbed.sights(time, position, run.goal)
+        found = testbed.lines_of_sight(time, position, run.goal)
     panels += _antennas(run, found)
     names = tuple(Entry(entry.name, entry.colour, entry.dash) for entry in legend([*_AXES, *found]))
     for panel in panels:
@@ -57,7 +57,7 @@ def _antennas(run: RunData, found: dict[str, LineOfSight]) -> list[Panel]:
     errors = Panel("line of sight from its target", "rad", log=True, x_title="time [s]", height=190)
     for k, (name, sight) in enumerate(found.items(), start=len(_AXES)):
         hinges.line(run.frame_time, sight.hinge, name, style(k))
-        errors.line(run.frame_time, np.maximum(sight.error, _LEAST), name, style(k))
+        errors.line(run.frame_time, np.maximum(sight.error, _FLOOR), name, style(k))
     seen = np.concatenate([sight.error for sight in found.values()])
-    errors.y_range = (max(float(seen.min()), _LEAST), max(float(seen.max()), 10.0 * _LEAST))
+    errors.y_range = (max(float(seen.min()), _FLOOR), max(float(seen.max()), 10.0 * _FLOOR))
     return [hinges, errors]

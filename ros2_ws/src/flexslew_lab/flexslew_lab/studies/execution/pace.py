@@ -4,7 +4,7 @@ from bisect import bisect_left
 
 _REPORTS = 6  # after the first, before anything is said
 _ALIKE = 1.4  # ratio of the paces of two stretches that count as one pace
-_LEAST = 5.0  # from the first report on [wall s]
+_SHORTEST = 5.0  # from the first report on [wall s]
 _STARTS = 0.5  # of the time before it, by which other processes may have started later [-]
 
 
@@ -36,20 +36,20 @@ class Pace:
             self._times.append(now)
             self._done.append(done)
 
-    def left(self, wanted: int) -> float | None:
-        """Return the wall seconds until all trials that are wanted are done; None: unknown."""
-        if self._done and self._done[-1] >= wanted:
+    def left(self, requested: int) -> float | None:
+        """Return the wall seconds until all trials that are requested are done; None: unknown."""
+        if self._done and self._done[-1] >= requested:
             return 0.0
         if len(self._times) <= _REPORTS:
             return None
         first, last = self._times[0], self._times[-1]
-        if last - first < max(_LEAST, _STARTS * (first - self._began)):
+        if last - first < max(_SHORTEST, _STARTS * (first - self._began)):
             return None
         middle = bisect_left(self._times, 0.5 * (first + last))
         early, late = self._rate(0, middle), self._rate(middle, len(self._times) - 1)
         if not (early > 0.0 and late > 0.0 and 1.0 / _ALIKE < late / early < _ALIKE):
             return None
-        return (wanted - self._done[-1]) / late
+        return (requested - self._done[-1]) / late
 
     def _rate(self, begin: int, end: int) -> float:
         """Return trials per second between two reports; 0: there is no time between them."""

@@ -15,7 +15,7 @@ from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Matrix, Vector
 
 _POINTS = 2000  # of a curve or of all clouds, at most
-_LEAST = 100  # of the cloud of a variant
+_MINIMUM_POINTS = 100  # of the cloud of a variant
 _CELLS = 12  # of a map, along each side
 _FEW = 8  # varied values that are drawn
 _ABREAST = 5  # maps in a row
@@ -75,7 +75,7 @@ def scatter(study: Study, store: Store, name: str, unit: str) -> go.Figure:
     )
     for k, variant in enumerate(study.variants):
         found, rows = column(study, store, name, k)
-        most = max(_POINTS // len(study.variants), _LEAST)
+        most = max(_POINTS // len(study.variants), _MINIMUM_POINTS)
         thin = np.unique(np.linspace(0, len(found.values) - 1, most).astype(int))
         top = found.values[np.isfinite(found.values)].max(initial=0.0)
         values = found.values[thin]

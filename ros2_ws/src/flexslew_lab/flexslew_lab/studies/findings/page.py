@@ -60,8 +60,8 @@ def study_page(study: Study, store: Store, found: dict[str, Any]) -> str:
 def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any]]) -> str:
     """Return the page of two studies side by side."""
     common = [n for n in found[0]["metrics"] if n in found[1]["metrics"] and "." not in n]
-    wanted = [n for n in opened[0][0].settings.criteria if n in common]
-    names = list(dict.fromkeys([*wanted, *(n for n in _FIRST if n in common)]))[:_SHOWN]
+    requested = [n for n in opened[0][0].settings.criteria if n in common]
+    names = list(dict.fromkeys([*requested, *(n for n in _FIRST if n in common)]))[:_SHOWN]
     drawn = []
     for name in names:
         each = {}

@@ -15,7 +15,7 @@ from flexslew_lab.studies.study import Stop, Study
 _FIRST = 64  # samples before the first look
 
 
-def looks(study: Study, samples: pa.Table) -> list[int]:
+def interim_sizes(study: Study, samples: pa.Table) -> list[int]:
     """Return after how many samples the study looks whether to stop; the last is all of them.
 
     Random samples and Sobol points double in between, where the latter are balanced; Latin
@@ -35,13 +35,15 @@ def looks(study: Study, samples: pa.Table) -> list[int]:
     return [*counts, last]
 
 
-def confidence_of_a_look(study: Study, samples: pa.Table, stop: Stop) -> float:
+def interim_confidence(study: Study, samples: pa.Table, stop: Stop) -> float:
     """Return at what confidence each look at each variant bounds the quantile (Bonferroni).
 
     All looks hold at once with the confidence of the stop, so that the bounds of the look at which
     a study ended hold with it, too.
     """
-    return 1.0 - (1.0 - stop.confidence) / (len(looks(study, samples)) * len(study.variants))
+    return 1.0 - (1.0 - stop.confidence) / (
+        len(interim_sizes(study, samples)) * len(study.variants)
+    )
 
 
 def settled(study: Study, store: Store, samples: pa.Table, look: int) -> dict[str, Any] | None:
@@ -49,7 +51,7 @@ def settled(study: Study, store: Store, samples: pa.Table, look: int) -> dict[st
     stop = study.settings.stop
     if stop is None:
         return None
-    confidence = confidence_of_a_look(study, samples, stop)
+    confidence = interim_confidence(study, samples, stop)
     replicated = METHODS[study.settings.sampling.method].replicated
     known = []
     for values in _values(study, store, stop.metric, look):

@@ -13,7 +13,7 @@ from flexslew_lab.studies.findings.criteria import judged
 from flexslew_lab.studies.findings.pairs import paired
 from flexslew_lab.studies.findings.population import Population
 from flexslew_lab.studies.findings.sensitivity import indices
-from flexslew_lab.studies.findings.stopping import confidence_of_a_look
+from flexslew_lab.studies.findings.stopping import interim_confidence
 from flexslew_lab.studies.sampling.methods import METHODS
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
@@ -106,7 +106,7 @@ def _confidence(study: Study, store: Store, name: str) -> float:
     """Return the confidence of each variant's bounds, so that those of all hold at once."""
     stop = study.settings.stop
     if stop is not None and stop.metric == name:  # the look at which it ended was chosen by it
-        return confidence_of_a_look(study, store.samples, stop)
+        return interim_confidence(study, store.samples, stop)
     return 1.0 - (1.0 - CONFIDENCE) / len(study.variants)
 
 

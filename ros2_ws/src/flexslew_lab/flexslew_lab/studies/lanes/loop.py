@@ -131,12 +131,12 @@ def _effort(n: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     ) -> None:
         for i in range(m):
             row = i * LANES
-            base, wanted = schedule.demand[k, i], schedule.position[k, i]
+            base, requested = schedule.demand[k, i], schedule.position[k, i]
             turning, pushed = schedule.velocity[k, i], schedule.disturbance[k, i]
             for at in range(row, row + LANES):
                 w[effort + at] = (
                     base
-                    + w[kp + at] * (wanted - w[reading + at])
+                    + w[kp + at] * (requested - w[reading + at])
                     + w[kd + at] * (turning - w[reading + m * LANES + at])
                 )
             for j in range(nz):
@@ -155,7 +155,7 @@ def _effort(n: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                     demand = w[effort + at] + w[integral_sum + at]
                     given = min(max(demand, -w[law_limit + at]), w[law_limit + at])
                     back = unwinding * (given - demand)
-                    error = wanted - w[reading + at]
+                    error = requested - w[reading + at]
                     w[effort + at] = given
                     w[integral_sum + at] += dt * (rate + w[ki + at] * error + back)
                 for j in range(nz):

@@ -111,15 +111,15 @@ def distribution_of(values: Any, place: str) -> Distribution:
         close = difflib.get_close_matches(str(family), FAMILIES, n=1)
         hint = f"did you mean {close[0]}? " if close else ""
         raise BadInput(f"{family}: unknown key; {hint}allowed: {', '.join(FAMILIES)}", place)
-    wanted = FAMILIES[family]
-    words = f"{place}.{family}: {numbers!r} is not allowed: give {wanted.arguments}"
-    if not isinstance(numbers, list) or (wanted.length and len(numbers) != wanted.length):
+    requested = FAMILIES[family]
+    words = f"{place}.{family}: {numbers!r} is not allowed: give {requested.arguments}"
+    if not isinstance(numbers, list) or (requested.length and len(numbers) != requested.length):
         raise BadInput(words)
     if family != "choice" and not all(_is_number(number) for number in numbers):
         raise BadInput(words)
     if family == "choice" and not _of_one_kind(numbers):
         raise BadInput(f"{words}, all numbers or all words")
-    if not wanted.spread(numbers):
+    if not requested.spread(numbers):
         raise BadInput(f"{words}; these have no spread")
     return Distribution(family, tuple(numbers))
 

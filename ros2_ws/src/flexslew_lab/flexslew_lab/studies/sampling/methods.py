@@ -17,7 +17,7 @@ from flexslew_plant.settings import section
 
 MOST_FOR_SALTELLI = 64  # varied values
 REPLICATES = 16  # independently randomised, where a file does not say how many
-_LEAST = 4  # points of a replicate, before there are fewer of them
+_MINIMUM_POINTS = 4  # points of a replicate, before there are fewer of them
 _STREAM = 0x5A3D  # spawn key of the samples; a trial's is its number alone
 
 
@@ -119,7 +119,7 @@ def replicates_of(s: Sampling) -> int:
     """Return how many independently randomised parts a Sobol or Latin hypercube sample has."""
     if not METHODS[s.method].replicated:
         return 1
-    return s.replicates or max(min(REPLICATES, _n(s) // _LEAST), 1)
+    return s.replicates or max(min(REPLICATES, _n(s) // _MINIMUM_POINTS), 1)
 
 
 def check_sampling(s: Sampling, values: int, place: str) -> None:

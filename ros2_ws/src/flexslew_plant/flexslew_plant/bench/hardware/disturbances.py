@@ -69,13 +69,13 @@ class TimedDisturbance(NamedTuple):
     end: float  # first tick after it
 
 
-def check_disturbance(wanted: Disturbance, joints: tuple[str, ...], place: str) -> None:
+def check_disturbance(requested: Disturbance, joints: tuple[str, ...], place: str) -> None:
     """Check that the testbed has the joints.
 
     Raises:
         BadInput: an unknown joint, with the known ones.
     """
-    for name in wanted:
+    for name in requested:
         if name not in joints:
             raise BadInput(
                 f"{name} is not a joint of the testbed; allowed: {', '.join(joints)}", place

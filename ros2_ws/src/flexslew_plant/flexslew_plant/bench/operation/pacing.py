@@ -27,7 +27,7 @@ class Pacing:
         self._start, self._ticks = 0.0, 0
         self._asked = 0.0
         self._repeat = 0.0
-        self._look_due = inf  # when the plant wanted to look again
+        self._look_due = inf  # when the plant meant to look again
         self.late = 0.0  # by which the last look came too late [wall s]
         self.set_rate(rate_factor, 0.0)
 
@@ -53,7 +53,7 @@ class Pacing:
         self._repeat = now + REPEAT_AFTER
 
     def look(self, now: float) -> float:
-        """Note that the plant looks at the clock; return by how much later than it wanted [s]."""
+        """Note that the plant looks at the clock; return by how much it is late [s]."""
         self.late = max(0.0, now - self._look_due)
         self._look_due = inf
         self._asked += self.late

@@ -36,7 +36,7 @@ Outgoing: TypeAlias = Measurement | Truth | Event
 
 _SILENT = Refusal("its heartbeat is lost", cause=Cause.NO_HEARTBEAT)
 _ABSENT = Refusal("it is not on the graph", cause=Cause.ABSENT)
-_LOOK = 0.02  # between two looks at who is missing [wall s]
+_POLL_PERIOD = 0.02  # between two polls at who is missing [wall s]
 
 
 class Session:
@@ -70,10 +70,10 @@ class Session:
         self.reasons: dict[str, Refusal | None] = {}  # why not ready, as the controllers say
         self.waiting_for: list[str] = []
         self.outbox: deque[Outgoing] = deque()
-        self._wanted = controllers
+        self._requested = controllers
         scheduled = (entry.switch for entry in bench.settings.schedule if entry.switch)
         self._named = {*bench.settings.fallback, *scheduled}  # may have to take over
-        self._who = ""  # wanted the start that is under way
+        self._who = ""  # asked for the start that is under way
         self._missing, self._arrived = missing, arrived
         self._shown = (0, -1)  # epoch and tick of the newest truth that went out
         self._late = (0, 0.0)  # how often behind the schedule, and by how much in all [wall s]
@@ -88,7 +88,7 @@ class Session:
         if not self.run.running:
             self._look_around(now)
             self._flush()
-            return _LOOK if self.run.state == WAITING else BEAT_EVERY
+            return _POLL_PERIOD if self.run.state == WAITING else BEAT_EVERY
         held_up = self.pacing.look(now)
         self.presence.excuse(held_up)
         bench = self.bench
@@ -114,7 +114,7 @@ class Session:
         return self.pacing.wait(now)
 
     def take(self, command: EffortCommand, now: float) -> bool:
-        """Take an answer; return whether `poll` is wanted at once."""
+        """Take an answer; return whether `poll` is due at once."""
         if not self.run.running:
             return False
         bench = self.bench
@@ -126,7 +126,7 @@ class Session:
         elif bench.question is not question:  # a refused switch: its predecessor is asked
             self.outbox.append(bench.question)
         self._flush()
-        return bool(bench.charge.results) or bench.answered
+        return bool(bench.handover.results) or bench.answered
 
     def hear(self, controller: str, ready: bool, reason: str) -> None:
         """Take what a controller says of itself: whether it could take charge, and why not."""
@@ -243,7 +243,7 @@ class Session:
         others: set[str] = set()
         if bench.tick == 0:
             again = bench.epoch > 0
-            others = {n for n in self._wanted if not (again and self.presence.silent(n, now))}
+            others = {n for n in self._requested if not (again and self.presence.silent(n, now))}
         return {*others, bench.drive.active} - {""}
 
     def _advance(self, now: float) -> None:
@@ -297,7 +297,7 @@ class Session:
             return True
         if self.pacing.paced:
             return False
-        due = self.bench.charge.due(tick)
+        due = self.bench.handover.due(tick)
         held = any(self.presence.silent(name, now) for name in due)
         if not held:
             self._held_since = None
@@ -309,7 +309,7 @@ class Session:
     def _refresh(self, controllers: Iterable[str], now: float) -> None:
         """Note who of these can take charge at this moment."""
         for name in controllers:
-            self.bench.charge.note_readiness(name, self.reason(name, now))
+            self.bench.handover.note_readiness(name, self.reason(name, now))
 
     def _look_around(self, now: float) -> None:
         """Note who fell silent and who can take charge."""

@@ -8,7 +8,7 @@ from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import publisher
 
-_EVERY = 1.0  # [wall s]
+_PERIOD = 1.0  # [wall s]
 
 
 class Diagnostics:
@@ -28,7 +28,7 @@ class Diagnostics:
     def poll(self, now: float) -> None:
         """Publish if it is time."""
         since, tick = self._last
-        if now - since < _EVERY:
+        if now - since < _PERIOD:
             return
         session, bench = self._session, self._session.bench
         rate = max(bench.tick - tick, 0) / (now - since) if since else 0.0
@@ -46,7 +46,7 @@ class Diagnostics:
                     "tick": bench.tick,
                     "ticks per second": f"{rate:.1f}",
                     "missed": bench.drive.missed,
-                    "brake latched": bench.charge.latched,
+                    "brake latched": bench.handover.latched,
                 },
             )
         ]

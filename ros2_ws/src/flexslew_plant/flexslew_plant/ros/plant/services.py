@@ -74,7 +74,7 @@ class Services:
         faults = bench.active_faults()
         shown = (
             session.run.state, tuple(session.waiting_for), bench.epoch, bench.drive.active,
-            bench.charge.latched, session.pacing.rate_factor, len(faults),
+            bench.handover.latched, session.pacing.rate_factor, len(faults),
         )  # fmt: skip
         if shown == self._shown and now < self._next_state:
             return
@@ -90,7 +90,7 @@ class Services:
                 rate_factor=session.pacing.rate_factor,
                 wall_time=session.run.wall_time(now),
                 active=bench.drive.active,
-                brake_latched=bench.charge.latched,
+                brake_latched=bench.handover.latched,
                 missed_ticks=bench.drive.missed,
                 fault_numbers=[fault.number for fault in faults],
                 faults=[fault.words for fault in faults],

@@ -40,7 +40,7 @@ class SwitchService:
 
     def poll(self, now: float) -> float:
         """Answer those who need wait no longer; return when to look again [wall s]."""
-        results = self._session.bench.charge.results
+        results = self._session.bench.handover.results
         while results:
             result = results.popleft()
             for pending in [p for p in self._pending if p.request == result.request]:
@@ -56,8 +56,10 @@ class SwitchService:
     async def _on_switch(self, request: Any, reply: Any) -> Any:
         bench = self._session.bench
         reply.effort_step = doubles(0.0 * bench.limit)
-        wanted = round(seconds_of(request.at) / bench.settings.period)
-        tick = reply.tick = wanted if 0 < wanted < bench.tick else max(wanted, bench.tick + 1)
+        requested = round(seconds_of(request.at) / bench.settings.period)
+        tick = reply.tick = (
+            requested if 0 < requested < bench.tick else max(requested, bench.tick + 1)
+        )
         limit = request.max_effort_step if request.strict else inf
         asked = SwitchRequest(request.controller, tick, request.strict, limit, request.who)
         refused = (

@@ -19,7 +19,7 @@ from flexslew_plant.testbeds.scene import Aim, Scene
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
-from flexslew_plant.testbeds.spacecraft.sights import hinge_turned, target_directions
+from flexslew_plant.testbeds.spacecraft.lines_of_sight import hinge_turned, target_directions
 
 _PIVOT, _TURNING = "pivot", "continuous"
 _JOINTS = (at.FORCE, at.TORQUE, at.HINGE, at.WHEEL)  # what the others push has no joint

@@ -26,19 +26,19 @@ def hinge_turns(craft: Spacecraft) -> tuple[HingeTurn, ...]:
 
 
 def retargeted(
-    appendages: dict[str, AppendageSettings], wanted: dict[str, Any], at: float
+    appendages: dict[str, AppendageSettings], requested: dict[str, Any], at: float
 ) -> dict[str, Any]:
     """Return the keys of a section that give an appendage a new target.
 
     Args:
         appendages: of the section.
-        wanted: `appendage`, and the keys of a motion but for `at`.
+        requested: `appendage`, and the keys of a motion but for `at`.
         at: when it begins to turn [s].
 
     Raises:
         BadInput: no such appendage, or its hinge does not turn in a prescribed way.
     """
-    motion = dict(wanted)
+    motion = dict(requested)
     name = motion.pop("appendage", None)
     if name not in appendages:
         known = ", ".join(appendages)

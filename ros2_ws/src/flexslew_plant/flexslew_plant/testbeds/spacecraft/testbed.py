@@ -32,6 +32,7 @@ from flexslew_plant.testbeds.spacecraft.equations.jacobian import residual_jacob
 from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, potential
 from flexslew_plant.testbeds.spacecraft.equations.readings import read
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
+from flexslew_plant.testbeds.spacecraft.lines_of_sight import LineOfSight, lines_of_sight
 from flexslew_plant.testbeds.spacecraft.motions import Motions, motions
 from flexslew_plant.testbeds.spacecraft.orbit import Orbit, outside_forces
 from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit, turning_axes
@@ -47,7 +48,6 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     SensorPlace,
     WheelSettings,
 )
-from flexslew_plant.testbeds.spacecraft.sights import LineOfSight, sights
 from flexslew_plant.testbeds.spacecraft.turning import driven_most, rigid_turn, turning_point
 from flexslew_plant.testbeds.spacecraft.units import UNITS, UnitSystem
 
@@ -241,11 +241,11 @@ class SpacecraftTestbed:
         """Return what platform and tips do; see motions.Pointing."""
         return motions(self.craft, position, velocity, self.model().rest(goal))
 
-    def sights(
+    def lines_of_sight(
         self, time: Vector, position: Matrix, goal: dict[str, float]
     ) -> dict[str, LineOfSight]:
-        """Return where antennas look; see sights.HasLinesOfSight."""
-        return sights(self.craft, time, position, self.model().rest(goal))
+        """Return where antennas look; see lines_of_sight.HasLinesOfSight."""
+        return lines_of_sight(self.craft, time, position, self.model().rest(goal))
 
     def clamped(self, name: str) -> Clamped:
         """Return an appendage clamped to the platform; see clamped.HasClampedAppendages."""
@@ -259,9 +259,9 @@ class SpacecraftTestbed:
         """Return the prescribed turns; see contract.Retargeting."""
         return hinge_turns(self.craft)
 
-    def retargeted(self, wanted: dict[str, Any], at: float) -> dict[str, Any]:
+    def retargeted(self, requested: dict[str, Any], at: float) -> dict[str, Any]:
         """Return the keys that give an appendage a new target; see contract.Retargeting."""
-        return retargeted(self.appendages, wanted, at)
+        return retargeted(self.appendages, requested, at)
 
     def scene(self) -> Scene:
         """Return how it is drawn."""

@@ -170,11 +170,11 @@ def _target(m: Motion, axis: Vector, axes: Matrix, key: str) -> float:
     if m.to is not None:
         return m.to
     assert m.line_of_sight is not None
-    wanted = axes @ unit_direction(m.line_of_sight, f"{key}.line_of_sight")
+    requested = axes @ unit_direction(m.line_of_sight, f"{key}.line_of_sight")
     z = np.array([0.0, 0.0, 1.0])
-    across, there = z - (z @ axis) * axis, wanted - (wanted @ axis) * axis
+    across, there = z - (z @ axis) * axis, requested - (requested @ axis) * axis
     angle = float(np.arctan2(axis @ np.cross(across, there), across @ there))
-    away = float(np.arccos(np.clip(turn(axis, angle).T @ z @ wanted, -1.0, 1.0)))
+    away = float(np.arccos(np.clip(turn(axis, angle).T @ z @ requested, -1.0, 1.0)))
     if away > _SIGHT:
         raise BadInput(
             f"the hinge turns about {axis.round(6).tolist()} and comes within {away:.4g} "

@@ -32,7 +32,7 @@ class HasLinesOfSight(Protocol):
     def pointing_tolerance(self) -> float:
         """Error of a line of sight that is good enough [rad]."""
 
-    def sights(
+    def lines_of_sight(
         self, time: Vector, position: Matrix, goal: dict[str, float]
     ) -> dict[str, LineOfSight]:
         """Return the lines of sight of all antennas that turn, by name.
@@ -68,7 +68,7 @@ def hinge_turned(a: Appendage, time: Vector) -> tuple[NDArray[np.float64], Vecto
     return axes, angle
 
 
-def sights(
+def lines_of_sight(
     craft: Spacecraft, time: Vector, position: Matrix, goal: Vector
 ) -> dict[str, LineOfSight]:
     """Return the lines of sight of all antennas that turn; see HasLinesOfSight.
@@ -79,7 +79,7 @@ def sights(
         position: q, shape (k, positions).
         goal: q at the goal, shape (positions,).
     """
-    attitude, wanted = _attitude(craft, position), _attitude(craft, goal[None])
+    attitude, requested = _attitude(craft, position), _attitude(craft, goal[None])
     modes = position[:, position.shape[1] - craft.modes :]
     found = {}
     for index, a in enumerate(craft.appendages):
@@ -91,7 +91,7 @@ def sights(
             bent = modes[:, craft.first_mode(index) :][:, : a.modes] @ a.shape.tip.turn.T
             look = look + np.cross(bent, look)
         look = _rotated(attitude, np.einsum("kji,kj->ki", axes, look))
-        aim = _rotated(wanted, target_directions(a, time))
+        aim = _rotated(requested, target_directions(a, time))
         across = np.linalg.norm(np.cross(look, aim), axis=1)
         error = np.arctan2(across, np.einsum("ki,ki->k", look, aim))
         rests = np.zeros(len(time), dtype=bool)

@@ -1,4 +1,4 @@
-"""What a plan has promised beside what its flight has left."""
+"""What a plan has predicted beside what its flight has left."""
 
 from typing import Any
 
@@ -8,8 +8,8 @@ from flexslew_plant.bench.hardware.actuator import ActuatorSettings
 from flexslew_plant.bench.hardware.sensors import SensorSettings
 from flexslew_plant.settings import plain
 
-_ALLOWED = 0.1  # of the promise [-]
-_NOTHING = 1e-5  # residual that counts as none [m]
+_ALLOWED = 0.1  # of the prediction [-]
+_NEGLIGIBLE = 1e-5  # residual that counts as none [m]
 
 
 def prediction_gap(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> str:
@@ -26,17 +26,17 @@ def prediction_gap(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> 
     left = metrics.get("residual_tip_deflection")
     if plan is None or left is None or trial.schedule:
         return ""
-    promised = plan.summary.get("predicted_residual_tip_deflection")
+    predicted = plan.summary.get("predicted_residual_tip_deflection")
     seen = {k: v for k, v in plain(trial.testbed).items() if k != "initial"}
     model = dict(plan.request.get("model") or {})
     model.pop("initial", None)
     undisturbed = trial.sensors == SensorSettings() and trial.actuator == ActuatorSettings()
-    foretold = model == seen or "residual_tip_deflection_on_model" in plan.summary
-    if promised is None or not foretold or not undisturbed:
+    comparable = model == seen or "residual_tip_deflection_on_model" in plan.summary
+    if predicted is None or not comparable or not undisturbed:
         return ""
-    if left <= promised * (1.0 + _ALLOWED) + _NOTHING:
+    if left <= predicted * (1.0 + _ALLOWED) + _NEGLIGIBLE:
         return ""
     return (
-        f"warning: the flight left {left:.3g} m at the tip, the plan predicts {promised:.3g} m on "
+        f"warning: the flight left {left:.3g} m at the tip, the plan predicts {predicted:.3g} m on "
         "the same bench: is the controller in charge the one whose gains the plan assumes?"
     )

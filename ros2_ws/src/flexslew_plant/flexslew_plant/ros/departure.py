@@ -11,10 +11,12 @@ from flexslew_plant.ros.graph import listeners_of
 
 # How long a node stays at most until all have heard it [wall s]. For a listener that was held up,
 # DDS repairs 256 messages of a topic with every heartbeat: 3 s, or 0.02 s by profiles/loopback.xml.
-LAST_WORDS = 60.0
-HURRIED = 5.0  # the same when somebody has interrupted it, or for one that sends no heartbeat
+DEPARTURE_TIMEOUT = 60.0
+INTERRUPTED_TIMEOUT = (
+    5.0  # the same when somebody has interrupted it, or for one that sends no heartbeat
+)
 _ANSWERS = 1.0  # for clients, who may still wait for an answer [wall s]
-_SEVERAL = 50  # callbacks between two looks at who has heard what
+_SEVERAL = 50  # callbacks between two polls at who has heard what
 
 
 def wait_until_acknowledged(
@@ -47,7 +49,7 @@ def wait_until_acknowledged(
             node.get_logger().warning(f"awaiting acknowledgement: {names}")
             told = True
         listeners = {name for p in unheard for name in listeners_of(node, p)}
-        if alive is not None and alive.presence.lost(listeners, HURRIED, monotonic()):
+        if alive is not None and alive.presence.lost(listeners, INTERRUPTED_TIMEOUT, monotonic()):
             break  # was alive once and has been silent for long
     if unheard:
         node.get_logger().warning(f"exiting, unacknowledged: {names}")

@@ -99,7 +99,7 @@ class DisturbPanel:
         return {"disturbance": {joint: number_of(_EFFORT, given.get(_EFFORT))}}
 
 
-class BreakPanel:
+class FaultPanel:
     """A fault of any kind.
 
     Args:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
-from flexslew_plant.bench.charge import RUN_OVER
+from flexslew_plant.bench.handover import RUN_OVER
 from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.refusal import Cause, Refusal
@@ -28,8 +28,8 @@ def asked(bed: Any, ticks: Any, silent: Any = ()) -> list[Any]:
     return [tick(bed, silent) for _ in range(ticks)]
 
 
-def kinds(bed: Any, *wanted: Any) -> list[Any]:
-    return [event.kind for event in bed.events if event.kind in wanted]
+def kinds(bed: Any, *requested: Any) -> list[Any]:
+    return [event.kind for event in bed.events if event.kind in requested]
 
 
 def test_a_newcomer_that_never_answers_gives_the_bench_back_to_the_one_before_it() -> None:
@@ -122,7 +122,7 @@ def test_a_switch_that_cannot_happen_any_more_is_dropped_with_the_reason(
     bed.request_switch(SwitchRequest("b", 9))
     asked(bed, 3)
     if act is not Bench.reset:
-        bed.charge.drop_all(Refusal(reason))
+        bed.handover.drop_all(Refusal(reason))
     else:
         act(bed)
     assert {r.request.controller: r.message for r in bed.switch_results} == {
@@ -198,7 +198,7 @@ def test_the_brake_in_the_middle_of_a_handover_answers_the_switch() -> None:
 def test_every_switch_gets_one_result_whatever_happens(seed: Any) -> None:
     rng = np.random.default_rng(seed)
     bed = bench(fallback=("b", "c"), max_missed=2, duration=3.0)
-    wanted = 0
+    requested = 0
     silent: set[Any] = set()
     for _ in range(300):
         if bed.done:
@@ -209,21 +209,21 @@ def test_every_switch_gets_one_result_whatever_happens(seed: Any) -> None:
                 request = SwitchRequest(
                     name, bed.tick + int(rng.integers(1, 30)), bool(rng.integers(2)), 1.0
                 )
-                wanted += bed.request_switch(request) is None
+                requested += bed.request_switch(request) is None
             case 2:
                 bed.note_readiness(name, None if rng.integers(2) else Refusal("ill"))
             case 3:
                 silent ^= {name}
             case 4 if rng.integers(5) == 0:
-                bed.brake(not bed.charge.latched)
+                bed.brake(not bed.handover.latched)
             case 5 if rng.integers(10) == 0:
                 bed.reset()
         before = bed.question.controller
         tick(bed, silent, rng.normal(0.0, 1.0, 2))
         if bed.question.controller != before:
-            assert not bed.charge.latched or bed.question.controller == ""
-    bed.charge.drop_all(RUN_OVER)
-    assert len(bed.switch_results) == wanted
+            assert not bed.handover.latched or bed.question.controller == ""
+    bed.handover.drop_all(RUN_OVER)
+    assert len(bed.switch_results) == requested
     told = kinds(bed, "switched", "switch_refused", "switch_dropped")
     never = [r for r in bed.switch_results if r.refused and r.refused.cause is Cause.NO_ANSWER]
-    assert len(told) + len(never) == wanted
+    assert len(told) + len(never) == requested

@@ -10,7 +10,7 @@ from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.hinge_motion import prescribed
-from flexslew_plant.testbeds.spacecraft.sights import hinge_turned, target_directions
+from flexslew_plant.testbeds.spacecraft.lines_of_sight import hinge_turned, target_directions
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 TABLE = [[0.0, 0.0, 0.0, 0.0], [0.4, 0.3, 1.4, 0.5], [1.0, 1.0, 0.0, 0.0]]
@@ -59,7 +59,7 @@ def test_an_antenna_at_rest_looks_at_its_target(seed: int) -> None:
     axes, _ = hinge_turned(beam, ends)
     np.testing.assert_allclose(axes[:, 2], target_directions(beam, ends), atol=1e-12)
     q = np.tile(testbed.model().rest({}), (len(ends), 1))
-    sight = testbed.sights(ends, q, {})["beam"]
+    sight = testbed.lines_of_sight(ends, q, {})["beam"]
     np.testing.assert_allclose(sight.error, 0.0, atol=1e-12)
     assert sight.rests.all()
 

@@ -6,7 +6,7 @@ from time import monotonic
 _PATIENCE = 2.0  # longer than this a block does not keep an interrupt waiting [wall s]
 
 
-class _Unbroken(threading.local):
+class _Atomic(threading.local):
     """A block of this thread, entered any number of times: an interrupt waits for its end."""
 
     def __init__(self) -> None:
@@ -34,4 +34,4 @@ class _Unbroken(threading.local):
         raise KeyboardInterrupt
 
 
-unbroken = _Unbroken()
+atomic = _Atomic()

@@ -38,7 +38,7 @@ RUN_OVER = Refusal("the run is over", cause=Cause.RUN_OVER)
 _RESET = Refusal("the bench was reset", cause=Cause.BENCH_RESET)
 
 
-class Charge:
+class Handover:
     """Hands the drive from one controller to the next.
 
     Args:
