@@ -1,9 +1,10 @@
-"""Pages that follow from definitions: interface, parameters and API; read from text, without ROS.
+"""Pages that follow from definitions: interface, parameters and API.
 
 Run by the site's generator (the plugin gen-files) at every build.
 """
 
 import ast
+import importlib
 import re
 from collections.abc import Iterator
 from importlib.metadata import files
@@ -13,6 +14,7 @@ from typing import NamedTuple
 import mkdocs_gen_files
 
 from flexslew_plant import topics
+from flexslew_plant.settings_fields import own_meanings
 
 SOURCES = Path("ros2_ws/src")
 MESSAGES = SOURCES / "flexslew_msgs"
@@ -134,34 +136,24 @@ def sections() -> Iterator[tuple[str, str, str, list[Field]]]:
     """Yield module, class, docstring and fields of every settings section."""
     for package in PACKAGES:
         for path in sorted((SOURCES / package / package).rglob("*.py")):
-            text = path.read_text()
-            lines = text.splitlines()
-            for node in ast.walk(ast.parse(text)):
+            for node in ast.walk(ast.parse(path.read_text())):
                 if isinstance(node, ast.ClassDef) and any(
                     isinstance(d, ast.Name) and d.id == "section" for d in node.decorator_list
                 ):
                     module = ".".join(path.relative_to(SOURCES / package).with_suffix("").parts)
-                    fields = [field(item, lines) for item in node.body if is_field(item)]
-                    yield module, node.name, ast.get_docstring(node) or "", fields
+                    yield module, node.name, ast.get_docstring(node) or "", keys(module, node)
 
 
-def is_field(item: ast.stmt) -> bool:
-    """Say whether a statement of a class is one of its keys."""
-    return (
-        isinstance(item, ast.AnnAssign)
-        and isinstance(item.target, ast.Name)
-        and not item.target.id.startswith("_")
-        and not ast.unparse(item.annotation).startswith("ClassVar")
-    )
-
-
-def field(item: ast.stmt, lines: list[str]) -> Field:
-    """Return a key with its type, its default and the comment on its line."""
-    assert isinstance(item, ast.AnnAssign)
-    end = lines[(item.end_lineno or item.lineno) - 1]
-    comment = end[item.end_col_offset or 0 :].partition("#")[2]
-    default = ast.unparse(item.value) if item.value else ""
-    return Field(ast.unparse(item.target), ast.unparse(item.annotation), default, comment)
+def keys(module: str, node: ast.ClassDef) -> list[Field]:
+    """Return the keys of a section with their types and defaults as the code has them."""
+    told = own_meanings(getattr(importlib.import_module(module), node.name))
+    found = []
+    for item in node.body:
+        name = ast.unparse(item.target) if isinstance(item, ast.AnnAssign) else ""
+        if isinstance(item, ast.AnnAssign) and name in told:
+            default = ast.unparse(item.value) if item.value else ""
+            found.append(Field(name, ast.unparse(item.annotation), default, told[name].told))
+    return found
 
 
 def parameters() -> str:

@@ -86,7 +86,7 @@ def test_a_name_that_is_no_text_is_refused_in_one_line(section: Any, name: Any) 
 
 
 def test_a_request_of_an_operator_is_done_or_refused_in_one_line(case: np.random.Generator) -> None:
-    bench = Bench(BenchSettings(faults_enabled=True))
+    bench = Bench(BenchSettings(allow_faults=True))
     for _ in range(5):
         fault = FAULTS[case.integers(len(FAULTS))]
         text = yaml_text(changed(fault, case), flow=True)

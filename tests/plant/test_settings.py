@@ -149,7 +149,7 @@ def test_settings_cannot_be_changed() -> None:
         (BenchSettings, {"testbed": 5}, "testbed: 5 is not allowed: give keys"),
         (BenchSettings, {"fallback": "pd"}, "fallback: 'pd' is not allowed: give a list"),
         (BenchSettings, {"schedule": [{}]}, "schedule.0.at: is missing"),
-        (BenchSettings, {"faults_enabled": "perhaps"}, "'perhaps' is not allowed: give true or"),
+        (BenchSettings, {"allow_faults": "perhaps"}, "'perhaps' is not allowed: give true or"),
         (BenchSettings, {"max_missed": 1.5}, "max_missed: 1.5 is not allowed: give a whole number"),
         (PerJoint, [], "[] is not allowed: at least 1 entry, here 0"),
     ],

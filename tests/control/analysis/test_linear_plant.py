@@ -156,7 +156,7 @@ def test_the_response_of_the_sampled_model_is_that_of_the_bench(way: Any) -> Non
         ),
         actuator=way.actuator,
         active="x",
-        faults_enabled=True,
+        allow_faults=True,
         schedule=[{"at": 0.0, "fault": fault} for fault in faults],
     )
     bench, seen = Bench(settings), []

@@ -211,7 +211,7 @@ def test_a_law_is_silent_while_a_sensor_reads_nan_and_is_back_after_it(law: str)
     fault = {"kind": "sensor_nan", "channel": "joint_position"}
     entries = [{"at": 0.2, "until": 0.23, "fault": fault}]
     mine = controller("mine", law)
-    bench, events = flown(mine, schedule=entries, faults_enabled=True)
+    bench, events = flown(mine, schedule=entries, allow_faults=True)
     assert [e.tick for e in events if e.kind == "missed"] == [20, 21, 22]
     said = [e for e in events if e.data.get("controller") == "mine"]
     assert [e.tick for e in said if e.kind in ("not_ready", "ready")] == [20, 23]
@@ -224,7 +224,7 @@ def test_a_sensor_that_reads_nan_is_not_held_against_a_users_law() -> None:
     fault = {"kind": "sensor_nan", "channel": "joint_velocity"}
     entries = [{"at": 0.2, "until": 0.23, "fault": fault}]
     mine = controller("mine", EXAMPLE)
-    bench, _ = flown(mine, schedule=entries, faults_enabled=True)
+    bench, _ = flown(mine, schedule=entries, allow_faults=True)
     assert (mine.reason, bench.drive.active) == (None, "mine")
 
 

@@ -1,53 +1,80 @@
-"""docs/trial.md and docs/spacecraft.md tell every key of a trial file; the example is one."""
+"""The tables of keys in the pages are those of the code; the example of trial.md is a trial."""
 
+import importlib.util
 import re
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import pytest
-from pydantic import TypeAdapter
 
-from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.controllers import CONTROLLERS, CommonSettings
+from flexslew_control.planners import PLANNERS
+from flexslew_lab.studies.study import StudySettings
 from flexslew_lab.trial.trial import Trial, parse_trial
+from flexslew_plant.settings_fields import own_meanings
 
 DOCS = Path(__file__).parents[3] / "docs"
 TEXT = (DOCS / "trial.md").read_text()
-TOLD = TEXT + (DOCS / "spacecraft.md").read_text()
-ROWS = set(re.findall(r"^\| (\w+) \| [^|]+ \| [^|]*\w[^|]* \|$", TOLD, re.MULTILINE))
+SPEC = importlib.util.spec_from_file_location("key_tables", DOCS / "key_tables.py")
+assert SPEC is not None
+assert SPEC.loader is not None
+key_tables = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(key_tables)
+IN_FAULTS = ("flexslew_plant.faults", "flexslew_plant.bench.hardware.disturbances")  # faults.md
 
 
-def keys_of(kind: Any) -> Any:
-    schema = TypeAdapter(kind).json_schema()
-    sections = {"": schema, **schema.get("$defs", {})}
-    return {
-        key
-        for name, one in sections.items()
-        if not is_told_in_faults(name)
-        for key in one.get("properties", {})
+def sections(kind: Any) -> set[type[Any]]:
+    """Return all sections that a type holds, itself included."""
+    if isinstance(kind, type) and is_dataclass(kind):
+        hints = get_type_hints(kind, include_extras=True)
+        inner = [sections(hints[item.name]) for item in fields(kind) if item.repr]
+        return {kind}.union(*inner)
+    return set[type[Any]]().union(*(sections(part) for part in get_args(kind)))
+
+
+KINDS = (Trial, StudySettings, CommonSettings, *(e.settings for e in CONTROLLERS.values()))
+SECTIONS = sorted(set().union(*map(sections, KINDS)), key=lambda kind: kind.__name__)
+
+
+@pytest.mark.parametrize("page", key_tables.PAGES, ids=lambda page: page.name)
+def test_the_tables_of_a_page_are_those_of_the_code(page: Path) -> None:
+    text = page.read_text()
+    assert key_tables.current(text) == text, (
+        "run: . setup/environment.sh; python docs/key_tables.py"
+    )
+
+
+def test_every_section_has_its_table() -> None:
+    assert len(SECTIONS) > 50
+    shown = {
+        key_tables.section_of(*names)
+        for page in key_tables.PAGES
+        for names in key_tables.MARK.findall(page.read_text())
     }
+    apart = {kind for kind in SECTIONS if kind.__module__.startswith(IN_FAULTS)}
+    assert not set(SECTIONS) - shown - apart
 
 
-def is_told_in_faults(name: Any) -> Any:
-    first = ("Actuator", "Command", "Sensor", "Controller", "Sine", "Pulse")
-    return name.startswith(first) and name not in ("ActuatorSettings", "SensorSettings")
-
-
-def test_every_key_of_a_trial_is_told_with_its_meaning() -> None:
-    assert keys_of(Trial) - ROWS == set()
-
-
-@pytest.mark.parametrize("law", CONTROLLERS)
-def test_every_key_of_a_controller_is_told(law: Any) -> None:
-    assert keys_of(CONTROLLERS[law].settings) - ROWS == set()
+@pytest.mark.parametrize("kind", SECTIONS, ids=lambda kind: kind.__name__)
+def test_every_key_is_described_in_its_field(kind: type[Any]) -> None:
+    fixed = ("kind", "method")  # select the section
+    meanings = own_meanings(kind)
+    bare = [f.name for f in fields(kind) if f.repr and not meanings[f.name].told]
+    assert not set(bare) - set(fixed)
 
 
 def test_every_planner_and_law_has_its_heading() -> None:
-    methods = set(re.findall(r"^### method: (\w+)$", TEXT, re.MULTILINE))
-    text = str(TypeAdapter(Trial).json_schema())
-    assert methods == set(re.findall(r"'method': \{'const': '(\w+)'", text))
+    assert set(re.findall(r"^### method: (\w+)$", TEXT, re.MULTILINE)) == set(PLANNERS)
     assert set(re.findall(r"^### (\w+)$", TEXT, re.MULTILINE)) == set(CONTROLLERS)
+
+
+def test_a_stale_table_is_found() -> None:
+    line = next(line for line in TEXT.splitlines() if line.startswith("| period |"))
+    assert key_tables.current(TEXT.replace(line, "| period | 0.02 | a lie |")) == TEXT
 
 
 def test_the_example_is_a_trial() -> None:
     example = re.search(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
+    assert example is not None
     assert parse_trial(example[1], "docs/trial.md").name == "my_slew"

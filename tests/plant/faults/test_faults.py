@@ -36,7 +36,7 @@ def settings(*faults: Any, **more: Any) -> Any:
         "active": "first",
         "fallback": ["second"],
         "schedule": schedule,
-        "faults_enabled": True,
+        "allow_faults": True,
         **more,
     }
     return validated(BenchSettings, values, "test")
@@ -308,7 +308,7 @@ def test_disturbances_have_the_shape_and_the_mean_of_their_formula() -> None:
         {"at": AT, "until": UNTIL, "disturbance": {"base_yaw": sine, "hub_pitch": pulse}},
         {"at": 1.0, "disturbance": {"base_yaw": 5}},
     ]
-    run = Run(settings(schedule=entries, faults_enabled=False))
+    run = Run(settings(schedule=entries, allow_faults=False))
     found = np.array([truth.disturbance for truth in run.truths[1:]])
     fine = np.linspace(0.0, 2.0, 200_001)
     mean = 3.0 * np.sin(2.0 * np.pi * 0.25 * fine + 0.5)
@@ -438,8 +438,8 @@ def test_a_time_beyond_the_last_tick_is_refused(entry: dict[str, Any]) -> None:
 
 def test_nothing_breaks_unless_the_trial_allows_it() -> None:
     with pytest.raises(BadInput, match=r"schedule\.0\.fault.*allow_faults: true"):
-        Bench(settings(FAULTS["command_lost"], faults_enabled=False))
-    answer = Bench(settings(faults_enabled=False)).inject("{kind: command_lost}")
+        Bench(settings(FAULTS["command_lost"], allow_faults=False))
+    answer = Bench(settings(allow_faults=False)).inject("{kind: command_lost}")
     assert not answer.ok
     assert "allow_faults: true" in answer.message
 

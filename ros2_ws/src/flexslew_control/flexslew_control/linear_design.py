@@ -60,10 +60,13 @@ class Designed(Protocol):
         """Return the state dt after t with the effort held."""
 
 
-# of a law: joint positions by name; logs of earlier versions call it set_point
 OperatingPoint = Annotated[
     dict[str, float] | None,
-    Field(validation_alias=AliasChoices("operating_point", "set_point")),
+    Field(
+        validation_alias=AliasChoices("operating_point", "set_point"),  # as in logs of before
+        description="joint positions at which the law is designed, by name [rad or m]; null: "
+        "those of the testbed",
+    ),
 ]
 
 

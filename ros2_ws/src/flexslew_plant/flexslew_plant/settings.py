@@ -40,7 +40,11 @@ def _as_list(value: Any) -> Any:
 
 
 # one number per joint; a single number, or a list of one, serves every joint
-PerJoint = Annotated[tuple[NonNegative, ...], BeforeValidator(_as_list), Field(min_length=1)]
+PerJoint = Annotated[
+    tuple[NonNegative, ...],
+    BeforeValidator(_as_list, json_schema_input_type=NonNegative | tuple[NonNegative, ...]),
+    Field(min_length=1),
+]
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)

@@ -1,15 +1,20 @@
-"""What each key of a settings section means: the words beside it in the code, and its range."""
+"""What each key of a settings section means: the words beside it in the code, and what it may be.
 
+The field is the only place where a key is described: its comment (at the end of its line, or in the
+lines above it) or the description of its type. Pages, forms, parameters, errors and the JSON schema
+are made from that.
+"""
+
+import ast
 import inspect
 import re
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from functools import lru_cache
 from math import inf, nextafter
+from textwrap import dedent
 from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter
-
-_LINE = re.compile(r"^    (\w+)\s*:[^#\n]*#\s*(.*\S)\s*$", re.MULTILINE)
 
 
 class FieldMeaning(NamedTuple):
@@ -18,6 +23,23 @@ class FieldMeaning(NamedTuple):
     words: str  # with its unit; empty where the code says nothing
     low: float  # smallest allowed number; -inf: none
     high: float  # largest one; inf: none
+    choices: tuple[str, ...] = ()  # the texts that are allowed; none: any
+
+    @property
+    def told(self) -> str:
+        """The words, and what is allowed."""
+        low, high = self.low, self.high
+        limits = []
+        if low > -inf:
+            limits.append(f"{'at least' if low == round(low, 9) else 'above'} {round(low, 9):g}")
+        if high < inf:
+            limits.append(f"{'at most' if high == round(high, 9) else 'below'} {round(high, 9):g}")
+        named = all(re.search(rf"\b{re.escape(one)}\b", self.words) for one in self.choices)
+        listed = "" if named else f"one of {', '.join(self.choices)}"
+        return "; ".join(part for part in (self.words, ", ".join(limits), listed) if part)
+
+
+_MEANINGS: dict[type, Mapping[str, FieldMeaning]] = {}
 
 
 def meanings(settings: Any, prefix: str = "") -> dict[str, FieldMeaning]:
@@ -36,31 +58,69 @@ def meanings(settings: Any, prefix: str = "") -> dict[str, FieldMeaning]:
     return found
 
 
-@lru_cache(maxsize=256)
-def own_meanings(kind: type[Any]) -> dict[str, FieldMeaning]:
+def own_meanings(kind: type[Any]) -> Mapping[str, FieldMeaning]:
     """Return what the keys of a section mean, nested sections not followed."""
-    comments = dict(_LINE.findall(_source(kind)))
-    schema = TypeAdapter(kind).json_schema().get("properties", {})
-    return {
-        item.name: FieldMeaning(comments.get(item.name, ""), *_range(schema.get(item.name, {})))
-        for item in fields(kind)
-    }
+    if kind not in _MEANINGS:
+        comments: dict[str, str] = {}
+        for owner in reversed(kind.__mro__):
+            comments |= _comments(owner) if "__dataclass_fields__" in vars(owner) else {}
+        schema = TypeAdapter(kind).json_schema().get("properties", {})
+        _MEANINGS[kind] = {
+            item.name: _meaning(comments.get(item.name, ""), schema.get(item.name, {}))
+            for item in fields(kind)
+        }
+    return _MEANINGS[kind]
 
 
-def _source(kind: type) -> str:
+def _meaning(comment: str, schema: dict[str, Any]) -> FieldMeaning:
+    return FieldMeaning(comment or schema.get("description", ""), *_range(schema), _choices(schema))
+
+
+def _comments(kind: type) -> dict[str, str]:
+    """Return the comment of every field that has one."""
     try:
-        return inspect.getsource(kind)
+        source = dedent(inspect.getsource(kind))
     except (OSError, TypeError):  # of a class that was made at run time
-        return ""
+        return {}
+    lines, found = source.splitlines(), {}
+    body = ast.parse(source).body[0]
+    assert isinstance(body, ast.ClassDef)
+    for item in body.body:
+        if not isinstance(item, ast.AnnAssign) or not isinstance(item.target, ast.Name):
+            continue
+        first, last = item.lineno - 1, item.end_lineno or item.lineno
+        rest = lines[last - 1].encode()[item.end_col_offset or 0 :].decode()
+        words = [rest.partition("#")[2]]
+        while first > 0 and lines[first - 1].lstrip().startswith("#"):
+            first -= 1
+            words.insert(0, lines[first].lstrip().removeprefix("#"))
+        found[item.target.id] = " ".join(" ".join(words).split())
+    return found
+
+
+def _options(schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the alternatives of a JSON schema, entries of lists and of names among them."""
+    found = [schema]
+    for one in (*schema.get("anyOf", []), *schema.get("oneOf", [])):
+        found += _options(one)
+    for one in (schema.get("items"), schema.get("additionalProperties")):
+        found += _options(one) if isinstance(one, dict) else []
+    return [*found, *schema.get("prefixItems", [])[:1]]
+
+
+def _choices(schema: dict[str, Any]) -> tuple[str, ...]:
+    """Return the texts that a JSON schema lists; one that is fixed is no choice."""
+    return tuple(str(text) for one in _options(schema) for text in one.get("enum", ()))
 
 
 def _range(schema: dict[str, Any]) -> tuple[float, float]:
     """Return the smallest and the largest number that a JSON schema allows."""
-    options = [schema, *schema.get("anyOf", [])]
-    numbers = [o for o in options if o.get("type") in ("number", "integer")]
+    numbers = [o for o in _options(schema) if o.get("type") in ("number", "integer")]
     if not numbers:
         return -inf, inf
     low, high = numbers[0].get("minimum", -inf), numbers[0].get("maximum", inf)
     if "exclusiveMinimum" in numbers[0]:
         low = nextafter(numbers[0]["exclusiveMinimum"], inf)
+    if "exclusiveMaximum" in numbers[0]:
+        high = nextafter(numbers[0]["exclusiveMaximum"], -inf)
     return float(low), float(high)

@@ -57,7 +57,7 @@ def test_what_is_not_a_number_is_not_plausible() -> None:
 def test_everybody_who_flies_on_contradictory_sensors_loses_the_bench_and_then_it_brakes() -> None:
     lie = {"kind": "sensor_dropout", "channel": "joint_velocity"}
     values = {
-        "fallback": ["second", "third"], "plausibility": {}, "faults_enabled": True,
+        "fallback": ["second", "third"], "plausibility": {}, "allow_faults": True,
         "schedule": [{"at": 0.5, "fault": lie}],
     }  # fmt: skip
     bench = Bench(validated(BenchSettings, values, "test"))

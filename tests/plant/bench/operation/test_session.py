@@ -282,7 +282,7 @@ def test_as_fast_as_it_goes_one_that_has_just_fallen_silent_may_be_switched_in()
 
 
 def test_what_an_operator_does_is_an_event_with_its_tick_and_who_asked() -> None:
-    lab = Lab(rate=1.0, faults_enabled=True).until(10)
+    lab = Lab(rate=1.0, allow_faults=True).until(10)
     it = lab.it
     assert it.note(" the beam rings ", "ann").message == f"noted at tick {it.bench.tick}"
     it.set_rate(2.0, lab.now, "bob")

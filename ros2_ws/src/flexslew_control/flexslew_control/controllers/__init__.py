@@ -51,7 +51,7 @@ class CommonSettings:
     """What may stand beside the settings of any law."""
 
     handover_time: NonNegative = 1.0  # over which a predecessor's effort is blended out [s]
-    monitor: MonitorSettings | None = None  # of the innovations; null: off
+    monitor: MonitorSettings | None = None  # the tests; null: off
 
 
 def build_controller(

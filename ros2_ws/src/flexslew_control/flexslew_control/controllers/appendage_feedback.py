@@ -19,13 +19,14 @@ from flexslew_plant.testbeds.spacecraft.clamped import Clamped, HasClampedAppend
 class AppendageFeedback:
     """Which appendage is controlled, and how the platform is held."""
 
-    name: str  # of the appendage
-    process_density: Positive = 1e-3  # of the noise on every state, L = 1
-    sensor_density: Positive = 1e-4  # of the noise on every tip reading
+    name: str  # the appendage that is controlled
+    process_density: Positive = 1e-3  # density of the noise on every state, L = 1
+    sensor_density: Positive = 1e-4  # density of the noise on every reading of the tip
     # a and b of Q_s = diag(omega^a, omega^b)
     weight_exponents: tuple[float, float] = (0.0, -2.0)
     platform_gain: NonNegative = 0.0  # kappa, about the axis of least inertia [N m/rad]
-    platform_damping: Annotated[float, Field(gt=0.0, le=2.0)] = 0.7  # ratio of that loop [-]
+    # damping ratio of that loop [-]
+    platform_damping: Annotated[float, Field(gt=0.0, le=2.0)] = 0.7
 
 
 def appendage_system(c: Clamped, settings: AppendageFeedback, name: str) -> LinearSystem:

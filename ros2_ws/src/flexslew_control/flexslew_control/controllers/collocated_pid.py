@@ -1,7 +1,6 @@
 """Collocated PID: one loop a joint on its own encoder, with feedforward and anti-windup."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -22,8 +21,9 @@ from flexslew_control.linear_design import (
     state_names,
 )
 from flexslew_control.linear_form import LinearForm, collocated_form
+from flexslew_control.shared_keys import BelievedModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.settings import PerJoint, Positive, section
+from flexslew_plant.settings import PerJoint, section
 from flexslew_plant.testbeds.linearisation import Linearisation
 
 
@@ -31,12 +31,12 @@ from flexslew_plant.testbeds.linearisation import Linearisation
 class CollocatedPid:
     """The settings of controller `collocated_pid`; one number per joint, or one for all."""
 
-    kp: PerJoint = (460.0,)  # [N m/rad]
-    ki: PerJoint = (15.0,)  # [N m/(rad s)]
-    kd: PerJoint = (920.0,)  # [N m s/rad]
-    tracking_time: Positive | None = 10.0  # T_t of the anti-windup [s]; null: none
-    model: dict[str, Any] | None = None  # that checks the gains; null: one mode
-    operating_point: OperatingPoint = None  # [rad or m]; null: the testbed's own
+    kp: PerJoint = (460.0,)  # one per joint, or one for all [N m/rad]
+    ki: PerJoint = (15.0,)  # one per joint, or one for all [N m/(rad s)]
+    kd: PerJoint = (920.0,)  # one per joint, or one for all [N m s/rad]
+    tracking_time: TrackingTime = 10.0
+    model: BelievedModel = None
+    operating_point: OperatingPoint = None
 
 
 @dataclass(frozen=True)

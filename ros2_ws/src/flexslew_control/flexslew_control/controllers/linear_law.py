@@ -3,7 +3,7 @@
 w are signals by name; see SIGNALS. A continuous one is discretised at the bench's period.
 """
 
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from flexslew_control.law import (
 )
 from flexslew_control.linear_design import OperatingPoint
 from flexslew_control.linear_form import LawForm, LinearForm, Observer, no_integral
+from flexslew_control.shared_keys import BelievedModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
@@ -43,27 +44,29 @@ _CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
 class StateSpace:
     """A linear system; a file of MATLAB calls the keys A, B, C, D and Ts."""
 
-    a: Rows = ()  # none: gains alone
-    b: Rows = ()
-    c: Rows = ()
-    d: Rows | None = None  # null: zero
-    period: NonNegative = 0.0  # [s]; 0: continuous
-    inputs: tuple[str, ...] = ()  # signals; none: the joints' errors, then their rates
-    outputs: tuple[str, ...] = ()  # efforts; none: all joints
+    a: Rows = ()  # A, rows of numbers; none: gains alone
+    b: Rows = ()  # B
+    c: Rows = ()  # C
+    d: Rows | None = None  # D; null: zero
+    period: NonNegative = 0.0  # Ts [s], the bench's; 0: continuous
+    # signals; none: `error.JOINT` of every joint, then `error_rate.JOINT`
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()  # `effort.JOINT`; none: every joint
 
 
 @section
 class LinearSettings:
     """The settings of controller `linear`."""
 
-    system: StateSpace | None = None  # null: feedforward alone
-    method: Literal["tustin", "hold"] = "tustin"  # of a continuous one
-    prewarping: Positive | None = None  # where Tustin's is exact [rad/s]; null: at zero
-    tracking_time: Positive | None = 2.0  # T_t of the anti-windup [s]; null: none
+    system: StateSpace | None = None  # the matrices; null: the plan's feedforward alone
+    # tustin or hold, how a continuous system is discretised at the bench's period
+    method: Literal["tustin", "hold"] = "tustin"
+    prewarping: Positive | None = None  # where Tustin's method is exact [rad/s]; null: at zero
+    tracking_time: TrackingTime = 2.0
     feedforward: bool = True  # whether the plan's effort is added
-    model: dict[str, Any] | None = None  # on which the loop must be stable; null: one mode
-    operating_point: OperatingPoint = None  # [rad or m]; null: the testbed's own
-    allow_unstable: bool = False  # fly it though it is not
+    model: BelievedModel = None
+    operating_point: OperatingPoint = None
+    allow_unstable: bool = False  # fly it though the loop is not stable on that model
 
 
 class LinearLaw:

@@ -1,7 +1,6 @@
 """Linear quadratic regulator with disturbance minimisation (Kwak 1989, (3-1) to (3-10))."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError, solve_continuous_are
@@ -19,6 +18,7 @@ from flexslew_control.linear_design import (
     state_names,
 )
 from flexslew_control.linear_form import LinearForm, OnDeviation, no_integral, nominal_form
+from flexslew_control.shared_keys import BelievedModel
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
@@ -33,13 +33,13 @@ class ScaledWeights:
     An effort counts in J_jj / time^2, J_jj the joint's inertia at the operating point.
     """
 
-    joint: NonNegative = 100.0  # on each joint position [-]
-    mode: NonNegative = 1000.0  # on each modal coordinate [-]
-    joint_rate: NonNegative = 100.0  # on each joint rate [-]
-    mode_rate: NonNegative = 1000.0  # on each modal rate [-]
-    effort: Positive = 1.0  # on each effort (its rate in the PI law) [-]
-    time: Positive = 8.0  # T_0 [s]
-    deflection: Positive = 31.0  # [m]
+    joint: NonNegative = 100.0  # weight of each joint position [-]
+    mode: NonNegative = 1000.0  # weight of each modal coordinate [-]
+    joint_rate: NonNegative = 100.0  # weight of each joint rate [-]
+    mode_rate: NonNegative = 1000.0  # weight of each modal rate [-]
+    effort: Positive = 1.0  # weight of each effort (of its rate in the PI law) [-]
+    time: Positive = 8.0  # time scale T_0 [s]
+    deflection: Positive = 31.0  # scale of the deflections [m]
 
 
 @dataclass(frozen=True)
@@ -122,11 +122,12 @@ def disturbance_gain(input_matrix: Matrix) -> Matrix:
 class Lqr:
     """The settings of controller `lqr`."""
 
-    model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
-    operating_point: OperatingPoint = None  # [rad or m]; null: the testbed's own
-    weights: ScaledWeights = ScaledWeights()
-    filter: FilterSettings = FilterSettings()
-    minimise_disturbance: bool = True  # whether the estimated disturbance is cancelled (3-4)
+    model: BelievedModel = None
+    operating_point: OperatingPoint = None
+    weights: ScaledWeights = ScaledWeights()  # weights of the quadratic criterion
+    filter: FilterSettings = FilterSettings()  # the Kalman filter
+    # whether the estimated disturbance is cancelled, eqs (3) and (4)
+    minimise_disturbance: bool = True
 
 
 @dataclass

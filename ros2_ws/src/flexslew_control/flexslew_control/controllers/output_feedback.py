@@ -13,7 +13,7 @@ Observers:
             by omega T / 2 in a slew, and P of (7), which it states, is right at rest alone.
 """
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -39,6 +39,7 @@ from flexslew_control.linear_design import (
     require_stable,
     state_names,
 )
+from flexslew_control.shared_keys import BelievedModel
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -49,20 +50,27 @@ from flexslew_plant.testbeds.model import Model
 class OutputFeedback:
     """The settings of controller `output_feedback`."""
 
+    # strategy
     mode: Literal["tracking_a", "tracking_b", "rigid_hold"] = "tracking_a"
-    model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
-    operating_point: OperatingPoint = None  # mid-slew [rad]; null: half of the testbed's own
-    reaching_rate: Positive = 2.0  # nu [1/s]
-    weight_frequency: Positive = 0.3  # omega_r, of the joints in Q_s [rad/s]
-    attitude_gain: NonNegative = 0.0  # kappa of (51) [1/s]
+    model: BelievedModel = None
+    # joint positions at mid-slew, by name [rad or m]; null: half of those of the testbed
+    operating_point: OperatingPoint = None
+    reaching_rate: Positive = 2.0  # rate nu at which the hypersurface is reached [1/s]
+    weight_frequency: Positive = 0.3  # frequency omega_r of the joints in Q_s [rad/s]
+    attitude_gain: NonNegative = 0.0  # gain kappa of eq. (51) [1/s]
     effort_noise: Positive = 0.1  # density of each effort in L Q L^T [(N m)^2 s]
-    modal_noise: Positive = 0.00025  # density of each force on M_qq q'' alone [N^2 s]
-    angle_sigma: Positive = 1e-4  # [rad or m]
-    rate_sigma: Positive = 1e-4  # [rad/s or m/s]
-    tip_sigma: Positive | None = None  # of the tip sensor [m]; null: it is not used
-    observer: Literal["kalman", "steady"] = "kalman"  # of joints and modes; an appendage's: steady
-    initial_deflection: NonNegative = 0.01  # sigma of each mode at a reset [m], [m/s]; kalman
-    # of a spacecraft: the appendage alone, apart from the platform's; null: joints and modes
+    modal_noise: Positive = 0.00025  # density of the force on each mode alone [N^2 s]
+    angle_sigma: Positive = 1e-4  # standard deviation of the joint encoders [rad or m]
+    rate_sigma: Positive = 1e-4  # standard deviation of the joint rate sensors [rad/s or m/s]
+    tip_sigma: Positive | None = None  # standard deviation of the tip sensor [m]; null: not used
+    # of joints and modes (an appendage's is steady). kalman: predicts over the tick, covariance
+    # right at rest and in a slew; steady: eq. (5) of the paper, which holds the measurement, lags
+    # by half a tick and states the covariance of rest
+    observer: Literal["kalman", "steady"] = "kalman"
+    # standard deviation of each mode [m] and of its rate [m/s] at a reset, of kalman
+    initial_deflection: NonNegative = 0.01
+    # of a spacecraft: one appendage alone, apart from the platform's, see spacecraft; null: joints
+    # and modes
     appendage: AppendageFeedback | None = None
 
 

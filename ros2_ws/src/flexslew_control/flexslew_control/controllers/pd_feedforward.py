@@ -27,9 +27,10 @@ from flexslew_plant.settings import PerJoint, section
 class PdFeedforwardSettings:
     """The gains (17), one per joint; a single value serves every joint."""
 
-    kp: PerJoint = (460.0,)  # [N m/rad]
-    kd: PerJoint = (920.0,)  # [N m s/rad]
-    gyroscopic: bool = False  # add w x J w, beyond that of the plan, of a craft in three axes
+    kp: PerJoint = (460.0,)  # proportional gain, one per joint, or one for all [N m/rad]
+    kd: PerJoint = (920.0,)  # derivative gain, one per joint, or one for all [N m s/rad]
+    # add w x J w, beyond that of the plan, of a craft that turns in three axes
+    gyroscopic: bool = False
 
 
 class PdFeedforward:

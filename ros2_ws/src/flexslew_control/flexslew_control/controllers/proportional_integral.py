@@ -1,7 +1,7 @@
 """Proportional-plus-integral, disturbance-accommodating control (Kwak 1989, (3-12) to (3-24))."""
 
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,10 @@ from flexslew_control.linear_design import (
     state_names,
 )
 from flexslew_control.linear_form import LinearForm, OnDeviation, nominal_form
+from flexslew_control.shared_keys import BelievedModel, TrackingTime
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import Positive, section
+from flexslew_plant.settings import section
 from flexslew_plant.testbeds.linearisation import Linearisation
 
 Rows: TypeAlias = tuple[tuple[float, ...], ...]
@@ -35,21 +36,21 @@ Rows: TypeAlias = tuple[tuple[float, ...], ...]
 class GivenGains:
     """Gains by hand instead of the design: one row per joint, one column per coordinate."""
 
-    kp: Rows  # [N m/rad, N m/m]
-    kd: Rows  # [N m s/rad, N m s/m]
-    ki: Rows  # [N m/(rad s), N m/(m s)]
+    kp: Rows  # proportional gains, one row per joint [N m/rad, N m/m]
+    kd: Rows  # derivative gains, one row per joint [N m s/rad, N m s/m]
+    ki: Rows  # integral gains, one row per joint [N m/(rad s), N m/(m s)]
 
 
 @section
 class ProportionalIntegral:
     """The settings of controller `proportional_integral`."""
 
-    model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
-    operating_point: OperatingPoint = None  # [rad or m]; null: the testbed's own
-    weights: ScaledWeights = ScaledWeights()
-    gains: GivenGains | None = None  # null: designed from the weights
-    tracking_time: Positive | None = 2.0  # T_t of the anti-windup [s]; null: none
-    filter: FilterSettings = FilterSettings()
+    model: BelievedModel = None
+    operating_point: OperatingPoint = None
+    weights: ScaledWeights = ScaledWeights()  # weights of the quadratic criterion
+    gains: GivenGains | None = None  # gains as below; null: designed from the weights
+    tracking_time: TrackingTime = 2.0
+    filter: FilterSettings = FilterSettings()  # the Kalman filter
 
 
 @dataclass(frozen=True)

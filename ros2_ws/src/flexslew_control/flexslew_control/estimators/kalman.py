@@ -18,15 +18,18 @@ from flexslew_plant.settings import NonNegative, Positive, section
 class FilterSettings:
     """The `filter` section of a law whose estimator is a KalmanFilter."""
 
+    # model of the prediction: nonlinear, or linear where the equations of motion are linear
     prediction: Literal["linear", "nonlinear"] = "nonlinear"
-    angle_sigma: Positive = 1e-4  # of the joint encoders [rad or m]
-    rate_sigma: Positive = 1e-3  # of the joint rate sensors [rad/s or m/s]
-    tip_sigma: Positive | None = None  # of the tip sensor [m]; null: it is not used
+    angle_sigma: Positive = 1e-4  # standard deviation of the joint encoders [rad or m]
+    rate_sigma: Positive = 1e-3  # standard deviation of the joint rate sensors [rad/s or m/s]
+    tip_sigma: Positive | None = None  # standard deviation of the tip sensor [m]; null: not used
     disturbance_walk: NonNegative = 10.0  # random walk of each joint's disturbance [N m/sqrt(s)]
-    effort_noise: NonNegative = 0.0  # white, density of each effort [(N m)^2 s]
-    modal_noise: NonNegative = 0.0  # white, density of each modal force [N^2 s]
-    initial_deflection: NonNegative = 0.01  # sigma of each modal coordinate at a reset [m]
-    initial_disturbance: NonNegative = 10.0  # sigma of each disturbance at a reset [N m]
+    effort_noise: NonNegative = 0.0  # density of the white noise on each effort [(N m)^2 s]
+    modal_noise: NonNegative = 0.0  # density of the white noise on each modal force [N^2 s]
+    # standard deviation of each modal coordinate at a reset [m]
+    initial_deflection: NonNegative = 0.01
+    # standard deviation of each disturbance at a reset [N m]
+    initial_disturbance: NonNegative = 10.0
 
 
 def continuous_gain(a: Matrix, c: Matrix, noise: Matrix, r: Matrix) -> tuple[Matrix, Matrix]:

@@ -23,8 +23,10 @@ _HOUR = 3600.0  # [s]
 class MonitorSettings:
     """The `monitor` section of a law whose estimator has innovations."""
 
-    false_alarms: Positive = 0.01  # of a consistent filter, per simulated hour, all channels
-    window: Annotated[int, Field(ge=1)] = 20  # ticks of the slower test
+    # expected per simulated hour, over all channels, of a filter whose model and noises are right
+    false_alarms: Positive = 0.01
+    # ticks of the slower test; the faster one looks at single ticks
+    window: Annotated[int, Field(ge=1)] = 20
 
 
 @runtime_checkable

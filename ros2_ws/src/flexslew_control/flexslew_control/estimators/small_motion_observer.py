@@ -23,9 +23,9 @@ _NO_COVARIANCE: Matrix = np.zeros((0, 0))
 class ObserverSettings:
     """Noises that weigh prediction against readings; used where readings are too few to invert."""
 
-    position_sigma: Positive = 1e-4  # of a reading [m or rad]
-    rate_sigma: Positive = 1e-3  # of its rate [m/s or rad/s]
-    process_noise: Positive = 1e-6  # density of every acceleration, in SI
+    position_sigma: Positive = 1e-4  # standard deviation of a reading [m or rad]
+    rate_sigma: Positive = 1e-3  # standard deviation of its rate [m/s or rad/s]
+    process_noise: Positive = 1e-6  # density of the white noise on every acceleration, in SI
 
 
 @dataclass

@@ -5,7 +5,7 @@ from dataclasses import fields
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from pydantic import Discriminator, Tag
+from pydantic import Discriminator, Field, Tag
 from scipy.spatial.transform import Rotation
 
 from flexslew_control.law import PlantDescription
@@ -31,15 +31,17 @@ class AttitudeGoal:
     """
 
     quaternion: tuple[float, float, float, float] | None = None  # x y z w, of any length
-    axis: Triple | None = None  # about which `angle` turns, of any length
-    angle: float | None = None  # [rad]
-    euler: Triple | None = None  # angles about the body's axes, one after another [rad]
-    order: Order | None = None  # of these axes
+    axis: Triple | None = None  # axis of a turn by `angle`, of any length
+    angle: float | None = None  # of that turn [rad]
+    euler: Triple | None = None  # three angles about the body's axes, one after another [rad]
+    order: Order | None = None  # of these axes, as zyx or zxz
+    # inertial direction to which `boresight` turns, by the least angle
     to: Triple | None = (
         None  # direction in inertial space to which `boresight` turns, the least way
     )
     boresight: Triple = (0.0, 0.0, 1.0)  # direction in body axes, with `to`
-    relative: bool = False  # a turn from where the craft starts; not of `to`
+    # a turn from where the craft starts, not from the attitude zero of the joints
+    relative: bool = False
 
     def __post_init__(self) -> None:
         """Refuse none of the four, more than one, or half of one.
@@ -105,10 +107,16 @@ def _asks(goal: Mapping[Any, Any]) -> bool:
     return any(isinstance(key, str) and key in _KEYS - {"relative", "boresight"} for key in goal)
 
 
-# by joint [rad or m], or an attitude
 Goal = Annotated[
     Annotated[dict[str, float], Tag("joints")] | Annotated[AttitudeGoal, Tag("attitude")],
     Discriminator(_way),
+]
+GoalKey = Annotated[
+    Goal | None,
+    Field(
+        description="joint positions at the end, at rest, by name, one left out stays [rad or m]; "
+        "or an attitude; null: a typical slew of the testbed"
+    ),
 ]
 
 

@@ -1,19 +1,20 @@
 """References without feedforward: a step to the goal, and a smooth profile to compare with."""
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import Goal
+from flexslew_control.planners.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.feedforward.basis import Basis
 from flexslew_control.planners.feedforward.manoeuvre import manoeuvre_of
 from flexslew_control.planners.feedforward.optimized_feedforward import on_ticks
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Feedback, Slew, tick_times
+from flexslew_control.planners.slew import FeedbackKey, Slew, tick_times
 from flexslew_control.planners.slewing import Slewing
 from flexslew_control.planners.trajectories import Profile
+from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.settings import NonNegative, Positive, section
 
 
@@ -22,9 +23,9 @@ class NoPlan:
     """The `plan` section for method none: a step to the goal (Gorinevsky and Vukovich, Fig. 5)."""
 
     method: Literal["none"] = "none"
-    goal: Goal | None = None  # by joint, one left out stays [rad or m]; or an attitude
-    start: NonNegative = 0.0  # [s]
-    duration: NonNegative = 0.0  # after which the manoeuvre counts as over [s]
+    goal: GoalKey = None
+    start: Start = 0.0
+    duration: NonNegative = 0.0  # time after which the manoeuvre counts as over [s]
 
 
 @section
@@ -32,13 +33,13 @@ class ReferenceOnly:
     """The `plan` section for method reference_only: the reference without any feedforward."""
 
     method: Literal["reference_only"] = "reference_only"
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
-    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: Goal | None = None  # by joint, one left out stays [rad or m]; or an attitude
-    start: NonNegative = 0.0  # [s]
-    duration: Positive = 25.0  # [s]
-    reference: Profile = "cubic"
-    feedback: Feedback | None = None  # that flies it; null: of the controller in charge
+    model: BelievedModel = None
+    initial: Initial = None
+    goal: GoalKey = None
+    start: Start = 0.0
+    duration: Positive = 25.0  # duration of the manoeuvre [s]
+    reference: Profile = "cubic"  # profile of the reference
+    feedback: FeedbackKey = None
 
 
 def plan_none(settings: NoPlan, slew: Slew, progress: Progress) -> Plan:

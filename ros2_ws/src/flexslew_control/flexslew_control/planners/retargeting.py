@@ -24,6 +24,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, tick_times
+from flexslew_control.shared_keys import Start, WholeModel
 from flexslew_control.small_motion import (
     Frozen,
     SmallMotion,
@@ -33,7 +34,7 @@ from flexslew_control.small_motion import (
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.settings import NonNegative, Positive, plain, section
+from flexslew_plant.settings import Positive, plain, section
 from flexslew_plant.testbeds import believed
 
 _AFTER = 1e-9  # the end of a turn, for good [s]
@@ -44,9 +45,10 @@ _GAUSS = 0.5 * np.array([-1.0, 1.0]) / np.sqrt(3.0) + 0.5  # two places in a tic
 class ChangingWeights:
     """Q and R of the regulator of (eta, eta', p), p the whole modal force (3-32)."""
 
-    state: Positive = 1.0  # on every modal coordinate and rate
-    force: Positive = 1.0  # on every modal force
-    force_rate: Positive = 0.01  # on the rate of every modal control force
+    # weight on every modal coordinate and rate, in the units of the testbed's section
+    state: Positive = 1.0
+    force: Positive = 1.0  # weight on every modal force
+    force_rate: Positive = 0.01  # weight on the rate of every modal control force
 
 
 @section
@@ -54,13 +56,16 @@ class Retargeting:
     """The `plan` section for method retargeting."""
 
     method: Literal["retargeting"] = "retargeting"
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: none
-    start: NonNegative = 0.0  # [s]
-    duration: Positive | None = None  # [s]; null: until the last turn has ended
+    model: WholeModel = None
+    start: Start = 0.0
+    duration: Positive | None = None  # length of the plan [s]; null: until the last turn has ended
+    # none, or disturbance_minimisation: the efforts -(B*)^+ d(t)
     feedforward: Literal["none", "disturbance_minimisation"] = "none"
+    # gains for controller planned_gains at each tick
     gains: Literal["none", "constant", "perturbation", "adiabatic"] = "none"
-    end_condition: EndCondition = "adiabatic"  # of P1, for gains perturbation
-    weights: ChangingWeights = ChangingWeights()
+    # of the perturbation at the end of the turns
+    end_condition: EndCondition = "adiabatic"
+    weights: ChangingWeights = ChangingWeights()  # of the regulator behind the gains
 
 
 class _Ticks(NamedTuple):

@@ -8,9 +8,10 @@ import importlib.metadata
 import platform
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from pydantic import Field
 
 from flexslew_control.law import PlantDescription, per_joint
 from flexslew_plant.arrays import Vector
@@ -25,8 +26,17 @@ _LISTED = 6  # differences between model and bench that are told one by one
 class Feedback:
     """The gains (17) of the feedback that flies the plan, which the planner takes into account."""
 
-    kp: PerJoint = (460.0,)  # one per joint [N m/rad or N/m]
-    kd: PerJoint = (920.0,)  # one per joint [N m s/rad or N s/m]
+    kp: PerJoint = (460.0,)  # one per joint, or one for all [N m/rad or N/m]
+    kd: PerJoint = (920.0,)  # one per joint, or one for all [N m s/rad or N s/m]
+
+
+FeedbackKey: TypeAlias = Annotated[
+    Feedback | None,
+    Field(
+        description="gains of the feedback that will fly the plan; null: those of the controller "
+        "in charge, where it has such gains"
+    ),
+]
 
 
 class TooMuchTorque(PlanFailed):

@@ -105,6 +105,6 @@ def _settings(
         active=analysis.controller,
         fallback=(),
         plausibility=None,
-        faults_enabled=True,
+        allow_faults=True,
         schedule=(pulse, *(ScheduleEntry(at=0.0, fault=fault) for fault in faults)),
     )

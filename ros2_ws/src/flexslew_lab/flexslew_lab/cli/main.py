@@ -36,6 +36,7 @@ from flexslew_lab.cli.plain_help import without_types
 from flexslew_lab.cli.replay import TrustOption, check, live, play, resim
 from flexslew_lab.cli.reproduced import show_rows
 from flexslew_lab.cli.runs import runs
+from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
 from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say, short
 from flexslew_lab.trial.outputs import RUNS, WITHOUT, new_file, writable_file
@@ -270,7 +271,7 @@ def reproduce(
 
 
 _GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
-    "Fly and plan": (trial, trials, plan, console),
+    "Fly and plan": (trial, trials, schema, plan, console),
     "Look at runs": (runs, report, compare),
     "Operate a running bench": (*COMMANDS, live),
     "Logs and replay": (resim, check, play, recover),

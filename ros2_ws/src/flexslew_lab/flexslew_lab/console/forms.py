@@ -10,7 +10,7 @@ from flexslew_lab.console.gui import Element
 from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import load_yaml, validated, yaml_text
-from flexslew_plant.settings_fields import FieldMeaning, own_meanings
+from flexslew_plant.settings_fields import own_meanings
 from flexslew_plant.units import in_si, units_in
 
 LATEST = 1e9  # of a simulated time [s]
@@ -37,14 +37,6 @@ def text_of(value: Any) -> str:
     return "" if value is None else yaml_text(value, flow=True).strip().removesuffix("\n...")
 
 
-def words_of(meaning: FieldMeaning) -> str:
-    """Return what a key means and what is allowed."""
-    low, high = meaning.low, meaning.high
-    limits = [f"at least {low:g}"] if low > -inf else []
-    limits += [f"at most {high:g}"] if high < inf else []
-    return "; ".join([meaning.words] * bool(meaning.words) + limits)
-
-
 def keys_of(
     kind: type[Any], without: tuple[str, ...] = (), known: Mapping[str, tuple[str, ...]] = {}
 ) -> list[Key]:
@@ -64,9 +56,7 @@ def keys_of(
         required = item.default is dataclasses.MISSING
         given = options[0] if options and required else None if required else item.default
         optional = ("",) if options and not required and given is None else ()
-        found.append(
-            Key(item.name, words_of(words[item.name]), text_of(given), (*optional, *options))
-        )
+        found.append(Key(item.name, words[item.name].told, text_of(given), (*optional, *options)))
     return found
 
 

@@ -6,6 +6,7 @@ from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_plant.settings import yaml_text
 
 _OF_PLANT = ("rate_factor", "answer_timeout", "display_rate")  # beside the settings of the bench
+_FAULTS_BEFORE = "faults_enabled"  # how logs of before name allow_faults
 
 
 def described_trial(testbed: Any, statuses: dict[str, Any], end: float, source: str) -> str:
@@ -23,7 +24,8 @@ def described_trial(testbed: Any, statuses: dict[str, Any], end: float, source: 
         return ""
     given = logged_yaml(testbed.settings, f"{source}: /testbed")
     bench = dict(given.get("bench", given))
-    bench["allow_faults"] = bench.pop("faults_enabled", False)
+    if _FAULTS_BEFORE in bench:
+        bench["allow_faults"] = bench.pop(_FAULTS_BEFORE)
     bench["duration"] = bench.get("duration") or end + testbed.period
     controllers = {name: {"law": status.law} for name, status in statuses.items()}
     plant = {key: given[key] for key in _OF_PLANT if key in given}

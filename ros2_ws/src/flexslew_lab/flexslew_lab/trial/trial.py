@@ -1,6 +1,6 @@
 """A trial file: what stands on the bench, who flies it, what happens when."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
@@ -20,18 +20,15 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planners import PlanSettings, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
-from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.bench.hardware.actuator import ActuatorSettings
-from flexslew_plant.bench.hardware.plausibility import PlausibilitySettings
-from flexslew_plant.bench.hardware.sensors import SensorSettings
+from flexslew_plant.bench.bench import Bench
+from flexslew_plant.bench.records import BenchSettings, PaceSettings
 from flexslew_plant.bench.retarget import with_schedule
-from flexslew_plant.bench.schedule import Schedule, require_allowed
+from flexslew_plant.bench.schedule import require_allowed
 from flexslew_plant.errors import BadInput
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import (
-    NonNegative,
     NotAKey,
     Positive,
     load_yaml,
@@ -40,7 +37,7 @@ from flexslew_plant.settings import (
     validated,
     yaml_text,
 )
-from flexslew_plant.testbeds import TestbedSettings, default_testbed, with_model_file
+from flexslew_plant.testbeds import with_model_file
 
 
 def _default_law_alone() -> dict[str, dict[str, Any]]:
@@ -51,7 +48,7 @@ def _default_law_alone() -> dict[str, dict[str, Any]]:
 class SavedPlan:
     """The `plan` section that flies a plan from its file."""
 
-    file: Annotated[str, Field(min_length=1)]  # a path from the working directory
+    file: Annotated[str, Field(min_length=1)]  # the saved plan, a path from the working directory
 
 
 def _plan_form(values: Any) -> str:
@@ -67,30 +64,20 @@ PlanKey: TypeAlias = Annotated[
 
 
 @section
-class Trial:
-    """The keys of a trial file; docs/trial.md documents them one by one."""
+class Trial(BenchSettings, PaceSettings):
+    """The keys of a trial file: what stands on the bench, and who flies it."""
 
+    # name of the run and of its folder: letters, digits, `_`, `.`, `-`
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")] = "trial"
-    seed: Annotated[int, Field(ge=0)] = 1  # of everything random
-    duration: Positive = 100.0  # [s] simulated
-    period: Positive = 0.01  # [s] one tick
-    rate_factor: NonNegative = 0.0  # 0: as fast as possible, 1: real time
-    testbed: TestbedSettings = Field(default_factory=default_testbed)
-    actuator: ActuatorSettings = ActuatorSettings()
-    sensors: SensorSettings = SensorSettings()
-    plan: PlanKey | None = None  # none: hold the first measured position
+    duration: Positive = 100.0  # length of the run [s], simulated
+    plan: PlanKey | None = None  # the manoeuvre; null: hold the first measured position
+    # controllers by name; all of them run, one is in charge
     controllers: dict[str, dict[str, Any]] = Field(default_factory=_default_law_alone)
-    active: str = DEFAULT  # in charge at the start
-    fallback: tuple[str, ...] = ()  # take over in turn
-    max_missed: Annotated[int, Field(ge=1)] = 5  # ticks in a row without a valid answer
-    answer_timeout: Positive = 2.0  # silence that counts as missed ticks, not paced [wall s]
-    brake_damping_ratio: Positive = 0.25  # of the drive's own brake [-]
-    display_rate: NonNegative = 50.0  # of joint states, tf, markers [1/simulated s]; 0: none
-    plausibility: PlausibilitySettings | None = None  # of the joint sensors; null: off
-    schedule: Schedule = ()
-    goal_tolerance: Positive = 0.1  # on metric goal_error; above it the run fails its check [-]
-    metrics: tuple[str, ...] = ()  # of your own, besides the bench's
-    allow_faults: bool = False  # whether anything may be broken, by schedule or by inject_fault
+    # largest `goal_error` (see metrics.json) of a run that has reached its goal [-]; a run that has
+    # not ends with exit code 1
+    goal_tolerance: Positive = 0.1
+    # metrics of your own besides the bench's: `my_metric.py:MyMetric`, see metrics.json
+    metrics: tuple[str, ...] = ()
     trust: NotAKey[Trust] = Field(default=NO_CODE, exclude=True, repr=False)
 
 
@@ -192,21 +179,7 @@ def trial_text(trial: Trial) -> str:
 
 def bench_settings(trial: Trial) -> BenchSettings:
     """Return the part of the trial that the plant needs."""
-    return BenchSettings(
-        testbed=trial.testbed,
-        period=trial.period,
-        duration=trial.duration,
-        seed=trial.seed,
-        actuator=trial.actuator,
-        sensors=trial.sensors,
-        active=trial.active,
-        fallback=trial.fallback,
-        max_missed=trial.max_missed,
-        brake_damping_ratio=trial.brake_damping_ratio,
-        plausibility=trial.plausibility,
-        schedule=trial.schedule,
-        faults_enabled=trial.allow_faults,
-    )
+    return BenchSettings(**{item.name: getattr(trial, item.name) for item in fields(BenchSettings)})
 
 
 def law_of(name: str, values: dict[str, Any]) -> tuple[str, dict[str, Any]]:

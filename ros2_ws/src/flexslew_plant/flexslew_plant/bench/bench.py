@@ -77,7 +77,7 @@ class Bench:
         self._plausibility = Plausibility(chosen, settings.period) if chosen else None
         self._friction = friction_of(settings.actuator, self.model, settings.period)
         self.last_tick = round(settings.duration / settings.period) if settings.duration else None
-        require_allowed(settings.schedule, settings.faults_enabled)
+        require_allowed(settings.schedule, settings.allow_faults)
         self._names = Names(
             self.model.joint_names, self.appendages.names, tuple(self.limit.tolist())
         )
@@ -275,7 +275,7 @@ class Bench:
         start = max(tick, self.tick + 1)
         if 0 < tick < self.tick:
             return InjectResult(self.tick, refused=self._over(tick))
-        if not self.settings.faults_enabled:
+        if not self.settings.allow_faults:
             words = "faults are off in this trial; set allow_faults: true"
             return InjectResult(self.tick, refused=Refusal(words, cause=Cause.FAULTS_OFF))
         try:

@@ -19,19 +19,37 @@ from flexslew_plant.testbeds import TestbedSettings, default_testbed
 class BenchSettings:
     """Everything that determines the trajectory, but for the answers."""
 
-    testbed: TestbedSettings = Field(default_factory=default_testbed)
-    period: Positive = 0.01  # one tick [s]
-    duration: NonNegative = 0.0  # [s]; 0: until somebody stops it
-    seed: Annotated[int, Field(ge=0)] = 1  # of the sensors' noise
-    actuator: ActuatorSettings = ActuatorSettings()
-    sensors: SensorSettings = SensorSettings()
-    active: str = "pd_feedforward"  # who is in charge at the start
-    fallback: tuple[str, ...] = ()  # who takes over in turn
-    max_missed: Annotated[int, Field(ge=1)] = 5  # ticks in a row without a valid answer
-    brake_damping_ratio: Positive = 0.25  # brake = ratio M_jj omega_1, omega_1 the first free mode
-    plausibility: PlausibilitySettings | None = None  # of the joint sensors; null: off
-    schedule: Schedule = ()
-    faults_enabled: bool = False  # whether anything may be broken, by schedule or by inject_fault
+    testbed: TestbedSettings = Field(default_factory=default_testbed)  # the spacecraft on the bench
+    period: Positive = 0.01  # length of a tick [s]
+    duration: NonNegative = 0.0  # length of the run [s], simulated; 0: no end
+    seed: Annotated[int, Field(ge=0)] = 1  # seed of everything random
+    actuator: ActuatorSettings = ActuatorSettings()  # the motors
+    sensors: SensorSettings = SensorSettings()  # the sensors
+    active: str = "pd_feedforward"  # the controller in charge at the start
+    # controllers that take over in this order when the one in charge is silent; after them the
+    # brake
+    fallback: tuple[str, ...] = ()
+    # ticks in a row without a valid answer before a fallback takes over. In a paced run the last
+    # waits at least 0.25 s of wall time
+    max_missed: Annotated[int, Field(ge=1)] = 5
+    brake_damping_ratio: Positive = 0.25  # damping ratio of the drive's own brake [-]
+    # whether the drive compares its joint sensors; null: off
+    plausibility: PlausibilitySettings | None = None
+    schedule: Schedule = ()  # events of the run
+    # whether the schedule and the service inject_fault may break anything
+    allow_faults: bool = False
+
+
+@section
+class PaceSettings:
+    """How fast a run goes and is shown, over ROS 2; it changes no trajectory."""
+
+    # simulated seconds per second of wall time; 0: as fast as possible, 1: real time
+    rate_factor: NonNegative = 0.0
+    # silence after which ticks count as missed, where the run is not paced [s of wall time]
+    answer_timeout: Positive = 2.0
+    # rate of joint states, tf and markers [1/simulated s]; 0: none
+    display_rate: NonNegative = 50.0
 
 
 class Truth(NamedTuple):

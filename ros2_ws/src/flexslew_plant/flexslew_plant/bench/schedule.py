@@ -16,12 +16,13 @@ _Time: TypeAlias = Annotated[float, Field(ge=0.0, le=1e12)]  # in ticks, too, a 
 class ScheduleEntry:
     """One entry: a switch at a time, or a disturbance or a fault from a time to another."""
 
-    at: _Time  # [s]
-    until: _Time | None = None  # end of a disturbance or fault [s]; None: end of the run
-    switch: str | None = None  # controller to hand the bench to
-    disturbance: Disturbance | None = None  # effort on joints by name: constant, sine or pulse
-    fault: FaultSettings | None = None  # what breaks; the trial must allow it
-    retarget: dict[str, Any] | None = None  # appendage and the keys of a motion of its hinge
+    at: _Time  # simulated time, before the end of the run [s]
+    until: _Time | None = None  # end of a disturbance or fault [s]; null: end of the run
+    switch: str | None = None  # controller that takes charge
+    disturbance: Disturbance | None = None  # efforts on joints by name: constant, sine or pulse
+    fault: FaultSettings | None = None  # fault that begins; needs allow_faults: true
+    # an appendage gets a new target: `appendage` and the keys of a motion of its hinge but for `at`
+    retarget: dict[str, Any] | None = None
 
     @model_validator(mode="after")
     def _one_thing(self) -> "ScheduleEntry":

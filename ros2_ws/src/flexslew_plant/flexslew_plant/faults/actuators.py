@@ -22,7 +22,7 @@ class ActuatorStuck:
     """A motor holds one effort whatever it is asked for."""
 
     kind: Literal["actuator_stuck"] = "actuator_stuck"
-    joint: str
+    joint: str  # whose motor
     effort: float | None = None  # [N m or N]; null: the last one before the fault
 
     def subject(self, names: Names) -> Subject:
@@ -46,7 +46,7 @@ class ActuatorGain:
     """A motor gives a multiple of what it is asked for, within its limit."""
 
     kind: Literal["actuator_gain"] = "actuator_gain"
-    joint: str
+    joint: str  # whose motor
     gain: float  # [-]; 1 is healthy, 0 is dead, -1 is wired the wrong way round
 
     def subject(self, names: Names) -> Subject:

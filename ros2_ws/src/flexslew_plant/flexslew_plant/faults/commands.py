@@ -95,7 +95,7 @@ class ControllerSilent(OnAnyTestbed):
     """No answer of a controller reaches the drive."""
 
     kind: Literal["controller_silent"] = "controller_silent"
-    controller: str
+    controller: str  # whose answers are dropped
 
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""

@@ -74,7 +74,7 @@ class SensorBias:
 
     kind: Literal["sensor_bias"] = "sensor_bias"
     channel: ChannelName
-    of: str | None = None
+    of: str | None = None  # joint or appendage; null: every one of the channel
     bias: float  # in the unit of the channel
 
     def subject(self, names: Names) -> Subject | None:
@@ -92,7 +92,7 @@ class SensorFreeze:
 
     kind: Literal["sensor_freeze"] = "sensor_freeze"
     channel: ChannelName
-    of: str | None = None
+    of: str | None = None  # joint or appendage; null: every one of the channel
 
     def subject(self, names: Names) -> Subject | None:
         """Return the joint or appendage."""
@@ -116,7 +116,7 @@ class SensorNan:
 
     kind: Literal["sensor_nan"] = "sensor_nan"
     channel: ChannelName
-    of: str | None = None
+    of: str | None = None  # joint or appendage; null: every one of the channel
 
     def subject(self, names: Names) -> Subject | None:
         """Return the joint or appendage."""

@@ -48,12 +48,16 @@ class FloatingOscillatorInitial:
 class FloatingOscillatorTestbed:
     """The `testbed` section for kind floating_oscillator."""
 
+    # two masses and a spring (Liu and Singh, 1997)
     kind: Literal["floating_oscillator"] = "floating_oscillator"
-    modes: Literal[1] = 1
-    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0  # of the spring, mass held [-]
+    modes: Literal[1] = 1  # number of modes
+    # damping ratio of the spring, mass held [-]
+    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
+    # numbers of the testbed
     parameters: FloatingOscillatorParameters = FloatingOscillatorParameters()
+    # joint positions at the start, at rest
     initial: FloatingOscillatorInitial = FloatingOscillatorInitial()
-    effort_limit: tuple[Positive] = (1.0,)  # [N]
+    effort_limit: tuple[Positive] = (1.0,)  # force limit of the drive [N]
 
     operating_point: ClassVar[dict[str, float]] = {}
     typical_goal: ClassVar[dict[str, float]] = {"mass": 1.0}

@@ -66,12 +66,14 @@ class HubInitial:
 class HubTestbed:
     """The `testbed` section for kind hub_with_appendages."""
 
+    # a hub with two flexible appendages (Liu and Singh, 1997)
     kind: Literal["hub_with_appendages"] = "hub_with_appendages"
-    modes: Literal[1] = 1
-    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0  # of the mode, hub held [-]
-    parameters: HubParameters = HubParameters()
-    initial: HubInitial = HubInitial()
-    effort_limit: tuple[Positive] = (2.0 * FOOT_POUND,)  # 2 ft lb [N m]
+    modes: Literal[1] = 1  # number of modes
+    # damping ratio of the mode, hub held [-]
+    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
+    parameters: HubParameters = HubParameters()  # numbers of the testbed
+    initial: HubInitial = HubInitial()  # joint positions at the start, at rest
+    effort_limit: tuple[Positive] = (2.0 * FOOT_POUND,)  # torque limit of the drive, 2 ft lb [N m]
 
     operating_point: ClassVar[dict[str, float]] = {}
     typical_goal: ClassVar[dict[str, float]] = {"hub": 1.0}

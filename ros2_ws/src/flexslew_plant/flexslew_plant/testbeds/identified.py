@@ -87,16 +87,19 @@ class IdentifiedTestbed:
     """The `testbed` section for kind identified; `flexslew identify` writes one."""
 
     kind: Literal["identified"] = "identified"
-    joints: tuple[str, ...] = ("hub",)
-    joint_units: tuple[Literal["rad", "m"], ...] = ("rad",)
-    inertia: tuple[tuple[float, ...], ...] = ((100.0,),)  # J, symmetric [kg m^2 or kg]
+    joints: tuple[str, ...] = ("hub",)  # names of the joints, each with a drive
+    joint_units: tuple[Literal["rad", "m"], ...] = ("rad",)  # of each joint: rad or m
+    # that the joints feel, symmetric [kg m^2 or kg]
+    inertia: tuple[tuple[float, ...], ...] = ((100.0,),)
+    # the modes, at least one; the modal mass is 1 kg
     free_modes: tuple[FreeMode, ...] = (FreeMode(frequency=1.0, joints=(0.05,), tips=(0.5,)),)
-    appendages: tuple[str, ...] = ("boom",)
-    modes: Annotated[int, Field(ge=0, le=64)] = 1  # that count, the lowest
-    # of every mode, instead of each mode's own [-]
+    appendages: tuple[str, ...] = ("boom",)  # names, one per entry of `tips`
+    modes: Annotated[int, Field(ge=0, le=64)] = 1  # how many of the modes count, the lowest
+    # of every mode instead of its own [-]; null: its own
     damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] | None = None
-    initial: dict[str, float] = Field(default_factory=dict)  # by joint [rad or m]
-    effort_limit: tuple[Positive, ...] = (10.0,)  # [N m or N]
+    # joint positions at the start, by name [rad or m]; others 0
+    initial: dict[str, float] = Field(default_factory=dict)
+    effort_limit: tuple[Positive, ...] = (10.0,)  # of each drive [N m or N]
 
     operating_point: ClassVar[dict[str, float]] = {}
     simplified: ClassVar[dict[str, Any]] = {}

@@ -45,12 +45,16 @@ class VaryingOscillatorInitial:
 class VaryingOscillatorTestbed:
     """The `testbed` section for kind varying_oscillator."""
 
+    # the simplest plant that depends on time
     kind: Literal["varying_oscillator"] = "varying_oscillator"
-    modes: Literal[0] = 0
-    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0  # at the mean stiffness [-]
+    modes: Literal[0] = 0  # number of modes
+    # damping ratio at the mean stiffness [-]
+    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
+    # numbers of the testbed
     parameters: VaryingOscillatorParameters = VaryingOscillatorParameters()
+    # where it starts
     initial: VaryingOscillatorInitial = VaryingOscillatorInitial()
-    effort_limit: tuple[Positive] = (1000.0,)  # [N]
+    effort_limit: tuple[Positive] = (1000.0,)  # force limit of the drive [N]
 
     operating_point: ClassVar[dict[str, float]] = {}
     typical_goal: ClassVar[dict[str, float]] = {"mass": 0.0}

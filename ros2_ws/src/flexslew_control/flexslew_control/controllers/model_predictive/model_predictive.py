@@ -30,6 +30,7 @@ from flexslew_control.linear_design import (
     require_controllable,
     state_names,
 )
+from flexslew_control.shared_keys import BelievedModel
 from flexslew_plant.arrays import Matrix, Vector, kept
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
@@ -44,17 +45,22 @@ _DISTINCT = 1e-9  # of two tips that are one, or mirrored
 class ModelPredictive:
     """The settings of controller `model_predictive`."""
 
-    model: dict[str, Any] | None = None  # what it believes of the testbed; null: one mode
-    operating_point: OperatingPoint = None  # [rad or m]; null: the testbed's own
-    steps: Annotated[int, Field(ge=1, le=200)] = 40  # of the horizon
-    step: Positive = 0.25  # one of them, rounded to whole ticks [s]
-    weights: ScaledWeights = ScaledWeights()  # of lqr
-    on_the_way: Positive = 1.0  # share of the weights while the reference moves [-]
-    filter: FilterSettings = FilterSettings()
-    effort_rate: Positive | None = None  # largest [N m/s or N/s]; null: any
-    joint_range: dict[str, tuple[float, float]] | None = None  # by name [rad or m]; null: any
-    tip_limit: Positive | None = None  # of every tip's deflection [m]; null: any
-    iterations: Annotated[int, Field(ge=1)] = 200  # of the solver in a tick, at most
+    model: BelievedModel = None
+    operating_point: OperatingPoint = None
+    steps: Annotated[int, Field(ge=1, le=200)] = 40  # steps of the horizon
+    step: Positive = 0.25  # one of them, rounded to whole ticks, at least one [s]
+    # weights of the quadratic criterion, as of `lqr`; what follows the horizon is weighed by the
+    # regulator's cost
+    weights: ScaledWeights = ScaledWeights()
+    # factor of the weights of joints and modes while the reference moves
+    on_the_way: Positive = 1.0
+    filter: FilterSettings = FilterSettings()  # the Kalman filter
+    effort_rate: Positive | None = None  # largest rate of every effort [N m/s or N/s]; null: any
+    # least and largest position by joint, as `{JOINT: [-0.1, 1.1]}` [rad or m]; null: any
+    joint_range: dict[str, tuple[float, float]] | None = None
+    tip_limit: Positive | None = None  # largest deflection of every tip [m]; null: any
+    # of the solver in a tick, at most; where they do not suffice, the last answer is applied again
+    iterations: Annotated[int, Field(ge=1)] = 200
 
 
 class Limits(NamedTuple):

@@ -5,8 +5,6 @@ u = Gp x + Gi integral(x), Gp = G2 B^L, Gi = G1 - G2 B^L A. Gp works on rates al
 integral of the rates is the displacement: nothing measured as a rate is integrated.
 """
 
-from typing import Any
-
 import numpy as np
 
 from flexslew_control.controllers.entry import LawEntry
@@ -15,6 +13,7 @@ from flexslew_control.controllers.retargeting.small_motion_laws import IntegralF
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
 from flexslew_control.linear_design import require_controllable
+from flexslew_control.shared_keys import TrackingTime, WholeModel
 from flexslew_control.small_motion import Frozen, moving, require_balancing
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.settings import Positive, section
@@ -24,19 +23,20 @@ from flexslew_plant.settings import Positive, section
 class IntegralWeights:
     """Qhat and R of the regulator of (x, u), in the units of the testbed's section."""
 
-    state: Positive = 100.0  # on every coordinate and rate
-    effort: Positive = 1.0  # on every effort
-    effort_rate: Positive = 0.001  # on the rate of every effort
+    state: Positive = 100.0  # weight on every coordinate and rate
+    effort: Positive = 1.0  # weight on every effort
+    effort_rate: Positive = 0.001  # weight on the rate of every effort
 
 
 @section
 class DisturbanceAccommodating:
     """The settings of controller `disturbance_accommodating`."""
 
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: none
+    model: WholeModel = None
+    # `state`, `effort` and `effort_rate` of the regulator
     weights: IntegralWeights = IntegralWeights()
-    observer: ObserverSettings = ObserverSettings()
-    tracking_time: Positive | None = 10.0  # T_t of the anti-windup [s]; null: none
+    observer: ObserverSettings = ObserverSettings()  # noises of the estimator
+    tracking_time: TrackingTime = 10.0
 
 
 def augmented(before: Frozen) -> tuple[Matrix, Matrix]:

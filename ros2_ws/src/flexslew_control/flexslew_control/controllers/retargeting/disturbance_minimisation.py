@@ -4,8 +4,6 @@ f = -(B*)^+ d(t) - R^-1 B^T P x: the first part is the plan's (method retargetin
 disturbance_minimisation), which knows d(t); the gains are those of the start configuration.
 """
 
-from typing import Any
-
 import numpy as np
 
 from flexslew_control.controllers.entry import LawEntry, PlanVariant
@@ -14,6 +12,7 @@ from flexslew_control.controllers.retargeting.small_motion_laws import StateFeed
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
 from flexslew_control.linear_design import require_controllable
+from flexslew_control.shared_keys import WholeModel
 from flexslew_control.small_motion import moving
 from flexslew_plant.settings import Positive, section
 
@@ -22,18 +21,19 @@ from flexslew_plant.settings import Positive, section
 class RegulatorWeights:
     """Q and R of the regulator, in the units of the testbed's section."""
 
-    state: Positive = 100.0  # on every coordinate and rate
-    effort: Positive = 0.001  # on every effort
+    state: Positive = 100.0  # weight on every coordinate and rate
+    effort: Positive = 0.001  # weight on every effort
 
 
 @section
 class DisturbanceMinimisation:
     """The settings of controller `disturbance_minimisation`."""
 
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: none
-    weights: RegulatorWeights = RegulatorWeights()
-    design: Design = "continuous"  # or sampled: for efforts that are held over a tick
-    observer: ObserverSettings = ObserverSettings()
+    model: WholeModel = None
+    weights: RegulatorWeights = RegulatorWeights()  # `state` and `effort` of the regulator
+    # of the gains: continuous, or sampled for efforts that are held over a tick
+    design: Design = "continuous"
+    observer: ObserverSettings = ObserverSettings()  # noises of the estimator
 
 
 def build(

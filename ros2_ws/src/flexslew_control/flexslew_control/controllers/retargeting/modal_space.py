@@ -4,14 +4,13 @@ f_i = -w (s - w) q_i - sqrt(2 w (s - w) + 1/R) q_i', s = sqrt(w^2 + 1/R): the li
 regulator of one mode with Q = diag(w^2, 1). What has no stiffness gets a feedback of its rate.
 """
 
-from typing import Any
-
 import numpy as np
 
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.retargeting.small_motion_laws import StateFeedback
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
+from flexslew_control.shared_keys import WholeModel
 from flexslew_control.small_motion import Frozen, moving, require_balancing
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -23,10 +22,10 @@ _SOFT = 1e-9  # of the largest w^2: less is no mode
 class ModalSpace:
     """The settings of controller `modal_space`."""
 
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: none
+    model: WholeModel = None
     weight: Positive = 0.0002  # R of every mode, in the units of the testbed's section
-    rate_gain: NonNegative = 10.0  # of what has no stiffness, times its inertia [1/s]
-    observer: ObserverSettings = ObserverSettings()
+    rate_gain: NonNegative = 10.0  # rate gain of rigid-body modes, times inertia [1/s]
+    observer: ObserverSettings = ObserverSettings()  # noises of the estimator
 
 
 def modal_gains(squares: Vector, weight: float) -> tuple[Vector, Vector]:

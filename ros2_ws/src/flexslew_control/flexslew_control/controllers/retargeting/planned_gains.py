@@ -4,8 +4,6 @@ The plan (method retargeting, gains perturbation or adiabatic) holds a row of ga
 the tick itself computes none.
 """
 
-from typing import Any
-
 from flexslew_control.controllers.entry import LawEntry, PlanVariant
 from flexslew_control.controllers.retargeting.disturbance_accommodating import (
     IntegralWeights,
@@ -14,18 +12,20 @@ from flexslew_control.controllers.retargeting.disturbance_accommodating import (
 from flexslew_control.controllers.retargeting.small_motion_laws import IntegralFeedback
 from flexslew_control.estimators.small_motion_observer import ObserverSettings, observer
 from flexslew_control.law import Estimator, PlantDescription
+from flexslew_control.shared_keys import TrackingTime, WholeModel
 from flexslew_control.small_motion import moving
-from flexslew_plant.settings import Positive, section
+from flexslew_plant.settings import section
 
 
 @section
 class PlannedGains:
     """The settings of controller `planned_gains`."""
 
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: none
-    weights: IntegralWeights = IntegralWeights()  # of the gains before there are others
-    observer: ObserverSettings = ObserverSettings()
-    tracking_time: Positive | None = 10.0  # T_t of the anti-windup [s]; null: none
+    model: WholeModel = None
+    # of the gains before the plan gives others, as for disturbance_accommodating
+    weights: IntegralWeights = IntegralWeights()
+    observer: ObserverSettings = ObserverSettings()  # noises of the estimator
+    tracking_time: TrackingTime = 10.0
 
 
 def build(settings: PlannedGains, plant: PlantDescription) -> tuple[Estimator, IntegralFeedback]:

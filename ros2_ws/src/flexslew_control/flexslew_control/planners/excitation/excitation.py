@@ -1,7 +1,7 @@
 """A plan that shakes the bench, so that its log tells what it is made of."""
 
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -14,6 +14,7 @@ from flexslew_control.planners.excitation.limits import Predicted, Room, within_
 from flexslew_control.planners.excitation.signals import Phases
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, slew_of
+from flexslew_control.shared_keys import Initial, Start, WholeModel
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, PerJoint, Positive, plain, section
@@ -29,24 +30,33 @@ class Excitation:
     goal: ClassVar[dict[str, float]] = {}  # no joint goes anywhere
 
     method: Literal["excitation"] = "excitation"
+    # kind of the shaking
     signal: Literal["multisine", "chirp", "random_binary", "impulse"] = "multisine"
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: none
-    initial: dict[str, float] | None = None  # where joints rest [rad or m]; null: as the testbed
-    joints: tuple[str, ...] | None = None  # that are shaken, each a record's input; null: all
-    # lowest and highest frequency [rad/s]; null: around the modes believed
+    model: WholeModel = None
+    initial: Initial = None
+    joints: tuple[str, ...] | None = None  # names of the joints that are shaken; null: all
+    # lowest and highest frequency [rad/s]; null: 0.4 times the lowest to 2.5 times the highest of
+    # the model
     band: tuple[Positive, Positive] | None = None
-    resolution: Positive | None = None  # between lines [rad/s]; null: four periods an experiment
-    slope: Annotated[float, Field(ge=-4.0, le=4.0)] = 0.0  # size of a line goes by frequency^slope
-    phases: Phases = "optimised"
-    amplitude: PerJoint | None = None  # peak of the shaking [N m or N]; null: within these limits:
-    effort_share: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5  # of the effort limits
-    largest_excursion: PerJoint = (0.02,)  # of a joint [rad or m]
-    largest_tip: Positive | None = None  # deflection [m]; null: no limit
+    # distance of two lines of the multisine [rad/s]; null: four periods in each experiment
+    resolution: Positive | None = None
+    # a line's size goes with its frequency to this power [-]
+    slope: Annotated[float, Field(ge=-4.0, le=4.0)] = 0.0
+    phases: Phases = "optimised"  # of the lines: optimised for the smallest peak, schroeder, random
+    # peak of the shaking, for all joints or each [N m or N]; null: the largest within the three
+    # limits below
+    amplitude: PerJoint | None = None
+    # largest effort with the feedback, as a part of the limit [-]
+    effort_share: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
+    largest_excursion: PerJoint = (0.02,)  # of a joint, for all or each [rad or m]
+    # largest deflection of a tip that the model predicts [m]; null: no limit
+    largest_tip: Positive | None = None
     taper: NonNegative = 5.0  # rise and fall at the ends [s]
-    start: NonNegative = 0.0  # [s]
-    duration: Positive = 600.0  # [s]
+    start: Start = 0.0
+    duration: Positive = 600.0  # of all of it [s]
     seed: Annotated[int, Field(ge=0)] = 1  # of what is random
-    feedback: Feedback | None = None  # that flies it; null: of the controller in charge
+    # gains `kp` and `kd` that fly it; null: those of the controller in charge
+    feedback: Feedback | None = None
 
 
 def plan_excitation(

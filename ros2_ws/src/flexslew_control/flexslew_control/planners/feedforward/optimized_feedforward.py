@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import Goal
+from flexslew_control.planners.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.feedforward.basis import Basis, BasisName
 from flexslew_control.planners.feedforward.gauss_newton import (
@@ -29,15 +29,16 @@ from flexslew_control.planners.feedforward.manoeuvre import (
 )
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import (
-    Feedback,
+    FeedbackKey,
     Slew,
     TooMuchTorque,
     tick_times,
 )
 from flexslew_control.planners.slewing import Slewing
 from flexslew_control.planners.trajectories import Profile, rest_to_rest
+from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds.model import Model
 
 
@@ -46,22 +47,24 @@ class OptimizedFeedforward:
     """The `plan` section for method optimized_feedforward."""
 
     method: Literal["optimized_feedforward"] = "optimized_feedforward"
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
-    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: Goal | None = None  # by joint, one left out stays [rad or m]; or an attitude
-    start: NonNegative = 0.0  # [s]
-    duration: Positive = 25.0  # T_c [s]
-    reference: Profile = "cubic"
-    feedback: Feedback | None = None  # that flies it; null: of the controller in charge
-    basis: BasisName = "hat"
-    functions: Annotated[int, Field(ge=1, le=200)] = 9  # n_u, per joint
-    reading: Reading = "levenberg"
-    rho: Positive = 4.0e-8  # [1/(N m)^2]
+    model: BelievedModel = None
+    initial: Initial = None
+    goal: GoalKey = None
+    start: Start = 0.0
+    duration: Positive = 25.0  # duration of the manoeuvre, T_c [s]
+    reference: Profile = "cubic"  # profile of the reference
+    feedback: FeedbackKey = None
+    basis: BasisName = "hat"  # basis functions of the feedforward
+    functions: Annotated[int, Field(ge=1, le=200)] = 9  # number of basis functions per joint, n_u
+    reading: Reading = "levenberg"  # interpretation of the update law
+    rho: Positive = 4.0e-8  # weight of the torque [1/(N m)^2]
+    # when to stop: converge, or paper (two evaluations of G, three updates each)
     iterations: Literal["converge", "paper"] = "converge"
-    sensitivities: Sensitivities = "exact"
-    max_iterations: Annotated[int, Field(ge=1)] = 100
-    tolerance: Positive = 1e-6  # relative change of the weights
-    # what the feedback follows: the planned trajectory, or the reference as in the paper
+    sensitivities: Sensitivities = "exact"  # how derivatives are computed
+    max_iterations: Annotated[int, Field(ge=1)] = 100  # largest number of updates
+    tolerance: Positive = 1e-6  # relative change of the weights at which to stop
+    # what the feedback follows: planned (the planned trajectory, so that the run matches the plan
+    # at any period) or reference (as in the paper)
     track: Literal["planned", "reference"] = "planned"
 
 

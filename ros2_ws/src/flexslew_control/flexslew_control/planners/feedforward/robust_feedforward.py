@@ -22,7 +22,7 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import Goal
+from flexslew_control.planners.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.feedforward.basis import Basis, BasisName
 from flexslew_control.planners.feedforward.ensemble import Member
@@ -33,9 +33,10 @@ from flexslew_control.planners.feedforward.optimized_feedforward import (
     on_ticks,
 )
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque
+from flexslew_control.planners.slew import FeedbackKey, Slew, TooMuchTorque
 from flexslew_control.planners.slewing import Slewing
 from flexslew_control.planners.trajectories import Profile
+from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -49,25 +50,30 @@ class RobustFeedforward:
     """The `plan` section for method robust_feedforward."""
 
     method: Literal["robust_feedforward"] = "robust_feedforward"
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
-    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: Goal | None = None  # by joint, one left out stays [rad or m]; or an attitude
-    start: NonNegative = 0.0  # [s]
-    duration: Positive = 25.0  # T_c [s]
-    reference: Profile = "cubic"
-    feedback: Feedback | None = None  # that flies it; null: of the controller in charge
-    stiffness_errors: _Errors = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of EI, relative; one model each [-]
-    payload_errors: _Errors = (0.0,)  # of hub_inertia_1 and _2; every pair is a member [-]
-    basis: BasisName = "hat"
-    functions: Annotated[int, Field(ge=1, le=200)] = 9  # n_u, per joint
-    lever: NonNegative = 5.0  # tip deflection that one radian is worth [m/rad]
-    rho: Positive = 1.0e-8  # what torque costs [1/(N m)^2]
+    model: BelievedModel = None
+    initial: Initial = None
+    goal: GoalKey = None
+    start: Start = 0.0
+    duration: Positive = 25.0  # duration of the manoeuvre, T_c [s]
+    reference: Profile = "cubic"  # profile of the reference
+    feedback: FeedbackKey = None
+    # relative errors of the stiffness to plan for; one model for each [-]
+    stiffness_errors: _Errors = (-0.2, -0.1, 0.0, 0.1, 0.2)
+    # relative errors of the payload to plan for; one model for each pair with a stiffness error [-]
+    payload_errors: _Errors = (0.0,)
+    basis: BasisName = "hat"  # basis functions of the feedforward
+    functions: Annotated[int, Field(ge=1, le=200)] = 9  # number of basis functions per joint, n_u
+    lever: NonNegative = 5.0  # weight of a joint error against a tip error [m/rad]
+    rho: Positive = 1.0e-8  # weight of the torque [1/(N m)^2]
+    # lowest and highest position that a joint may have on any model, by name: `{JOINT: [-0.1,
+    # 0.6]}` [rad or m]; null: free
     joint_range: dict[str, tuple[float, float]] | None = (
         None  # lowest, highest, by joint; null: free
     )
-    reserve: Annotated[float, Field(ge=0.01, lt=1.0)] = 0.05  # of the effort limit, kept free [-]
-    max_iterations: Annotated[int, Field(ge=1)] = 60
-    tolerance: Positive = 1e-3  # relative gain of the objective
+    # fraction of the effort limit kept free [-]
+    reserve: Annotated[float, Field(ge=0.01, lt=1.0)] = 0.05
+    max_iterations: Annotated[int, Field(ge=1)] = 60  # largest number of updates
+    tolerance: Positive = 1e-3  # relative improvement of the objective at which to stop
 
 
 def ensemble(settings: RobustFeedforward, slew: Slew) -> tuple[Member, ...]:

@@ -1,12 +1,12 @@
 """The planner that shapes a rigid command such that the appendages end at rest."""
 
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import Goal
+from flexslew_control.planners.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.input_shaping.shaped_motion import (
     FINE,
@@ -22,9 +22,10 @@ from flexslew_control.planners.input_shaping.shapers import (
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Slew, TooMuchTorque, tick_times
 from flexslew_control.planners.slewing import Slewing
+from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.settings import Positive, section
 
 Command: TypeAlias = Literal["cubic", "quintic", "sin2", "bang_bang"]
 
@@ -34,17 +35,19 @@ class InputShaping:
     """The `plan` section for method input_shaping."""
 
     method: Literal["input_shaping"] = "input_shaping"
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
-    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: Goal | None = None  # by joint, one left out stays [rad or m]; or an attitude
-    start: NonNegative = 0.0  # [s]
-    duration: Positive = 15.0  # of the command before shaping [s]
-    command: Command = "quintic"
-    shaper: ShaperName = "zv"
-    frequencies: tuple[Positive, ...] = ()  # to shape [rad/s]; empty: the model's, joints held
-    damping: float = Field(default=0.0, ge=0.0, lt=1.0)  # of the shaped modes [-]
-    tolerance: float = Field(default=0.05, gt=0.0, lt=0.5)  # of the EI shapers [-]
-    negative: bool = False  # whether negative impulses are accepted
+    model: BelievedModel = None
+    initial: Initial = None
+    goal: GoalKey = None
+    start: Start = 0.0
+    duration: Positive = 15.0  # duration of the command before shaping [s]
+    command: Command = "quintic"  # profile before shaping
+    shaper: ShaperName = "zv"  # input shaper
+    # frequencies to shape [rad/s]; empty: those of the model with its joints held
+    frequencies: tuple[Positive, ...] = ()
+    damping: float = Field(default=0.0, ge=0.0, lt=1.0)  # damping ratio of the shaped modes [-]
+    # residual vibration that the EI shapers tolerate [-]
+    tolerance: float = Field(default=0.05, gt=0.0, lt=0.5)
+    negative: bool = False  # whether negative impulses are allowed
 
 
 def plan_input_shaping(settings: InputShaping, slew: Slew, progress: Progress) -> Plan:

@@ -9,7 +9,7 @@ from pydantic import Field
 from scipy.integrate import cumulative_simpson
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners.attitude_goal import Goal
+from flexslew_control.planners.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.input_shaping.shaped_motion import (
     FINE,
@@ -21,6 +21,7 @@ from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Slew, tick_times
 from flexslew_control.planners.slewing import RINGING, Slewing
 from flexslew_control.planners.trajectories import rounded_up
+from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -34,20 +35,25 @@ class StartCoastStop:
     """The `plan` section for method start_coast_stop."""
 
     method: Literal["start_coast_stop"] = "start_coast_stop"
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
-    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: Goal | None = None  # by joint, one left out stays [rad or m]; or an attitude
-    start: NonNegative = 0.0  # [s]
-    amplitude: Positive | None = None  # T_amp of (47), before shaping; null: 100 [N m]
-    duration: Positive | None = None  # instead: of it all, pulses, coast and shaper [s]
-    pulse_frequency: Positive = 0.4  # Omega of (47) [rad/s]
-    shaper: Literal["clamped", "system", "none"] = "clamped"  # whose first frequency is shaped
-    shaper_damping: float = Field(default=0.0, ge=0.0, lt=1.0)  # zeta [-]
-    # whether the effort moves q_d too; zero_order: rigid, its value at each tick (44)
+    model: BelievedModel = None
+    initial: Initial = None
+    goal: GoalKey = None
+    start: Start = 0.0
+    # amplitude T_amp of eq. (47), before shaping; null: 100 [N m]
+    amplitude: Positive | None = None
+    # total duration (pulses, coast and shaper) in place of the amplitude [s]
+    duration: Positive | None = None
+    pulse_frequency: Positive = 0.4  # frequency Omega of the pulses, eq. (47) [rad/s]
+    # whose first frequency is shaped: clamped (joints held), system (joints free), or none
+    shaper: Literal["clamped", "system", "none"] = "clamped"
+    # damping ratio zeta of the shaper [-]
+    shaper_damping: float = Field(default=0.0, ge=0.0, lt=1.0)
+    # elastic (accounts for the elastic coordinates), rigid, or zero_order (rigid, its value at each
+    # tick)
     feedforward: Literal["elastic", "rigid", "zero_order"] = "elastic"
-    equal_frequencies: bool = False  # the tracking model's modes all swing as the first does
-    # how long after the end the tracking model's modes are followed as they swing on [s]; then,
-    # and where it is 0, the reference is straight and at rest
+    # whether every mode of the tracking model swings as the first does
+    equal_frequencies: bool = False
+    # how long after the end the reference's modes swing on [s]; then it is straight and at rest
     swing_on: NonNegative = 0.0
 
 

@@ -28,11 +28,14 @@ class Ensemble:
     The model itself is always a member, the first one.
     """
 
-    # lowest and highest relative error, by `stiffness`, `payload` or a key of the testbed [-]
+    # lowest and highest relative error by name: `stiffness`, `payload`, or any number of the
+    # testbed, as `parameters.free_mass` [-]
     vary: dict[str, Spread] = field(default_factory=lambda: {"stiffness": (-0.2, 0.2)})
+    # which members: grid (every combination of levels), corners (of the ends) or sampled
     draw: Literal["grid", "corners", "sampled"] = "grid"
-    count: Annotated[int, Field(ge=1, le=MOST)] = 11  # levels of each key; sampled: members
-    seed: Annotated[int, Field(ge=0)] = 1  # of what is sampled
+    # levels of each key of a grid, members of a sample; the planner's own model is always a member
+    count: Annotated[int, Field(ge=1, le=MOST)] = 11
+    seed: Annotated[int, Field(ge=0)] = 1  # of a sample
 
 
 class Member(NamedTuple):

@@ -21,8 +21,9 @@ from flexslew_control.planners.minimax.program import Limits
 from flexslew_control.planners.minimax.question import Question
 from flexslew_control.planners.minimax.shortest import enough_time, shortest
 from flexslew_control.planners.progress import Progress
-from flexslew_control.planners.slew import Feedback, Slew, tick_times
+from flexslew_control.planners.slew import FeedbackKey, Slew, tick_times
 from flexslew_control.planners.slewing import Slewing
+from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
 
@@ -32,23 +33,33 @@ class MinimaxFeedforward:
     """The `plan` section for method minimax_feedforward."""
 
     method: Literal["minimax_feedforward"] = "minimax_feedforward"
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
-    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: dict[str, float] | None = None  # by joint; one left out stays [rad or m]
-    start: NonNegative = 0.0  # [s]
-    duration: Positive = 25.0  # of the slew; with residual_bound the longest one [s]
-    residual_bound: Positive | None = None  # the shortest slew that leaves no more is sought [m]
-    feedback: Feedback | None = None  # that flies it; null: of the controller in charge
-    ensemble: Ensemble = Ensemble()
-    # of each effort, at most; null: 60, of a plant that is not linear 40
+    model: BelievedModel = None
+    initial: Initial = None
+    goal: dict[str, float] | None = None  # joint positions at the end, at rest, by name [rad or m]
+    start: Start = 0.0
+    # duration of the manoeuvre; with `residual_bound` the longest that is allowed [s]
+    duration: Positive = 25.0
+    # the shortest slew that leaves no more than this on any member is sought [m]; null: the
+    # duration is given
+    residual_bound: Positive | None = None
+    feedback: FeedbackKey = None
+    ensemble: Ensemble = Ensemble()  # members that the slew must suit
+    # over which each effort is held, at most; null: 60, for a plant that is not linear 40
     pieces: Annotated[int, Field(ge=2, le=400)] | None = None
-    exact_nominal: bool = False  # whether the model believed in ends at rest, modes included
-    joint_range: dict[str, tuple[float, float]] | None = None  # of every member, by joint
-    rate_limit: dict[str, Positive] | None = None  # of every member, by joint [rad/s or m/s]
-    tip_limit: Positive | None = None  # largest |tip| of every member during the slew [m]
-    rho: NonNegative = 0.0  # what effort costs, g + rho |u|^2 [m/(N m)^2 or m/N^2]
-    reserve: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0  # of the effort limit, kept free [-]
-    max_steps: Annotated[int, Field(ge=1)] = 12  # of a plant that is not linear
+    exact_nominal: bool = False  # whether the planner's own model ends at rest, modes included
+    # lowest and highest position that a joint may have on any member, by name [rad or m]; null:
+    # free
+    joint_range: dict[str, tuple[float, float]] | None = None
+    # largest rate of a joint on any member, by name [rad/s or m/s]; null: free
+    rate_limit: dict[str, Positive] | None = None
+    # largest tip deflection of any member, during the slew and after [m]; null: free
+    tip_limit: Positive | None = None
+    # weight of the effort, worst residual + rho times the sum of its squares [m/(N m)^2 or m/N^2]
+    rho: NonNegative = 0.0
+    # fraction of the effort limit kept free [-]
+    reserve: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
+    # of the search on a plant that is not linear, at most
+    max_steps: Annotated[int, Field(ge=1)] = 12
 
 
 def plan_minimax_feedforward(settings: MinimaxFeedforward, slew: Slew, progress: Progress) -> Plan:

@@ -22,9 +22,10 @@ from flexslew_control.planners.time_optimal.optimal_switching import (
 from flexslew_control.planners.time_optimal.pontryagin import Arcs, Extremality, switching_function
 from flexslew_control.planners.time_optimal.switching import continued_durations, fewest_durations
 from flexslew_control.planners.time_optimal.three_axes import plan_three_axes
+from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.settings import Positive, section
 from flexslew_plant.testbeds import Model
 from flexslew_plant.testbeds.contract import ThreeAxes
 
@@ -39,20 +40,28 @@ class TimeOptimal:
     """The `plan` section for method time_optimal."""
 
     method: Literal["time_optimal"] = "time_optimal"
-    model: dict[str, Any] | None = None  # keys of the testbed believed otherwise; null: one mode
-    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
-    goal: Goal  # by joint, one left out stays [rad or m]; or an attitude
-    start: NonNegative = 0.0  # [s]
-    robust: bool = False  # no sensitivity to the stiffness at the end
-    insensitive: Insensitive = "modes"  # what, if robust: the modes, or the joint as well
-    feedback: Feedback | None = None  # that flies the slew; null: open loop
-    structure: Structure = "fewest"  # how many switches
-    # which push: of a craft that turns in three axes moving is about the eigenaxis; else all if the
-    # goal moves several joints
+    model: BelievedModel = None
+    initial: Initial = None
+    # joint positions at the end, at rest, by name; a joint left out does not move [rad or m]
+    goal: Goal
+    start: Start = 0.0
+    robust: bool = False  # whether the state at the end is insensitive to the stiffness
+    # what is insensitive, if robust: modes, or state (the joint as well)
+    insensitive: Insensitive = "modes"
+    # kp and kd of the PD that will fly the slew, which robust takes into account; null: open loop
+    feedback: Feedback | None = None
+    # number of switches, of one mode: fewest (3; robust 5; antisymmetric about the middle where the
+    # mode is undamped), asymmetric (as few, least duration), optimal (as many as the extremal has)
+    structure: Structure = "fewest"
+    # drives in use: moving (that of the joint; of a craft that turns in three axes those about the
+    # eigenaxis), all (several at once to save time; on `csa` it needs casadi); all where the goal
+    # moves several joints of another testbed
     drives: Literal["moving", "all"] = "moving"
-    amplitude: Positive | None = None  # of the effort [N m or N]; null: the limit less the reserve
-    reserve: Share | None = None  # of the limit, for the feedback; null: 0.2 if there is one [-]
-    longest: Positive | None = None  # refuse a slew that takes longer [s]
+    # amplitude of the effort [N m or N]; null: the limit less the reserve
+    amplitude: Positive | None = None
+    # fraction of the limit left to the feedback [-]; null: 0.2 with feedback, else 0
+    reserve: Share | None = None
+    longest: Positive | None = None  # longest duration that is accepted [s]
 
 
 def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) -> Plan:

@@ -2,7 +2,7 @@
 
 from flexslew_control.controllers import CONTROLLERS, DERIVED
 from flexslew_lab.console.desk import Desk, Reply
-from flexslew_lab.console.forms import Form, Key, OpenedOn, moment, number_of, text_of, words_of
+from flexslew_lab.console.forms import Form, Key, OpenedOn, moment, number_of, text_of
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.swap import NOBODY
 from flexslew_lab.trial.overrides import overridden
@@ -83,7 +83,7 @@ def _keys(name: str, text: str, law: str) -> list[Key]:
     words = {_HANDOVER: "blends in from the last effort [s]; at least 0"}
     if law in CONTROLLERS:
         section = validated(CONTROLLERS[law].settings, own, name)
-        words |= {key: words_of(meaning) for key, meaning in meanings(section).items()}
+        words |= {key: meaning.told for key, meaning in meanings(section).items()}
         unset = {key: None for key, value in own.items() if value is None}
         return [
             Key(k, words.get(k, ""), text_of(v)) for k, v in {**flat(settings), **unset}.items()

@@ -20,13 +20,18 @@ PerMotor: TypeAlias = Annotated[
 class ActuatorSettings:
     """The `actuator` section, the same for every joint; all off by default."""
 
-    lag: NonNegative = 0.0  # time constant of the torque [s]
-    slew_rate: NonNegative = 0.0  # largest change of the torque [N m/s]; 0: no limit
-    quantisation: NonNegative = 0.0  # torques are multiples of it [N m]; 0: none
-    # of every motor, or by name of motors (others: 0) [N m s/rad], [N m]
+    lag: NonNegative = 0.0  # time constant of the torque [s]; each tick applies its exact mean
+    # largest change of the torque [N m/s]; 0: no limit; each tick applies the exact mean of its
+    # ramp
+    slew_rate: NonNegative = 0.0
+    # the torques that slew rate and lag start from are multiples of it [N m]; 0: none
+    quantisation: NonNegative = 0.0
+    # coefficient of viscous friction of every motor, or by name of motors [N m s/rad]
     viscous_friction: PerMotor = 0.0
-    coulomb_friction: PerMotor = 0.0
-    coulomb_speed: Positive = 1e-4  # friction grows as tanh(v / coulomb_speed) [rad/s]
+    coulomb_friction: PerMotor = 0.0  # dry friction of every motor, or by name of motors [N m]
+    # friction grows as tanh(v / coulomb_speed) [rad/s]; a joint that sticks creeps more slowly than
+    # this
+    coulomb_speed: Positive = 1e-4
 
 
 class Actuator:

@@ -33,14 +33,14 @@ class PulseShape:
 class Sine:
     """`{sine: {...}}`."""
 
-    sine: SineShape
+    sine: SineShape  # from `at` on; each tick applies its mean
 
 
 @section
 class Pulse:
     """`{pulse: {...}}`."""
 
-    pulse: PulseShape
+    pulse: PulseShape  # from `at` on
 
 
 def _form(value: Any) -> str:

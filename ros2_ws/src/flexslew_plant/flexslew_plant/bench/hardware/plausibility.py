@@ -14,7 +14,8 @@ from flexslew_plant.settings import Positive, section
 class PlausibilitySettings:
     """The `plausibility` section."""
 
-    rate_difference: Positive = 0.01  # largest allowed, position change against rate [rad/s or m/s]
+    # largest allowed difference between the mean rates of encoder and rate sensor [rad/s or m/s]
+    rate_difference: Positive = 0.01
     window: Annotated[int, Field(ge=1)] = 10  # ticks over which both are compared
 
 

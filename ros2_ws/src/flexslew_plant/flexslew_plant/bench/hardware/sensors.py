@@ -13,7 +13,7 @@ from flexslew_plant.testbeds.model import Model
 class Channel:
     """Errors of one kind of sensor, in its own unit; all off by default."""
 
-    noise: NonNegative = 0.0  # standard deviation of white noise, each tick
+    noise: NonNegative = 0.0  # standard deviation of the white noise of each tick
     bias: float = 0.0  # added to every reading
     quantisation: NonNegative = 0.0  # readings are multiples of it; 0: none
 
@@ -22,10 +22,10 @@ class Channel:
 class SensorSettings:
     """The `sensors` section."""
 
-    joint_position: Channel = Channel()  # [rad or m]
-    joint_velocity: Channel = Channel()  # [rad/s or m/s]
-    tip_deflection: Channel = Channel()  # [m]
-    root_curvature: Channel = Channel()  # [1/m]
+    joint_position: Channel = Channel()  # encoders [rad or m]
+    joint_velocity: Channel = Channel()  # rate sensors [rad/s or m/s]
+    tip_deflection: Channel = Channel()  # tip sensors [m]
+    root_curvature: Channel = Channel()  # strain gauges at the root [1/m]
 
 
 class Readings(NamedTuple):

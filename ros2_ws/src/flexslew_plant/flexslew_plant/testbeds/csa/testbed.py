@@ -57,13 +57,17 @@ class CsaInitial:
 class CsaTestbed:
     """The `testbed` section for kind csa."""
 
-    kind: Literal["csa"] = "csa"
+    kind: Literal["csa"] = "csa"  # the two-joint testbed of Gorinevsky and Vukovich (1998)
+    # form of the equations: printed (as in the paper) or complete (with the term that the paper
+    # omits)
     variant: Literal["printed", "complete"] = "complete"
-    modes: Annotated[int, Field(ge=1, le=12)] = 3
-    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0  # of every beam mode [-]
-    parameters: CsaParameters = CsaParameters()
-    initial: CsaInitial = CsaInitial()
-    effort_limit: tuple[Positive, Positive] = (150.0, 150.0)  # [N m]
+    modes: Annotated[int, Field(ge=1, le=12)] = 3  # number of modes of each beam
+    # damping ratio of every beam mode [-]
+    damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
+    parameters: CsaParameters = CsaParameters()  # numbers of the testbed
+    initial: CsaInitial = CsaInitial()  # joint positions at the start, at rest
+    # torque limits of the drives, one per joint [N m]
+    effort_limit: tuple[Positive, Positive] = (150.0, 150.0)
 
     operating_point: ClassVar[dict[str, float]] = {"hub_pitch": 0.5}
     typical_goal: ClassVar[dict[str, float]] = {"base_yaw": 1.0, "hub_pitch": 0.5}

@@ -28,17 +28,20 @@ SUNLIGHT = 4.56e-6  # pressure on what absorbs it [N/m^2]
 class Orbit:
     """A circular orbit, round the inertial origin, and what of it turns the craft."""
 
-    altitude: Positive  # above the surface [m]
+    altitude: Positive  # above the Earth's surface [m]
     inclination: float = 0.0  # of the orbit to the inertial x-y plane, about x [rad]
     phase: float = 0.0  # of the craft at time zero, from x [rad]
     gravity_gradient: bool = True  # whether it acts
-    dipole: Triple = (0.0, 0.0, 0.0)  # magnetic, of the craft, in body axes [A m^2]
-    drag_area: NonNegative = 0.0  # times its coefficient [m^2]
+    # magnetic, of the craft, in body axes [A m^2]; the Earth's is along the inertial z
+    dipole: Triple = (0.0, 0.0, 0.0)
+    drag_area: NonNegative = 0.0  # area times drag coefficient [m^2]
     air_density: NonNegative = 0.0  # at this altitude [kg/m^3]
-    drag_centre: Triple = (0.0, 0.0, 0.0)  # of pressure, from the centre of mass [m]
-    solar_area: NonNegative = 0.0  # times one plus its reflectivity [m^2]
-    solar_centre: Triple = (0.0, 0.0, 0.0)  # of pressure, from the centre of mass [m]
-    sun: Triple = (1.0, 0.0, 0.0)  # its direction in inertial space, of any length
+    # centre of the air's pressure, from the centre of mass [m]
+    drag_centre: Triple = (0.0, 0.0, 0.0)
+    solar_area: NonNegative = 0.0  # area times one plus its reflectivity [m^2]
+    # centre of the light's pressure, from the centre of mass [m]
+    solar_centre: Triple = (0.0, 0.0, 0.0)
+    sun: Triple = (1.0, 0.0, 0.0)  # direction to the Sun in inertial space, of any length
 
 
 @dataclass(frozen=True)

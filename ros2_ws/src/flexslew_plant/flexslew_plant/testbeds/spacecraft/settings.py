@@ -17,19 +17,19 @@ IDENTITY: Rows = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 class Inertia:
     """Entries of an inertia matrix: xy is -(product of inertia), the matrix entry."""
 
-    xx: float = 0.0
-    yy: float = 0.0
-    zz: float = 0.0
-    xy: float = 0.0
-    xz: float = 0.0
-    yz: float = 0.0
+    xx: float = 0.0  # entry of the inertia
+    yy: float = 0.0  # entry of the inertia
+    zz: float = 0.0  # entry of the inertia
+    xy: float = 0.0  # entry itself, minus the product of inertia
+    xz: float = 0.0  # entry itself, minus the product of inertia
+    yz: float = 0.0  # entry itself, minus the product of inertia
 
 
 @section
 class Body:
     """A rigid body in the axes of what it belongs to."""
 
-    mass: float
+    mass: float  # of the body
     centre: Triple = (0.0, 0.0, 0.0)  # of mass, from the origin
     inertia: Inertia = Inertia()  # about the origin (of a tip body: about its centre)
 
@@ -38,10 +38,12 @@ class Body:
 class Platform:
     """The rigid platform. Its axes are the body axes; roll, pitch, yaw turn about x, y, z."""
 
+    # free in space, held, or turning about a pivot
     motion: Literal["free", "held", "pivot"] = "free"
-    mass: float = 100.0
-    centre: Triple = (0.0, 0.0, 0.0)  # of mass, in body axes
-    inertia: Inertia = Inertia(xx=50.0, yy=50.0, zz=50.0)  # about the body origin
+    mass: float = 100.0  # of the platform, without appendages
+    centre: Triple = (0.0, 0.0, 0.0)  # centre of mass, in body axes
+    # entries of the inertia about the body origin
+    inertia: Inertia = Inertia(xx=50.0, yy=50.0, zz=50.0)
     axis: Triple = (1.0, 0.0, 0.0)  # of a pivot, in body axes
     place: Triple = (0.0, 0.0, 0.0)  # of a pivot, in body axes
 
@@ -50,22 +52,22 @@ class Platform:
 class Turn:
     """A turn about an axis."""
 
-    axis: Triple
-    angle: float  # [rad]
+    axis: Triple  # of the turn, of any length
+    angle: float  # of the turn [rad]
 
 
 @section
 class Motion:
     """A prescribed turn of a hinge, from where the one before has ended."""
 
-    to: float | None = None  # angle from the hinge's rest [rad]
-    # instead: where its z shall point, in inertial space with the platform at rest
+    to: float | None = None  # angle at which a prescribed turn ends, from the hinge's rest [rad]
+    # instead of `to`: where the appendage's z shall point, in inertial space, the platform at rest
     line_of_sight: Triple | None = None
-    duration: Positive  # [s]
-    at: NonNegative = 0.0  # when it begins [s]
-    profile: Literal["smooth", "bang_bang", "table"] = "smooth"
-    axis: Triple | None = None  # left out: the hinge's
-    # rows (time over duration, share of the turn, its first and second derivative)
+    duration: Positive  # of the turn [s]
+    at: NonNegative = 0.0  # when the turn begins [s]
+    profile: Literal["smooth", "bang_bang", "table"] = "smooth"  # of the turn
+    axis: Triple | None = None  # null: the hinge's
+    # rows: time over duration, share of the turn, its first and second derivative
     table: tuple[tuple[float, float, float, float], ...] = ()
 
 
@@ -73,16 +75,17 @@ class Motion:
 class Hinge:
     """Where an appendage is joined to the platform, and how."""
 
-    kind: Literal["fixed", "prescribed", "driven"] | None = None  # null: prescribed with a motion
-    place: Triple = (0.0, 0.0, 0.0)  # r_o, in body axes
-    axes: Rows = IDENTITY  # the appendage's x, y, z in body axes
-    turned: Turn | None = None  # of these axes, before anything moves
+    # null: prescribed when it has a motion, else fixed
+    kind: Literal["fixed", "prescribed", "driven"] | None = None
+    place: Triple = (0.0, 0.0, 0.0)  # of the hinge, in body axes
+    axes: Rows = IDENTITY  # rows: the appendage's x, y, z in body axes
+    turned: Turn | None = None  # a turn of these axes before anything moves: `axis` and `angle`
     axis: Triple = (1.0, 0.0, 0.0)  # about which it turns, in appendage axes
-    range: tuple[float, float] | None = None  # of its angle [rad]
-    spring: NonNegative = 0.0  # of a driven hinge
-    damper: NonNegative = 0.0
-    limit: Positive = 100.0  # of its motor; its joint is called <appendage>_hinge
-    motion: Motion | tuple[Motion, ...] | None = None
+    range: tuple[float, float] | None = None  # smallest and largest angle of the hinge [rad]
+    spring: NonNegative = 0.0  # stiffness of a driven hinge
+    damper: NonNegative = 0.0  # damping of a driven hinge
+    limit: Positive = 100.0  # largest effort of a driven hinge, whose joint is NAME_hinge
+    motion: Motion | tuple[Motion, ...] | None = None  # its prescribed turns
 
 
 @section
@@ -90,21 +93,23 @@ class Beam:
     """A clamped uniform beam."""
 
     kind: Literal["beam"] = "beam"
+    # how its modes are found
     method: Literal["finite_elements", "closed_form"] = "finite_elements"
-    length: Positive
-    linear_density: Positive
-    # EI against deflection across and along the third axis; one number: both
+    length: Positive  # length of the beam
+    linear_density: Positive  # mass per length
+    # EI; two numbers: across, and along the third axis
     bending_stiffness: Positive | tuple[Positive, Positive]
     torsion_stiffness: NonNegative = 0.0  # GJ; 0: it does not twist
     polar_inertia: NonNegative = 0.0  # per length, about the beam
-    along: Triple = (0.0, 0.0, 1.0)  # its direction in appendage axes
-    across: Triple = (1.0, 0.0, 0.0)  # its first deflection
-    elements: Annotated[int, Field(ge=1, le=200)] = 26
+    along: Triple = (0.0, 0.0, 1.0)  # direction of the beam in appendage axes
+    across: Triple = (1.0, 0.0, 0.0)  # direction of its first deflection
+    elements: Annotated[int, Field(ge=1, le=200)] = 26  # number of finite elements
     modes: Annotated[int, Field(ge=0, le=60)] = 4  # of finite elements, the slowest
-    modes_across: Annotated[int, Field(ge=0, le=12)] = 2  # in closed form
-    modes_third: Annotated[int, Field(ge=0, le=12)] = 2
-    modes_twist: Annotated[int, Field(ge=0, le=12)] = 0
-    tip_body: Body | None = None  # in appendage axes, its centre from the beam's end
+    modes_across: Annotated[int, Field(ge=0, le=12)] = 2  # across, in closed form
+    modes_third: Annotated[int, Field(ge=0, le=12)] = 2  # along the third axis, in closed form
+    modes_twist: Annotated[int, Field(ge=0, le=12)] = 0  # of the twist, in closed form
+    # rigid body at the tip, in appendage axes, its centre from the beam's end
+    tip_body: Body | None = None
 
 
 @section
@@ -112,13 +117,14 @@ class Membrane:
     """A circular membrane with a fixed rim, across the appendage's z."""
 
     kind: Literal["membrane"] = "membrane"
-    radius: Positive
-    density: Positive  # per area
+    radius: Positive  # of the fixed rim
+    density: Positive  # mass per area
     wave_speed: Positive  # c
-    height: float = 0.0  # above the hinge
-    waves: Annotated[int, Field(ge=0, le=6)] = 2
-    rings: Annotated[int, Field(ge=1, le=6)] = 2
-    poisson_ratio: Annotated[float, Field(ge=0.0, le=0.5)] = 0.3  # for the geometric stiffness
+    height: float = 0.0  # of the membrane above the hinge
+    waves: Annotated[int, Field(ge=0, le=6)] = 2  # largest number of waves round the rim
+    rings: Annotated[int, Field(ge=1, le=6)] = 2  # number of rings
+    # how its in-plane stress spreads, for the geometric stiffness [-]
+    poisson_ratio: Annotated[float, Field(ge=0.0, le=0.5)] = 0.3
 
 
 @section
@@ -126,17 +132,17 @@ class ModalData:
     """Modes from a file of a finite element program; see modal_file."""
 
     kind: Literal["modal_data"] = "modal_data"
-    file: Path
-    modes: Annotated[int, Field(ge=1)] | None = None  # the first; left out: all
+    file: Path  # with frequencies and shapes or participation, see Modal data
+    modes: Annotated[int, Field(ge=1)] | None = None  # the first; null: all
 
 
 @section
 class Damping:
     """C = alpha M + beta K plus ratios of the clamped modes."""
 
-    alpha: NonNegative = 0.0  # [1/s]
-    beta: NonNegative = 0.0  # [s]
-    # one for all, or one per mode [-]
+    alpha: NonNegative = 0.0  # share of the mass matrix [1/s]
+    beta: NonNegative = 0.0  # share of the stiffness [s]
+    # damping ratio of all clamped modes, or one per mode [-]
     ratio: (
         Annotated[float, Field(ge=0.0, lt=1.0)]
         | tuple[Annotated[float, Field(ge=0.0, lt=1.0)], ...]
@@ -150,14 +156,16 @@ Shape: TypeAlias = Annotated[Beam | Membrane | ModalData, Field(discriminator="k
 class AppendageSettings:
     """One appendage: a hinge, a flexible shape, a rigid body, or both."""
 
-    hinge: Hinge = Hinge()
-    shape: Shape | None = None
-    body: Body | None = None  # rigid, at the hinge
-    damping: Damping = Damping()
-    second_order: bool = True  # terms of second order in the deflections
-    # of a base that spins or accelerates, of second order too; null: where the shape says how
+    hinge: Hinge = Hinge()  # where it is joined, and how
+    shape: Shape | None = None  # what is flexible: `kind: beam`, `membrane` or `modal_data`
+    body: Body | None = None  # a rigid body at the hinge
+    damping: Damping = Damping()  # C = alpha M + beta K, plus ratios of the clamped modes
+    second_order: bool = True  # whether terms of second order in the deflections count
+    # whether a base that spins or accelerates stiffens or softens it; null: where the shape says
+    # how
     geometric_stiffness: bool | None = None
-    only_modes: tuple[Annotated[int, Field(ge=1)], ...] | None = None  # that count; null: all
+    # numbers of the modes that count, from 1; null: all
+    only_modes: tuple[Annotated[int, Field(ge=1)], ...] | None = None
     stiffness: Positive = 1.0  # factor on the modal stiffness [-]
 
 
@@ -165,11 +173,11 @@ class AppendageSettings:
 class WheelSettings:
     """A reaction wheel; its mass and inertia at rest belong to the platform's."""
 
-    axis: Triple
+    axis: Triple  # in body axes; a positive effort turns the platform about it
     inertia: Positive  # about its axis
     limit: Positive  # of its motor
-    momentum_limit: Positive | None = None  # largest inertia times speed
-    speed_limit: Positive | None = None  # [rad/s]
+    momentum_limit: Positive | None = None  # largest inertia times speed of a wheel
+    speed_limit: Positive | None = None  # largest speed of a wheel [rad/s]
 
 
 @section
@@ -180,12 +188,13 @@ class ActuatorPlace:
     other, and acts on the platform by its resultant.
     """
 
-    kind: Literal["force", "torque", "modal"]
-    direction: Triple = (0.0, 0.0, 0.0)  # in the axes of what it acts on; not of a modal force
-    limit: Positive
-    appendage: str | None = None  # left out: on the platform
-    mode: Annotated[int, Field(ge=1)] | None = None  # of a modal force, counted from 1
-    at: float | None = None  # along its beam; left out: its tip
+    kind: Literal["force", "torque", "modal"]  # what it gives
+    direction: Triple = (0.0, 0.0, 0.0)  # of a force or a torque, in the axes of what it acts on
+    limit: Positive  # largest effort
+    appendage: str | None = None  # on which an actuator acts; null: on the platform
+    # of a modal force, from 1; it is spread over the appendage as its mass times that mode
+    mode: Annotated[int, Field(ge=1)] | None = None
+    at: float | None = None  # its place along the beam; null: the tip
     place: Triple = (0.0, 0.0, 0.0)  # on the platform
 
 
@@ -193,12 +202,14 @@ class ActuatorPlace:
 class SensorPlace:
     """A sensor on an appendage, or an accelerometer on the platform; errors in its own unit."""
 
+    # displacement (m), rate (m/s), strain (-) or accelerometer (m/s^2)
     kind: Literal["displacement", "rate", "strain", "accelerometer"]
-    appendage: str | None = None  # left out: an accelerometer on the platform
-    at: float | None = None  # along its beam; left out: its tip, of a strain its root
-    direction: Triple = (1.0, 0.0, 0.0)  # in the axes of what it sits on
-    fibre: Triple = (0.0, 0.0, 0.0)  # of a strain: from the beam's centre line
-    place: Triple = (0.0, 0.0, 0.0)  # on the platform
-    noise: NonNegative = 0.0  # standard deviation of white noise, each tick
-    bias: float = 0.0
-    quantisation: NonNegative = 0.0
+    appendage: str | None = None  # on which it sits; null: an accelerometer on the platform
+    at: float | None = None  # its place along the beam; null: the tip, of a strain the root
+    direction: Triple = (1.0, 0.0, 0.0)  # in which it reads, in the axes of what it sits on
+    # of a strain: its place from the beam's centre line, in appendage axes
+    fibre: Triple = (0.0, 0.0, 0.0)
+    place: Triple = (0.0, 0.0, 0.0)  # of an accelerometer on the platform, in body axes
+    noise: NonNegative = 0.0  # standard deviation of its white noise, each tick
+    bias: float = 0.0  # added to every reading
+    quantisation: NonNegative = 0.0  # readings are multiples of it; 0: none

@@ -75,16 +75,19 @@ class SpacecraftTestbed:
     """The `testbed` section for kind spacecraft."""
 
     kind: Literal["spacecraft"] = "spacecraft"
-    units: UnitSystem = "si"  # of all numbers of this section but `initial`
-    platform: Platform = Platform()
-    appendages: dict[str, AppendageSettings] = field(default_factory=dict)
-    wheels: dict[str, WheelSettings] = field(default_factory=dict)
+    units: UnitSystem = "si"  # unit system of the section but `initial`
+    platform: Platform = Platform()  # the rigid platform
+    appendages: dict[str, AppendageSettings] = field(default_factory=dict)  # appendages by name
+    wheels: dict[str, WheelSettings] = field(default_factory=dict)  # reaction wheels by name
+    # forces and torques by name
     actuators: dict[str, ActuatorPlace] = field(default_factory=lambda: _torques(100.0))
-    sensors: dict[str, SensorPlace] = field(default_factory=dict)  # besides pose, rates and tips
+    # sensors besides pose, rates and tips, by name
+    sensors: dict[str, SensorPlace] = field(default_factory=dict)
     initial: dict[str, float] = field(default_factory=dict)  # by joint [rad or m]
-    pointing_tolerance: Positive = 3.490658503988659e-4  # of an appendage: .02 deg [rad]
-    pointing_window: Positive = 10.0  # of the mean and relative performance errors [s]
-    orbit: Orbit | None = None  # whose torques turn a free platform, in SI; null: none
+    # angle below which the line of sight counts as settled [rad]
+    pointing_tolerance: Positive = 3.490658503988659e-4
+    pointing_window: Positive = 10.0  # window of the mean and relative performance errors [s]
+    orbit: Orbit | None = None  # a circular orbit whose torques turn a free platform; null: none
 
     operating_point: ClassVar[dict[str, float]] = {}
     typical_goal: ClassVar[dict[str, float]] = {"roll": 0.5}

@@ -1,0 +1,91 @@
+"""The tables of keys in the pages, made from the fields of the sections.
+
+A line `<!-- keys: MODULE.CLASS -->` stands above each. After a change of a section
+`. setup/environment.sh; python docs/key_tables.py` writes them anew;
+tests/lab/trial/test_trial_reference.py holds that they are current.
+"""
+
+import importlib
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import MISSING, Field, fields
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from flexslew_plant.settings import yaml_text
+from flexslew_plant.settings_fields import FieldMeaning, own_meanings
+
+DOCS = Path(__file__).parent
+PAGES = tuple(DOCS / name for name in ("trial.md", "spacecraft.md", "studies.md"))
+MARK = re.compile(r"^<!-- keys: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*", re.MULTILINE)
+HEAD = "| key | default | meaning |\n|---|---|---|\n"
+_LONGEST = 60  # characters of a default
+
+
+def section_of(module: str, name: str) -> type[Any]:
+    """Return the section that a mark names."""
+    found: type[Any] = getattr(importlib.import_module(module), name)
+    return found
+
+
+def table(kind: type[Any]) -> str:
+    """Return the table of a section's keys: its own first, then those that it extends."""
+    own = set(vars(kind).get("__annotations__", ()))
+    items = sorted((f for f in fields(kind) if f.repr), key=lambda f: f.name not in own)
+    meanings = own_meanings(kind)
+    rows = [f"| {f.name} | {default(f)} | {told(f, meanings[f.name])} |\n" for f in items]
+    return HEAD + "".join(rows)
+
+
+def told(item: Field[Any], meaning: FieldMeaning) -> str:
+    """Return what a key means and what is allowed; one that is fixed selects its section."""
+    text = meaning.told or f"selects this {item.name}"
+    return text.replace("|", "\\|")
+
+
+def default(item: Field[Any]) -> str:
+    """Return the default of a key as YAML; a section's, where all of it is, in a word."""
+    value, factory = item.default, item.default_factory
+    if isinstance(value, FieldInfo):
+        value, factory = value.default, value.default_factory
+    if factory is not None and factory is not MISSING:
+        value = factory()  # type: ignore[call-arg]
+    if value is MISSING or value is PydanticUndefined:
+        return "required"
+    if hasattr(value, "__dataclass_fields__"):
+        return f"kind {value.kind}" if hasattr(value, "kind") else "defaults"
+    shown = short(TypeAdapter(Any).dump_python(value, mode="json"))
+    text = yaml_text(shown, flow=True).strip().removesuffix("\n...")
+    return text.replace("|", "\\|") if len(text) <= _LONGEST else "see the text"
+
+
+def short(value: Any) -> Any:
+    """Return a value with numbers of six digits."""
+    if isinstance(value, list):
+        return [short(one) for one in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+def current(text: str, made: Callable[[type[Any]], str] = table) -> str:
+    """Return a page with its tables as the sections have them now."""
+
+    def filled(match: re.Match[str]) -> str:
+        mark = f"<!-- keys: {match[1]}.{match[2]} -->\n"
+        return f"{mark}\n{made(section_of(match[1], match[2]))}"
+
+    return MARK.sub(filled, text)
+
+
+def main() -> None:
+    """Write the tables of all pages."""
+    for page in PAGES:
+        page.write_text(current(page.read_text()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

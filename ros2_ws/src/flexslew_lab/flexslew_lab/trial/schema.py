@@ -1,0 +1,120 @@
+"""The JSON schema of a trial file, by which an editor completes and checks it while it is typed."""
+
+from collections.abc import Iterable
+from typing import Any, Literal
+
+from pydantic import TypeAdapter
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import core_schema
+
+from flexslew_control.controllers import CONTROLLERS, CommonSettings
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.settings_fields import own_meanings
+from flexslew_plant.units import UNITS, units_in
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_PLACE = "#/$defs/{model}"
+_NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
+
+
+def trial_schema() -> dict[str, Any]:
+    """Return the JSON schema of a trial file, every key with its meaning, bounds and default.
+
+    Testbeds, plans and controllers of the user's own are let through: only the bench, which may
+    load their code, can check their keys.
+    """
+    kinds: list[tuple[Any, Literal["validation"], TypeAdapter[Any]]] = [
+        (kind, "validation", TypeAdapter(kind))
+        for kind in (Trial, CommonSettings, *(entry.settings for entry in CONTROLLERS.values()))
+    ]
+    places, whole = TypeAdapter.json_schemas(
+        kinds, schema_generator=_Described, ref_template=_PLACE
+    )
+    definitions = whole["$defs"]
+    del definitions["Trust"]  # of no key
+    trial = definitions.pop(places[Trial, "validation"]["$ref"].rpartition("/")[2])
+    common = definitions.pop(places[CommonSettings, "validation"]["$ref"].rpartition("/")[2])
+    laws = {}
+    for name, entry in CONTROLLERS.items():
+        place = places[entry.settings, "validation"]["$ref"]
+        own = definitions[place.rpartition("/")[2]]
+        own["properties"] |= common["properties"] | {"law": {"type": "string"}, "file": {}}
+        laws[name] = {"$ref": place}
+    trial["properties"]["controllers"] |= {
+        "properties": {
+            name: {"anyOf": [{"if": {"required": ["law"]}, "then": {}, "else": law}, _NULL]}
+            for name, law in laws.items()
+        },
+        "additionalProperties": {
+            "anyOf": [{"type": "object", "allOf": list(_chosen("law", laws.items()))}, _NULL]
+        },
+    }
+    schema = _open_unions({"$schema": DIALECT, **trial, "$defs": definitions}, definitions)
+    assert isinstance(schema, dict)
+    return schema
+
+
+_NULL = {"type": "null"}
+
+
+class _Described(GenerateJsonSchema):
+    """Adds to every key of a section what it means, and the quantities that it takes as text."""
+
+    def dataclass_schema(self, schema: core_schema.DataclassSchema) -> dict[str, Any]:
+        found: dict[str, Any] = super().dataclass_schema(schema)
+        for key, meaning in own_meanings(schema["cls"]).items():
+            node = found.get("properties", {}).get(key)
+            if node is None:
+                continue
+            units = [u for unit in units_in(meaning.words) for u in UNITS.get(unit, {})]
+            node = _with_quantities(node, units) if units else node
+            found["properties"][key] = {**node, "description": meaning.told}
+        return found
+
+
+def _with_quantities(node: Any, units: list[str]) -> Any:
+    """Return a schema that takes `57 deg` wherever it takes a number."""
+    if isinstance(node, list):
+        return [_with_quantities(one, units) for one in node]
+    if not isinstance(node, dict):
+        return node
+    if node.get("type") == "number":
+        told = {key: node[key] for key in ("default", "title") if key in node}
+        number = {key: value for key, value in node.items() if key not in told}
+        text = {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*({'|'.join(units)})\s*$"}
+        return {**told, "anyOf": [number, text]}
+    inner = ("anyOf", "oneOf", "items", "prefixItems", "additionalProperties")
+    return {k: _with_quantities(v, units) if k in inner else v for k, v in node.items()}
+
+
+def _open_unions(node: Any, definitions: dict[str, Any]) -> Any:
+    """Return a schema whose unions also hold classes of the user's own, chosen by their key."""
+    if isinstance(node, list):
+        return [_open_unions(one, definitions) for one in node]
+    if not isinstance(node, dict):
+        return node
+    node = {key: _open_unions(value, definitions) for key, value in node.items()}
+    options = node.pop("oneOf", None)
+    if options is None:
+        return node
+    if {} not in options:
+        return node | {"anyOf": options}
+    known = [one for one in options if one]
+    kinds = [definitions[one["$ref"].rpartition("/")[2]]["properties"] for one in known]
+    tag = next(key for key, value in kinds[0].items() if "const" in value)
+    chosen = _chosen(tag, zip((kind[tag]["const"] for kind in kinds), known, strict=True))
+    names = [kind[tag]["const"] for kind in kinds]
+    own = {"type": "string", "pattern": ":"}
+    return node | {
+        "type": "object",
+        "required": [tag],
+        "properties": {tag: {"anyOf": [{"enum": names}, own]}},
+        "allOf": list(chosen),
+    }
+
+
+def _chosen(tag: str, options: Iterable[tuple[str, Any]]) -> Iterable[dict[str, Any]]:
+    """Yield for each option that it holds where the tag names it."""
+    for name, option in options:
+        named = {"properties": {tag: {"const": name}}, "required": [tag]}
+        yield {"if": named, "then": option}
