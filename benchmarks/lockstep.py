@@ -1,4 +1,4 @@
-"""Tick rate over DDS against a bare ping-pong of the same messages, interleaved in one run."""
+"""Tick rate over DDS against bare ping-pongs of the same messages, interleaved in one run."""
 
 import json
 import os
@@ -21,11 +21,17 @@ TICKS = 6000
 ROUNDS = 3
 
 
-def ping_pong(side: str) -> None:
-    """Answer every Measurement with an EffortCommand, or count how many go around."""
+def ping_pong(side: str, raw: bool) -> None:
+    """Answer every Measurement with an EffortCommand, or count how many go around.
+
+    Args:
+        side: ping or pong.
+        raw: the same bytes each time, not messages.
+    """
     import rclpy
     from flexslew_msgs import msg
     from rclpy.experimental import EventsExecutor
+    from rclpy.serialization import serialize_message
 
     from flexslew_plant.topics import LOOP_DEPTH
 
@@ -36,15 +42,18 @@ def ping_pong(side: str) -> None:
     two = array("d", [0.0, 0.0])
     if side == "pong":
         answer = node.create_publisher(msg.EffortCommand, "pong", LOOP_DEPTH)
+        fixed = serialize_message(msg.EffortCommand(controller="x", effort=two))
 
         def pong(question: Any) -> None:
             answer.publish(
-                msg.EffortCommand(
+                fixed
+                if raw
+                else msg.EffortCommand(
                     stamp=question.header.stamp, tick=question.tick, controller="x", effort=two
                 )
             )
 
-        node.create_subscription(msg.Measurement, "ping", pong, LOOP_DEPTH)
+        node.create_subscription(msg.Measurement, "ping", pong, LOOP_DEPTH, raw=raw)
         while os.getppid() != 1:
             executor.spin_once(timeout_sec=0.5)
         return
@@ -62,13 +71,15 @@ def ping_pong(side: str) -> None:
             applied_effort=two,
         )
 
+    same = serialize_message(question())
+
     def again(_: Any) -> None:
         nonlocal count
         count += 1
         if count < TICKS:
-            ask.publish(question())
+            ask.publish(same if raw else question())
 
-    heard = node.create_subscription(msg.EffortCommand, "pong", again, LOOP_DEPTH)
+    heard = node.create_subscription(msg.EffortCommand, "pong", again, LOOP_DEPTH, raw=raw)
     while not (ask.get_subscription_count() and heard.get_publisher_count()):
         executor.spin_once(timeout_sec=0.05)
     start = perf_counter()
@@ -78,10 +89,10 @@ def ping_pong(side: str) -> None:
     print(json.dumps(TICKS / (perf_counter() - start)))
 
 
-def _floor() -> float:
+def _floor(kind: str) -> float:
     with own_domain() as domain:
         environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
-        command = [sys.executable, __file__]
+        command = [sys.executable, __file__, kind]
         pong = subprocess.Popen([*command, "pong"], env=environment)
         try:
             done = subprocess.run(
@@ -125,7 +136,8 @@ def figures() -> dict[str, float]:
     estimated = Trial(duration=bare.duration, display_rate=0.0, controllers={law: {}}, active=law)
     runs: dict[str, list[float]] = {}
     for _ in range(ROUNDS):
-        runs.setdefault("lockstep_floor_ticks_per_s", []).append(_floor())
+        runs.setdefault("lockstep_floor_ticks_per_s", []).append(_floor("typed"))
+        runs.setdefault("raw_floor_ticks_per_s", []).append(_floor("raw"))
         runs.setdefault("lockstep_ticks_per_s", []).append(_ours(bare, record=True))
         runs.setdefault("displayed_ticks_per_s", []).append(_ours(shown, record=True))
         runs.setdefault("output_feedback_ticks_per_s", []).append(_ours(estimated, record=True))
@@ -134,6 +146,10 @@ def figures() -> dict[str, float]:
     result = {name: median(values) for name, values in runs.items()}
     floor, rate = result["lockstep_floor_ticks_per_s"], result["lockstep_ticks_per_s"]
     result["lockstep_ratio"] = rate / floor
+    result["one_process_ratio"] = (
+        result["one_process_ticks_per_s"] / result["raw_floor_ticks_per_s"]
+    )
+    result["recorded_ratio"] = rate / result["raw_floor_ticks_per_s"]
     result["displayed_ratio"] = result["displayed_ticks_per_s"] / rate
     result["output_feedback_ratio"] = result["output_feedback_ticks_per_s"] / rate
     result["three_controllers_ratio"] = result["three_controllers_ticks_per_s"] / rate
@@ -141,4 +157,4 @@ def figures() -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    ping_pong(sys.argv[1])
+    ping_pong(sys.argv[2], raw=sys.argv[1] == "raw")

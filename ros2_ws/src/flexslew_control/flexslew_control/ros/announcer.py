@@ -29,7 +29,7 @@ class Announcer:
         law: that it runs.
         alive: signs of life, for others of its name.
         sent: what must be heard: the commands first, then the states.
-        heard: the questions, which tell who the plant is.
+        heard: the questions, which tell who the plant is; None: it asks by a call.
         listeners: nodes that must hear what is sent, besides the plant.
     """
 
@@ -40,7 +40,7 @@ class Announcer:
         law: str,
         alive: Alive,
         sent: Sequence[Publisher[Any]],
-        heard: Subscription[Any],
+        heard: Subscription[Any] | None,
         listeners: Sequence[str],
     ) -> None:
         self._node, self._host, self._law, self._alive = node, host, law, alive
@@ -107,10 +107,10 @@ class Announcer:
         why = self.older or self._host.reason
         if why is not None or self._is_heard:
             return why
-        plant = publishers_of(self._node, self._heard)
+        plant = publishers_of(self._node, self._heard) if self._heard else set()
         missing = unmatched(self._node, self._sent[:1], [*plant, *self._listeners])
         missing += unmatched(self._node, self._sent[1:], self._listeners)
-        self._is_heard = bool(plant) and not missing
+        self._is_heard = bool(plant or self._heard is None) and not missing
         unheard = ", ".join(sorted(set(missing))) or "a plant"
         if self._is_heard:
             return None

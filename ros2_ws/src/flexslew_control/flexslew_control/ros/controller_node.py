@@ -10,19 +10,19 @@ from flexslew_msgs import msg
 from flexslew_control.controllers import CONTROLLERS, DEFAULT, build_controller, with_file
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.law import described
-from flexslew_control.message_fields import plan_of, state_bytes
+from flexslew_control.message_fields import plan_of
 from flexslew_control.ros.announcer import Announcer
+from flexslew_control.ros.answering import Answering
 from flexslew_control.ros.controller_settings import ControllerNodeSettings
 from flexslew_control.ros.tuning import Tuning
 from flexslew_plant import topics
-from flexslew_plant.bench.wire import command_bytes, measurement_from
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import PlantWatch
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node
-from flexslew_plant.ros.offers import publisher, subscription
+from flexslew_plant.ros.offers import subscription
 from flexslew_plant.ros.parameters import declared, new_node, parameters_of
 from flexslew_plant.ros.realtime import CONTROLLER, RealTime
 
@@ -30,37 +30,40 @@ _POLL_PERIOD = 0.02  # between two polls at the graph while not ready [wall s]
 
 
 class ControllerNode:
-    """Answers `measurement` on `effort_command` when it is named."""
+    """Answers `measurement` on `effort_command` when it is named.
 
-    def __init__(self, law: str, loop: Loop) -> None:
+    Args:
+        law: that it runs, unless its parameter `law` names another one.
+        loop: that serves it.
+        by_call: the plant shares the process and calls `answering` instead.
+    """
+
+    def __init__(self, law: str, loop: Loop, by_call: bool = False) -> None:
         self.node = node = new_node(law)
         given = parameters_of(node)
         own = {k: given.pop(k) for k in ControllerNodeSettings.__annotations__ if k in given}
         self._settings = declared(node, ControllerNodeSettings, {"law": law, **own})
         given = with_file(self._settings.law, given, f"node {node.get_name()}")
         self._host = ControllerHost(node.get_name(), given)
-        self._period = 0.01
         self._next_look = 0.0
         self._events = EventLog(node)
-        self._state = publisher(node, topics.CONTROLLER_STATE)
-        self._command = publisher(node, topics.EFFORT_COMMAND)
-        measurement = subscription(node, topics.MEASUREMENT, self._on_measurement, raw=True)
+        self.answering = Answering(node, self._host, self._observed, by_call)
         self._alive = loop.live(node, "controller")
         self._announcer = Announcer(
             node,
             self._host,
             self._settings.law,
             self._alive,
-            [self._command, self._state],
-            measurement,
+            self.answering.said,
+            self.answering.heard,
             self._settings.wait_for,
         )
-        self._watch = PlantWatch(loop, measurement, self._settings.exit_with_plant)
-        subscription(node, topics.TESTBED, self._on_testbed)
+        testbed = subscription(node, topics.TESTBED, self._on_testbed)
+        said_by_plant = self.answering.heard or testbed
+        self._watch = PlantWatch(loop, said_by_plant, self._settings.exit_with_plant)
         subscription(node, topics.PLAN, self._on_plan)
         subscription(node, topics.BENCH_STATE, self._on_bench_state)
         self._realtime = RealTime(CONTROLLER)
-        self._heard = measurement
         self._tuning = Tuning(node, self._host, self._settings.law, self._serve)
 
     def poll(self) -> float:
@@ -68,6 +71,7 @@ class ControllerNode:
         now = monotonic()
         if now >= self._next_look:
             self._announcer.look()
+            self.answering.silent = self._announcer.older is not None
             self._watch.look()
             self._next_look = now + (_POLL_PERIOD if self._announcer.reason else 0.2)
         return self._next_look - now
@@ -81,7 +85,7 @@ class ControllerNode:
             self._tell()
             return
         self._watch.seen = True
-        self._period = message.period
+        self.answering.period = message.period
         self._host.announce(
             lambda values: build_controller(
                 self._host.name,
@@ -114,29 +118,19 @@ class ControllerNode:
     def _serve(self) -> bool:
         """Answer a question that waits; return whether there was one."""
         self._alive.poll(monotonic())
-        with self._heard.handle:
-            taken = self._heard.handle.take_message(self._heard.msg_type, True)
-        if taken is not None:
-            self._on_measurement(taken[0])
-        return taken is not None
+        return self.answering.serve()
 
     def _tell(self) -> None:
         """Pass on what the host has to say."""
         while self._host.events:
             self._events.tell(self._host.events.popleft())
 
-    def _on_measurement(self, data: bytes) -> None:
-        host = self._host
-        question, at = measurement_from(data, self._period)
-        answer = host.observe(question)
-        if answer is not None and not self._announcer.older:
-            self._command.publish(command_bytes(answer.command, at))
-            self._state.publish(state_bytes(answer, at))
-        if host.events:
+    def _observed(self, tick: int) -> None:
+        if self._host.events:
             self._tell()
             self._announcer.describe()
         else:
-            self._announcer.seen(question.tick)
+            self._announcer.seen(tick)
 
 
 def main() -> None:

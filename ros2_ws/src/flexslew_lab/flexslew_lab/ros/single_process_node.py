@@ -1,4 +1,4 @@
-"""Plant and one controller in one process: still two nodes and DDS between them, one executor."""
+"""Plant and one controller in one process: two nodes, one executor, and calls between the two."""
 
 from functools import partial
 
@@ -18,8 +18,9 @@ class PlantAndController:
     """
 
     def __init__(self, controller: str, loop: Loop) -> None:
-        self._plant = Plant(loop)
-        self._nodes = ControllerNode(controller, loop), self._plant
+        beside = ControllerNode(controller, loop, by_call=True)
+        self._plant = Plant(loop, beside.answering)
+        self._nodes = beside, self._plant
 
     def poll(self) -> float:
         """Do what is due in both; return the wall seconds until something can be due again."""

@@ -47,6 +47,17 @@ def publisher(node: Node, name: str) -> Publisher[Any]:
     return node.create_publisher(message_class(topic.type), name, qos(topic))
 
 
+def publish_if_heard(publisher: Publisher[Any], message: Callable[[], Any]) -> None:
+    """Write and publish a message where somebody listens; nothing else is kept for later ones.
+
+    Args:
+        publisher: of a topic that is not latched.
+        message: writes it, or its bytes.
+    """
+    if publisher.get_subscription_count():
+        publisher.publish(message())
+
+
 def subscription(
     node: Node, name: str, callback: Callable[[Any], None], raw: bool = False, at: str = ""
 ) -> Subscription[Any]:

@@ -1,6 +1,6 @@
 """The `plant` node: the bench behind topics and services. It owns time."""
 
-from collections.abc import Iterator
+from functools import partial
 from time import monotonic
 
 from flexslew_msgs import msg
@@ -11,16 +11,17 @@ from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.message_fields import testbed_fields
 from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
-from flexslew_plant.bench.wire import command_from, measurement_bytes, truth_bytes
+from flexslew_plant.bench.wire import truth_bytes
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.node_process import run_node
-from flexslew_plant.ros.offers import publisher, subscription
+from flexslew_plant.ros.offers import publish_if_heard, publisher, subscription
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.ros.plant.diagnostics import Diagnostics
 from flexslew_plant.ros.plant.display import Display
+from flexslew_plant.ros.plant.exchange import Exchange, Neighbour
 from flexslew_plant.ros.plant.parameters import CHANGEABLE, PlantParameters
 from flexslew_plant.ros.plant.report import NOTICE, PlantReport
 from flexslew_plant.ros.plant.services import Services
@@ -30,14 +31,20 @@ from flexslew_plant.settings import plain, yaml_text
 
 
 class Plant:
-    """Sends on what the session says, and tells it what comes."""
+    """Sends on what the session says, and tells it what comes.
 
-    def __init__(self, loop: Loop) -> None:
+    Args:
+        loop: that serves it.
+        neighbour: a controller in the same process.
+    """
+
+    def __init__(self, loop: Loop, neighbour: Neighbour | None = None) -> None:
         self.loop = loop
         self.node = node = new_node("plant")
         self._alive = loop.live(node, "plant")
         self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
         bench = Bench(self._settings.bench)
+        self._exchange = Exchange(node, loop, self._take, neighbour)
         self.session = Session(
             bench,
             self._settings.controllers,
@@ -45,28 +52,24 @@ class Plant:
             self._settings.answer_timeout,
             self._settings.autostart,
             self._missing,
-            self._arrived,
+            self._exchange.arrived,
         )
         self.session.presence = self._alive.presence
         self.statuses: dict[str, msg.ControllerStatus] = {}
-
-        self._measurement = publisher(node, topics.MEASUREMENT)
         self._truth = publisher(node, topics.TRUTH)
         self._events = EventLog(node)
         self._testbed = publisher(node, topics.TESTBED)
         self.display = Display(node, bench, self._settings.display_rate)
-        self._commands = subscription(node, topics.EFFORT_COMMAND, self._on_command, raw=True)
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
-        heard = [self._measurement, self._truth]
+        heard = [self._exchange.questions, self._truth]
         self._report = PlantReport(node, self.session, self._alive, self._settings.progress, heard)
         self._services = Services(self, loop)
         self._diagnostics = Diagnostics(node, self.session)
         self._parameters = PlantParameters(self)
         self._realtime = RealTime(PLANT)
-        settings = yaml_text(plain(self._settings))
-        announcement = {"stamp": stamp(0.0), **testbed_fields(bench, settings)}
-        self._testbed.publish(message_of(msg.Testbed, announcement))
+        fields = testbed_fields(bench, yaml_text(plain(self._settings)))
+        self._testbed.publish(message_of(msg.Testbed, {"stamp": stamp(0.0), **fields}))
 
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
@@ -76,6 +79,7 @@ class Plant:
         wait = self.session.poll(now)
         self._realtime.want(self.session.pacing.paced)
         self._send()
+        wait = min(wait, self._exchange.call())
         self._report.poll(now)
         self._diagnostics.poll(now)
         return min(wait, self._services.poll(now))
@@ -91,7 +95,7 @@ class Plant:
         while outbox:
             record = outbox.popleft()
             if isinstance(record, Measurement):
-                self._measurement.publish(measurement_bytes(record))
+                self._exchange.ask(record)
             elif isinstance(record, Truth):
                 self._show(record)
             else:
@@ -105,7 +109,7 @@ class Plant:
 
     def _show(self, truth: Truth) -> None:
         if self._settings.truth:
-            self._truth.publish(truth_bytes(truth))
+            publish_if_heard(self._truth, partial(truth_bytes, truth))
         self.display.show(truth)
 
     def _missing(self) -> list[str]:
@@ -114,24 +118,20 @@ class Plant:
         controllers, listeners = session.needed(now), self._settings.wait_for
         if session.bench.tick or session.bench.epoch:  # who was lost on the way is not waited for
             listeners = tuple(n for n in listeners if not session.presence.silent(n, now))
-        heard = [self._measurement, *[self._truth] * self._settings.truth, *self.display.publishers]
-        missing = unmatched(self.node, [self._measurement], sorted(controllers))
-        return missing + unmatched(self.node, heard, listeners)
+        shown = [self._truth] * self._settings.truth + self.display.publishers
+        heard = [self._exchange.questions, *shown]
+        return self._exchange.unheard(controllers) + unmatched(self.node, heard, listeners)
 
-    def _arrived(self) -> Iterator[EffortCommand]:
-        """Take the commands that wait in DDS."""
-        with self._commands.handle:
-            take, kind = self._commands.handle.take_message, self._commands.msg_type
-            while (taken := take(kind, True)) is not None:
-                yield command_from(taken[0])
-
-    def _on_command(self, data: bytes) -> None:
-        if self.session.take(command_from(data), monotonic()):
+    def _take(self, command: EffortCommand) -> bool:
+        hurry = self.session.take(command, monotonic())
+        if hurry:
             self.loop.hurry()
         self._send()
+        return hurry
 
     def _on_status(self, message: msg.ControllerStatus) -> None:
         self.statuses[message.controller] = message
+        self._exchange.known(message.controller)
         self.session.hear(message.controller, message.ready, message.reason)
         self.session.backlog.heard(message.controller, message.last_tick, message.epoch)
 

@@ -1,0 +1,59 @@
+"""Plant and controller in one process ask and answer by calls; everybody else hears copies."""
+
+from pathlib import Path
+from typing import Any
+
+from flexslew_control.plan_file import save_plan
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.metrics.from_bag import metrics_of
+from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
+from flexslew_lab.trial.run import run_trial
+from flexslew_lab.trial.supervisor import Supervisor
+from flexslew_lab.trial.trial import plan_of_trial
+
+from .flight import fork_server, patient, slew
+
+TOGETHER = ("pd_feedforward", "plant")
+SWAPS = "schedule: [{at: 1.5, switch: lqr}, {at: 3.0, switch: pd_feedforward}]"
+
+
+def flown(trial: Any, folder: Path) -> dict[str, Any]:
+    """Return the metrics of a run of which plant and PD share a process."""
+    save_plan(plan_of_trial(trial), folder / "plan.yaml")
+    nodes = node_processes(trial, folder, True, {"trial_file": "test"}, folder / "plan.yaml")
+    parameters = folder / "parameters.yaml"
+    parameters.write_text(parameter_file(nodes))
+    one = NodeProcess("", "flexslew_lab", "single_process", {})
+    processes = [*(node for node in nodes if node.name not in TOGETHER), one]
+    with own_domain() as domain:
+        log = folder / "nodes.log"
+        outcome = Supervisor(
+            processes, parameters, log, domain, lambda tick, last: None, fork_server()
+        ).run()
+    assert outcome == (0, ""), log.read_text()
+    return metrics_of(folder / "bag")
+
+
+def alone(trial: Any, folder: Path) -> str:
+    result = run_trial(trial, "test", folder / "alone", in_process=True, report=False)
+    return str(result.metrics["trajectory_hash"])
+
+
+def test_one_process_flies_the_same_bits_and_its_log_is_whole(tmp_path: Path) -> None:
+    trial = patient(slew())
+    metrics = flown(trial, tmp_path)
+    assert (metrics["trajectory_hash"], metrics["missed_ticks"]) == (alone(trial, tmp_path), 0)
+    overview = BagReader(tmp_path / "bag").overview
+    per_tick = ("/measurement", "/effort_command", "/controller_state")
+    assert [overview.counts[name] for name in per_tick] == [600, 600, 600]
+    assert "stray" not in [event.kind for event in overview.events]
+
+
+def test_others_may_take_over_from_the_one_that_shares_the_process(tmp_path: Path) -> None:
+    trial = patient(slew(more=", lqr: {}", extra=SWAPS))
+    metrics = flown(trial, tmp_path)
+    assert metrics["trajectory_hash"] == alone(trial, tmp_path)
+    assert (metrics["switches"], metrics["missed_ticks"]) == (2, 0)
+    events = [event.kind for event in BagReader(tmp_path / "bag").overview.events]
+    assert "stray" not in events
