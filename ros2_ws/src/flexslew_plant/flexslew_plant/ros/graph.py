@@ -24,7 +24,7 @@ def listeners_of(node: Node, publisher: Publisher[Any]) -> set[str]:
 def unmatched(
     node: Node, publishers: Sequence[Publisher[Any]], listeners: Sequence[str]
 ) -> list[str]:
-    """Return whom a sample published now would not reach, of those that must be there.
+    """Return whom a sample published now would not reach, of those that must be there, and why.
 
     A listener that asks for another QoS than is offered will never be reached, so nobody waits for
     it; see incompatible.
@@ -34,17 +34,44 @@ def unmatched(
         publishers: what must be heard.
         listeners: names of nodes in the namespace of this one.
     """
-    missing = set()
+    missing: dict[str, str] = {}
     for publisher in publishers:
-        missing |= set(listeners) - listeners_of(node, publisher)
+        for name in set(listeners) - listeners_of(node, publisher):
+            missing.setdefault(name, f"{name} ({_why_deaf(node, publisher, name)})")
         fitting = [
             info
             for info in node.get_subscriptions_info_by_topic(publisher.topic_name)
             if _fits(publisher, info)
         ]
         if publisher.get_subscription_count() < len(fitting):
-            missing.add(f"a subscriber of {publisher.topic_name}")
-    return sorted(missing)
+            missing["a subscriber"] = f"a subscriber of {publisher.topic_name}"
+    return sorted(missing.values())
+
+
+def _why_deaf(node: Node, publisher: Publisher[Any], listener: str) -> str:
+    """Return why a listener does not hear a topic, and what to change."""
+    topic, here = publisher.topic_name, node.get_namespace()
+    nodes = node.get_node_names_and_namespaces()
+    places = {place for name, place in nodes if name.removeprefix(HIDDEN) == listener}
+    if not places:
+        return "it is not on the graph"
+    if here not in places:
+        where = f"it is in namespace {min(places)}, the bench in {here}"
+        return f"{where}; start it with -r __ns:={here}"
+    kinds = dict(node.get_topic_names_and_types())
+    alike = [other for other, kind in kinds.items() if kind == kinds.get(topic) and other != topic]
+    heard = [other for other in alike if listener in _listeners_here(node, other)]
+    if not heard:
+        return f"it does not listen to {topic}"
+    return f"it listens to {min(heard)} instead of {topic}; start both with the same remaps"
+
+
+def _listeners_here(node: Node, topic: str) -> set[str]:
+    return {
+        info.node_name.removeprefix(HIDDEN)
+        for info in node.get_subscriptions_info_by_topic(topic)
+        if info.node_namespace == node.get_namespace()
+    }
 
 
 def incompatible(node: Node, publishers: Sequence[Publisher[Any]]) -> list[str]:

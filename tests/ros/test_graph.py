@@ -1,0 +1,55 @@
+"""Whom the bench waits for is said with the reason and the remedy."""
+
+from collections.abc import Iterator
+from threading import Event
+
+import pytest
+import rclpy
+from flexslew_msgs.msg import Measurement
+
+from flexslew_lab.trial.domain import own_domain
+from flexslew_plant import topics
+from flexslew_plant.ros.graph import unmatched
+from flexslew_plant.ros.offers import publisher, qos
+
+LOOKS = 2000  # until DDS has told, 10 ms each
+
+
+@pytest.fixture
+def context() -> Iterator[rclpy.Context]:
+    with own_domain() as domain:
+        found = rclpy.Context()
+        found.init(domain_id=domain)
+        yield found
+        found.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("place", "topic", "missing"),
+    [
+        ("/a", "", ["recorder (it does not listen to /a/measurement)"]),
+        ("/b", "measurement", [
+            "recorder (it is in namespace /b, the bench in /a; start it with -r __ns:=/a)"
+        ]),
+        ("/a", "questions", [
+            "recorder (it listens to /a/questions instead of /a/measurement; start both with the "
+            "same remaps)"
+        ]),
+        ("/a", "measurement", []),
+    ],
+)  # fmt: skip
+def test_who_does_not_hear_is_named_with_its_topic_and_what_to_change(
+    context: rclpy.Context, place: str, topic: str, missing: list[str]
+) -> None:
+    plant = rclpy.create_node("plant", context=context, namespace="/a")
+    questions = publisher(plant, topics.MEASUREMENT)
+    assert unmatched(plant, [questions], ["recorder"]) == ["recorder (it is not on the graph)"]
+    recorder = rclpy.create_node("recorder", context=context, namespace=place)
+    profile = qos(topics.TOPICS[topics.MEASUREMENT])
+    if topic:
+        recorder.create_subscription(Measurement, topic, print, profile)
+    for _ in range(LOOKS):
+        if unmatched(plant, [questions], ["recorder"]) == missing:
+            break
+        Event().wait(0.01)
+    assert unmatched(plant, [questions], ["recorder"]) == missing
