@@ -1,10 +1,12 @@
 """The processes of a trial over ROS 2: which nodes, with which parameters."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexslew_lab.trial.own_code import own_names
+from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import (
     SavedPlan,
     Trial,
@@ -120,3 +122,20 @@ def parameter_file(processes: list[NodeProcess]) -> str:
         for process in processes
     }
     return yaml_text(nodes)
+
+
+def main() -> None:
+    """Write `parameters.yaml` for whoever starts the nodes of a trial one by one.
+
+    The command line holds a shipped trial or a trial file, and the folder of the run.
+    """
+    name, place = sys.argv[1:]
+    folder = Path(place)
+    trial, source = read_trial(name)
+    processes = node_processes(trial, folder, True, {"trial_file": source})
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "parameters.yaml").write_text(parameter_file(processes))
+
+
+if __name__ == "__main__":
+    main()
