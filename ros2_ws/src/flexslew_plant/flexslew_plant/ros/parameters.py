@@ -2,7 +2,7 @@
 
 from array import array
 from collections.abc import Callable, Iterable
-from math import inf
+from math import ceil, inf, isfinite, nextafter
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -21,7 +21,6 @@ from flexslew_plant.settings_fields import FieldMeaning, meanings
 _ROS = ("use_sim_time", "qos_overrides", "start_type_description")  # parameters of ROS itself
 _UNSET = "null"  # as which a dump of parameters writes, and ROS reads, what has no value
 _AT_START = "read at the start; restart the node to change it"
-_LARGEST = 1.7976931348623157e308
 
 Change = Callable[[dict[str, Any]], str]  # takes nested changes; returns why not, or ""
 
@@ -126,21 +125,32 @@ def _descriptor(
     """Return a descriptor of its own: rclpy writes the parameter's name into it."""
     descriptor = ParameterDescriptor(name=name, read_only=not changeable)
     descriptor.dynamic_typing = value is None
-    if not changeable:
-        descriptor.additional_constraints = _AT_START
-    if meaning is None:
-        return descriptor
-    descriptor.description = meaning.words
-    if (meaning.low, meaning.high) == (-inf, inf) or isinstance(value, bool):
-        return descriptor
-    low, high = max(meaning.low, -_LARGEST), min(meaning.high, _LARGEST)
+    constraints = [] if changeable else [_AT_START]
+    if meaning is not None:
+        descriptor.description = meaning.words
+        if not isinstance(value, bool):
+            _limit(descriptor, value, meaning)
+            constraints = [words for words in (_bounds(meaning), *constraints) if words]
+    descriptor.additional_constraints = "; ".join(constraints)
+    return descriptor
+
+
+def _limit(descriptor: ParameterDescriptor, value: Any, meaning: FieldMeaning) -> None:
+    """Give a descriptor the range of a number that is limited at both ends; ROS has no other."""
+    low, high = meaning.low, meaning.high
+    if not (isfinite(low) and isfinite(high)):
+        return
     if isinstance(value, float):
         limits = FloatingPointRange(from_value=low, to_value=high, step=0.0)
         descriptor.floating_point_range = [limits]
     elif isinstance(value, int):
-        bound = 2**63 - 1
-        limits = IntegerRange(
-            from_value=int(max(low, -bound)), to_value=int(min(high, bound)), step=1
-        )
-        descriptor.integer_range = [limits]
-    return descriptor
+        descriptor.integer_range = [IntegerRange(from_value=ceil(low), to_value=int(high), step=1)]
+
+
+def _bounds(meaning: FieldMeaning) -> str:
+    """Return which numbers are allowed, in words; empty: all."""
+    low, high = meaning.low, meaning.high
+    least = "more than 0" if low == nextafter(0.0, inf) else f"{low:g} or more"
+    if isfinite(low) and isfinite(high):
+        return f"{least}, at most {high:g}"
+    return least if isfinite(low) else f"at most {high:g}" if isfinite(high) else ""

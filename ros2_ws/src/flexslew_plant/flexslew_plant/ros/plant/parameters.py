@@ -3,7 +3,10 @@
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
+from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.parameters import serve_changes
+from flexslew_plant.ros.plant.settings import PlantSettings
+from flexslew_plant.settings import validated
 
 if TYPE_CHECKING:
     from flexslew_plant.ros.plant_node import Plant
@@ -24,6 +27,10 @@ class PlantParameters:
 
     def _change(self, changes: dict[str, Any]) -> str:
         """Take parameters in flight; return why not, or an empty text."""
+        try:
+            validated(PlantSettings, changes, f"node {self._plant.node.get_name()}")
+        except BadInput as error:
+            return str(error)
         rate = changes.get("rate_factor", self._plant.session.pacing.rate_factor)
         if rate != self._plant.session.pacing.rate_factor:
             reply = self._plant.session.set_rate(rate, monotonic(), "a ROS parameter")
