@@ -36,7 +36,7 @@ ROLES: dict[str, Rights] = {
         publish=(t.MEASUREMENT, t.TRUTH, t.EVENTS, t.TESTBED, t.ALIVE, t.BENCH_STATE,
                  t.DIAGNOSTICS, *_DISPLAY),
         subscribe=(t.EFFORT_COMMAND, t.CONTROLLER_STATUS, t.RECORDER_STATUS, t.ALIVE),
-        reply=_OPERATE,
+        reply=(*_OPERATE, *(f"~/{name}" for name in t.OFFERED_PRIVATELY)),
     ),
     "controller": Rights(
         publish=(t.EFFORT_COMMAND, t.CONTROLLER_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.ALIVE),

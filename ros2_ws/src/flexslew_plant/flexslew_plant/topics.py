@@ -77,6 +77,7 @@ BRAKE, RELEASE_BRAKE = "brake", "release_brake"
 OPERATE = "operate"
 SET_RATE = "set_rate"
 NOTE = "note"
+OFFERED_PRIVATELY = (START, PAUSE, NOTE)  # as plant/start, too: these are anybody's words
 SWITCH_CONTROLLER = "switch_controller"
 LIST_CONTROLLERS = "list_controllers"
 INJECT_FAULT, END_FAULT, RETARGET = "inject_fault", "end_fault", "retarget"

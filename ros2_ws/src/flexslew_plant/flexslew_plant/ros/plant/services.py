@@ -39,7 +39,7 @@ class Services:
         self._state = publisher(plant.node, topics.BENCH_STATE)
         self._shown: tuple[Any, ...] = ()
         self._next_state = 0.0
-        session, node = self._session, plant.node
+        session = self._session
         self._actions: dict[str, Callable[[str], Reply]] = {
             topics.START: session.start,
             topics.PAUSE: lambda who: session.pause(monotonic(), who),
@@ -50,7 +50,7 @@ class Services:
         self._starts: list[tuple[float, Future]] = []  # until when somebody waits for one [wall s]
         for name, act in self._actions.items():
             answer = self._on_start if name == topics.START else self._trigger(act)
-            node.create_service(Trigger, name, answer)
+            self._offer(Trigger, name, answer)
         for kind, name, answer in (
             (srv.Operate, topics.OPERATE, self._on_operate),
             (srv.Step, topics.STEP, self._on_step),
@@ -61,7 +61,11 @@ class Services:
             (srv.EndFault, topics.END_FAULT, self._on_end_fault),
             (srv.Retarget, topics.RETARGET, self._on_retarget),
         ):
-            node.create_service(kind, name, answer)
+            self._offer(kind, name, answer)
+
+    def _offer(self, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
+        for at in [name, f"~/{name}"][: 1 + (name in topics.OFFERED_PRIVATELY)]:
+            self._plant.node.create_service(kind, at, answer)
 
     def poll(self, now: float) -> float:
         """Answer those who wait for a switch, show the state; return when to do so again [s]."""
