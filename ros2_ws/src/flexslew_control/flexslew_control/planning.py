@@ -101,7 +101,7 @@ class Planning:
 
 
 def plan_request(
-    text: str,
+    section: str | dict[str, Any],
     bench: str,
     period: float,
     effort_limit: Sequence[float],
@@ -112,7 +112,7 @@ def plan_request(
     """Return what a client asks for, or why its numbers or its YAML cannot be used.
 
     Args:
-        text: the `plan` section, YAML.
+        section: the `plan` section, YAML or plain data.
         bench: settings of what stands on the bench, YAML; empty: the default testbed.
         period: one tick of the bench [s].
         effort_limit: one per actuator [N m or N].
@@ -127,7 +127,7 @@ def plan_request(
     if not limit or not all(math.isfinite(value) and value > 0.0 for value in limit):
         return Refusal("one positive number per joint", "effort_limit", [*limit])
     try:
-        values = load_yaml(text, "request")
+        values = load_yaml(section, "request") if isinstance(section, str) else section
         start = values.get("start", 0.0) if isinstance(values, dict) else 0.0
         begins = rest_at(float(start)) if isinstance(start, int | float) else {}
         return PlanRequest(values, bench, period, limit, *gains, begins, trust)

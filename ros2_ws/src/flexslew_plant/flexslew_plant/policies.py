@@ -21,9 +21,6 @@ class Rights(NamedTuple):
     tunes: bool = False  # whether it may tune every controller
 
 
-_DISPLAY = (
-    t.CLOCK, t.JOINT_STATES, t.APPENDAGE_STATES, t.TF, t.TF_STATIC, t.MARKERS, t.ROBOT_DESCRIPTION,
-)  # fmt: skip
 _OPERATE = (
     t.START, t.PAUSE, t.RESET, t.BRAKE, t.RELEASE_BRAKE, t.OPERATE, t.STEP, t.SET_RATE, t.NOTE,
     t.SWITCH_CONTROLLER, t.LIST_CONTROLLERS, t.INJECT_FAULT, t.END_FAULT, t.RETARGET,
@@ -34,7 +31,7 @@ _RECORDED = tuple(name for name in t.TOPICS if name not in t.NOT_RECORDED)
 ROLES: dict[str, Rights] = {
     "plant": Rights(
         publish=(t.MEASUREMENT, t.TRUTH, t.EVENTS, t.TESTBED, t.ALIVE, t.BENCH_STATE,
-                 t.DIAGNOSTICS, *_DISPLAY),
+                 t.DIAGNOSTICS, *t.DISPLAYED, t.TF_STATIC, t.ROBOT_DESCRIPTION),
         subscribe=(t.EFFORT_COMMAND, t.CONTROLLER_STATUS, t.RECORDER_STATUS, t.ALIVE),
         reply=(*_OPERATE, *(f"~/{name}" for name in t.OFFERED_PRIVATELY)),
     ),
@@ -44,8 +41,9 @@ ROLES: dict[str, Rights] = {
         reply=(t.TUNE,),
     ),
     "planner": Rights(
-        publish=(t.PLAN, t.EVENTS, t.ALIVE),
-        subscribe=(t.TESTBED, t.BENCH_STATE, t.CONTROLLER_STATUS, t.EVENTS, t.ALIVE),
+        publish=(t.PLAN, t.PLANNED_TRAJECTORY, t.EVENTS, t.ALIVE),
+        subscribe=(t.JOINT_TRAJECTORY, t.TESTBED, t.BENCH_STATE, t.CONTROLLER_STATUS, t.EVENTS,
+                   t.ALIVE),
         execute=_PLANS,
         reply=(t.DECIDE_PLAN,),
     ),

@@ -35,6 +35,9 @@ EVENTS = "events"
 JOINT_STATES = "joint_states"
 APPENDAGE_STATES = "appendage_states"
 MARKERS = "markers"
+IMU, ODOMETRY, WRENCH = "imu", "odometry", "wrench"  # of a platform that floats freely
+JOINT_TRAJECTORY = "joint_trajectory"  # a manoeuvre that the planner node is asked for
+PLANNED_TRAJECTORY = "planned_trajectory"  # a plan as those without flexslew_msgs read it
 ROBOT_DESCRIPTION = "robot_description"
 TF = "/tf"
 TF_STATIC = "/tf_static"
@@ -63,14 +66,25 @@ TOPICS: dict[str, Topic] = {
         Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", 1, latched=True),
         Topic(ROBOT_DESCRIPTION, "std_msgs/msg/String", 1, latched=True),
         Topic(MARKERS, "visualization_msgs/msg/MarkerArray", LOOP_DEPTH),
+        Topic(IMU, "sensor_msgs/msg/Imu", LOOP_DEPTH),
+        Topic(ODOMETRY, "nav_msgs/msg/Odometry", LOOP_DEPTH),
+        Topic(WRENCH, "geometry_msgs/msg/WrenchStamped", LOOP_DEPTH),
+        Topic(JOINT_TRAJECTORY, "trajectory_msgs/msg/JointTrajectory", 10),
+        Topic(PLANNED_TRAJECTORY, "trajectory_msgs/msg/JointTrajectory", 1, latched=True),
         Topic(CLOCK, "rosgraph_msgs/msg/Clock", LOOP_DEPTH),
         Topic(DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", 10),
         Topic(ROSOUT, "rcl_interfaces/msg/Log", 1000, latched=True),
     )
 }
 
-# Wall-clock status (what affects a run is an event, too), or copies of other topics.
-NOT_RECORDED = (ALIVE, BENCH_STATE, RECORDER_STATUS, RECORDED, DIAGNOSTICS)
+# The displayed state: at the display rate, without an epoch.
+DISPLAYED = (
+    *(CLOCK, JOINT_STATES, APPENDAGE_STATES, TF, MARKERS),
+    *(IMU, ODOMETRY, WRENCH),
+)
+# Wall-clock status (what affects a run is an event, too), or copies of other topics; what a
+# trajectory asks for becomes a plan.
+NOT_RECORDED = (ALIVE, BENCH_STATE, RECORDER_STATUS, RECORDED, DIAGNOSTICS, JOINT_TRAJECTORY)
 
 START, PAUSE, STEP, RESET = "start", "pause", "step", "reset"
 BRAKE, RELEASE_BRAKE = "brake", "release_brake"

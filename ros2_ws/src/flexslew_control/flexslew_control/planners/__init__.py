@@ -32,6 +32,7 @@ from flexslew_control.planners.feedforward.optimized_feedforward import OPTIMIZE
 from flexslew_control.planners.feedforward.robust_feedforward import ROBUST as ROBUST
 from flexslew_control.planners.input_shaping.input_shaping import SHAPING as SHAPING
 from flexslew_control.planners.input_shaping.start_coast_stop import COASTING as COASTING
+from flexslew_control.planners.joint_trajectory import TRAJECTORY as TRAJECTORY
 from flexslew_control.planners.minimax.minimax_feedforward import MINIMAX as MINIMAX
 from flexslew_control.planners.reference import NONE as NONE
 from flexslew_control.planners.reference import REFERENCE as REFERENCE

@@ -37,5 +37,9 @@ class BenchClock:
         passed = (monotonic() - self._heard) * self._state.rate_factor if self.running else 0.0
         return seconds_of(self._state.stamp) + passed
 
+    def later(self, wait: float) -> float:
+        """Return how much simulated time passes in a wall time at least as at real time [s]."""
+        return wait * max(1.0, float(self._state.rate_factor))
+
     def _on_state(self, message: msg.BenchState) -> None:
         self._state, self._heard = message, monotonic()

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from contextlib import suppress
+from math import ceil
 from time import monotonic
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planned_course import PATIENCE, PlanAnswers, PlannedCourse
 from flexslew_control.planning import PlanRequest, plan_request
 from flexslew_control.ros.bench_clock import BenchClock
+from flexslew_control.ros.trajectories import trajectory_message
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
@@ -38,6 +40,7 @@ from flexslew_plant.ros.parameters import serve_changes
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import read_testbed
 
+SOON = 1.0  # until a plan that is asked for now can begin [wall s]
 ADOPT, REFUSE = "adopt", "refuse"
 MODEL = "model"  # the parameter of the node that may be set at run time
 Gains = tuple[tuple[float, ...], tuple[float, ...]]  # kp and kd, of the one in charge
@@ -83,6 +86,7 @@ class PlanRelease:
         self._answers, self._pending = PlanAnswers(), list[_Pending]()
         self._clock = BenchClock(node)
         self._plan = publisher(node, topics.PLAN)
+        self._trajectory = publisher(node, topics.PLANNED_TRAJECTORY)
         self._events = EventLog(node)
         subscription(node, topics.CONTROLLER_STATUS, self._answers.status)
         subscription(node, topics.EVENTS, self._on_event)
@@ -140,12 +144,15 @@ class PlanRelease:
         return ""
 
     def request(
-        self, text: str, period: float = 0.0, limit: Sequence[float] = ()
+        self, section: str | dict[str, Any], period: float = 0.0, limit: Sequence[float] = ()
     ) -> PlanRequest | Refusal:
-        """Return what a client asks for; period and limits need not be said."""
+        """Return what a client asks for, in YAML or plain data.
+
+        Period and limits need not be said.
+        """
         here = self._testbed
         found = plan_request(
-            text, here.settings, period or here.period, limit or here.effort_limit, self._gains,
+            section, here.settings, period or here.period, limit or here.effort_limit, self._gains,
             self._rest_at, self._trust,
         )  # fmt: skip
         if isinstance(found, Refusal):
@@ -182,8 +189,21 @@ class PlanRelease:
         if self._course is not None:
             self._here.add(plan, self._clock.now())
         self._plan.publish(message)
+        self._trajectory.publish(trajectory_message(plan))
         self._tell(PlanPublished, plan, message, who)
         return message
+
+    def refuse(self, method: str, why: Refusal) -> None:
+        """Say on `events` why nothing comes of a request that has no answer of its own."""
+        now, epoch = self._clock.now(), self._clock.epoch
+        what = PlanRefused(method=method, controller="planner", reason=str(why))
+        tick = round(now / self._testbed.period) if self._testbed.period else 0
+        self._events.tell(event_of(what, tick, now, epoch, "planner"))
+
+    def soonest(self) -> float:
+        """Return from which tick on a plan can begin that is asked for now [s]."""
+        now, period = self._clock.now(), self._testbed.period
+        return period * ceil((now + self._clock.later(SOON)) / period) if now > 0.0 else 0.0
 
     def keep(self, plan: Plan, who: str) -> msg.Plan:
         """Keep a draft in the place of the last one; return it as a message."""

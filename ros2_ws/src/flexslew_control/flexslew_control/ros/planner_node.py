@@ -1,6 +1,7 @@
 """The `planner` node: plans on request and what its parameters ask for.
 
-The action `plan_slew` publishes its plan, `draft_plan` keeps it until somebody decides.
+The action `plan_slew` publishes its plan, `draft_plan` keeps it until somebody decides, and what
+is heard on `joint_trajectory` is published as a plan.
 """
 
 from collections.abc import Callable
@@ -15,10 +16,11 @@ from rclpy.task import Future
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
-from flexslew_control.planning import Iteration, Planning, PlanRequest
+from flexslew_control.ros.plan_job import Outcome, PlanJob
 from flexslew_control.ros.plan_release import MODEL, PlanRelease
-from flexslew_control.ros.plan_result import BUSY, CANCELED, failure, plan_result
+from flexslew_control.ros.plan_result import BUSY, failure, plan_result
 from flexslew_control.ros.planner_settings import PlannerSettings
+from flexslew_control.ros.trajectory_requests import TrajectoryRequests
 from flexslew_plant import topics
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.graph import PlantWatch
@@ -39,14 +41,13 @@ class Planner:
         self.node = node = new_node("planner")
         alive = loop.live(node, "planner")
         self._settings: PlannerSettings = settings_of(node, PlannerSettings, (MODEL,))
-        self._planning = Planning(soon=not self._settings.file)
-        self._goal: ServerGoalHandle | None = None  # that is planned for; None: the parameters
-        self._done: Future | None = None  # of the plan under way
+        self._job = PlanJob(loop, soon=not self._settings.file)
         self._next_look = 0.0
         s = self._settings
         self._release = PlanRelease(node, loop, alive, (s.kp, s.kd), s.trust, s.in_charge())
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         self._release.serve_model(node, s.model)
+        self._trajectories = TrajectoryRequests(node, self._job, self._release)
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         self._servers = [
             ActionServer(
@@ -69,47 +70,22 @@ class Planner:
             self._watch.look()
             self._next_look = now + _POLL_PERIOD
         awaited = self._release.poll(now)
-        if self._done is None:
+        if not self._job.busy:
             return _PLANNING if awaited else self._next_look - now
-        for news in self._planning.news():
-            self._take(news)
-        if self._done is not None and self._goal is not None and self._goal.is_cancel_requested:
-            self._planning.cancel()
-            self._take(CANCELED)
+        self._job.poll()
         return _PLANNING
 
     def close(self) -> None:
         """End the process that plans, and the actions."""
-        self._planning.close()
+        self._job.close()
         for server in self._servers:
             server.destroy()
 
-    def _ask(self, request: PlanRequest | Refusal, goal: ServerGoalHandle | None) -> Future:
-        """Begin to plan; return the future of what comes of it."""
-        self._goal, self._done = goal, self.loop.future()
-        done = self._done
-        if isinstance(request, Refusal):
-            self._take(request)
-        else:
-            self._planning.ask(request)
-        self.loop.hurry()
-        return done
-
-    def _take(self, news: Iteration | Plan | Refusal) -> None:
-        """Take a message of the planning process."""
-        if isinstance(news, Iteration):
-            if self._goal is not None:
-                values = news._asdict()
-                number = values.pop("number")
-                self._goal.publish_feedback(action.PlanSlew.Feedback(iteration=number, **values))
-            return
-        done, self._done = self._done, None
-        if done is not None:
-            done.set_result(news)
-        if self._goal is None and isinstance(news, Refusal):
-            raise failure(news)
-        if self._goal is None and isinstance(news, Plan):
-            self._release.publish(news, "")
+    def _own_plan(self, outcome: Outcome) -> None:
+        """Publish what the parameters ask for; without it the node has no purpose."""
+        if isinstance(outcome, Refusal):
+            raise failure(outcome)
+        self._release.publish(outcome, "")
 
     def _on_testbed(self, testbed: msg.Testbed) -> None:
         if not self._release.announce(testbed):
@@ -117,8 +93,8 @@ class Planner:
         self._watch.seen = True
         if self._settings.file:
             self._release.publish(load_plan(Path(self._settings.file)), "")
-        elif self._settings.plan and self._done is None:
-            self._ask(self._release.own_request(self._settings.plan), None)
+        elif self._settings.plan and not self._job.busy:
+            self._job.ask(self._release.own_request(self._settings.plan), self._own_plan)
 
     async def _execute(
         self, hand_over: Callable[[Plan, str], msg.Plan], flown: bool, goal: ServerGoalHandle
@@ -130,13 +106,15 @@ class Planner:
         answered = await self._release.answered(plan.hash) if flown else None
         return plan_result(goal, outcome, plan, answered)
 
-    async def _outcome(self, goal: ServerGoalHandle) -> Plan | Refusal:
+    async def _outcome(self, goal: ServerGoalHandle) -> Outcome:
         """Return what comes of a goal."""
         request = goal.request
-        if self._done is not None:
+        if self._job.busy:
             return BUSY
         requested = self._release.request(request.request, request.period, request.effort_limit)
-        return self._release.checked(await self._ask(requested, goal))
+        done: Future = self.loop.future()
+        self._job.ask(requested, done.set_result, goal)
+        return self._release.checked(await done)
 
 
 def main() -> None:

@@ -169,6 +169,16 @@ class Model:
             columns.append(column)
         return np.array(columns).T
 
+    def generalised_forces(self, x: Vector, effort: Vector, t: float = 0.0) -> Vector:
+        """Return B(q, t) u, shape (n,), without what a wheel at its speed limit refuses."""
+        self._require(x, effort)
+        out = np.zeros(self.coordinates)
+        if self.kernels.actuation is None:
+            out[: self.efforts] = effort
+        else:
+            self._bound.actuation(self.packed, t, x, effort, out)
+        return out
+
     def _terms(self, q: Vector, v: Vector, t: float) -> tuple[Matrix, Vector]:
         n = self.coordinates
         s = n if self.kernels.full_mass else self.before_modes

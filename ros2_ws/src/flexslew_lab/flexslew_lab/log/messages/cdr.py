@@ -22,7 +22,8 @@ _STAMP_AT = {  # offset of the first stamp where it is not the first field
     "tf2_msgs/msg/TFMessage": 8,
     "visualization_msgs/msg/MarkerArray": 8,
 }
-_WALL_TIME = frozenset({"rcl_interfaces/msg/Log"})
+# Their stamp is of the wall clock, or when a trajectory begins.
+_OTHER_TIME = frozenset({"rcl_interfaces/msg/Log", "trajectory_msgs/msg/JointTrajectory"})
 
 
 class Field(NamedTuple):
@@ -118,7 +119,7 @@ def stamp_offset(type_name: str) -> int:
     """Return where the stamp lies in the CDR bytes; 0 where there is none in simulated time."""
     if type_name in _STAMP_AT:
         return _STAMP_AT[type_name]
-    if type_name in _WALL_TIME:
+    if type_name in _OTHER_TIME:
         return 0
     first = next(iter(fields(type_name)), None)
     leading = first is not None and not first.array

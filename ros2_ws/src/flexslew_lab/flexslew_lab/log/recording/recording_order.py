@@ -9,6 +9,7 @@ from typing import NamedTuple
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import decode, stamp_of
 from flexslew_lab.log.recording.open_ticks import PATIENCE, OpenTicks
+from flexslew_plant.topics import DISPLAYED
 
 _TICK_AND_EPOCH = struct.Struct("<QI")
 _BEHIND_HEADER, _BEHIND_STAMP = 20, 12  # with an empty frame
@@ -16,7 +17,7 @@ _OF_PLANT = ("/measurement", "/truth")  # their epoch counts
 # For the other of the two, once it was heard [wall s]: it comes, as late as a starved machine makes
 # it. A plant may publish no truth at all; for that PATIENCE is enough.
 _SURE = 15.0
-_DISPLAYED = ("/clock", "/joint_states", "/appendage_states", "/tf", "/markers")  # they have none
+_DISPLAYED = tuple("/" + name.lstrip("/") for name in DISPLAYED)  # they have none
 _RANK = {topic: rank for rank, topic in enumerate(TOPICS)}
 _UNHEARD = 0, -1  # epoch and time of a topic that never came
 _time, _by_time = itemgetter(0, 1), itemgetter(0, 1, 2)

@@ -20,13 +20,14 @@ from flexslew_plant.arrays import NOTHING, Vector
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.plant.platform_display import PlatformDisplay
 from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.robot_model import Frame
 
 
 class Display:
-    """Publishes joint and appendage states, tf, markers and /clock at display rate.
+    """Publishes joint, appendage and platform states, tf, markers and /clock at display rate.
 
     Frames carry the namespace of the node, as /tf serves every bench of a domain.
 
@@ -45,6 +46,7 @@ class Display:
         self._appendages = publisher(node, topics.APPENDAGE_STATES)
         self._tf = publisher(node, topics.TF)
         self._markers = publisher(node, topics.MARKERS)
+        self._platform = PlatformDisplay(node, self._prefix)
         self._draw(bench.testbed)
         static = publisher(node, topics.TF_STATIC)
         if self._scene.fixed:
@@ -61,7 +63,7 @@ class Display:
     def publishers(self) -> list[Publisher[Any]]:
         """What is published at this rate."""
         samples = [self._clock, self._joints, self._appendages, self._tf, self._markers]
-        return samples if self._every else []
+        return [*samples, *self._platform.publishers] if self._every else []
 
     def show(self, truth: Truth) -> None:
         """Publish this truth if it is due."""
@@ -81,6 +83,7 @@ class Display:
         self._appendages.publish(shown.appendages.filled(at, np.concatenate((*tips, modes, rates))))
         frames = self._moving(truth.position, truth.time)
         self._tf.publish(shown.frames.filled(at, _numbers(frames)))
+        self._platform.show(at, x, truth.applied_effort, truth.time)
         points = [line.ravel() for line in self._scene.lines(truth.position)]
         self._markers.publish(shown.lines.filled(at, np.concatenate((NOTHING, *points))))
 
@@ -91,6 +94,7 @@ class Display:
     def _draw(self, testbed: Testbed) -> None:
         """Show this testbed from now on."""
         self._testbed, self._scene = testbed, testbed.scene()
+        self._platform.draw(testbed)
         self._still = {frame.child for frame in self._scene.fixed}
         model, scene = testbed.model(), self._scene
         names = scene.joints if scene.joints is not None else model.joint_names

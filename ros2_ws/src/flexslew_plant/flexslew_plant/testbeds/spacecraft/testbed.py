@@ -16,6 +16,7 @@ from flexslew_plant.settings import Placed, Positive, section
 from flexslew_plant.testbeds.attitude import attitude_joints
 from flexslew_plant.testbeds.contract import HingeTurn, RigidTurn, UnitSizes
 from flexslew_plant.testbeds.entry import TestbedEntry
+from flexslew_plant.testbeds.floating import Floating
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
@@ -32,6 +33,7 @@ from flexslew_plant.testbeds.spacecraft.equations.jacobian import residual_jacob
 from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, potential
 from flexslew_plant.testbeds.spacecraft.equations.readings import read
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
+from flexslew_plant.testbeds.spacecraft.floating import floating
 from flexslew_plant.testbeds.spacecraft.lines_of_sight import LineOfSight, lines_of_sight
 from flexslew_plant.testbeds.spacecraft.motions import Motions, motions
 from flexslew_plant.testbeds.spacecraft.orbit import Orbit, outside_forces
@@ -265,6 +267,10 @@ class SpacecraftTestbed:
     def retargeted(self, requested: dict[str, Any], at: float) -> dict[str, Any]:
         """Return the keys that give an appendage a new target; see contract.Retargeting."""
         return retargeted(self.appendages, requested, at)
+
+    def floating(self) -> Floating | None:
+        """Return how a free platform moves; see floating.CanFloat."""
+        return floating(self.craft, self.model())
 
     def scene(self) -> Scene:
         """Return how it is drawn."""

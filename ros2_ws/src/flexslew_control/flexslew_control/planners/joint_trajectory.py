@@ -1,0 +1,189 @@
+"""A plan through given points, as trajectory_msgs/JointTrajectory and joint controllers have it.
+
+Between two points each joint follows the polynomial that their derivatives leave: linear where
+only positions are given, cubic with velocities, quintic with accelerations (the splines of the
+joint_trajectory_controller of ros2_controllers).
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+from scipy.interpolate import BPoly
+
+from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.plan import Plan
+from flexslew_control.planners.entry import PlannerEntry
+from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.slew import Feedback, Slew, slew_of, tick_times
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import NonNegative, plain, section
+
+MOST_POINTS = 10_000
+_QUANTITIES = ("position", "velocity", "acceleration")
+
+
+@section
+class TrajectoryPoint:
+    """Where joints are at a time; a joint that no point names stays where it is."""
+
+    at: NonNegative  # after the start [s]
+    position: dict[str, float]  # [rad or m]
+    # of all joints of the trajectory, or of none
+    velocity: dict[str, float] = Field(default_factory=dict)  # [rad/s or m/s]
+    acceleration: dict[str, float] = Field(default_factory=dict)  # [rad/s^2 or m/s^2]
+    effort: dict[str, float] = Field(default_factory=dict)  # feedforward [N m or N]
+
+
+Points = Annotated[tuple[TrajectoryPoint, ...], Field(max_length=MOST_POINTS)]
+
+
+@section
+class JointTrajectory:
+    """The `plan` section for method joint_trajectory: through points, with their efforts."""
+
+    goal: ClassVar[dict[str, float]] = {}  # the points say it
+
+    method: Literal["joint_trajectory"] = "joint_trajectory"
+    points: Points = ()  # in the order of their times; first the joints rest, unless one is at 0
+    initial: dict[str, float] | None = None  # where joints start [rad or m]; null: as the testbed
+    start: NonNegative = 0.0  # [s]
+
+
+def plan_joint_trajectory(
+    settings: JointTrajectory,
+    plant: PlantDescription,
+    feedback: Feedback | None = None,
+    progress: Progress | None = None,
+    law: InCharge | None = None,
+) -> Plan:
+    """Return the plan through the points, held at the last one.
+
+    Efforts are linear between the points and zero where none are given; the plan has their mean
+    over each tick.
+
+    Args:
+        settings: the section.
+        plant: what stands on the bench.
+        feedback: unused: nothing is predicted.
+        progress: not called: nothing is iterated.
+        law: unused: nothing is predicted.
+
+    Raises:
+        BadInput: no such joint, points that are not in order or not whole, a last point that still
+            moves, or an effort beyond the limit.
+    """
+    slew = slew_of(settings, plant, feedback)
+    if not settings.points:
+        raise BadInput("at least one, with `at` and `position`", "plan", "points", [])
+    names = _joints(settings.points, slew)
+    points = _from_rest(settings.points, names, slew)
+    times = np.array([point.at for point in points])
+    ticks = tick_times(settings.start, float(times[-1]), slew.period)
+    position = np.tile(slew.start, (len(ticks), 1))
+    velocity, effort = np.zeros_like(position), np.zeros_like(position)
+    inside = np.clip(ticks, times[0], times[-1])
+    for name in names:
+        k = slew.model.joint_names.index(name)
+        position[:, k], velocity[:, k] = _through(points, times, inside, name)
+        efforts = [point.effort.get(name, 0.0) for point in points]
+        effort[:, k] = np.interp(inside, times, efforts)
+    mean = 0.5 * (effort[:-1] + effort[1:])
+    return Plan(
+        method=settings.method,
+        joint_names=slew.model.joint_names,
+        start=settings.start,
+        period=slew.period,
+        position=position,
+        velocity=velocity,
+        effort=mean,
+        state=np.zeros((len(ticks), 0)),
+        duration=float(times[-1]),
+        request={**plain(settings), "initial": slew.named(slew.start)},
+        summary={
+            "duration": float(times[-1]),
+            "peak_effort": np.abs(mean).max(axis=0, initial=0.0).tolist(),
+        },
+    )
+
+
+def _through(
+    points: Sequence[TrajectoryPoint], times: Vector, ticks: Vector, name: str
+) -> tuple[Vector, Vector]:
+    """Return position and velocity of a joint at the ticks; at rest at the end."""
+    given = [
+        [quantity[name] for q in _QUANTITIES if name in (quantity := getattr(point, q))]
+        for point in points
+    ]
+    path = BPoly.from_derivatives(times, given)
+    rate: Vector = path.derivative()(ticks)
+    rate[0], rate[-1] = points[0].velocity.get(name, 0.0), 0.0
+    return path(ticks), rate
+
+
+def _joints(points: Sequence[TrajectoryPoint], slew: Slew) -> tuple[str, ...]:
+    """Return whose trajectory it is, once each point is known to be whole.
+
+    Raises:
+        BadInput: by the key of the first point that is not.
+    """
+    names = tuple(points[0].position)
+    limit = dict(zip(slew.model.joint_names, slew.effort_limit.tolist(), strict=False))
+    for name in names:
+        if name not in slew.model.joint_names:
+            allowed = ", ".join(slew.model.joint_names)
+            raise _wrong(0, "position", name, f"no joint of the testbed; allowed: {allowed}")
+    for k, point in enumerate(points):
+        for key in (*_QUANTITIES, "effort"):
+            given: dict[str, float] = getattr(point, key)
+            if set(given) != set(names) and (given or key == "position"):
+                words = f"name {', '.join(names) or 'a joint'} as in the first point"
+                raise _wrong(k, key, sorted(given), words)
+        for name, value in point.effort.items():
+            if abs(value) > limit.get(name, np.inf):
+                raise _wrong(k, f"effort.{name}", value, f"at most {limit[name]:g}")
+        if point.acceleration and not point.velocity:
+            raise _wrong(k, "velocity", {}, "accelerations need velocities")
+    if any(points[-1].velocity.values()):
+        words = "zero at the last point: it is held"
+        raise _wrong(len(points) - 1, "velocity", points[-1].velocity, words)
+    return names
+
+
+def _from_rest(
+    points: Sequence[TrajectoryPoint], names: tuple[str, ...], slew: Slew
+) -> tuple[TrajectoryPoint, ...]:
+    """Return the points from time 0 on, where without one of them the joints are at rest.
+
+    Raises:
+        BadInput: their times do not rise.
+    """
+    for k, (one, other) in enumerate(pairwise(points)):
+        if not other.at > one.at:
+            raise _wrong(k + 1, "at", other.at, f"later than the point before, {one.at:g} s")
+    if points[0].at == 0.0:
+        return tuple(points)
+    here = slew.named(slew.start)
+    still = dict.fromkeys(names, 0.0)
+    rest = TrajectoryPoint(at=0.0, position={name: here[name] for name in names})
+    if points[0].velocity:
+        rest = replace(rest, velocity=still)
+    if points[0].acceleration:
+        rest = replace(rest, acceleration=still)
+    return (rest, *points)
+
+
+def _wrong(number: int, key: str, value: Any, why: str) -> BadInput:
+    return BadInput(why, "plan", f"points.{number}.{key}", value)
+
+
+TRAJECTORY = PlannerEntry(
+    JointTrajectory,
+    plan_joint_trajectory,
+    slews=False,
+    example={"points": [{"at": 5.0, "position": {}}]},
+)

@@ -1,0 +1,69 @@
+"""Plans as trajectory_msgs/JointTrajectory, and trajectories as what a planner is asked for."""
+
+from typing import Any
+
+import numpy as np
+from rclpy.duration import Duration
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from flexslew_control.plan import Plan
+from flexslew_plant.errors import BadInput
+from flexslew_plant.ros.messages import seconds_of, stamp
+
+METHOD = "joint_trajectory"  # of planners
+MOST_POINTS = 5_000  # of a plan as a trajectory; of a longer one only every second tick, third, ...
+_KEYS = {
+    "position": "positions",
+    "velocity": "velocities",
+    "acceleration": "accelerations",
+    "effort": "effort",
+}
+
+
+def trajectory_message(plan: Plan) -> JointTrajectory:
+    """Return a plan as a trajectory: its references, and its feedforward as efforts.
+
+    The header's stamp is its start; the effort of a point holds over the tick that begins there,
+    and is zero at the last one.
+    """
+    message = JointTrajectory(joint_names=list(plan.joint_names))
+    message.header.stamp = stamp(plan.start)
+    efforts = np.vstack((plan.effort, np.zeros(plan.effort.shape[1])))
+    every = -(-plan.ticks // MOST_POINTS) or 1
+    rows = sorted({*range(0, plan.ticks, every), plan.ticks})
+    message.points = [
+        JointTrajectoryPoint(
+            positions=plan.position[k].tolist(),
+            velocities=plan.velocity[k].tolist(),
+            effort=efforts[k].tolist(),
+            time_from_start=Duration(nanoseconds=round(1e9 * plan.period * k)).to_msg(),
+        )
+        for k in rows
+    ]
+    return message
+
+
+def trajectory_section(message: JointTrajectory, start: float) -> dict[str, Any]:
+    """Return the `plan` section that a trajectory asks for.
+
+    Args:
+        message: the trajectory.
+        start: of one whose stamp is zero: as soon as it can be [s].
+
+    Raises:
+        BadInput: a point has numbers for other joints than those that are named.
+    """
+    names = list(message.joint_names)
+    said = seconds_of(message.header.stamp)
+    points = []
+    for k, point in enumerate(message.points):
+        after = point.time_from_start
+        values: dict[str, Any] = {"at": after.sec + 1e-9 * after.nanosec}
+        for key, field in _KEYS.items():
+            given = getattr(point, field).tolist()
+            if given and len(given) != len(names):
+                words = f"one number for each of joint_names, {', '.join(names)}"
+                raise BadInput(words, METHOD, f"points.{k}.{field}", given)
+            values[key] = dict(zip(names, given, strict=False))
+        points.append(values)
+    return {"method": METHOD, "start": said or start, "points": points}

@@ -1,0 +1,45 @@
+"""What is heard on `joint_trajectory` becomes a plan, or an event that says why not."""
+
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectory
+
+from flexslew_control.ros.plan_job import Outcome, PlanJob
+from flexslew_control.ros.plan_release import PlanRelease
+from flexslew_control.ros.plan_result import BUSY
+from flexslew_control.ros.trajectories import METHOD, trajectory_section
+from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
+from flexslew_plant.refusal import Refusal
+from flexslew_plant.ros.offers import subscription
+
+
+class TrajectoryRequests:
+    """Asks for a plan through the points of each trajectory.
+
+    Args:
+        node: of the planner.
+        job: that plans.
+        release: that publishes.
+    """
+
+    def __init__(self, node: Node, job: PlanJob, release: PlanRelease) -> None:
+        self._job, self._release = job, release
+        subscription(node, topics.JOINT_TRAJECTORY, self._on_trajectory)
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        if self._job.busy:
+            self._done(BUSY)
+            return
+        try:
+            section = trajectory_section(message, self._release.soonest())
+        except BadInput as error:
+            self._done(error.refusal)
+            return
+        self._job.ask(self._release.request(section), self._done)
+
+    def _done(self, outcome: Outcome) -> None:
+        outcome = self._release.checked(outcome)
+        if isinstance(outcome, Refusal):
+            self._release.refuse(METHOD, outcome)
+        else:
+            self._release.publish(outcome, "")
