@@ -45,6 +45,23 @@ def test_runs_are_filtered_by_trial_law_and_testbed(folder: Path) -> None:
     assert runs_in(folder, testbed="spacecraft")[0] == []
 
 
+def test_what_an_operator_changed_is_told_and_can_be_filtered(folder: Path) -> None:
+    run(folder, "e", "pd", 0.1, operator_changes=2)
+    run(folder, "f", "pd", 0.1, operator_changes=0)
+    told = {r.folder.name: (r.operator, "changed by an operator" in r.verdict)
+            for r in runs_in(folder)[0]}  # fmt: skip
+    assert told == {
+        "a": ("", False),
+        "b": ("", False),
+        "e": ("changed", True),
+        "f": ("untouched", False),
+    }
+    page = write_index(folder).read_text()
+    assert "changed by an operator 2 times" in page
+    assert page.count('data-operator="changed"') == 1
+    assert "<option>untouched</option>" in page
+
+
 def test_the_page_holds_every_run_and_no_markup_of_theirs(folder: Path) -> None:
     page = write_index(folder).read_text()
     assert page.count("<tr data-trial=") == 2

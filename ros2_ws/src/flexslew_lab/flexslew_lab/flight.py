@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.rows import flat, unit_of
-from flexslew_lab.report.story import changes_of
 from flexslew_lab.report.verdict import verdict
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector

@@ -17,6 +17,7 @@ from flexslew_lab.metrics.joint_errors import JOINT_ERRORS as JOINT_ERRORS
 from flexslew_lab.metrics.settling import SETTLING as SETTLING
 from flexslew_lab.metrics.efforts import EFFORTS as EFFORTS
 from flexslew_lab.metrics.takeovers import TAKEOVERS as TAKEOVERS
+from flexslew_lab.metrics.operator_changes import OPERATOR_CHANGES as OPERATOR_CHANGES
 from flexslew_lab.metrics.course import COURSE as COURSE
 from flexslew_lab.metrics.trajectory import TRAJECTORY as TRAJECTORY
 from flexslew_lab.metrics.pointing import POINTING as POINTING  # after what it says by appendage

@@ -13,13 +13,14 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.goal import missed_goal
+from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.rows import flat, key_of, unit_of
 from flexslew_lab.report import figures
 from flexslew_lab.report.page import embedded, render
 from flexslew_lab.report.panels import COLOURS, PALE, Group
 from flexslew_lab.report.run_data import RunData, read_run
 from flexslew_lab.report.scene_data import scene_of
-from flexslew_lab.report.story import Line, changes_of, story_of
+from flexslew_lab.report.story import Line, story_of
 from flexslew_lab.report.verdict import told_to_move, verdict
 from flexslew_lab.trial.outputs import WITHOUT
 from flexslew_lab.trial.trial import Trial

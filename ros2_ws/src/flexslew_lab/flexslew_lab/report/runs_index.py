@@ -16,6 +16,7 @@ from flexslew_plant.settings import load_yaml
 
 PAGE = "index.html"
 FIGURES = ("residual_tip_deflection", "settling_time", "peak_effort", "saturated_time")
+_OPERATOR = {True: "changed", False: "untouched", None: ""}
 _LARGE = 1 << 22  # no metrics.json or trial.yaml of ours is larger [B]
 
 
@@ -28,6 +29,7 @@ class Run(NamedTuple):
     law: str  # the controller in charge at the start
     planner: str
     testbed: str
+    operator: str  # changed or untouched; empty: its log says nothing of it
     verdict: str
     figures: dict[str, float | None]  # the worst joint where there are several
     metrics: dict[str, Any]  # all of them, by dotted name
@@ -80,7 +82,7 @@ def _run(folder: Path) -> Run:
     file = folder / "metrics.json"
     metrics = json.loads(_text(file))
     trial = load_yaml(_text(folder / "trial.yaml"), str(folder)) or {}
-    moved = told_to_move(metrics)
+    moved, changes = told_to_move(metrics), metrics.get("operator_changes")
     return Run(
         folder,
         datetime.fromtimestamp(file.stat().st_mtime).strftime("%Y-%m-%d %H:%M"),
@@ -88,7 +90,8 @@ def _run(folder: Path) -> Run:
         str(trial.get("active", "")),
         str((trial.get("plan") or {}).get("method", "none")),
         str((trial.get("testbed") or {}).get("kind", "")),
-        verdict(metrics, {}, trial.get("goal_tolerance", Trial.goal_tolerance)),
+        _OPERATOR[changes if changes is None else bool(changes)],
+        verdict(metrics, {}, trial.get("goal_tolerance", Trial.goal_tolerance), changes or 0),
         {key: _worst(metrics.get(key), moved) for key in FIGURES},
         flat(metrics),
     )
@@ -109,7 +112,7 @@ def _worst(value: Any, moved: Sequence[str]) -> float | None:
 
 def _choices(rows: Sequence[Run]) -> dict[str, list[str]]:
     """Return by what the runs can be filtered, with the values that there are."""
-    keys = ("trial", "law", "planner", "testbed")
+    keys = ("trial", "law", "planner", "testbed", "operator")
     return {key: sorted({getattr(run, key) for run in rows}) for key in keys}
 
 

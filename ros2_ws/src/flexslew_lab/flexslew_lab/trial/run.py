@@ -17,9 +17,9 @@ from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.metrics.goal import missed_goal
+from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.report.report import write_report
-from flexslew_lab.report.story import changes_of
 from flexslew_lab.trial.domain import own_domain
 from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.outcome import Outcome

@@ -7,6 +7,7 @@ from flexslew_lab.metrics.efforts import Efforts
 from flexslew_lab.metrics.epoch import merged
 from flexslew_lab.metrics.joint_errors import JointErrors
 from flexslew_lab.metrics.metric import Ending, Manoeuvre, RunSetup
+from flexslew_lab.metrics.operator_changes import OperatorChanges
 from flexslew_lab.metrics.settling import Settling
 from flexslew_lab.metrics.takeovers import Takeovers
 from flexslew_lab.metrics.tip_deflection import TipDeflection
@@ -52,7 +53,9 @@ class LaneMetrics:
         self._efforts.times = course.times = float(time[0]), float(time[-1])
         self._settling.last_time = float(time[-1])
         self._measured = self._tip, self._errors, self._settling, self._efforts
-        self._alike = columns_of(merged((Takeovers(setup), course), _ENDING))
+        self._alike = columns_of(
+            merged((Takeovers(setup), OperatorChanges(setup), course), _ENDING)
+        )
 
     def metrics(self, w: Vector, k: int) -> dict[str, float | None]:
         """Return the columns of the trial in lane k of the flown array."""
