@@ -4,7 +4,7 @@ flexslew_root=${flexslew_root%/setup/*}
 if [ -z "${FLEXSLEW_INSTALLED_ROS:-}" ]; then
   export AMENT_PREFIX_PATH=$flexslew_root/.venv${AMENT_PREFIX_PATH:+:$AMENT_PREFIX_PATH}
   export CMAKE_PREFIX_PATH=$flexslew_root/.venv${CMAKE_PREFIX_PATH:+:$CMAKE_PREFIX_PATH}
-  export ROS_DISTRO=kilted ROS_VERSION=2 ROS_PYTHON_VERSION=3
+  export ROS_DISTRO=${FLEXSLEW_WHEELS:-kilted} ROS_VERSION=2 ROS_PYTHON_VERSION=3
 fi
 # Who can reach the bench, and the user's own ros2 commands in this shell; every node of the bench does the same by
 # itself: flexslew_plant/network.py, which also says why

