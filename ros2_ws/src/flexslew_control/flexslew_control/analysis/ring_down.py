@@ -9,6 +9,7 @@ from flexslew_control.analysis.loop import Complex
 from flexslew_plant.arrays import Matrix, Vector
 
 _ROWS = 300  # of a record that are fitted
+_SEEN = 1e-3  # of the largest channel: a smaller one is not fitted
 _STEP = 1e-7  # of differences, in parts of a pole's distance from z = 1
 
 
@@ -33,13 +34,15 @@ def ring_down(record: Matrix, period: float, start: Complex) -> RingDown:
     pseudo-inverses and nonlinear least squares problems whose variables separate, 1973).
 
     Args:
-        record: shape (ticks, channels); each channel counts by its own size.
+        record: shape (ticks, channels); each channel counts by its own size, those of less than
+            a thousandth of the largest, in which rounding is seen, not at all.
         period: of the record [s].
         start: where to begin, one of each pair, imaginary part zero or positive, shape (k,)
             [rad/s].
     """
     sizes = np.linalg.norm(record, axis=0)
-    y = record[:, sizes > 1e-9 * sizes.max(initial=0.0)] / sizes[sizes > 1e-9 * sizes.max()]
+    seen = sizes > _SEEN * sizes.max(initial=0.0)
+    y = record[:, seen] / sizes[seen]
     ticks = np.unique(np.linspace(0, len(y) - 1, min(len(y), _ROWS)).astype(int))
     time, y = period * ticks, y[ticks]
     wave = start.imag > 0.0

@@ -7,8 +7,9 @@ The memory s is what differs between two copies that have measured different thi
 acts on a later effort: a filter's covariance, which does not to first order, is left out.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 
@@ -29,12 +30,22 @@ REFERENCE = "reference"  # of a joint's position, an input of the form
 
 _SETTLED = 1e-9  # change of a number in 100 ticks, of its size
 _MOST_TICKS = 20_000  # until it must have settled
+_SOON = 1_000  # ticks after which what settles slowly is taken ahead
+_DOUBLINGS = 24  # of a tick: two days of them at 100 Hz
 _EXCITED = 8  # ticks in which two copies measure different things
 _PROBE = 1e-6  # of a number that is zero at rest
 _SHARE = 1e-3  # of the effort limits that a perturbation may ask for
 _NO_EFFECT = 1e-11  # of a perturbation: rounding
 _CHECKED = 60  # ticks in which form and code are compared
 _CLOSE = 0.02  # mismatch of the two at small motions, of the largest effort
+
+
+@runtime_checkable
+class SettlesSlowly(Protocol):
+    """An estimator whose covariance may take longer than ticks can be flown."""
+
+    def settle(self, doublings: int) -> None:
+        """Let the covariance become that of 2^doublings ticks later, in which nothing moves."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +58,24 @@ class RunningLaw:
             of the largest effort [-].
         ticks: after which its memory had settled at rest.
         rested: a copy that has answered the ticks before that one, its references at the rest.
+        memory: where the states of the form stand in it.
     """
 
     form: Lti
     mismatch: float
     ticks: int
     rested: Controller
+    memory: tuple[Place, ...]
+
+    def moved(self, s: Vector) -> Controller:
+        """Return a copy of the rested controller whose memory is away from its rest by s."""
+        one: Controller = copied(self.rested)
+        parts = _parts(one)
+        held = numbers(parts)
+        flat = np.concatenate([np.ravel(held[place]) for place in self.memory] + [np.zeros(0)])
+        for place, value in _placed(held, self.memory, flat + s).items():
+            assign(parts, place, value)
+        return one
 
 
 def running_law(
@@ -89,7 +112,26 @@ def running_law(
             f"{100.0 * mismatch:.2g} % from those of its linear form; it may limit its efforts here"
             " or keep its memory outside of itself"
         )
-    return RunningLaw(form, mismatch, desk.tick, desk.controller)
+    return RunningLaw(form, mismatch, desk.tick, desk.controller, tuple(memory))
+
+
+def _parts(controller: Controller) -> dict[str, Any]:
+    """Return what a controller remembers in."""
+    return {"estimator": controller.estimator, "law": controller.law}
+
+
+def _placed(
+    held: dict[Place, Number], memory: Sequence[Place], flat: Vector
+) -> dict[Place, Number]:
+    """Return the numbers of a flat vector by place, in the shapes of those that are held."""
+    out: dict[Place, Number] = {}
+    at = 0
+    for place in memory:
+        value = held[place]
+        part = flat[at : at + np.size(value)]
+        at += part.size
+        out[place] = float(part[0]) if np.isscalar(value) else part.reshape(np.shape(value))
+    return out
 
 
 def _names(desk: "_Desk", memory: list[Place]) -> tuple[str, ...]:
@@ -150,12 +192,19 @@ class _Desk:
         return answer.command.effort
 
     def settle(self) -> None:
-        """Let it rest until its memory changes no more."""
-        none, before = np.zeros(self.inputs), None
-        while self.tick < _MOST_TICKS:
+        """Let it rest until its memory changes no more.
+
+        A covariance that takes longer is taken to where the filter's own ticks would, and they go
+        on from there.
+        """
+        none, before, estimator = np.zeros(self.inputs), None, self.controller.estimator
+        most = 2 * _SOON if isinstance(estimator, SettlesSlowly) else _MOST_TICKS
+        while self.tick < most:
             for _ in range(100):
                 self.ask(self.controller, self.tick, none)
                 self.tick += 1
+            if self.tick == _SOON and isinstance(estimator, SettlesSlowly):
+                estimator.settle(_DOUBLINGS)
             now = self._values(self.controller)
             if (
                 before is not None
@@ -171,8 +220,7 @@ class _Desk:
             before = {place: np.copy(value) for place, value in now.items()}
 
     def _values(self, controller: Controller) -> dict[Place, Number]:
-        parts = {"estimator": controller.estimator, "law": controller.law}
-        return numbers(parts)
+        return numbers(_parts(controller))
 
     def memory(self) -> list[Place]:
         """Return where it remembers what acts on a later effort."""
@@ -223,7 +271,7 @@ class _Desk:
     ) -> tuple[dict[Place, Number], Vector]:
         """Return its memory and its effort after one tick from a changed memory."""
         one: Controller = copied(self.controller, self._constant)
-        parts: Any = {"estimator": one.estimator, "law": one.law}
+        parts = _parts(one)
         for place, value in changes.items():
             assign(parts, place, value)
         effort = self.ask(one, self.tick, w)
@@ -232,17 +280,7 @@ class _Desk:
 
     def _flat(self, memory: list[Place], s: Vector | None, w: Vector) -> Vector:
         """Return [s(k + 1), u(k)] as one vector."""
-        changes: dict[Place, Number] = {}
-        if s is not None:
-            at = 0
-            for place in memory:
-                value = self.held[place]
-                count = np.size(value)
-                part = s[at : at + count]
-                at += count
-                changes[place] = (
-                    float(part[0]) if np.isscalar(value) else part.reshape(np.shape(value))
-                )
+        changes = {} if s is None else _placed(self.held, memory, s)
         after, effort = self._after(changes, w, memory)
         return np.concatenate([np.ravel(after[place]) for place in memory] + [effort])
 

@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.linalg import LinAlgError, expm, solve_continuous_are, solve_discrete_are
 
+from flexslew_control.estimators.later_covariance import later_covariance
 from flexslew_control.law import Estimate
 from flexslew_control.linear_design import Designed, output_matrix, require_observable, state_names
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
@@ -76,23 +77,34 @@ def discretised(a: Matrix, b: Matrix, noise: Matrix, dt: float) -> tuple[Matrix,
 
 
 @compiled_once()
-def predicted_covariance(
-    dx: Matrix, du: Matrix, covariance: Matrix, noise: Matrix, dt: float
-) -> Matrix:
-    """Return F P F^T + Q with F = I + J dt + (J dt)^2 / 2 and J = [[df/dx, df/du], [0, 0]].
+def error_transition(dx: Matrix, du: Matrix, dt: float) -> Matrix:
+    """Return F = I + J dt + (J dt)^2 / 2 with J = [[df/dx, df/du], [0, 0]].
 
     Args:
         dx: df/dx, shape (2 n, 2 n).
         du: df/dd, the efforts' columns, as disturbances add to the efforts, shape (2 n, d).
-        covariance: P, shape (2 n + d, 2 n + d).
-        noise: Q of one tick, same shape.
         dt: one tick [s].
     """
     k, d = du.shape
     j = np.zeros((k + d, k + d))
     j[:k, :k] = dx * dt
     j[:k, k:] = du * dt
-    f = np.eye(k + d) + j + 0.5 * (j @ j)
+    return np.eye(k + d) + j + 0.5 * (j @ j)
+
+
+@compiled_once()
+def predicted_covariance(
+    dx: Matrix, du: Matrix, covariance: Matrix, noise: Matrix, dt: float
+) -> Matrix:
+    """Return F P F^T + Q, see error_transition.
+
+    Args:
+        dx, du: as there.
+        covariance: P, shape (2 n + d, 2 n + d).
+        noise: Q of one tick, same shape.
+        dt: one tick [s].
+    """
+    f = error_transition(dx, du, dt)
     return f @ covariance @ f.T + noise
 
 
@@ -254,6 +266,18 @@ class KalmanFilter:
         self._prior, self._tick = p, measurement.tick
         self._last = self._estimate(innovation, nis)
         return self._last
+
+    def settle(self, doublings: int) -> None:
+        """Let the covariance become that of 2^doublings ticks later, in which nothing moves."""
+        f = self._f
+        if self.settings.prediction == "nonlinear":
+            k = 2 * self.model.coordinates
+            d = self._x[k:]
+            dx, du = self.model.jacobian(self._x[:k], d if d.size else np.zeros(self.model.joints))
+            f = error_transition(dx, du[:, : d.size], self.period)
+        self._prior = later_covariance(f, self._q, self._c, self._r, self._prior, doublings)
+        self._p = corrected(self._x, self._prior, self._c @ self._x, self._c, self._r)[1]
+        self._last = self._last._replace(covariance=self._p)
 
     def innovation_variance(self) -> Vector:
         """Return the diagonal of C P C^T + R of the last update, shape (l,)."""

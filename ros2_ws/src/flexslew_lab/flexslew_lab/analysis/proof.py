@@ -6,20 +6,22 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.analysis.linear_plant import Path, sampled_plant
-from flexslew_control.analysis.loop import Complex, loop_of
-from flexslew_control.analysis.ring_down import RingDown, ring_down
+from flexslew_control.analysis.loop import Complex, Loop, loop_of, visible_poles
+from flexslew_control.analysis.ring_down import ring_down
 from flexslew_lab.analysis.analysis import Analysis
-from flexslew_lab.analysis.pulse_flight import pulse_response, require_flyable
-from flexslew_lab.analysis.record_poles import FADE, asked_poles, other_poles
+from flexslew_lab.analysis.mode_flight import mode_response, require_flyable
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 
 MARGIN, FREQUENCY, DAMPING = 0.02, 0.005, 0.05  # largest differences that agree, of the prediction
 
-_BESIDE = 0.002  # how far inside and outside of a margin is flown, of it
-_TURNS, _FEWEST, _MOST = 4.0, 400, 3000  # length of a record: turns of the pole; ticks
-_TOLD_APART = 0.2  # a pole's deviation, of what it may differ by, at most
+_BESIDE = 0.01  # how far inside and outside of a margin is flown, of it
+_TURNS, _FEWEST, _MOST = 1.0, 12, 1500  # length of a record: turns of the pole; ticks
+_FADES = 7.0  # longest record of a pole that decays, in its time constants
+_LEFT = 0.01  # of a record that is not its one pole, at most
+_VISIBLE = 1e-6  # strength of a pole that is flown
+_GONE = 0.05  # z of a pole that is gone after a few ticks
 
 
 @dataclass(frozen=True)
@@ -28,15 +30,17 @@ class ProvedPole:
 
     Args:
         frequency, damping: predicted [rad/s], [-].
-        flown_frequency, flown_damping: of the ring-down; nan: it does not tell this pole apart.
-        agrees: within FREQUENCY and DAMPING; None: not told apart.
+        flown_frequency, flown_damping: of the ring-down of a bench that starts on its mode.
+        left: of the record that is not this one pole, root mean square [-].
+        agrees: within FREQUENCY and DAMPING, and the record is this one pole.
     """
 
     frequency: float
     damping: float
     flown_frequency: float
     flown_damping: float
-    agrees: bool | None
+    left: float
+    agrees: bool
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,8 @@ class ProvedMargin:
         frequency: of that pole, predicted at the margin [rad/s].
         flown_frequency: flown inside of it [rad/s].
         inside, outside: growth of that pole there [1/s]: decays, grows.
-        agrees: within MARGIN, and it grows faster outside than inside; None: not told apart.
+        left: of the records that is not this one pole, root mean square [-].
+        agrees: within MARGIN, it decays inside and grows outside, and is all of the record.
     """
 
     channel: str
@@ -62,7 +67,8 @@ class ProvedMargin:
     flown_frequency: float
     inside: float
     outside: float
-    agrees: bool | None
+    left: float
+    agrees: bool
 
 
 @dataclass(frozen=True)
@@ -73,14 +79,14 @@ class Proof:
     margins: tuple[ProvedMargin, ...]
 
     @property
-    def verdicts(self) -> list[bool | None]:
+    def verdicts(self) -> list[bool]:
         """Whether each pole, then each margin, agrees."""
         return [pole.agrees for pole in self.poles] + [margin.agrees for margin in self.margins]
 
     @property
     def holds(self) -> bool:
-        """Nothing that was told apart disagrees."""
-        return False not in self.verdicts
+        """Everything agrees."""
+        return all(self.verdicts)
 
     def plain(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -127,30 +133,24 @@ class _Flights:
 
     def poles(self) -> tuple[ProvedPole, ...]:
         """Return the visible poles of the loop without a further fault."""
-        s, found, asked = self._flown(self._gain, self._delay, None)
-        together = _together(s, found.s)
+        path, loop = self._faulted(self._gain, self._delay)
         out = []
-        for predicted, flown, deviation in zip(
-            s[:asked], together[:asked], found.deviation[:asked], strict=True
-        ):
-            w, w_flown = float(abs(predicted)), float(abs(flown))
-            damping, damping_flown = float(-predicted.real / w), float(-flown.real / w_flown)
-            told = deviation <= _TOLD_APART * w * min(FREQUENCY, DAMPING * abs(damping))
-            near = abs(w_flown - w) <= FREQUENCY * w and abs(
-                damping_flown - damping
-            ) <= DAMPING * abs(damping)
-            none = float("nan")
-            out.append(
-                ProvedPole(w, damping, w_flown, damping_flown, bool(near))
-                if told
-                else ProvedPole(w, damping, none, none, None)
+        for s, mode in _modes(loop, _VISIBLE):
+            flown, left = self._flown(loop, path, s, mode)
+            w, w_flown = float(abs(s)), float(abs(flown))
+            damping, damping_flown = float(-s.real / w), float(-flown.real / w_flown)
+            near = (
+                abs(w_flown - w) <= FREQUENCY * w
+                and abs(damping_flown - damping) <= DAMPING * abs(damping)
+                and left <= _LEFT
             )
+            out.append(ProvedPole(w, damping, w_flown, damping_flown, left, bool(near)))
         return tuple(out)
 
     def margin(self, channel: int, kind: str, size: float, frequency: float) -> ProvedMargin:
         """Return a margin, flown just inside and just outside of it."""
         outward = -1.0 if kind == "gain down" else 1.0
-        sizes, growth, spread, at = [], [], [], []
+        sizes, growth, lefts, at = [], [], [], []
         for side in (-1.0, 1.0):
             sizes.append(size * (1.0 + side * outward * _BESIDE))
             gain, delay = self._gain.copy(), self._delay.copy()
@@ -158,59 +158,55 @@ class _Flights:
                 delay[channel] += sizes[-1] / self._trial.period
             else:
                 gain[channel] *= sizes[-1]
-            s, found, _ = self._flown(gain, delay, frequency)
-            critical = int(np.argmin(abs(s - 1j * frequency)))
-            growth.append(float(found.s[critical].real))
-            spread.append(float(found.deviation[critical]))
-            at.append(float(abs(found.s[critical])))
+            path, loop = self._faulted(gain, delay)
+            s, mode = min(_modes(loop, 0.0), key=lambda pair: abs(pair[0] - 1j * frequency))
+            flown, left = self._flown(loop, path, s, mode)
+            growth.append(float(flown.real))
+            lefts.append(left)
+            at.append(float(abs(flown)))
         inside, outside = growth
-        slope = (outside - inside) / (sizes[1] - sizes[0])
-        flown = sizes[0] - inside / slope
-        told = max(spread) <= _TOLD_APART * MARGIN * size * abs(slope)
-        agrees = inside < outside and abs(flown - size) <= MARGIN * size
+        flown_at = float(sizes[0] - inside / (outside - inside) * (sizes[1] - sizes[0]))
+        agrees = (
+            inside < 0.0 < outside and abs(flown_at - size) <= MARGIN * size and max(lefts) <= _LEFT
+        )
         return ProvedMargin(
-            self._analysis.loop.effort_names[channel], kind, float(size), float(flown),
-            float(frequency), at[0], inside, outside, bool(agrees) if told else None,
+            self._analysis.loop.effort_names[channel], kind, float(size), flown_at,
+            float(frequency), at[0], inside, outside, max(lefts), bool(agrees),
         )  # fmt: skip
 
-    def _flown(self, gain: Vector, delay: Vector, w: float | None) -> tuple[Complex, RingDown, int]:
-        """Return the poles predicted with these faults, those as flown, how many are the loop's.
-
-        The others, which stand after them, are those of an estimator's error.
-
-        Args:
-            gain: of the motors, see Path.
-            delay: of the motors, see Path [ticks].
-            w: the frequency that matters [rad/s]; None: that of every pole.
-        """
-        period, point = self._trial.period, self._analysis.point
-        path = Path(period, point.path.actuator, gain, delay)
+    def _faulted(self, gain: Vector, delay: Vector) -> tuple[Path, Loop]:
+        """Return a path with these gains and delays of the motors, and the loop predicted."""
+        point = self._analysis.point
+        path = Path(self._trial.period, point.path.actuator, gain, delay)
         plant = sampled_plant(point.rest, path, applied=True)
-        loop = loop_of(plant, self._analysis.running.form)
-        asked = asked_poles(loop)
-        s = _continuous(asked, period)
-        slowest = float(min(abs(s))) if w is None else w
-        ticks = int(np.clip(_TURNS * 2.0 * np.pi / slowest / period, _FEWEST, _MOST))
-        begins = FADE + int(np.ceil(delay.max()))
-        limits = np.asarray(self._trial.testbed.effort_limit)
-        others = other_poles(loop, point.rest, limits, asked, begins, ticks)
-        record = pulse_response(self._trial, self._analysis, begins + ticks, gain, delay)[begins:]
-        every = np.concatenate((s, _continuous(others, period)))
-        return every, ring_down(record, period, every), len(s)
+        return path, loop_of(plant, self._analysis.running.form)
+
+    def _flown(self, loop: Loop, path: Path, s: complex, mode: Complex) -> tuple[complex, float]:
+        """Return the pole [rad/s] that the bench rings down with, and what it leaves [-]."""
+        period = self._trial.period
+        ticks = int(np.clip(_TURNS * 2.0 * np.pi / (abs(s) * period), _FEWEST, _MOST))
+        if abs(s.real) > 0.0:
+            ticks = max(_FEWEST, min(ticks, int(_FADES / (abs(s.real) * period))))
+        record = mode_response(self._trial, self._analysis, loop, path, mode, ticks)
+        found = ring_down(record, period, np.array([s]))
+        return complex(found.s[0]), found.left
 
 
-def _together(predicted: Complex, flown: Complex) -> Complex:
-    """Return the flown poles, those that no record tells apart moved alike.
+def _modes(loop: Loop, strength: float) -> list[tuple[complex, Complex]]:
+    """Return poles [rad/s], one of each pair, and their modes, the slowest first.
 
-    Of decays nearer to each other than they may differ, a record shows the mean and hardly the
-    difference: each is its prediction, moved as their mean is.
+    Args:
+        loop: closed.
+        strength: of their residues between efforts and sensors, of the strongest, at least [-].
     """
-    near = abs(predicted[:, None] - predicted) <= FREQUENCY * abs(predicted)
-    moved = near @ (flown - predicted) / near.sum(axis=1)
-    return np.asarray(predicted + moved, dtype=np.complex128)
-
-
-def _continuous(z: Complex, period: float) -> Complex:
-    """Return poles in s, those that do not turn real [rad/s]."""
-    s = np.log(z) / period
-    return np.asarray(np.where(abs(s.imag) < 1e-9 * abs(s), s.real, s), dtype=np.complex128)
+    closed = loop.closed
+    visible, _ = visible_poles(loop, strength)
+    z, right = np.linalg.eig(closed.a)
+    out = []
+    for value, mode in zip(z, right.T, strict=True):
+        if value.imag < 0.0 or abs(value) < _GONE or value not in visible:
+            continue
+        s = complex(np.log(complex(value)) / closed.period)
+        real = abs(s.imag) < 1e-9 * abs(s)
+        out.append((complex(s.real, 0.0 if real else s.imag), mode))
+    return sorted(out, key=lambda pair: abs(pair[0]))

@@ -123,6 +123,19 @@ class Bench:
         self._faults = self._injections.faults
         self._ask()
 
+    def place(self, x: Vector, applied: Vector, motors: Vector) -> None:
+        """Go on from another state of motion at this tick, as nothing physical does.
+
+        Args:
+            x: [q, v].
+            applied: effort during the last tick, shape (joints,) [N m or N].
+            motors: torques of motors with a lag at the end of it, shape (joints,) [N m or N].
+        """
+        self._x, self._applied = kept(x), kept(applied)
+        self._extra = kept(np.zeros_like(applied))
+        self.actuator.place(motors)
+        self._ask()
+
     def _warm(self) -> None:
         """Compile and load what a tick needs, so that none of them waits for it."""
         self.truth()

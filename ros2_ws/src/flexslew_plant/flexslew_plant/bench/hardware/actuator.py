@@ -68,6 +68,14 @@ class Actuator:
         self._lagged: Vector = np.zeros(self._limit.size)  # z at the end of the last tick
         self.saturated = False
 
+    def place(self, torque: Vector) -> None:
+        """Go on from this torque, as if the demand had been it for long.
+
+        Args:
+            torque: shape (joints,) [N m or N].
+        """
+        self._ramped = self._lagged = torque
+
     def apply(self, demand: Vector) -> Vector:
         """Return the mean effort over the coming tick, shape (joints,) [N m or N]."""
         s = self._settings

@@ -1,0 +1,155 @@
+"""One mode of a closed loop, flown by the non-linear bench: plant, motors and law start on it."""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexslew_control.analysis.linear_plant import Path
+from flexslew_control.analysis.loop import Complex, Loop
+from flexslew_lab.analysis.analysis import Analysis
+from flexslew_lab.trial.trial import Trial, bench_settings
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.bench.measurement import EffortCommand
+from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.errors import BadInput
+from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
+from flexslew_plant.testbeds import varied
+
+_EFFORT = 2e-4  # of the limits, at the start
+_MOTION = 1e-4  # of joints and modes, and of their rates, at the start [rad or m, and per second]
+
+
+def require_flyable(analysis: Analysis) -> None:
+    """Check that the loop can be flown as it was analysed.
+
+    Raises:
+        BadInput: the plant changes with time, which the analysis takes as standing still.
+    """
+    if analysis.point.rest.model.time_varying:
+        raise BadInput(
+            "--prove: this plant changes with time, the margins are those of one moment; "
+            "allowed: a testbed that does not turn by itself"
+        )
+
+
+def mode_response(
+    trial: Trial, analysis: Analysis, loop: Loop, path: Path, mode: Complex, ticks: int
+) -> Matrix:
+    """Return what the joints' sensors and the tips read while the bench moves in one mode.
+
+    Half the difference of two flights that start on the real part of the mode, of either sign:
+    even powers of the motion cancel, odd ones from the third on are below rounding.
+
+    Args:
+        trial: what flies, without its plan, its schedule and its sensors' errors.
+        analysis: of that trial: where it rests, and a controller that has rested there.
+        loop: what is predicted with the faults of the path.
+        path: gains and delays that faults `actuator_gain` and `command_delay` add.
+        mode: an eigenvector of the closed loop, shape (states,).
+        ticks: how many.
+
+    Returns:
+        readings, shape (ticks, sensors); the first is of the start.
+    """
+    parts = _Parts.of(mode, loop, analysis, path)
+    commands = (loop.closed.c @ mode)[: loop.efforts]
+    asked = abs(np.vstack((commands, parts.queue, parts.motors))) / trial.testbed.effort_limit
+    size = max(abs(parts.motion).max() / _MOTION, asked.max() / _EFFORT)
+    first, second = (
+        _readings(trial, analysis, path, _Parts.of(sign * mode.real / size, loop, analysis, path),
+                  ticks)
+        for sign in (1.0, -1.0)
+    )  # fmt: skip
+    return 0.5 * (first - second)
+
+
+class _Parts(NamedTuple):
+    """The parts of a state of the closed loop, in the order of sampled_plant and loop_of."""
+
+    queue: Any  # commands on their way to motors, the last one first, shape (k, efforts)
+    motors: Any  # torques of motors that lag, shape (efforts,)
+    motion: Any  # displacements along v, and v, shape (2 n,)
+    applied: Any  # effort of the last tick, shape (efforts,)
+    law: Any  # what the controller remembers
+
+    @classmethod
+    def of(cls, state: Any, loop: Loop, analysis: Analysis, path: Path) -> "_Parts":
+        """Return them."""
+        m, n = loop.efforts, analysis.point.rest.model.coordinates
+        sizes = [m * (path.actuator.lag > 0.0), 2 * n, m, len(analysis.running.form.states)]
+        first = len(state) - sum(sizes)
+        queue, motors, motion, applied, law = np.split(state, first + np.cumsum([0, *sizes[:-1]]))
+        return cls(
+            queue.reshape(-1, m), motors if len(motors) else np.zeros(m), motion, applied, law
+        )
+
+
+def _readings(trial: Trial, analysis: Analysis, path: Path, start: _Parts, ticks: int) -> Matrix:
+    """Return what the sensors read from a start on, shape (ticks, sensors)."""
+    rest, running = analysis.point.rest, analysis.running
+    gain, delay = _faults(path, len(start.applied))
+    bench = Bench(_settings(trial, analysis, gain, delay))
+    bench.advance()
+    for gained in start.queue[::-1]:  # on their way when the bench is placed
+        asked = bench.question
+        effort = rest.effort + gained / gain
+        bench.offer(EffortCommand(asked.tick, asked.epoch, asked.controller, effort))
+        bench.advance()
+    n = rest.model.coordinates
+    along = rest.model.position_rates(rest.q, rest.time)
+    moved = np.concatenate((along @ start.motion[:n], start.motion[n:]))
+    bench.place(rest.state + moved, rest.effort + start.applied, rest.effort + start.motors)
+    controller, shift = running.moved(start.law), running.ticks - bench.tick
+    rows = []
+    for _ in range(ticks):
+        asked = bench.question
+        rows.append(
+            np.concatenate((asked.joint_position, asked.joint_velocity, asked.tip_deflection))
+        )
+        answer = controller.observe(asked._replace(tick=asked.tick + shift, epoch=0))
+        if answer is None:
+            raise BadInput(f"{controller.name} gives no answer in flight: {controller.reason}")
+        bench.offer(EffortCommand(asked.tick, asked.epoch, asked.controller, answer.command.effort))
+        bench.advance()
+        if bench.failure:
+            raise BadInput(f"the flight that proves a margin was lost: {bench.failure}")
+    return np.array(rows)
+
+
+def _faults(path: Path, efforts: int) -> tuple[Vector, Vector]:
+    """Return gains [-] and delays [ticks] of a path."""
+    return (
+        np.ones(efforts) if path.gain is None else path.gain,
+        np.zeros(efforts) if path.delay is None else path.delay,
+    )
+
+
+def _settings(trial: Trial, analysis: Analysis, gain: Vector, delay: Vector) -> BenchSettings:
+    """Return a bench that rests where the loop was analysed, with faults."""
+    rest = analysis.point.rest
+    names = rest.model.joint_names
+    position = rest.model.joint_state(rest.state)[0]
+    joints = dict(zip(names, position.tolist(), strict=True))
+    faults: list[Any] = [
+        ActuatorGain(joint=name, gain=float(g))
+        for name, g in zip(names, gain, strict=True)
+        if g != 1.0
+    ]
+    faults += [
+        CommandDelay(joint=name, ticks=float(d))
+        for name, d in zip(names, delay, strict=True)
+        if d > 0.0
+    ]
+    plain = bench_settings(replace(trial, sensors=type(trial.sensors)()))
+    return replace(
+        plain,
+        testbed=varied(trial.testbed, {"initial": joints}, "--prove"),
+        duration=0.0,
+        active=analysis.controller,
+        fallback=(),
+        plausibility=None,
+        faults_enabled=True,
+        schedule=tuple(ScheduleEntry(at=0.0, fault=fault) for fault in faults),
+    )
