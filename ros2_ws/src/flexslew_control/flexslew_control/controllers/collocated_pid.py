@@ -7,8 +7,13 @@ import numpy as np
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.sampled_loop import require_sampled_pd
+from flexslew_control.estimators.attitude_estimator import (
+    AttitudeFilterSettings,
+    joint_estimator,
+)
 from flexslew_control.law import (
     Estimate,
+    Estimator,
     MeasuredJoints,
     PlantDescription,
     Reference,
@@ -37,6 +42,8 @@ class CollocatedPid:
     tracking_time: TrackingTime = 10.0
     model: BelievedModel = None
     operating_point: OperatingPoint = None
+    # attitude and rates by gyro and star tracker; null: as the joints read them
+    attitude: AttitudeFilterSettings | None = None
 
 
 @dataclass(frozen=True)
@@ -72,12 +79,12 @@ def closed_loop(linear: Linearisation, kp: Vector, ki: Vector, kd: Vector) -> Ma
     return np.vstack((top, np.hstack((integral, np.zeros((count, n + count))))))
 
 
-def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[MeasuredJoints, IntegralLaw]:
-    """Return the measured joints and the law.
+def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, IntegralLaw]:
+    """Return the estimator of the joints and the law.
 
     Raises:
-        BadInput: neither one gain nor one per joint, or gains that do not stabilise the operating
-            point.
+        BadInput: neither one gain nor one per joint, gains that do not stabilise the operating
+            point, or a testbed that lacks the sensors of an attitude.
     """
     model = plant.believed(settings.model)
     given = (("kp", settings.kp), ("ki", settings.ki), ("kd", settings.kd))
@@ -93,11 +100,15 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[MeasuredJoi
     require_sampled_pd(bench, bench.rest({}), kp, kd, plant.period, "collocated_pid", ki)
     limit = plant.effort_limit
     law = IntegralLaw(JointDeviation(kp, ki, kd), limit, settings.tracking_time, plant.period)
-    return MeasuredJoints(), law
+    return joint_estimator(plant, settings.attitude), law
 
 
-def linear(estimator: MeasuredJoints, law: IntegralLaw, references: list[Reference]) -> LinearForm:
+def linear(
+    estimator: Estimator, law: IntegralLaw, references: list[Reference]
+) -> LinearForm | None:
     """Return the law as matrices; see LawEntry."""
+    if not isinstance(estimator, MeasuredJoints):
+        return None
     gains = law.deviation
     assert isinstance(gains, JointDeviation)
     return collocated_form(gains.kp, gains.ki, gains.kd, references, law.integration)

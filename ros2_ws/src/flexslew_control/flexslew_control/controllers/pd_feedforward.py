@@ -8,6 +8,10 @@ import numpy as np
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.gyroscopic import Gyroscopic, gyroscopic
 from flexslew_control.controllers.sampled_loop import require_sampled_pd
+from flexslew_control.estimators.attitude_estimator import (
+    AttitudeFilterSettings,
+    joint_estimator,
+)
 from flexslew_control.law import (
     Estimate,
     Estimator,
@@ -31,6 +35,8 @@ class PdFeedforwardSettings:
     kd: PerJoint = (920.0,)  # derivative gain, one per joint, or one for all [N m s/rad]
     # add w x J w, beyond that of the plan, of a craft that turns in three axes
     gyroscopic: bool = False
+    # attitude and rates by gyro and star tracker; null: as the joints read them
+    attitude: AttitudeFilterSettings | None = None
 
 
 class PdFeedforward:
@@ -74,21 +80,21 @@ def build(settings: PdFeedforwardSettings, plant: PlantDescription) -> tuple[Est
 
     Raises:
         BadInput: neither one gain nor one per joint, not stable at this period, or gyroscopic on
-            a testbed that does not turn in three axes.
+            a testbed that does not turn in three axes, or lacks the sensors of an attitude.
     """
     joints = plant.joint_names
     kp, kd = per_joint("kp", settings.kp, joints), per_joint("kd", settings.kd, joints)
     model = plant.testbed.model()
     require_sampled_pd(model, model.rest({}), kp, kd, plant.period, "pd_feedforward")
     turning = gyroscopic(plant.testbed, "gyroscopic") if settings.gyroscopic else None
-    return MeasuredJoints(), PdFeedforward(kp, kd, turning)
+    return joint_estimator(plant, settings.attitude), PdFeedforward(kp, kd, turning)
 
 
 def linear(
     estimator: Estimator, law: PdFeedforward, references: list[Reference]
 ) -> LinearForm | None:
     """Return the law as matrices; see LawEntry."""
-    if law.turning is not None:
+    if law.turning is not None or not isinstance(estimator, MeasuredJoints):
         return None
     none = np.zeros(law.kp.size)
     return collocated_form(law.kp, none, law.kd, references, no_integral(law.kp.size))

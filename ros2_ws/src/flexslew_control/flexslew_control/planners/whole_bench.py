@@ -16,7 +16,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.prediction import WATCHED, Prediction
 from flexslew_control.planners.slew import Feedback, Slew
 from flexslew_plant.arrays import Vector, kept
-from flexslew_plant.bench.hardware.sensors import exact_readings
+from flexslew_plant.bench.hardware.sensors import exact_readings, exact_sensors
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.model import Model
@@ -131,8 +131,8 @@ def flown_on_bench(
 ) -> Prediction | None:
     """Return the residuals of a plan that a law flies; None: it cannot fly it.
 
-    The law's own controller flies it in this process, with sensors and motors without errors. It
-    is in charge from the start on, at rest where the plan begins.
+    The law's own controller flies it in this process, with motors and sensors without errors but
+    delays and gaps. It is in charge from the start on, at rest where the plan begins.
 
     Args:
         plan: for all joints of the bench.
@@ -150,12 +150,13 @@ def flown_on_bench(
     names, limit, tip = plant.joint_names, plant.effort_limit, model.appendages.tip
     rest = model.rest(dict(zip(names, plan.position[0].tolist(), strict=True)))
     x = np.concatenate((rest, np.zeros(model.coordinates)))
+    sensors = exact_sensors(model, plan.period)
     last = int(np.ceil(plan.duration / plan.period - 1e-9))
     effort = np.zeros(limit.size)
     swing, peak, away = 0.0, 0.0, np.zeros(len(names))
     for k in range(max(len(plan.effort), last) + int(np.ceil(WATCHED / plan.period)) + 1):
         now = plan.start + k * plan.period
-        seen = exact_readings(model, x, effort, now)
+        seen = sensors.read(exact_readings(model, x, effort, now), x)
         deflected = _largest(tip @ model.modal_state(x)[0])
         peak = max(peak, deflected)
         if k >= last:

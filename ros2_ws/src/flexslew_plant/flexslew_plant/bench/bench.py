@@ -109,6 +109,7 @@ class Bench:
             self.settings.sensors,
             np.random.default_rng([self.settings.seed, self.epoch]),
             self.appendages.errors,
+            self.appendages.begun(self.settings.period, [self.settings.seed, self.epoch]),
         )
         self._x: Vector = self._start
         self._applied: Vector = kept(np.zeros(self.model.joints))
@@ -374,7 +375,7 @@ class Bench:
         self._answer, self._lost = None, False
         exact = exact_readings(self.model, self._x, self._applied + self._extra, self.time)
         self._velocity = exact.joint_velocity
-        readings = self._faults.read(self._sensors.read(exact))
+        readings = self._faults.read(self._sensors.read(exact, self._x))
         if self._plausibility is not None:
             self._compare(self._plausibility, readings)
         self.question = Measurement(

@@ -1,9 +1,16 @@
 """What the sensors on the appendages read."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.instruments import Body, Instrument
+from flexslew_plant.testbeds.instruments.instrument import channels
+
+# from a state and the readings of the tips to those with the instruments'; once a tick, in order
+Instruments: TypeAlias = Callable[[Vector, Vector], Vector]
 
 
 class Appendages(NamedTuple):
@@ -19,8 +26,34 @@ class Appendages(NamedTuple):
     errors: Matrix | None = None
     # largest |tip| at which the equations of small deflections hold, (appendages,) [m]; None: any
     small: Vector | None = None
+    # that read the platform's attitude or rate, with errors of their own, and their platform
+    instruments: tuple[Instrument, ...] = ()
+    body: Callable[[Vector], Body] | None = None  # from a state; None: there are no instruments
 
     def reading(self, modes: Vector, rates: Vector) -> Vector:
         """Return what the tips read of the modes and their rates, shape (appendages,)."""
         tip: Vector = self.tip.dot(modes)
         return tip if self.rate is None else tip + self.rate.dot(rates)
+
+    def begun(self, period: float, seed: list[int] | None = None) -> Instruments | None:
+        """Return what reads the instruments from tick 0 on; None: there are none.
+
+        Args:
+            period: one tick [s].
+            seed: of their noises, each with its own; None: no errors, but delays and gaps.
+        """
+        platform = self.body
+        if platform is None:
+            return None
+        readers = []
+        for instrument in self.instruments:
+            rng = None if seed is None else np.random.default_rng([*seed, 1 + instrument.first])
+            readers.append((channels(instrument), instrument.begin(period, rng)))
+
+        def read(x: Vector, tip: Vector) -> Vector:
+            body, tip = platform(x), tip.copy()
+            for where, reader in readers:
+                tip[where] = reader(body)
+            return tip
+
+        return read

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.settings import NonNegative, section
+from flexslew_plant.testbeds.appendages import Instruments
 from flexslew_plant.testbeds.model import Model
 
 
@@ -58,7 +59,11 @@ class Sensors:
     """Turn the truth into readings. The same seed gives the same noise."""
 
     def __init__(
-        self, settings: SensorSettings, rng: np.random.Generator, tips: Matrix | None = None
+        self,
+        settings: SensorSettings,
+        rng: np.random.Generator,
+        tips: Matrix | None = None,
+        instruments: Instruments | None = None,
     ) -> None:
         """Take the errors.
 
@@ -67,6 +72,7 @@ class Sensors:
             rng: of the noise.
             tips: noise, bias and quantisation of each tip reading, in its own unit and besides
                 those of its kind, shape (3, tips); None: none.
+            instruments: whose readings replace theirs among the tips; None: there are none.
         """
         self._channels = (
             settings.joint_position,
@@ -77,9 +83,22 @@ class Sensors:
         self._perfect = all(channel == Channel() for channel in self._channels)
         self._rng = rng
         self._tips = None if tips is None or not tips.any() else tips
+        self._instruments = instruments
 
-    def read(self, truth: Readings) -> Readings:
-        """Return what the sensors say; a perfect set returns the truth itself."""
+    def read(self, truth: Readings, x: Vector = NOTHING) -> Readings:
+        """Return what the sensors say; a perfect set returns the truth itself.
+
+        Args:
+            truth: readings without errors.
+            x: the state, for instruments.
+        """
+        readings = self._with_errors(truth)
+        if self._instruments is None:
+            return readings
+        return readings._replace(tip_deflection=self._instruments(x, readings.tip_deflection))
+
+    def _with_errors(self, truth: Readings) -> Readings:
+        """Return what all but the instruments say."""
         if not self._perfect:
             truth = Readings(*map(self._reading, self._channels, truth))
         if self._tips is None:
@@ -96,3 +115,14 @@ class Sensors:
         if channel.quantisation:
             reading = channel.quantisation * np.round(reading / channel.quantisation)
         return reading
+
+
+def exact_sensors(model: Model, period: float) -> Sensors:
+    """Return sensors without errors, but with the delays and gaps of instruments.
+
+    Args:
+        model: what stands on the bench.
+        period: one tick [s].
+    """
+    instruments = model.appendages.begun(period)
+    return Sensors(SensorSettings(), np.random.default_rng(0), instruments=instruments)

@@ -2,19 +2,23 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.appendages import Appendages
+from flexslew_plant.testbeds.instruments import Instrument
+from flexslew_plant.testbeds.instruments.instrument import channels as places
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Spacecraft
 from flexslew_plant.testbeds.spacecraft.assembly.drives import spot_on
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.readings import hinge_state
-from flexslew_plant.testbeds.spacecraft.settings import SensorPlace
+from flexslew_plant.testbeds.spacecraft.instruments import body_of, instrument_of
+from flexslew_plant.testbeds.spacecraft.settings import AnySensor, SensorPlace, Triple
 from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape
 from flexslew_plant.testbeds.spacecraft.units import Units
 
@@ -83,8 +87,19 @@ def _body(craft: Spacecraft, v: Vector) -> tuple[Vector, Vector]:
     return rate * np.cross(craft.pivot_place, craft.pivot_axis), rate * craft.pivot_axis
 
 
-def channels(craft: Spacecraft, sensors: dict[str, SensorPlace], units: Units) -> Appendages:
+def channels(
+    craft: Spacecraft,
+    sensors: dict[str, AnySensor],
+    units: Units,
+    sun: Triple | None = None,
+) -> Appendages:
     """Return three displacements of each tip along body axes, their rates, then the sensors.
+
+    Args:
+        craft: the spacecraft.
+        sensors: by name.
+        units: of their section.
+        sun: direction to the Sun where the section says it; None: it does not.
 
     Raises:
         BadInput: a sensor sits where it cannot, by its key.
@@ -107,29 +122,39 @@ def channels(craft: Spacecraft, sensors: dict[str, SensorPlace], units: Units) -
         curvature += [*bent, *still]
         small += [_SMALL * _size(a.shape)] * 3 + [np.inf] * 3
     felt: dict[int, Accelerometer] = {}
+    instruments: list[Instrument] = []
     for name, sensor in sensors.items():
         key = f"testbed.sensors.{name}"
-        if name in names:
-            raise BadInput(f"{key}: this name is taken; give another one")
-        if sensor.kind == "accelerometer":
-            felt[len(names)] = _accelerometer(craft, sensor, units, key)
-            row = none
+        if not isinstance(sensor, SensorPlace):
+            instruments.append(instrument_of(craft, name, sensor, len(names), sun))
+            own = [f"{name}_{axis}" for axis in instruments[-1].axes]
         else:
-            row = _row(craft, sensor, units, key)
-        names.append(name)
-        tip.append(none if sensor.kind == "rate" else row)
-        rate.append(row if sensor.kind == "rate" else none)
-        curvature.append(none)
-        small.append(np.inf)
+            own = [name]
+        if set(own) & set(names):
+            raise BadInput(f"{key}: this name is taken; give another one")
+        row, is_rate = none, False
+        if isinstance(sensor, SensorPlace):
+            is_rate = sensor.kind == "rate"
+            if sensor.kind == "accelerometer":
+                felt[len(names)] = _accelerometer(craft, sensor, units, key)
+            else:
+                row = _row(craft, sensor, units, key)
+        names += own
+        tip += [none if is_rate else row] * len(own)
+        rate += [row if is_rate else none] * len(own)
+        curvature += [none] * len(own)
+        small += [np.inf] * len(own)
     empty = np.zeros((0, craft.modes))
     return Appendages(
         tuple(names),
         np.vstack([empty, *tip]),
         np.vstack([empty, *curvature]),
         np.vstack([empty, *rate]),
-        _felt(craft, felt, len(names)) if felt else None,
-        _errors(sensors, len(names)) if sensors else None,
+        _felt(craft, felt, tuple(instruments), len(names)) if felt or instruments else None,
+        _errors(sensors, names) if sensors else None,
         np.array(small),
+        tuple(instruments),
+        partial(body_of, craft) if instruments else None,
     )
 
 
@@ -191,22 +216,29 @@ def _accelerometer(craft: Spacecraft, sensor: SensorPlace, units: Units, key: st
 
 
 def _felt(
-    craft: Spacecraft, felt: dict[int, Accelerometer], count: int
+    craft: Spacecraft,
+    felt: dict[int, Accelerometer],
+    instruments: tuple[Instrument, ...],
+    count: int,
 ) -> Callable[[Vector, Vector, float], Vector]:
+    """Return what accelerometers and instruments read without errors, among all channels."""
     p = packed(craft)
 
     def read(x: Vector, slope: Vector, t: float) -> Vector:
         out = np.zeros(count)
         for k, accelerometer in felt.items():
             out[k] = accelerometer.read(craft, p, x, slope, t)
+        for instrument in instruments:
+            out[places(instrument)] = instrument.exact(body_of(craft, x))
         return out
 
     return read
 
 
-def _errors(sensors: dict[str, SensorPlace], count: int) -> Matrix:
+def _errors(sensors: dict[str, AnySensor], names: list[str]) -> Matrix:
     """Return noise, bias and quantisation of every reading, shape (3, count)."""
-    own = [(s.noise, s.bias, s.quantisation) for s in sensors.values()]
-    errors = np.zeros((3, count))
-    errors[:, count - len(own) :] = np.array(own).T
+    errors = np.zeros((3, len(names)))
+    for name, sensor in sensors.items():
+        if isinstance(sensor, SensorPlace):
+            errors[:, names.index(name)] = sensor.noise, sensor.bias, sensor.quantisation
     return errors

@@ -15,6 +15,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds.attitude import to_body
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.settings import Triple
 
@@ -111,15 +112,7 @@ def outside_forces(craft: Spacecraft, orbit: Orbit) -> Callable[[Vector, float],
 
     def forces(x: Vector, t: float) -> Vector:
         found = np.zeros(rates)
-        found[3:6] = surroundings.torque(_to_body(x[3:7]), t)
+        found[3:6] = surroundings.torque(to_body(x[3:7]), t)
         return found
 
     return forces
-
-
-def _to_body(q: Vector) -> Matrix:
-    """Return the rotation from inertial to body axes of a quaternion x y z w, shape (3, 3)."""
-    v, w = q[:3], q[3]
-    across = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    turned: Matrix = (w * w - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) - 2.0 * w * across
-    return turned

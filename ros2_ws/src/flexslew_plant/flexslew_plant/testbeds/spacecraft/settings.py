@@ -6,6 +6,11 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds.instruments import (
+    GyroSettings,
+    StarTrackerSettings,
+    SunSensorSettings,
+)
 
 Triple: TypeAlias = tuple[float, float, float]
 Rows: TypeAlias = tuple[Triple, Triple, Triple]
@@ -213,3 +218,9 @@ class SensorPlace:
     noise: NonNegative = 0.0  # standard deviation of its white noise, each tick
     bias: float = 0.0  # added to every reading
     quantisation: NonNegative = 0.0  # readings are multiples of it; 0: none
+
+
+AnySensor: TypeAlias = Annotated[
+    SensorPlace | GyroSettings | StarTrackerSettings | SunSensorSettings,
+    Field(discriminator="kind"),
+]

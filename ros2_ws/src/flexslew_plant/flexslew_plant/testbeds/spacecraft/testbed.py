@@ -13,6 +13,7 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import Placed, Positive, section
+from flexslew_plant.testbeds.appendages import Appendages
 from flexslew_plant.testbeds.attitude import attitude_joints
 from flexslew_plant.testbeds.contract import HingeTurn, RigidTurn, UnitSizes
 from flexslew_plant.testbeds.entry import TestbedEntry
@@ -42,12 +43,12 @@ from flexslew_plant.testbeds.spacecraft.retargeting import hinge_turns, retarget
 from flexslew_plant.testbeds.spacecraft.settings import (
     IDENTITY,
     ActuatorPlace,
+    AnySensor,
     AppendageSettings,
     Beam,
     Body,
     Inertia,
     Platform,
-    SensorPlace,
     WheelSettings,
 )
 from flexslew_plant.testbeds.spacecraft.turning import driven_most, rigid_turn, turning_point
@@ -84,7 +85,7 @@ class SpacecraftTestbed:
     # forces and torques by name
     actuators: dict[str, ActuatorPlace] = field(default_factory=lambda: _torques(100.0))
     # sensors besides pose, rates and tips, by name
-    sensors: dict[str, SensorPlace] = field(default_factory=dict)
+    sensors: dict[str, AnySensor] = field(default_factory=dict)
     initial: dict[str, float] = field(default_factory=dict)  # by joint [rad or m]
     # angle below which the line of sight counts as settled [rad]
     pointing_tolerance: Positive = 3.490658503988659e-4
@@ -103,7 +104,7 @@ class SpacecraftTestbed:
         """
         try:
             craft = self.craft
-            channels(craft, self.sensors, UNITS[self.units])
+            self.channels(craft)
         except BadInput as error:
             raise Placed(str(error)) from None
         if self.orbit is not None and craft.motion != at.FREE:
@@ -125,6 +126,15 @@ class SpacecraftTestbed:
     def craft(self) -> Spacecraft:
         """The spacecraft in SI."""
         return _craft(_Same(self))
+
+    def channels(self, craft: Spacecraft) -> Appendages:
+        """Return what its sensors read.
+
+        Raises:
+            BadInput: a sensor sits where it cannot, by its key.
+        """
+        sun = None if self.orbit is None else self.orbit.sun
+        return channels(craft, self.sensors, UNITS[self.units], sun)
 
     def model(self) -> Model:
         """Return the equations of motion."""
@@ -318,7 +328,7 @@ def _model(same: _Same) -> Model:
         tuple(d.name for d in drives),
         tuple(position_unit(d) for d in drives),
         craft.modes,
-        channels(craft, same.testbed.sensors, UNITS[same.testbed.units]),
+        same.testbed.channels(craft),
         scale_stiffness=lambda packed_, factor: stiffened(craft, packed_, factor),
         time_varying=any(a.manoeuvres for a in craft.appendages),
         leading=craft.sizes[1] - craft.modes,

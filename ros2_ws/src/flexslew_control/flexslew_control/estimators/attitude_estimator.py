@@ -1,0 +1,208 @@
+"""The attitude and rates of a platform from its gyro, star trackers and Sun sensors."""
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexslew_control.estimators.attitude_filter import (
+    Belief,
+    GyroNoise,
+    corrected_by_attitude,
+    corrected_by_direction,
+    propagated,
+)
+from flexslew_control.law import Estimate, Estimator, MeasuredJoints, PlantDescription, Reference
+from flexslew_plant.arrays import NOTHING, Vector
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import NonNegative, Positive, section
+from flexslew_plant.testbeds.attitude import AttitudeJoints, quaternion, rotation_vector
+from flexslew_plant.testbeds.instruments import Gyro, StarTracker, SunSensor
+from flexslew_plant.testbeds.instruments.instrument import channels
+
+_LEAST = 1e-9  # sigma of a sensor that states none [rad]
+_PRESENT = 0.5  # size of a reading from which on it is one: zeros mean that there is none
+
+
+@section
+class AttitudeFilterSettings:
+    """The `attitude` section of a law that knows the attitude from sensors alone."""
+
+    gyro: str | None = None  # its name; null: the only one
+    noise_factor: Positive = 1.0  # on all noises that the sensors state [-]
+    initial_attitude: NonNegative = 1.0  # standard deviation until the first reading [rad]
+    initial_bias: NonNegative = 1e-3  # of the gyro's bias at the start [rad/s]
+
+
+@dataclass
+class AttitudeEstimator:
+    """What the joints that turn the platform would read, by a filter of attitude and bias.
+
+    The filter stands as far in the past as the latest reading is late. What it believes is carried
+    to the present with the gyro's readings since, so that a late reading counts for its own time.
+    Its first attitude is the first that a star tracker reads; until then it takes the reference
+    for the attitude. All other joints are as measured. The covariance is of the small turn in
+    body axes [rad], then of the bias [rad/s]; innovations without a reading are zero.
+
+    Args:
+        joints: that read the attitude.
+        gyro: which rates are taken from.
+        trackers, suns: what corrects them.
+        settings: what is believed.
+        period: one tick [s].
+    """
+
+    joints: AttitudeJoints
+    gyro: Gyro
+    trackers: tuple[StarTracker, ...]
+    suns: tuple[SunSensor, ...]
+    settings: AttitudeFilterSettings
+    period: float
+    _belief: Belief = field(init=False)
+    _rates: deque[Vector] = field(init=False)  # read since the time of the belief
+    _seen: deque[Vector] = field(init=False)  # tips of the ticks whose readings may still count
+    _first: int = field(init=False, default=0)  # tick of the reset
+    _tick: int = field(init=False, default=-1)
+    _found: bool = field(init=False, default=False)  # a star tracker has told the attitude
+    _reference: Vector = field(init=False, default_factory=lambda: NOTHING)
+    _last: Estimate = field(init=False)
+
+    def expect(self, reference: Reference) -> None:
+        """Be told where the plan wants the joints at the tick that comes."""
+        self._reference = reference.position
+
+    def reset(self, measurement: Measurement) -> None:
+        """Start where the reference is, without a bias, and take in the first readings."""
+        s, there = self.settings, self._wanted(measurement)
+        sigmas = np.repeat([s.initial_attitude, s.initial_bias], 3)
+        start = quaternion(self.joints.turn_of(there))
+        self._belief = Belief(start, np.zeros(3), np.diag(sigmas**2))
+        self._rates, self._found = deque(), False
+        self._seen = deque(maxlen=self.late + 1)
+        self._first = measurement.tick
+        self._take(measurement)
+
+    def update(self, measurement: Measurement) -> Estimate:
+        """Return the joints' positions and rates as they are believed."""
+        if measurement.tick != self._tick:
+            self._rates.append(measurement.tip_deflection[channels(self.gyro)])
+            if measurement.tick - self._first > self.late:
+                reading = self._rates.popleft()
+                self._belief = propagated(self._belief, reading, self._gyro_noise, self.period)
+            self._take(measurement)
+        return self._last
+
+    @property
+    def late(self) -> int:
+        """By how many ticks the latest reading is late."""
+        return max((tracker.delay_ticks(self.period) for tracker in self.trackers), default=0)
+
+    def _take(self, measurement: Measurement) -> None:
+        """Correct the belief by what was measured at its time, and carry it to the present."""
+        self._tick = measurement.tick
+        self._seen.append(measurement.tip_deflection)
+        innovation, nis = np.zeros(3 * len(self.trackers) + 2 * len(self.suns)), 0.0
+        if len(self._seen) > self.late:
+            nis = self._corrected(innovation)
+        now = self._belief
+        for reading in self._rates:
+            now = propagated(now, reading, self._gyro_noise, self.period)
+        self._last = self._estimate(measurement, now, innovation, nis)
+
+    def _corrected(self, innovation: Vector) -> float:
+        """Take the readings of the belief's own time, write innovations, return their squares."""
+        nis, at = 0.0, 0
+        for tracker in self.trackers:
+            read = self._seen[tracker.delay_ticks(self.period)][channels(tracker)]
+            if _present(read):
+                nis += self._fixed(tracker, read / np.linalg.norm(read), innovation[at : at + 3])
+            at += 3
+        for sun in self.suns:
+            read = self._seen[0][channels(sun)]
+            if _present(read) and self._found:
+                sigma = self.settings.noise_factor * sun.settings.noise + _LEAST
+                told = corrected_by_direction(self._belief, read, sun.sun, sigma)
+                self._belief, nis = told.belief, nis + told.nis
+                innovation[at : at + 2] = told.innovation
+            at += 2
+        return nis
+
+    def _fixed(self, tracker: StarTracker, read: Vector, innovation: Vector) -> float:
+        """Take an attitude that a star tracker has read; return its squared innovation."""
+        rate = self._seen[0][channels(self.gyro)] - self._belief.bias
+        noise = self.settings.noise_factor**2 * tracker.covariance_at(float(np.linalg.norm(rate)))
+        noise = noise + _LEAST**2 * np.eye(3)
+        if not self._found:
+            self._found, covariance = True, self._belief.covariance.copy()
+            covariance[:3, :3], covariance[:3, 3:], covariance[3:, :3] = noise, 0.0, 0.0
+            self._belief = Belief(read, self._belief.bias, covariance)
+            return 0.0
+        told = corrected_by_attitude(self._belief, read, noise)
+        self._belief, innovation[:] = told.belief, told.innovation
+        return told.nis
+
+    @property
+    def _gyro_noise(self) -> GyroNoise:
+        s, factor = self.gyro.settings, self.settings.noise_factor
+        return GyroNoise(factor * s.angle_random_walk, factor * s.rate_random_walk)
+
+    def _wanted(self, measurement: Measurement) -> Vector:
+        """Return where the joints shall be; where they are measured if nobody has told."""
+        return self._reference if self._reference.size else measurement.joint_position
+
+    def _estimate(
+        self, measurement: Measurement, now: Belief, innovation: Vector, nis: float
+    ) -> Estimate:
+        """Return what the joints would read, as positions about the reference."""
+        axes = self.joints.axes
+        reads = np.abs(axes).max(axis=1) > 0.0
+        turn, rate = rotation_vector(now.attitude), self._rate(measurement, now)
+        position = np.where(reads, axes @ turn, measurement.joint_position)
+        velocity = np.where(reads, axes @ rate, measurement.joint_velocity)
+        position = self.joints.about(self._wanted(measurement), position)
+        return Estimate(position, velocity, NOTHING, now.covariance, innovation, nis)
+
+    def _rate(self, measurement: Measurement, now: Belief) -> Vector:
+        rate: Vector = measurement.tip_deflection[channels(self.gyro)] - now.bias
+        return rate
+
+
+def attitude_estimator(
+    plant: PlantDescription, settings: AttitudeFilterSettings
+) -> AttitudeEstimator:
+    """Return the estimator for the sensors of a testbed.
+
+    Raises:
+        BadInput: its joints do not turn it in three axes, or it lacks a gyro or a star tracker.
+    """
+    model = plant.testbed.model()
+    instruments = model.appendages.instruments
+    gyros = {one.name: one for one in instruments if isinstance(one, Gyro)}
+    trackers = tuple(one for one in instruments if isinstance(one, StarTracker))
+    suns = tuple(one for one in instruments if isinstance(one, SunSensor))
+    if model.attitude is None:
+        raise BadInput("the joints of this testbed do not turn it in three axes", key="attitude")
+    if not trackers or not gyros:
+        lacks = "gyro" if trackers else "star_tracker"
+        raise BadInput(f"the testbed has no {lacks}; give it one in `sensors`", key="attitude")
+    name = settings.gyro
+    if name is None and len(gyros) == 1:
+        (name,) = gyros
+    if name not in gyros:
+        raise BadInput(f"one of {', '.join(gyros)}", key="attitude.gyro", value=name)
+    return AttitudeEstimator(model.attitude, gyros[name], trackers, suns, settings, plant.period)
+
+
+def joint_estimator(plant: PlantDescription, settings: AttitudeFilterSettings | None) -> Estimator:
+    """Return what tells a collocated law where the joints are: as measured, or by a filter.
+
+    Raises:
+        BadInput: see attitude_estimator.
+    """
+    return MeasuredJoints() if settings is None else attitude_estimator(plant, settings)
+
+
+def _present(reading: Vector) -> bool:
+    """Return whether a sensor has read something: no zeros, and no NaN of one that is broken."""
+    return bool(np.linalg.norm(reading) > _PRESENT)

@@ -1,0 +1,121 @@
+"""The multiplicative extended Kalman filter of an attitude and a gyro's bias.
+
+Lefferts, Markley and Shuster 1982; the discrete form is that of Crassidis and Junkins, Optimal
+Estimation of Dynamic Systems, 2nd ed., section 7.2. The error of the attitude is a small turn in
+body axes, q_true = q dq(theta), that of the bias b_true - b; covariances are of both, in this
+order.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.attitude import (
+    conjugate,
+    product,
+    quaternion,
+    rotation_vector,
+    skew,
+    to_body,
+)
+
+
+class GyroNoise(NamedTuple):
+    """What a gyro's readings are taken to be wrong by."""
+
+    white: float  # density of its white noise [rad/sqrt(s)]
+    walk: float  # of the random walk of its bias [rad/s/sqrt(s)]
+
+
+class Belief(NamedTuple):
+    """An attitude and a bias, and how far off they may be."""
+
+    attitude: Vector  # unit quaternion from body to inertial axes, x y z w, shape (4,)
+    bias: Vector  # of the gyro, shape (3,) [rad/s]
+    covariance: Matrix  # shape (6, 6)
+
+
+class Correction(NamedTuple):
+    """What became of a reading."""
+
+    belief: Belief
+    innovation: Vector  # measured minus predicted, shape (l,) [rad]
+    nis: float  # innovation^T S^-1 innovation
+
+
+def propagated(belief: Belief, reading: Vector, noise: GyroNoise, dt: float) -> Belief:
+    """Return the belief a tick later.
+
+    theta+ = R(d)^T theta - dt (1 - d x / 2) e + w, d = (reading - b) dt, e the bias' error; the
+    covariance of w is Farrenkopf's.
+
+    Args:
+        belief: at the start of the tick.
+        reading: mean rate over the tick, bias and noise in it, shape (3,) [rad/s].
+        noise: of the gyro.
+        dt: one tick [s].
+    """
+    turn = (reading - belief.bias) * dt
+    moved = quaternion(turn)
+    unit = np.eye(3)
+    step, q = np.eye(6), np.empty((6, 6))
+    step[:3, :3] = to_body(moved)
+    step[:3, 3:] = -dt * (unit - 0.5 * skew(turn))
+    white, walk = noise.white**2, noise.walk**2
+    q[:3, :3] = (white * dt + walk * dt**3 / 3.0) * unit
+    q[:3, 3:] = q[3:, :3] = -0.5 * walk * dt**2 * unit
+    q[3:, 3:] = walk * dt * unit
+    covariance = step @ belief.covariance @ step.T + q
+    return Belief(_unit(product(belief.attitude, moved)), belief.bias, covariance)
+
+
+def corrected_by_attitude(belief: Belief, measured: Vector, noise: Matrix) -> Correction:
+    """Return the belief after a measured attitude.
+
+    Args:
+        belief: before it.
+        measured: quaternion x y z w, q_true dq(n), of either sign, shape (4,).
+        noise: covariance of the small turn n in body axes, shape (3, 3) [rad^2].
+    """
+    off = rotation_vector(product(conjugate(belief.attitude), measured))
+    return _corrected(belief, off, np.eye(3, 6), noise)
+
+
+def corrected_by_direction(
+    belief: Belief, measured: Vector, inertial: Vector, sigma: float
+) -> Correction:
+    """Return the belief after a measured direction, which tells the two turns across it.
+
+    Args:
+        belief: before it.
+        measured: unit vector in body axes, shape (3,).
+        inertial: what it is in inertial space, a unit vector, shape (3,).
+        sigma: standard deviation in each direction across it [rad].
+    """
+    seen = to_body(belief.attitude) @ inertial
+    across = np.linalg.svd(seen[None])[2][1:]
+    shows = np.zeros((2, 6))
+    shows[:, :3] = across @ skew(seen)
+    return _corrected(belief, across @ measured, shows, sigma**2 * np.eye(2))
+
+
+def _corrected(belief: Belief, innovation: Vector, shows: Matrix, noise: Matrix) -> Correction:
+    """Return the belief after an innovation of H times the error, by Joseph's form."""
+    p = belief.covariance
+    s = shows @ p @ shows.T + noise
+    gain = np.linalg.solve(s, shows @ p).T
+    error = gain @ innovation
+    left = np.eye(6) - gain @ shows
+    after = Belief(
+        _unit(product(belief.attitude, quaternion(error[:3]))),
+        belief.bias + error[3:],
+        left @ p @ left.T + gain @ noise @ gain.T,
+    )
+    return Correction(after, innovation, float(innovation @ np.linalg.solve(s, innovation)))
+
+
+def _unit(q: Vector) -> Vector:
+    """Return a quaternion without what rounding adds to its length."""
+    unit: Vector = q / np.linalg.norm(q)
+    return unit

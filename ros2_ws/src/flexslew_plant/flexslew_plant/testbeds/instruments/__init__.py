@@ -1,0 +1,13 @@
+"""Sensors with a memory of their own: what tells a platform's attitude, rate or the Sun."""
+
+from flexslew_plant.testbeds.instruments.gyro import Gyro as Gyro
+from flexslew_plant.testbeds.instruments.gyro import GyroSettings as GyroSettings
+from flexslew_plant.testbeds.instruments.instrument import Body as Body
+from flexslew_plant.testbeds.instruments.instrument import Instrument as Instrument
+from flexslew_plant.testbeds.instruments.instrument import Reader as Reader
+from flexslew_plant.testbeds.instruments.star_tracker import StarTracker as StarTracker
+from flexslew_plant.testbeds.instruments.star_tracker import (
+    StarTrackerSettings as StarTrackerSettings,
+)
+from flexslew_plant.testbeds.instruments.sun_sensor import SunSensor as SunSensor
+from flexslew_plant.testbeds.instruments.sun_sensor import SunSensorSettings as SunSensorSettings

@@ -1,0 +1,51 @@
+"""The contract of a sensor whose readings depend on what it has measured before."""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+
+
+class Body(NamedTuple):
+    """How the platform stands and turns."""
+
+    attitude: Vector  # unit quaternion from body to inertial axes, x y z w, shape (4,)
+    rate: Vector  # in body axes, shape (3,) [rad/s]
+
+
+# from the platform at a tick to the reading; called once a tick, in order
+Reader: TypeAlias = Callable[[Body], Vector]
+
+
+class Instrument(Protocol):
+    """A sensor on the platform with one or more channels."""
+
+    @property
+    def name(self) -> str:
+        """Of its section."""
+
+    @property
+    def first(self) -> int:
+        """Where its channels begin among the readings of the tips."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """What is appended to its name, one per channel."""
+
+    def exact(self, body: Body) -> Vector:
+        """Return what it reads without errors, delay and gaps, shape (channels,)."""
+
+    def begin(self, period: float, rng: np.random.Generator | None) -> Reader:
+        """Return what reads it from tick 0 on.
+
+        Args:
+            period: one tick [s].
+            rng: of its noises; None: it has no errors, but its delay and gaps.
+        """
+
+
+def channels(instrument: Instrument) -> slice:
+    """Return where an instrument's channels stand among the readings of the tips."""
+    return slice(instrument.first, instrument.first + len(instrument.axes))

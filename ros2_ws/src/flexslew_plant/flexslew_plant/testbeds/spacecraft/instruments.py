@@ -1,0 +1,64 @@
+"""Gyros, star trackers and Sun sensors of a spacecraft."""
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.instruments import (
+    Body,
+    Gyro,
+    GyroSettings,
+    Instrument,
+    StarTracker,
+    StarTrackerSettings,
+    SunSensor,
+    SunSensorSettings,
+)
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.settings import Triple
+
+_ATTITUDE = slice(3, 7)  # of the quaternion in a free platform's q
+_RATE = slice(3, 6)  # of the body rate in its v
+
+
+def instrument_of(
+    craft: Spacecraft,
+    name: str,
+    settings: GyroSettings | StarTrackerSettings | SunSensorSettings,
+    first: int,
+    sun: Triple | None,
+) -> Instrument:
+    """Return an instrument on the platform.
+
+    Args:
+        craft: that carries it.
+        name: of its section.
+        settings: of it.
+        first: its first channel.
+        sun: direction to the Sun where the orbit says it; None: it does not.
+
+    Raises:
+        BadInput: the platform is not free, a direction is none, a span ends before it begins, or
+            nobody says where the Sun is.
+    """
+    key = f"testbed.sensors.{name}"
+    if craft.motion != at.FREE:
+        raise BadInput(f"{key}: only a free platform has an attitude; use motion: free")
+    if isinstance(settings, GyroSettings):
+        return Gyro(name, first, settings)
+    unit_direction(settings.boresight, f"{key}.boresight")
+    if isinstance(settings, StarTrackerSettings):
+        for i, (start, end) in enumerate(settings.blind):
+            if end <= start:
+                raise BadInput("the later time last", f"{key}.blind.{i}", value=[start, end])
+        return StarTracker(name, first, settings)
+    towards = settings.sun or sun
+    if towards is None:
+        raise BadInput(f"{key}.sun: is required where there is no orbit")
+    return SunSensor(name, first, settings, unit_direction(towards, f"{key}.sun"))
+
+
+def body_of(craft: Spacecraft, x: Vector) -> Body:
+    """Return how a free platform stands and turns."""
+    v = x[craft.sizes[0] :]
+    return Body(x[_ATTITUDE], v[_RATE])
