@@ -111,8 +111,8 @@ def test_under_the_feedback_the_least_tip_is_that_of_a_linear_program(duration: 
                 r = f0 @ r + g0 @ w
             if tick == at[-1] - 1 and k == 1.0:
                 end = x
-        for rows, g_too in ((tips, -1.0), (demands, 0.0)):
-            rows = np.array(rows)
+        for found_rows, g_too in ((tips, -1.0), (demands, 0.0)):
+            rows = np.array(found_rows)
             for side in (1.0, -1.0):
                 slopes.append(np.column_stack((side * rows[:, :60], np.full(len(rows), g_too))))
                 offsets.append((1.0 + g_too) - side * rows[:, 60])

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 from scipy.interpolate import BPoly
 
-from flexslew_control.law import InCharge, PlantDescription
+from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.progress import Progress
@@ -59,7 +59,7 @@ def plan_joint_trajectory(
     plant: PlantDescription,
     feedback: Feedback | None = None,
     progress: Progress | None = None,
-    law: InCharge | None = None,
+    law: ActiveLaw | None = None,
 ) -> Plan:
     """Return the plan through the points, held at the last one.
 

@@ -150,6 +150,6 @@ def _settings(trial: Trial, analysis: Analysis, gain: Vector, delay: Vector) -> 
         active=analysis.controller,
         fallback=(),
         plausibility=None,
-        faults_enabled=True,
+        allow_faults=True,
         schedule=tuple(ScheduleEntry(at=0.0, fault=fault) for fault in faults),
     )
