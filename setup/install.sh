@@ -12,6 +12,7 @@ wheels=${FLEXSLEW_WHEELS:-kilted}
 lock=$root/setup/requirements.lock.txt
 jazzy=$root/setup/requirements.jazzy.lock.txt
 sources=$root/setup/requirements.source.txt
+all=$([ "${BASH_SOURCE[0]}" != "$0" ] || echo --wait) # an image is whole when this script ends
 started=$SECONDS
 step=
 
@@ -139,9 +140,9 @@ build_workspace() {
     --event-handlers console_direct- console_start_end+ --cmake-args "${options[@]}" ||
     fail "the workspace does not build; what the compiler said is in ros2_ws/log/latest_build"
   workspace_environment
-  say "[4/4] machine code of the models (one or two minutes)"
+  say "[4/4] machine code of the $([ -n "$all" ] && echo models || echo 'default trial; the rest follows in the background')"
   . "$root/setup/environment.sh"
-  run "$venv/bin/python" -P -m flexslew_lab.compile_kernels || fail "the models do not compile"
+  run "$venv/bin/python" -P -m flexslew_lab.compile_kernels $all || fail "the models do not compile"
   rm -f "$root"/ros2_ws/install/flexslew.*
   echo "$root" >"$workspace"
 }

@@ -5,7 +5,6 @@ import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -24,7 +23,7 @@ SLEW = """
 name: short
 duration: {duration}
 rate_factor: {rate}
-answer_timeout: 0.5
+answer_timeout: {patience}
 plan:
   method: reference_only
   model: {{variant: complete, modes: 1}}
@@ -35,13 +34,23 @@ controllers: {{pd_feedforward: {{kp: [460.0, 460.0], kd: [920.0, 920.0]}}{more}}
 """
 
 
-def slew(duration: float = 6.0, rate: float = 0.0, more: str = "", extra: str = "") -> Any:
-    return parse_trial(SLEW.format(duration=duration, rate=rate, more=more, extra=extra), "test")
+def slew(
+    duration: float = 6.0,
+    rate: float = 0.0,
+    more: str = "",
+    extra: str = "",
+    patience: float = 20.0,
+) -> Any:
+    """Return a trial in which no answer is missed for the machine's sake.
 
-
-def patient(trial: Any) -> Any:
-    """Return a trial in which no answer is missed for the machine's sake."""
-    return replace(trial, answer_timeout=20.0)
+    Args:
+        duration, rate: as in a trial.
+        more: controllers, after a comma.
+        extra: keys.
+        patience: with who is silent; half a second where somebody is killed [wall s].
+    """
+    words = {"duration": duration, "rate": rate, "more": more, "extra": extra}
+    return parse_trial(SLEW.format(**words, patience=patience), "test")
 
 
 NODES = (

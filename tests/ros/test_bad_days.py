@@ -22,7 +22,7 @@ from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.supervisor import Supervisor
 from flexslew_lab.trial.trial import parse_trial
 
-from .flight import Flight, fork_server, kill, patient, side_by_side, slew
+from .flight import Flight, fork_server, kill, side_by_side, slew
 
 
 def nobody(tick: int, last: int) -> None:
@@ -33,6 +33,7 @@ LOST = """
 name: lost
 duration: 20.0
 period: 0.1
+answer_timeout: 20.0
 testbed: {modes: 12}
 controllers: {pd_feedforward: {}}
 schedule: [{at: 1.0, disturbance: {base_yaw: 5.0}}]
@@ -44,10 +45,13 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str],
     """Flights in which somebody is killed, by name."""
     folder = tmp_path_factory.mktemp("killed")
     second = {"more": ", second: {law: pd_feedforward}", "extra": "fallback: [second]"}
+    quick = {"patience": 0.5}
     with side_by_side(
-        controller=lambda: Flight(slew(80.0), folder / "1", 30, kill("pd_feedforward")),
-        fallback=lambda: Flight(slew(20.0, **second), folder / "2", 0, kill("pd_feedforward")),
-        planner=lambda: Flight(patient(slew(20.0)), folder / "3", 0, kill("planner")),
+        controller=lambda: Flight(slew(80.0, **quick), folder / "1", 30, kill("pd_feedforward")),
+        fallback=lambda: Flight(
+            slew(20.0, **second, **quick), folder / "2", 0, kill("pd_feedforward")
+        ),
+        planner=lambda: Flight(slew(20.0), folder / "3", 0, kill("planner")),
         recorder=lambda: Flight(slew(80.0), folder / "4", 100, kill("recorder")),
     ) as flown:
         yield flown
@@ -152,7 +156,7 @@ def test_two_benches_fly_side_by_side_in_their_namespaces(tmp_path: Path) -> Non
 
 def test_lies_on_the_command_topic_are_rejected_and_the_run_is_unharmed(tmp_path: Path) -> None:
     intruder = NodeProcess("intruder", "tests", "intruder", {})
-    flight = Flight(patient(slew(duration=20.0)), tmp_path, extra=[intruder])
+    flight = Flight(slew(duration=20.0), tmp_path, extra=[intruder])
     assert flight.outcome.exit_code == 0
     events = BagReader(flight.bag).overview.events
     reasons = {event.data["reason"] for event in events if event.kind == "rejected"}
@@ -182,7 +186,7 @@ def test_bad_input_stops_before_a_folder_is_made(tmp_path: Path) -> None:
 
 
 def test_a_run_whose_state_is_lost_ends_in_order(tmp_path: Path) -> None:
-    trial = patient(parse_trial(LOST, "test"))
+    trial = parse_trial(LOST, "test")
     alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
     flight = Flight(trial, tmp_path / "ros")
     assert flight.outcome.exit_code == 3

@@ -83,7 +83,7 @@ def performed(actions: Any, **given: str) -> list[Any]:
 def trial_file(folder: Path) -> Path:
     path = folder / "short.yaml"
     more = ", lqr: {}"
-    path.write_text(SLEW.format(duration=1.0, rate=0.0, more=more, extra=""))
+    path.write_text(SLEW.format(duration=1.0, rate=0.0, more=more, extra="", patience=20.0))
     return path
 
 

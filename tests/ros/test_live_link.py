@@ -23,7 +23,7 @@ from flexslew_lab.trial.supervisor import Supervisor
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.topics import RECORDED, TRUTH
 
-from .flight import Flight, fork_server, patient, slew
+from .flight import Flight, fork_server, slew
 
 PATIENCE = 60.0  # with a bench on a busy machine [wall s]
 
@@ -105,7 +105,7 @@ def test_without_the_recorder_the_ticks_themselves_are_heard(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # long enough for DDS, which may need 3 s to find either topic
-    trial = patient(slew(duration=300.0))
+    trial = slew(duration=300.0)
     watchers: list[Watcher] = []
 
     def act(pids: dict[str, int], domain: int) -> None:

@@ -32,7 +32,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.ros.messages import stamp
 
-from .flight import Flight, patient, slew
+from .flight import Flight, slew
 
 PATIENT = "display_rate: 0.0\nmax_missed: 1000"
 OTHERS = ", output_feedback: {mode: tracking_a}"
@@ -46,7 +46,7 @@ def test_a_switch_typed_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -> 
             answers.append(bench.act("start"))
 
     answers: list[Any] = []
-    trial = patient(slew(120.0, 0.0, OTHERS, PATIENT))
+    trial = slew(120.0, 0.0, OTHERS, PATIENT)
     flight = Flight(trial, tmp_path, 0, by_hand)
     assert flight.outcome == (0, "")
     assert [reply.ok for reply in answers] == [True] * 3, answers
@@ -64,7 +64,7 @@ def test_late_answers_and_a_fallback_fly_again_to_the_same_hash(tmp_path: Path) 
 
     # five answers are waited for 0.5 s each; the bench is still busy when the late ones come
     extra = "fallback: [output_feedback]\ndisplay_rate: 0.0"
-    flight = Flight(slew(duration=240.0, more=OTHERS, extra=extra), tmp_path, 1, hold_up)
+    flight = Flight(slew(240.0, 0.0, OTHERS, extra, patience=0.5), tmp_path, 1, hold_up)
     assert "fallback" in flight.events, flight.log
     again = resim(flight.bag)
     assert again.replayed["missed"] == flight.metrics["missed_ticks"] > 0

@@ -99,6 +99,14 @@ def test_the_first_call_sets_up_and_the_second_one_does_nothing(checkout: Checko
     assert checkout.steps == []
 
 
+def test_who_builds_an_image_waits_for_all_machine_code(checkout: Checkout) -> None:
+    checkout.start(checkout.root / "setup" / "install.sh").communicate(timeout=60)
+    assert checkout.log.read_text().splitlines()[-1].endswith("compile_kernels --wait")
+    (checkout.root / "ros2_ws" / "src" / "msgs" / "A.msg").write_text("float64 b\n")
+    checkout.call()
+    assert checkout.log.read_text().splitlines()[-2].endswith("compile_kernels")
+
+
 def test_beside_an_installed_ros_its_own_packages_and_numpy_are_left_out(
     checkout: Checkout,
 ) -> None:

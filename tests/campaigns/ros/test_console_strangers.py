@@ -20,7 +20,7 @@ from flexslew_lab.trial.processes import NodeProcess
 from flexslew_lab.trial.run import run_trial
 from tests.ros.bystander import held
 from tests.ros.console_page import console, trial_file
-from tests.ros.flight import Flight, patient, slew
+from tests.ros.flight import Flight, slew
 
 pytest.importorskip("nicegui")
 
@@ -70,7 +70,7 @@ def test_a_bench_stays_whole_whatever_is_clicked_and_flies_again(
 
 
 def test_a_hung_page_and_a_killed_console_change_no_bit(tmp_path: Path) -> None:
-    trial = patient(slew(duration=60.0))
+    trial = slew(duration=60.0)
     alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)
     killed: list[str] = []
     pages: list[PageClient] = []

@@ -16,7 +16,7 @@ from flexslew_plant import topics
 from flexslew_plant.settings import yaml_text
 from tests.campaigns.test_texts import FAULTS, ODD, changed
 from tests.ros.bystander import Bystander, beside
-from tests.ros.flight import Flight, patient, slew
+from tests.ros.flight import Flight, slew
 
 REQUESTS = 60  # of a case
 SERVICES: dict[str, Any] = {
@@ -88,7 +88,7 @@ def test_a_bench_flies_on_and_flies_again_whatever_it_was_asked(
     tmp_path: Path, case: np.random.Generator
 ) -> None:
     asking = Asking(case)
-    trial = patient(slew(duration=3600.0, more=", lqr: {}", extra="allow_faults: true"))
+    trial = slew(duration=3600.0, more=", lqr: {}", extra="allow_faults: true")
     flight = Flight(trial, tmp_path, 20, asking)
     assert flight.outcome.exit_code == 130, flight.log
     assert len(asking.answers) == REQUESTS

@@ -1,6 +1,7 @@
 """Margins: at each one a pole of the loop with that gain or delay is on the unit circle."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import control
@@ -43,14 +44,20 @@ SOFT = {"pd_feedforward": {"kp": [0.5], "kd": [1.0]},
 PATHS = {"ideal": ActuatorSettings(), "lag": ActuatorSettings(lag=0.05)}
 
 
-def loop(bed: str, law: str, path: Path) -> tuple[Any, Any, Loop]:
+@cache
+def at_rest(bed: str, law: str) -> tuple[Any, Any]:
+    """Return the rest, and the law as it answers there, whatever drive is between the two."""
     values, joints = BEDS[bed]
     testbed = read_testbed(values, "here")
     described = plant(0.01, testbed.effort_limit, testbed)
     settings = LAWS[law] if bed.startswith("csa") else {**LAWS[law], **SOFT.get(law, {})}
     it = build_controller("it", law, settings, described, "here")
     rest = rest_of(testbed, joints)
-    form = running_law(it, rest, described.effort_limit).form
+    return rest, running_law(it, rest, described.effort_limit).form
+
+
+def loop(bed: str, law: str, path: Path) -> tuple[Any, Any, Loop]:
+    rest, form = at_rest(bed, law)
     return rest, form, loop_of(sampled_plant(rest, path, applied=True), form)
 
 

@@ -109,7 +109,7 @@ def wish(seed: int) -> Asked:
     """Return a random craft with a random goal."""
     rng = np.random.default_rng([28, seed])
     testbed = craft(rng)
-    bench = PlantDescription(testbed, 0.02, np.full(3, 4.0))
+    bench = PlantDescription(testbed, 0.05, np.full(3, 4.0))
     goal = {str(rng.choice(list(AXES))): float(rng.uniform(-0.8, 0.8))}
     return Asked(bench, Feedback(kp=(20.0,), kd=(80.0,)), goal)
 

@@ -1,8 +1,13 @@
-"""Compile the kernels of everything that is shipped, so that no run pays for it."""
+"""Compile the kernels of everything that is shipped, so that no run pays for it.
+
+Those of the default trial first; the others in the background, unless it is told to --wait. A run
+that needs one of them earlier compiles it itself, before its tick 0.
+"""
 
 import os
 import signal
 import sys
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from functools import partial
@@ -14,12 +19,13 @@ import numpy as np
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
+from flexslew_lab.background import in_background, machine_code_log
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import load_study, shipped_names, study_path
 from flexslew_lab.trial.in_process import fly
-from flexslew_lab.trial.sources import read_trial, shipped_trials
+from flexslew_lab.trial.sources import DEFAULT, read_trial, shipped_trials
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
@@ -84,17 +90,25 @@ def _endable() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-if __name__ == "__main__":
-    _endable()
-    tasks = [
-        *(partial(shipped_study, name) for name in shipped_names()),
-        *(partial(default_bench, modes) for modes in (3, 1)),
-        *(partial(shipped_trial, trial.name) for trial in reversed(shipped_trials())),
-    ]
-    processes = min(os.cpu_count() or 1, _MOST)
+def _compile(tasks: list[Callable[[], None]]) -> None:
+    """Do the tasks, side by side where there are processors for it."""
+    processes = min(os.cpu_count() or 1, _MOST, len(tasks))
     with ProcessPoolExecutor(processes, get_context("spawn"), _endable) as pool:
         waiting = [pool.submit(task) for task in tasks]
         for number, done in enumerate(as_completed(waiting), 1):
             done.result()
             if number % 7 == 0:
                 print(f"  {number} of {len(tasks)}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    _endable()
+    shipped_trial(DEFAULT)
+    if "--wait" in sys.argv or in_background(machine_code_log()):
+        _compile(
+            [
+                *(partial(shipped_study, name) for name in shipped_names()),
+                *(partial(default_bench, modes) for modes in (3, 1)),
+                *(partial(shipped_trial, trial.name) for trial in reversed(shipped_trials())),
+            ]
+        )

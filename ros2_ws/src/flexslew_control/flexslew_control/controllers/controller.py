@@ -200,6 +200,7 @@ class Controller:
         key = measurement.epoch, tick
         if key < self._key:
             return None
+        seen: Measurement | None = None
         if key > self._key:
             follows = key == (self._key[0], self._key[1] + 1)
             self.begin_epoch(measurement.epoch)
@@ -230,7 +231,7 @@ class Controller:
         if measurement.controller != self.name or self.reason:
             return None
         if self._answer is None:
-            seen = self._about_reference(measurement)
+            seen = seen or self._about_reference(measurement)
             self._answer = self._compute_answer(seen, self._estimate)
             self._answered = tick
         return self._answer

@@ -9,6 +9,7 @@ from typing import Annotated, TextIO
 
 import typer
 
+from flexslew_lab.background import machine_code_log, wait_for
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.terminal import for_people, print_table, say
 from flexslew_plant.errors import BadInput
@@ -41,6 +42,7 @@ def bench(
     for name in names or ():
         if name not in known:
             raise BadInput(f"{name} is not a benchmark; allowed: {', '.join(known)}")
+    _wait_for_machine_code()
     figures: dict[str, float] = {}
     failed: dict[str, str] = {}
     for name in names or [name for name in known if name not in LONG]:
@@ -83,6 +85,7 @@ def test(context: typer.Context) -> None:
 
     Example: `./flexslew test tests/plant -k energy`
     """
+    _wait_for_machine_code()
     if context.args:
         raise typer.Exit(_code(_pytest(*context.args)))
     with TemporaryFile("w+") as output:  # of the shorter part, shown after the longer one
@@ -91,6 +94,12 @@ def test(context: typer.Context) -> None:
         output.seek(0)
         print(output.read(), flush=True)
     raise typer.Exit(max(*codes, _code(_pytest(*OVER_ROS, "-m", "alone"))))
+
+
+def _wait_for_machine_code() -> None:
+    """Return when all is there that the set-up compiles in the background."""
+    with for_people.status("waiting for the machine code of the models"):
+        wait_for(machine_code_log())
 
 
 def _pytest(
