@@ -60,6 +60,27 @@ def test_an_interrupted_command_ends_in_one_line(tmp_path: Path, command: str) -
     assert said == ["interrupted"]
 
 
+def test_interrupted_planning_leaves_no_file(tmp_path: Path) -> None:
+    words = ["plan", "--out", "p.yaml", "--figure", "f.html", "--set", "plan.functions=40"]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "flexslew_lab.cli.main", *words],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=tmp_path,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    assert child.stdout is not None
+    try:
+        told = next(line for line in child.stdout if " J " in line)  # of the first iteration
+        child.send_signal(signal.SIGINT)
+        rest = child.stdout.read()
+        child.wait(60)
+    finally:
+        child.kill()
+        child.wait()
+    assert told.split()[0] == "1"
+    assert (child.returncode, rest.splitlines()[-1:]) == (130, ["interrupted"])
+    assert not [*tmp_path.iterdir()]
+
+
 def test_what_swallows_the_interrupt_is_ended_all_the_same() -> None:
     script = (
         "import signal, sys\n"
