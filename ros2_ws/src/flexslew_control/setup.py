@@ -25,6 +25,7 @@ setup(
         ("share/flexslew_control", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
     license="Apache-2.0",
     entry_points={

@@ -24,6 +24,7 @@ setup(
         ("share/flexslew_lab/trials", glob("flexslew_lab/trials/*.yaml")),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
     license="Apache-2.0",
     entry_points={

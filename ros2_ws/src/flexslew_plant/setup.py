@@ -12,6 +12,7 @@ setup(
         ("share/flexslew_plant", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
     license="Apache-2.0",
     entry_points={"console_scripts": ["plant = flexslew_plant.ros.plant_node:main"]},
