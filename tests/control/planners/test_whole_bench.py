@@ -26,6 +26,12 @@ METHODS: dict[str, dict[str, Any]] = {
     "start_coast_stop": {"duration": 40.0, "pulse_frequency": 1.0},
     "reference_only": {"duration": 30.0},
     "time_optimal": {},
+    "minimax_feedforward": {
+        "duration": 30.0,
+        "pieces": 12,
+        "ensemble": {"draw": "corners"},
+        "max_steps": 3,
+    },
 }
 NOTHING = 1e-5  # [m]
 

@@ -59,6 +59,11 @@ REPRODUCTIONS: dict[str, Reproduction] = {
         "time_optimal_rows",
         "time_optimal_figures",
     ),
+    "optimum": Reproduction(
+        "the least vibration of a bounded drive (Liu and Wie, 1992; convex programs)",
+        "optimum",
+        "optimum_rows",
+    ),
     "scole": Reproduction(
         "SCOLE under output feedback control (Sung and Joo), in space",
         "scole",

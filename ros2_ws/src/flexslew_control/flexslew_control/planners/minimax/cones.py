@@ -17,6 +17,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
 _INSIDE = 1e-4  # of the limit of a drive, by which its rows keep below it [-]
+_TRIED = 1e-6  # what a step may miss its rows by, in the units of the program [-]
 _HOLDING = 1e-7  # of the largest dual variable, above which a row holds a solution up
 
 
@@ -108,11 +109,13 @@ class Cones:
         keys = [Key(member, channel, int(tick), side) for tick in ticks]
         self._add_soft(side * slopes * self.unit / size, bounds, keys)
 
-    def add_residual(self, member: int, channel: int, ticks: Indices) -> None:
-        """Add |tip(k)| <= g at some ticks after the end."""
+    def add_residual(
+        self, member: int, channel: int, ticks: Indices, sides: Sequence[float] = (1.0, -1.0)
+    ) -> None:
+        """Add side * tip(k) <= g at some ticks after the end, |tip(k)| <= g by both sides."""
         slopes, offsets = self.program.responses[member].rows(ticks, channel)
         keys = [Key(member, channel, int(tick), 0.0) for tick in ticks]
-        for side in (1.0, -1.0):
+        for side in sides:
             wide = np.zeros((len(slopes), self.size))
             wide[:, : self.g] = side * slopes * self.unit
             wide[:, self.g] = -1.0
@@ -155,6 +158,8 @@ class Cones:
         settings.max_iter = 200
         settings.max_threads = 1
         settings.tol_gap_abs = settings.tol_gap_rel = self.accuracy
+        if self.program.trust is not None:  # its solution is flown and judged anyway
+            settings.tol_feas = _TRIED
         found = clarabel.DefaultSolver(
             sparse.diags(p, format="csc"),
             objective,

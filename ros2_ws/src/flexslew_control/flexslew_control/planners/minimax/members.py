@@ -1,7 +1,8 @@
 """The models for which one feedforward shall do: an ensemble about what the planner believes."""
 
 import itertools
-from dataclasses import field
+from collections.abc import Iterable, Iterator
+from dataclasses import field, replace
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from pydantic import Field
 from scipy.stats import qmc
 
 from flexslew_control.planners.slew import Slew
-from flexslew_plant.arrays import Matrix
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.settings import flat, plain, section
@@ -65,12 +66,34 @@ def members_of(asked: Ensemble, slew: Slew) -> tuple[Member, ...]:
     if len(points) > MOST:
         raise BadInput(f"{len(points)} members, at most {MOST}", "plan", "ensemble", asked.count)
     nominal = Member(dict.fromkeys(keys, 0.0), slew.model)
-    found = [nominal]
+    return nominal, *_at(points, keys, slew)
+
+
+def members_between(asked: Ensemble, slew: Slew, parts: int) -> tuple[Member, ...]:
+    """Return the models between the levels of a grid; none where they are too many.
+
+    What a plan leaves between its members is seen on them.
+
+    Args:
+        asked: the `ensemble` section.
+        slew: what the planner believes.
+        parts: into which they cut the way from one level to the next.
+    """
+    levels = parts * (asked.count - 1) + 1
+    if asked.draw != "grid" or asked.count < 2 or levels ** len(asked.vary) > MOST:
+        return ()
+    known = {tuple(point) for point in _points(asked).round(12).tolist()}
+    finer = _points(replace(asked, count=levels))
+    new = [point for point in finer if tuple(point.round(12).tolist()) not in known]
+    return tuple(_at(new, tuple(asked.vary), slew))
+
+
+def _at(points: Iterable[Vector], keys: tuple[str, ...], slew: Slew) -> Iterator[Member]:
+    """Yield the members with relative errors, but for the one without any."""
     for point in points:
         if point.any():
             errors = dict(zip(keys, point.tolist(), strict=True))
-            found.append(Member(errors, _changed(slew.testbed, errors).model()))
-    return tuple(found)
+            yield Member(errors, _changed(slew.testbed, errors).model())
 
 
 def _points(asked: Ensemble) -> Matrix:

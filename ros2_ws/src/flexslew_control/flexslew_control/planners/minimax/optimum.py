@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from flexslew_control.planners.minimax.linear_path import is_linear
-from flexslew_control.planners.minimax.members import Member, members_of
+from flexslew_control.planners.minimax.members import Member, members_between, members_of
 from flexslew_control.planners.minimax.program import Optimum
 from flexslew_control.planners.minimax.question import Question, convex_program
 from flexslew_control.planners.minimax.response import Grid
-from flexslew_control.planners.minimax.rounds import Goal, solved
+from flexslew_control.planners.minimax.rounds import NOTHING_SEEN, Goal, solved
 from flexslew_control.planners.minimax.search import MET, Report, Search, local_optimum, smooth
 from flexslew_control.planners.progress import Progress
 from flexslew_plant.arrays import Matrix
@@ -20,6 +20,9 @@ from flexslew_plant.errors import PlanFailed
 
 _UNSEEN = 1e-9  # residual that no bench sees [m]
 _CERTAIN = 1.01  # times the lower bound, up to which an optimum is one for certain
+_ROUNDS = 2  # in which members join
+_PARTS = 4  # into which the members between them cut the way from one level to the next
+_MORE = 0.03  # than the worst member, at which those between the members join them [-]
 _SAME = 0.999  # of a duration, from which on a shorter one is no other
 _LONGER = 2.0  # from one of the durations that are held to the next [-]
 
@@ -102,9 +105,18 @@ def _convex(
 def _direct(
     question: Question, members: tuple[Member, ...], report: Report, enough: float | None
 ) -> Found:
-    """Return the optimum of linear members with efforts until the end."""
+    """Return the optimum of linear members with efforts until the end.
+
+    Members between the others join them where they are left with more.
+    """
     program = convex_program(question, members)
     best = solved(program, report, Goal(enough=enough))
+    for _ in range(_ROUNDS if enough is None or best.worst <= enough else 0):
+        if not (more := _worse(question, program.grid, best, report)):
+            break
+        members = (*members, *more)
+        program = convex_program(question, members)
+        best = solved(program, report, Goal(enough=enough), best.rows)
     words = (
         f"no efforts on {program.grid.pieces} pieces leave less than {best.bound:.4g} m on the "
         f"worst of {len(members)} members"
@@ -112,8 +124,22 @@ def _direct(
     return Found(question.duration, program.grid, members, best, True, report.count, words)
 
 
+def _worse(question: Question, grid: Grid, best: Optimum, report: Report) -> tuple[Member, ...]:
+    """Return the members between the others that are left with more; none: it is not much more."""
+    between = members_between(question.ensemble, question.slew, _PARTS)
+    if not between:
+        return ()
+    nominal = members_of(replace(question.ensemble, vary={}), question.slew)
+    residuals = Search(question, (*nominal, *between), grid, report).merit(best.weights).residuals
+    most = best.worst + NOTHING_SEEN * question.span
+    if residuals.max() <= (1.0 + _MORE) * most:
+        return ()
+    return tuple(m for m, left in zip(between, residuals[1:], strict=True) if left > most)
+
+
 def _local(question: Question, members: tuple[Member, ...], report: Report) -> Found:
     """Return the best local optimum that was found, with efforts as long as they are of use."""
+    members = (*members, *members_between(question.ensemble, question.slew, 2))
     asked = replace(question, duration=question.driven)
     grid, weights, merit = local_optimum(asked, members, report)
     words = "the best local optimum from 2 starts, not a bound: the plant is not linear"

@@ -28,7 +28,7 @@ _CLOSE = 1e-3  # relative distance of residual and bound at which the program is
 _ROUNDING = 1e-6  # of a limit [-]
 _ACCURACY = 1e-4  # of each round's solution, beside that of the last [-]
 _NEAR = 0.4  # of the worst residual, and off a limit, at which a peak may come to hold the step up
-_NOTHING = 1e-8  # of the way, by which residual and bound may differ whatever they are [m/rad]
+NOTHING_SEEN = 1e-8  # of the way, by which residual and bound may differ whatever they are [m/rad]
 _LITTLE, _LATE = 1e-6, 10  # what they may differ by from this round on: what rounding leaves
 _ROUNDS = 40
 _A_ROUND = 12  # rows that a member's channel gains in each round
@@ -88,7 +88,7 @@ def solved(
             best = found
         if best is not None:
             best = best._replace(bound=max(best.bound, found.bound))
-        if _done(cones, goal, best, found, _LITTLE if k >= _LATE else _NOTHING):
+        if _done(cones, goal, best, found, _LITTLE if k >= _LATE else NOTHING_SEEN):
             return best or found
         cones.scale = max(found.worst, 1e-12) if np.isfinite(found.worst) else cones.scale
     if best is None and goal.rounds is None:
@@ -120,8 +120,9 @@ def _near_rows(cones: Cones, trust: Trust) -> None:
                 cones.add(i, int(channel), _peaks(beyond), side)
         if cones.ticks_count:
             for tip in range(tips):
-                beyond = np.abs(flown[ticks:, tip]) - _NEAR * worst
-                cones.add_residual(i, tip, ticks + _peaks(beyond))
+                for side in (1.0, -1.0):
+                    beyond = side * flown[ticks:, tip] - _NEAR * worst
+                    cones.add_residual(i, tip, ticks + _peaks(beyond), (side,))
 
 
 def _round(cones: Cones) -> tuple[bool, Optimum]:

@@ -14,8 +14,14 @@ from flexslew_control.planners.minimax.members import Member, members_of
 from flexslew_control.planners.minimax.program import Program
 from flexslew_control.planners.minimax.question import Question, program_of, rests_of
 from flexslew_control.planners.minimax.response import Grid, Response
+from flexslew_control.planners.minimax.successive import (
+    FIRST_RADIUS,
+    Local,
+    Merit,
+    improved,
+    merit_of,
+)
 from flexslew_control.planners.minimax.successive import Ensemble as Flown
-from flexslew_control.planners.minimax.successive import Local, Merit, improved, merit_of
 from flexslew_control.planners.progress import Progress, Update, ignore
 from flexslew_control.planners.whole_bench import NOTHING
 from flexslew_plant.arrays import Vector
@@ -29,6 +35,8 @@ _MISSED = 2e-3  # share of the end and the limits that may be missed
 _WORSE = 0.02  # than the members that were counted with, for another one to join them [-]
 _A_START = 5  # steps, after which a start that is behind the best plan is given up
 _BEHIND = 1.3  # times its cost
+_WIDER = 4.0  # than the region of the last step is that of the first with more members [-]
+_NARROW = 0.02  # of the limits, the smallest first region with more members [-]
 _MORE = 6  # rounds in which members join
 _AT_ONCE = 2  # members that join in a round
 
@@ -74,13 +82,13 @@ class Search:
         """Return what is asked for, about some flights."""
         return program_of(self.question, self.members, self.grid, responses)
 
-    def run(self, start: Vector, steps: int) -> Local:
-        """Return the local optimum near some weights."""
+    def run(self, start: Vector, steps: int, radius: float = FIRST_RADIUS) -> Local:
+        """Return the local optimum near some weights; see improved."""
 
         def listener(number: int, weights: Vector, merit: Merit, bound: float) -> None:
             self.report(number, weights, float(merit.residuals.max()), bound)
 
-        return improved(self.program, self.ensemble, start, self.price, steps, listener)
+        return improved(self.program, self.ensemble, start, self.price, steps, radius, listener)
 
     def of(self, used: Sequence[int]) -> "Search":
         """Return the search on some of the members."""
@@ -91,9 +99,11 @@ class Search:
 
         It is sought on some members; the worst of the others joins them until none is worse.
         """
+        radius = FIRST_RADIUS
         for _ in range(_MORE):
-            local = self.of(used).run(start, self.question.steps)
+            local = self.of(used).run(start, self.question.steps, radius)
             start = local.weights
+            radius = float(np.clip(_WIDER * local.radius, _NARROW, FIRST_RADIUS))
             merit = self.merit(start)
             worse = merit.residuals > (1.0 + _WORSE) * local.merit.residuals.max()
             worse &= merit.residuals > NOTHING

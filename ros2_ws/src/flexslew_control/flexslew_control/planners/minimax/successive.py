@@ -35,9 +35,11 @@ from flexslew_control.planners.whole_bench import NOTHING
 from flexslew_plant.arrays import Matrix, Vector
 
 _GOAL = Goal(close=0.02, rounds=3)  # of every program
-_FIRST_RADIUS = 0.3  # of the limits
+FIRST_RADIUS = 0.3  # of the limits
 _SMALLEST_RADIUS = 1e-4
 _GOOD, _POOR = 0.7, 0.2  # shares of the predicted gain, above and below which the region changes
+_AIMED = 0.4  # share of the predicted gain that a smaller region may lose
+_FORGOTTEN = 1.4  # times, by which a region that was too large counts as larger with every step
 _SETTLED = 5e-3  # relative gain at which it ends
 _DEARER = 5.0  # times, of the price of missing
 _MET = 1e-4  # share of end and limits that may be missed
@@ -170,6 +172,7 @@ class Local(NamedTuple):
     merit: Merit
     steps: int
     settled: bool
+    radius: float  # of the last step's region, of the limits [-]
 
 
 def merit_of(
@@ -209,6 +212,7 @@ def improved(
     start: Vector,
     price: float,
     steps: int,
+    radius: float = FIRST_RADIUS,
     listener: Callable[[int, Vector, Merit, float], None] = lambda *_: None,
 ) -> Local:
     """Return the local optimum near some efforts.
@@ -219,9 +223,10 @@ def improved(
         start: weights.
         price: of what is missed [m].
         steps: at most.
+        radius: of the first step, of the limits [-].
         listener: called with number, weights, merit and the bound of the program [m].
     """
-    weights, radius, known = start, _FIRST_RADIUS, tuple[Key, ...]()
+    weights, known, failed = start, tuple[Key, ...](), np.inf
     unit = np.tile(ensemble.limits.demand, ensemble.grid.pieces)
     flights = ensemble.flown(weights)
     asked = program(ensemble.responses(weights, flights))
@@ -231,7 +236,7 @@ def improved(
         try:
             found = solved(replace(asked, trust=trust), goal=_GOAL, known=known)
         except Infeasible:  # the changes of the start are too large
-            return Local(weights, merit, k, False)
+            return Local(weights, merit, k, False, radius)
         known = found.rows
         predicted_cost = found.worst + price * found.missed
         predicted_cost += asked.rho * float(found.weights @ found.weights)
@@ -266,11 +271,13 @@ def improved(
             if not settled:
                 asked = program(ensemble.responses(weights, flights))
         if settled:
-            return Local(weights, merit, k + 1, True)
-        if share > _GOOD and size > 0.9 * radius:
-            radius = min(2.0 * radius, 2.0)
-        elif share < _POOR:
-            radius = 0.5 * min(radius, size)
+            return Local(weights, merit, k + 1, True, radius)
+        if share < _POOR:  # the error of the program grows with the square of the step
+            failed = min(radius, size)
+            radius = failed * float(np.clip(np.sqrt(_AIMED / (1.0 - share)), 0.2, 0.5))
+        elif share > _GOOD and size > 0.9 * radius:
+            radius = max(radius, min(2.0 * radius, 0.7 * failed, 2.0))
+            failed *= _FORGOTTEN
         if radius < _SMALLEST_RADIUS:
             break
-    return Local(weights, merit, steps, False)
+    return Local(weights, merit, steps, False, radius)
