@@ -31,7 +31,8 @@ _RECORDED = tuple(name for name in t.TOPICS if name not in t.NOT_RECORDED)
 ROLES: dict[str, Rights] = {
     "plant": Rights(
         publish=(t.MEASUREMENT, t.TRUTH, t.EVENTS, t.TESTBED, t.ALIVE, t.BENCH_STATE,
-                 t.DIAGNOSTICS, *t.DISPLAYED, t.TF_STATIC, t.ROBOT_DESCRIPTION),
+                 t.DIAGNOSTICS, *t.DISPLAYED, t.TF_STATIC, t.ROBOT_DESCRIPTION,
+                 t.SENSORS_IMU, t.SENSORS_ATTITUDE),
         subscribe=(t.EFFORT_COMMAND, t.CONTROLLER_STATUS, t.RECORDER_STATUS, t.ALIVE),
         reply=(*_OPERATE, *(f"~/{name}" for name in t.OFFERED_PRIVATELY)),
     ),

@@ -38,6 +38,7 @@ MARKERS = "markers"
 IMU, ODOMETRY, WRENCH = "imu", "odometry", "wrench"  # of a platform that floats freely
 JOINT_TRAJECTORY = "joint_trajectory"  # a manoeuvre that the planner node is asked for
 PLANNED_TRAJECTORY = "planned_trajectory"  # a plan as those without flexslew_msgs read it
+SENSORS_IMU, SENSORS_ATTITUDE = "sensors/imu", "sensors/attitude"  # gyros, star trackers
 ROBOT_DESCRIPTION = "robot_description"
 TF = "/tf"
 TF_STATIC = "/tf_static"
@@ -71,6 +72,8 @@ TOPICS: dict[str, Topic] = {
         Topic(WRENCH, "geometry_msgs/msg/WrenchStamped", LOOP_DEPTH),
         Topic(JOINT_TRAJECTORY, "trajectory_msgs/msg/JointTrajectory", 10),
         Topic(PLANNED_TRAJECTORY, "trajectory_msgs/msg/JointTrajectory", 1, latched=True),
+        Topic(SENSORS_IMU, "sensor_msgs/msg/Imu", LOOP_DEPTH),
+        Topic(SENSORS_ATTITUDE, "geometry_msgs/msg/QuaternionStamped", LOOP_DEPTH),
         Topic(CLOCK, "rosgraph_msgs/msg/Clock", LOOP_DEPTH),
         Topic(DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", 10),
         Topic(ROSOUT, "rcl_interfaces/msg/Log", 1000, latched=True),
@@ -84,7 +87,10 @@ DISPLAYED = (
 )
 # Wall-clock status (what affects a run is an event, too), or copies of other topics; what a
 # trajectory asks for becomes a plan.
-NOT_RECORDED = (ALIVE, BENCH_STATE, RECORDER_STATUS, RECORDED, DIAGNOSTICS, JOINT_TRAJECTORY)
+NOT_RECORDED = (
+    *(ALIVE, BENCH_STATE, RECORDER_STATUS, RECORDED, DIAGNOSTICS, JOINT_TRAJECTORY),
+    *(SENSORS_IMU, SENSORS_ATTITUDE),
+)
 
 START, PAUSE, STEP, RESET = "start", "pause", "step", "reset"
 BRAKE, RELEASE_BRAKE = "brake", "release_brake"

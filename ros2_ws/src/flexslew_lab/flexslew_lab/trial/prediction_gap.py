@@ -31,6 +31,7 @@ def prediction_gap(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> 
     model = dict(plan.request.get("model") or {})
     model.pop("initial", None)
     undisturbed = trial.sensors == SensorSettings() and trial.actuator == ActuatorSettings()
+    undisturbed = undisturbed and not trial.testbed.model().appendages.instruments
     comparable = model == seen or "residual_tip_deflection_on_model" in plan.summary
     if predicted is None or not comparable or not undisturbed:
         return ""

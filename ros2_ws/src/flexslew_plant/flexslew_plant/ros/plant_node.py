@@ -91,11 +91,11 @@ class Plant:
 
     def _send(self) -> None:
         """Publish what the session has to say."""
-        outbox = self.session.outbox
-        while outbox:
-            record = outbox.popleft()
+        while self.session.outbox:
+            record = self.session.outbox.popleft()
             if isinstance(record, Measurement):
                 self._exchange.ask(record)
+                self.display.sense(record)
             elif isinstance(record, Truth):
                 self._show(record)
             else:

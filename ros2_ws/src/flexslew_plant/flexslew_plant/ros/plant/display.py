@@ -18,9 +18,11 @@ from visualization_msgs.msg import Marker, MarkerArray
 from flexslew_plant import topics
 from flexslew_plant.arrays import NOTHING, Vector
 from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.plant.platform_display import PlatformDisplay
+from flexslew_plant.ros.plant.instrument_display import InstrumentDisplay
 from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.robot_model import Frame
@@ -47,6 +49,7 @@ class Display:
         self._tf = publisher(node, topics.TF)
         self._markers = publisher(node, topics.MARKERS)
         self._platform = PlatformDisplay(node, self._prefix)
+        self._instruments = InstrumentDisplay(node, bench.appendages.instruments)
         self._draw(bench.testbed)
         static = publisher(node, topics.TF_STATIC)
         if self._scene.fixed:
@@ -86,6 +89,10 @@ class Display:
         self._platform.show(at, x, truth.applied_effort, truth.time)
         points = [line.ravel() for line in self._scene.lines(truth.position)]
         self._markers.publish(shown.lines.filled(at, np.concatenate((NOTHING, *points))))
+
+    def sense(self, measurement: Measurement) -> None:
+        """Publish what instruments read, at whatever rate the rest is shown."""
+        self._instruments.show(measurement)
 
     def _moving(self, position: Vector, time: float) -> list[Frame]:
         """Return the frames that are not static."""

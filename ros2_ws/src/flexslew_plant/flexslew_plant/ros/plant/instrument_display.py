@@ -1,0 +1,76 @@
+"""What gyros and star trackers read, in standard messages."""
+
+from collections.abc import Callable
+from functools import partial
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion, QuaternionStamped, Vector3
+from rclpy.node import Node
+from sensor_msgs.msg import Imu
+from std_msgs.msg import Header
+
+from flexslew_plant import topics
+from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.bench.wire import Stamp, stamp_of
+from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.template import Template
+from flexslew_plant.testbeds.instruments import Gyro, Instrument, StarTracker
+from flexslew_plant.testbeds.instruments.instrument import channels
+
+_NOT_GIVEN = [-1.0, *[0.0] * 8]  # a covariance that says: not measured (sensor_msgs/Imu)
+
+
+class InstrumentDisplay:
+    """Publishes each gyro on `sensors/imu` and each star tracker on `sensors/attitude`.
+
+    They are the readings of the measurement, faults included, at each of its ticks; of a star
+    tracker those that there are. The frame is the name of the sensor; all numbers are along body
+    axes, stamps are those of the measurement.
+
+    Args:
+        node: the plant.
+        instruments: of what stands on the bench.
+    """
+
+    def __init__(self, node: Node, instruments: tuple[Instrument, ...]) -> None:
+        imu, attitude = (
+            publisher(node, topics.SENSORS_IMU),
+            publisher(node, topics.SENSORS_ATTITUDE),
+        )
+        self._shown: list[tuple[slice, Callable[[Stamp, Vector], None]]] = []
+        for one in instruments:
+            if isinstance(one, Gyro):
+                shown = Template(partial(_imu, one.name), 3)
+                self._shown.append((channels(one), _sender(imu.publish, shown)))
+            elif isinstance(one, StarTracker):
+                shown = Template(partial(_attitude, one.name), 4)
+                self._shown.append((channels(one), _sender(attitude.publish, shown)))
+
+    def show(self, measurement: Measurement) -> None:
+        """Publish what the instruments read at this tick."""
+        for where, send in self._shown:
+            reading = measurement.tip_deflection[where]
+            if len(reading) == 3 or reading.any():
+                send(stamp_of(measurement.time), reading)
+
+
+def _sender(publish: Callable[[bytes], None], shown: Template) -> Callable[[Stamp, Vector], None]:
+    """Return what publishes a reading."""
+    return lambda at, reading: publish(shown.filled(at, reading))
+
+
+def _imu(name: str, at: Time, numbers: list[float]) -> Imu:
+    x, y, z = numbers
+    return Imu(
+        header=Header(stamp=at, frame_id=name),
+        orientation_covariance=_NOT_GIVEN,
+        angular_velocity=Vector3(x=x, y=y, z=z),
+        linear_acceleration_covariance=_NOT_GIVEN,
+    )
+
+
+def _attitude(name: str, at: Time, numbers: list[float]) -> QuaternionStamped:
+    x, y, z, w = numbers
+    turned = Quaternion(x=x, y=y, z=z, w=w)
+    return QuaternionStamped(header=Header(stamp=at, frame_id=name), quaternion=turned)
