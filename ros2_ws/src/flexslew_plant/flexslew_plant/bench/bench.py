@@ -16,6 +16,7 @@ from flexslew_plant.bench.hardware.drive import Drive
 from flexslew_plant.bench.hardware.friction import friction_of
 from flexslew_plant.bench.hardware.plausibility import Plausibility
 from flexslew_plant.bench.hardware.sensors import Readings, Sensors, exact_readings
+from flexslew_plant.bench.hardware.thrusters import thrusters_of
 from flexslew_plant.bench.injections import Injections, injection_of
 from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.records import ActiveFault
@@ -72,7 +73,9 @@ class Bench:
         brake = settings.brake_damping_ratio * slowest * self.model.inertias(self._start)
         self.drive = Drive(settings.active, settings.max_missed, brake)
         self.handover = Handover(self.drive, settings.fallback, self.tell)
-        self.actuator = Actuator(settings.actuator, self.limit, settings.period)
+        names, pulse = self.model.joint_names, settings.actuator.shortest_pulse
+        thrusters = thrusters_of(pulse, names, self.limit, settings.period)
+        self.actuator = Actuator(settings.actuator, self.limit, settings.period, thrusters)
         chosen = settings.plausibility
         self._plausibility = Plausibility(chosen, settings.period) if chosen else None
         self._friction = friction_of(settings.actuator, self.model, settings.period)

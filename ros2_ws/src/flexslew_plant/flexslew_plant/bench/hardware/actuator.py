@@ -1,4 +1,4 @@
-"""The motors: torque limit, quantisation, slew rate and first-order lag; see friction, too."""
+"""The motors: torque limit, quantisation, slew rate, lag; see friction and thrusters, too."""
 
 from math import expm1
 from typing import Annotated, TypeAlias
@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Discriminator, Tag
 
 from flexslew_plant.arrays import Vector
+from flexslew_plant.bench.hardware.thrusters import Thrusters
 from flexslew_plant.settings import NonNegative, Positive, section
 
 # one number for all motors, or one by name
@@ -26,6 +27,9 @@ class ActuatorSettings:
     slew_rate: NonNegative = 0.0
     # the torques that slew rate and lag start from are multiples of it [N m]; 0: none
     quantisation: NonNegative = 0.0
+    # shortest pulse of thrusters, which are on or off: of every actuator, or by name of actuators
+    # [s]; at most one tick; 0: it pushes continuously
+    shortest_pulse: PerMotor = 0.0
     # coefficient of viscous friction of every motor, or by name of motors [N m s/rad]
     viscous_friction: PerMotor = 0.0
     coulomb_friction: PerMotor = 0.0  # dry friction of every motor, or by name of motors [N m]
@@ -45,9 +49,17 @@ class Actuator:
         settings: the `actuator` section.
         limit: largest |effort|, shape (joints,) [N m or N].
         period: one tick [s].
+        thrusters: those that are on or off; None: all push continuously.
     """
 
-    def __init__(self, settings: ActuatorSettings, limit: Vector, period: float) -> None:
+    def __init__(
+        self,
+        settings: ActuatorSettings,
+        limit: Vector,
+        period: float,
+        thrusters: Thrusters | None = None,
+    ) -> None:
+        self._thrusters = thrusters
         self._settings, self._limit = settings, limit
         self._bounds: list[float] = limit.tolist()
         self._period = period
@@ -67,6 +79,8 @@ class Actuator:
         self._ramped: Vector = np.zeros(self._limit.size)  # u at the end of the last tick
         self._lagged: Vector = np.zeros(self._limit.size)  # z at the end of the last tick
         self.saturated = False
+        if self._thrusters is not None:
+            self._thrusters.reset()
 
     def place(self, torque: Vector) -> None:
         """Go on from this torque, as if the demand had been it for long.
@@ -86,6 +100,8 @@ class Actuator:
         if s.quantisation:
             most = np.floor(self._limit / s.quantisation)
             effort = s.quantisation * np.clip(np.round(effort / s.quantisation), -most, most)
+        if self._thrusters is not None:
+            effort = self._thrusters.apply(effort)
         if s.slew_rate:
             self.effort = self._followed(effort)
             return self.effort
