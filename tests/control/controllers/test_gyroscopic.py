@@ -1,4 +1,4 @@
-"""PD with the gyroscopic torque: it turns a rigid craft about its eigenaxis, and is w x J w."""
+"""PD and PID with the gyroscopic torque: a craft turns about its eigenaxis; it is w x J w."""
 
 import numpy as np
 import pytest
@@ -30,17 +30,19 @@ CRAFT = read_testbed(
 )
 
 
-def off_the_axis(goal: Vector, with_it: bool) -> float:
+def off_the_axis(goal: Vector, with_it: bool, law: str) -> float:
     """Return how far a step of the reference strays from its eigenaxis [rad]."""
     model = CRAFT.model()
     keys = {"kp": (0.3 * INERTIA).tolist(), "kd": (0.8 * INERTIA).tolist(), "gyroscopic": with_it}
+    if law == "collocated_pid":
+        keys["ki"] = (0.03 * INERTIA).tolist()
     plant = PlantDescription(CRAFT, PERIOD, np.full(3, 1e3))
-    it = build_controller("it", "pd_feedforward", keys, plant, "here")
+    it = build_controller("it", law, keys, plant, "here")
     still, none = np.zeros((2, 3)), np.zeros((2, 0))
     plan = Plan("none", NAMES, 0.0, PERIOD, still + goal, still, still[:1], none, PERIOD)
     assert it.adopt(plan) is None
     x, effort, rows = np.concatenate((model.rest({}), np.zeros(6))), np.zeros(3), []
-    for k in range(1500):
+    for k in range(3000 if "ki" in keys else 1500):
         seen = exact_readings(model, x, effort, k * PERIOD)
         answer = it.observe(Measurement(k, 0, k * PERIOD, "it", *seen, effort))
         assert answer is not None
@@ -53,11 +55,11 @@ def off_the_axis(goal: Vector, with_it: bool) -> float:
     return float(np.linalg.norm(turned - np.outer(turned @ axis, axis), axis=1).max())
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_with_it_a_pd_turns_a_craft_about_the_eigenaxis(seed: int) -> None:
+@pytest.mark.parametrize(("law", "seed"), [("pd_feedforward", 0), ("collocated_pid", 1)])
+def test_with_it_a_law_turns_a_craft_about_the_eigenaxis(law: str, seed: int) -> None:
     axis = np.random.default_rng(seed).standard_normal(3)
     goal = 2.5 * axis / np.linalg.norm(axis)
-    without, strays = off_the_axis(goal, False), off_the_axis(goal, True)
+    without, strays = (off_the_axis(goal, with_it, law) for with_it in (False, True))
     assert strays < 0.05 * without  # what is left is that of the hold
     assert without > 1e-3
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.gyroscopic import gyroscopic
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.sampled_loop import require_sampled_pd
 from flexslew_control.estimators.attitude_estimator import (
@@ -42,6 +43,7 @@ class CollocatedPid:
     tracking_time: TrackingTime = 10.0
     model: BelievedModel = None
     operating_point: OperatingPoint = None
+    gyroscopic: bool = False  # add w x J w, beyond that of the plan, of a craft in three axes
     # attitude and rates by gyro and star tracker; null: as the joints read them
     attitude: AttitudeFilterSettings | None = None
 
@@ -84,7 +86,7 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, 
 
     Raises:
         BadInput: neither one gain nor one per joint, gains that do not stabilise the operating
-            point, or a testbed that lacks the sensors of an attitude.
+            point, or a testbed that lacks the sensors of an attitude or turns in fewer axes.
     """
     model = plant.believed(settings.model)
     given = (("kp", settings.kp), ("ki", settings.ki), ("kd", settings.kd))
@@ -99,7 +101,9 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, 
     bench = plant.testbed.model()
     require_sampled_pd(bench, bench.rest({}), kp, kd, plant.period, "collocated_pid", ki)
     limit = plant.effort_limit
-    law = IntegralLaw(JointDeviation(kp, ki, kd), limit, settings.tracking_time, plant.period)
+    turning = gyroscopic(plant.testbed, "gyroscopic") if settings.gyroscopic else None
+    deviation = JointDeviation(kp, ki, kd)
+    law = IntegralLaw(deviation, limit, settings.tracking_time, plant.period, turning)
     return joint_estimator(plant, settings.attitude), law
 
 
@@ -107,7 +111,7 @@ def linear(
     estimator: Estimator, law: IntegralLaw, references: list[Reference]
 ) -> LinearForm | None:
     """Return the law as matrices; see LawEntry."""
-    if not isinstance(estimator, MeasuredJoints):
+    if law.turning is not None or not isinstance(estimator, MeasuredJoints):
         return None
     gains = law.deviation
     assert isinstance(gains, JointDeviation)

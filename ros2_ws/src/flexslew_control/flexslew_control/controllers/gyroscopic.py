@@ -31,6 +31,10 @@ class Gyroscopic:
         w = self.attitude.turn_of(rates)
         return np.asarray(self.quadratic @ w @ w)
 
+    def beyond(self, rates: Vector, reference: Vector) -> Vector:
+        """Return the efforts at some rates beyond those of a reference, which its plan carries."""
+        return self.efforts(rates) - self.efforts(reference)
+
 
 def gyroscopic(testbed: Testbed, key: str) -> Gyroscopic:
     """Return the gyroscopic efforts of a testbed; wheels alone, which leave no momentum, need none.

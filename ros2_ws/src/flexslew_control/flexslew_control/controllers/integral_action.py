@@ -6,6 +6,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from flexslew_control.controllers.gyroscopic import Gyroscopic
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.linear_form import Integration
 from flexslew_plant.arrays import Vector
@@ -32,12 +33,14 @@ class IntegralLaw:
         limit: of the efforts, shape (joints,) [N m or N].
         tracking_time: T_t [s]; None: the integral winds up.
         period: one tick [s].
+        turning: adds w x J w beyond that of the reference to u; None: nothing.
     """
 
     deviation: Deviation
     limit: Vector
     tracking_time: float | None
     period: float
+    turning: Gyroscopic | None = None
     terms: dict[str, Vector] = field(init=False, default_factory=dict)
     _s: Vector = field(init=False)
 
@@ -57,18 +60,28 @@ class IntegralLaw:
         """Choose the integral such that the next effort is `effort`, within the limit."""
         action = self.deviation(estimate, reference)
         self._s = effort - reference.effort - action.proportional - action.derivative
+        if self.turning is not None:
+            self._s = self._s - self._beyond(self.turning, estimate, reference)
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the joint efforts within the limit, shape (joints,) [N m or N]."""
         action = self.deviation(estimate, reference)
         demand = reference.effort + action.proportional + action.derivative + self._s
+        beyond = {}
+        if self.turning is not None:
+            beyond = {"gyroscopic": self._beyond(self.turning, estimate, reference)}
+            demand = demand + beyond["gyroscopic"]
         effort = np.clip(demand, -self.limit, self.limit)
         self.terms = {
             "feedforward": reference.effort,
             "proportional": action.proportional,
             "derivative": action.derivative,
             "integral": self._s,
+            **beyond,
         }
         integrand = action.integrand + self._unwinding * (effort - demand)
         self._s = self._s + self.period * integrand
         return effort
+
+    def _beyond(self, turning: Gyroscopic, estimate: Estimate, reference: Reference) -> Vector:
+        return turning.beyond(estimate.velocity[: self.limit.size], reference.velocity)

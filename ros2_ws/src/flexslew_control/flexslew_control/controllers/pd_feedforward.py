@@ -64,9 +64,7 @@ class PdFeedforward:
         effort: Vector = reference.effort + proportional + derivative
         if self.turning is None:
             return effort
-        beyond = self.turning.efforts(estimate.velocity[:n]) - self.turning.efforts(
-            reference.velocity
-        )
+        beyond = self.turning.beyond(estimate.velocity[:n], reference.velocity)
         self.terms["gyroscopic"] = beyond
         return effort + beyond
 

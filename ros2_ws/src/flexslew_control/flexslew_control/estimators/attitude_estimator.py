@@ -29,7 +29,7 @@ _PRESENT = 0.5  # size of a reading from which on it is one: zeros mean that the
 class AttitudeFilterSettings:
     """The `attitude` section of a law that knows the attitude from sensors alone."""
 
-    gyro: str | None = None  # its name; null: the only one
+    gyro: str | None = None  # name of the gyro; null: the only one
     noise_factor: Positive = 1.0  # on all noises that the sensors state [-]
     initial_attitude: NonNegative = 1.0  # standard deviation until the first reading [rad]
     initial_bias: NonNegative = 1e-3  # of the gyro's bias at the start [rad/s]

@@ -91,8 +91,9 @@ class Plant:
 
     def _send(self) -> None:
         """Publish what the session has to say."""
-        while self.session.outbox:
-            record = self.session.outbox.popleft()
+        outbox = self.session.outbox
+        while outbox:
+            record = outbox.popleft()
             if isinstance(record, Measurement):
                 self._exchange.ask(record)
                 self.display.sense(record)

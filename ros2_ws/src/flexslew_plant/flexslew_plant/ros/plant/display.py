@@ -21,8 +21,8 @@ from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.ros.offers import publisher
-from flexslew_plant.ros.plant.platform_display import PlatformDisplay
 from flexslew_plant.ros.plant.instrument_display import InstrumentDisplay
+from flexslew_plant.ros.plant.platform_display import PlatformDisplay
 from flexslew_plant.ros.template import Template
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.robot_model import Frame

@@ -28,12 +28,12 @@ class GyroSettings:
     """A gyro on the platform, along the body axes."""
 
     kind: Literal["gyro"]
-    angle_random_walk: NonNegative = 0.0  # density of its white noise [rad/sqrt(s)]
-    rate_random_walk: NonNegative = 0.0  # of its bias [rad/s/sqrt(s)]
-    bias: Triple = (0.0, 0.0, 0.0)  # at the start [rad/s]
+    angle_random_walk: NonNegative = 0.0  # density of a gyro's white noise [rad/sqrt(s)]
+    rate_random_walk: NonNegative = 0.0  # of the random walk of its bias [rad/s/sqrt(s)]
+    bias: Triple = (0.0, 0.0, 0.0)  # of a gyro at the start, in body axes [rad/s]
     bias_spread: NonNegative = 0.0  # standard deviation about it, drawn by the seed [rad/s]
     scale: Triple = (0.0, 0.0, 0.0)  # errors of the scale factors [-]
-    misalignment: Triple = (0.0, 0.0, 0.0)  # turn of its axes against the body's [rad]
+    misalignment: Triple = (0.0, 0.0, 0.0)  # rotation vector from the body's axes to its own [rad]
 
 
 @dataclass(frozen=True)

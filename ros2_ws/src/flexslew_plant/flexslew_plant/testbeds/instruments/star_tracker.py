@@ -20,14 +20,18 @@ class StarTrackerSettings:
     """A star tracker on the platform."""
 
     kind: Literal["star_tracker"]
-    boresight: tuple[float, float, float] = (0.0, 0.0, 1.0)  # in body axes, of any length
-    across: NonNegative = 0.0  # standard deviation across the boresight [rad]
+    boresight: tuple[float, float, float] = (
+        0.0,
+        0.0,
+        1.0,
+    )  # of a star tracker, in body axes, of any length
+    across: NonNegative = 0.0  # standard deviation across its boresight [rad]
     about: NonNegative = 0.0  # and about it [rad]
-    rate_noise: NonNegative = 0.0  # further noise of all axes, per rate [rad per rad/s = s]
-    rate_limit: Positive | None = None  # above it there is no reading [rad/s]; null: none
-    interval: NonNegative = 0.0  # between readings [s]; 0: each tick
-    delay: NonNegative = 0.0  # of a reading [s]
-    dropout: Probability = 0.0  # of each reading
+    rate_noise: NonNegative = 0.0  # further noise of all its axes, per body rate [s]
+    rate_limit: Positive | None = None  # body rate above which it reads nothing [rad/s]; null: none
+    interval: NonNegative = 0.0  # between its readings [s]; 0: each tick
+    delay: NonNegative = 0.0  # of its readings [s]
+    dropout: Probability = 0.0  # probability that a reading is missing
     blind: tuple[
         tuple[NonNegative, NonNegative], ...
     ] = ()  # spans without readings, from and until [s]
