@@ -23,7 +23,7 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter
-from flexslew_lab.trial.in_process import fly
+from flexslew_lab.run.in_process import fly
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
@@ -33,8 +33,8 @@ from flexslew_lab.trial.trial import (
     trial_text,
 )
 from flexslew_plant.bench.bench import Bench
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 
 HOURS = "FLEXSLEW_BENCH_HOURS"
 PERIOD = os.environ.get("FLEXSLEW_BENCH_PERIOD", "0.01")  # [s]

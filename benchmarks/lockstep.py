@@ -12,9 +12,9 @@ from time import perf_counter
 from typing import Any
 
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
-from flexslew_lab.trial.supervisor import Supervisor
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
+from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import Trial
 
 TICKS = 6000

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.controllers.controller import Answer
-from flexslew_lab.trial.in_process import fly
+from flexslew_lab.run.in_process import fly
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,
@@ -21,8 +21,8 @@ from flexslew_lab.trial.trial import (
     plan_of_trial,
 )
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.events import Event
+from flexslew_plant.measurement import Measurement
 
 START = 10.0  # of the fault, in the middle of the slew [s]
 TRIAL = """

@@ -9,7 +9,7 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_lab.notebook import trial
 from flexslew_lab.trial.trial import Trial, bench_settings, follow, law_of, plan_of_trial, plant_of
 from flexslew_plant.bench.bench import Bench
-from flexslew_plant.bench.measurement import EffortCommand
+from flexslew_plant.measurement import EffortCommand
 
 _STEPS, _TICKS = 40, 1000
 

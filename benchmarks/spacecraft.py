@@ -14,7 +14,7 @@ from scipy.integrate import DOP853
 from scipy.linalg import cho_factor, cho_solve
 
 from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import Model, read_testbed

@@ -58,19 +58,51 @@ def test_imports_go_one_way(package: Any) -> None:
     assert not wrong
 
 
+def imports_of(path: Path) -> set[str]:
+    """Return the modules of the tree that a file imports anywhere, for the type checker too."""
+    own, known = module_of(path), {module_of(other) for other in FILES}
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= inner & known or {node.module}
+    return (found & known) - {own}
+
+
+IMPORTS: dict[str, set[str]] = {module_of(path): imports_of(path) for path in FILES}
+PACKAGES = {module_of(path) for path in FILES if path.name == "__init__.py"}
+
+
 def test_no_file_imports_itself_in_a_circle() -> None:
-    known = {module_of(path) for path in FILES}
-    graph = {
-        module_of(path): {name for name in imported(path, lazy=False) if name in known}
-        - {module_of(path)}
-        for path in FILES
-    }
+    """Not even where a name is imported late, or for the type checker alone."""
     # a package stands for its __init__, which imports its members: that is no circle of files
-    for module, needs in graph.items():
-        graph[module] = {
-            name for name in needs if not module.startswith(f"{name}.") and name in graph
-        }
+    graph = {
+        module: {name for name in needs if not module.startswith(f"{name}.")}
+        for module, needs in IMPORTS.items()
+    }
     list(TopologicalSorter(graph).static_order())
+
+
+def family(module: str) -> str:
+    """Return the family of a module: the first folder in its package, or the file beside them."""
+    return ".".join(module.split(".")[:2])
+
+
+def test_no_two_families_import_each_other() -> None:
+    needs: dict[str, set[str]] = {}
+    for module, names in IMPORTS.items():
+        for name in names:
+            if family(module) in PACKAGES and family(name) in PACKAGES:
+                needs.setdefault(family(module), set()).add(family(name))
+    mutual = {
+        tuple(sorted((one, other)))
+        for one, others in needs.items()
+        for other in others - {one}
+        if one in needs.get(other, ()) and "." in one and "." in other
+    }
+    assert not mutual
 
 
 # what only one spacecraft has; allowed where that spacecraft is, and where a paper is reproduced

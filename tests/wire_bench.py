@@ -7,10 +7,9 @@ from typing import Any
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.law import PlantDescription
-from flexslew_lab.trial.in_process import Observer
+from flexslew_lab.run.in_process import Observer
 from flexslew_lab.trial.trial import Trial, bench_settings, law_of, plant_of
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import (
     command_bytes,
@@ -19,6 +18,7 @@ from flexslew_plant.bench.wire import (
     measurement_from,
 )
 from flexslew_plant.events import Event
+from flexslew_plant.measurement import Measurement
 
 
 class WireBench:

@@ -19,7 +19,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.own_code import ANY_CODE

@@ -16,7 +16,7 @@ from flexslew_lab.log.recover import recover
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.player import Player, PlaySettings
 from flexslew_lab.report.run_data import read_run
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import FlexslewError
 

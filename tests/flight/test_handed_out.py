@@ -13,8 +13,8 @@ from flexslew_control.controllers.controller import Answer
 from flexslew_control.plan import Plan
 from flexslew_lab.trial.trial import bench_settings, parse_trial
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.wire import measurement_bytes, measurement_from
+from flexslew_plant.measurement import EffortCommand, Measurement
 
 TRIAL = parse_trial(
     """

@@ -16,9 +16,9 @@ from tests.wire_bench import WireBench
 from flexslew_control.controllers import CONTROLLERS, build_controller
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial, plant_of
-from flexslew_plant.bench.hardware.actuator import ActuatorSettings
 from flexslew_plant.bench.records import SwitchRequest
 from flexslew_plant.errors import BadInput
+from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import TESTBEDS, read_testbed
 from flexslew_plant.testbeds.compiled.bound import Bound, bound

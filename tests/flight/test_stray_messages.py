@@ -5,7 +5,7 @@ import pytest
 from tests.wire_bench import WireBench
 
 from flexslew_lab.trial.trial import Trial
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 
 LAWS = ("lqr", "pd_feedforward", "output_feedback")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexslew_lab.notebook import Flight, fly, read, trial
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.errors import BadInput
 
 SHORT: dict[str, Any] = {

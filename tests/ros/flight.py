@@ -13,10 +13,10 @@ from typing import Any
 from flexslew_control.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.fork_server import BEFORE_FORK, ForkServer
-from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
-from flexslew_lab.trial.supervisor import Outcome, Supervisor
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.fork_server import BEFORE_FORK, ForkServer
+from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
+from flexslew_lab.run.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial
 
 SLEW = """

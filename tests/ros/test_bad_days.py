@@ -16,10 +16,10 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
-from flexslew_lab.trial.run import run_trial
-from flexslew_lab.trial.supervisor import Supervisor
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
+from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import parse_trial
 
 from .flight import Flight, fork_server, kill, side_by_side, slew

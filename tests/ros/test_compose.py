@@ -9,8 +9,8 @@ from pathlib import Path
 import yaml
 
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import trial_text
 
 from .flight import patient, slew

@@ -17,7 +17,7 @@ from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.recording.bag_writer import RecordingStopped
 from flexslew_lab.log.recover import recover
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import EVENTS, TOPICS
 

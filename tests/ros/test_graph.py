@@ -7,7 +7,7 @@ import pytest
 import rclpy
 from flexslew_msgs.msg import Measurement
 
-from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.run.domain import own_domain
 from flexslew_plant import topics
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.offers import publisher, qos

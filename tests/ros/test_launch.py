@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.launch_arguments import ARGUMENTS
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.launch_arguments import ARGUMENTS
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.errors import BadInput
 
 from .flight import SLEW, slew

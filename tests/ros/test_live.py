@@ -16,10 +16,10 @@ import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.schemas import schema_text
-from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.processes import NodeProcess, parameter_file
-from flexslew_lab.trial.run import run_trial
-from flexslew_lab.trial.supervisor import Supervisor
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.processes import NodeProcess, parameter_file
+from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.run.supervisor import Supervisor
 
 from .flight import fork_server, slew
 

@@ -16,10 +16,10 @@ from rclpy.node import Node
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.ros import live_link
 from flexslew_lab.ros.live_link import LiveLink
-from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.processes import NodeProcess, parameter_file
-from flexslew_lab.trial.run import run_trial
-from flexslew_lab.trial.supervisor import Supervisor
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.processes import NodeProcess, parameter_file
+from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.run.supervisor import Supervisor
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.topics import RECORDED, TRUTH
 
@@ -90,7 +90,7 @@ def test_through_the_recorder_no_tick_is_missing(
     monkeypatch.setattr(live_link, "_UNRECORDED", PATIENCE)  # until they have met, busy as they are
     watchers: list[Watcher] = []
     flight = Flight(
-        patient(slew(duration=60.0, rate=rate)), tmp_path / "run", 0,
+        slew(duration=60.0, rate=rate), tmp_path / "run", 0,
         lambda pids, domain: watchers.append(Watcher(domain)),
     )  # fmt: skip
     seen = watchers[0].seen()

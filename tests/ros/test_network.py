@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import rclpy
 
-from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.run.domain import own_domain
 
 from .flight import Flight, slew
 from .namespace import prefix

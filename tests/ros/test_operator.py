@@ -22,7 +22,7 @@ from flexslew_lab.cli.main import main
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.ros.operator import connected
-from flexslew_lab.trial.domain import RunningBench, bench_to_operate, own_domain
+from flexslew_lab.run.domain import RunningBench, bench_to_operate, own_domain
 from flexslew_plant.policies import OWN_SERVICES, OWN_TOPICS, ROLES
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import qos

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.own_code import ANY_CODE, Trust
 

@@ -6,7 +6,7 @@ import pytest
 import rclpy
 
 from flexslew_control.controllers import CONTROLLERS
-from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.run.domain import own_domain
 from flexslew_plant.ros.parameters import declare
 from flexslew_plant.ros.plant.settings import PlantSettings
 

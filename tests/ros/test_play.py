@@ -14,10 +14,10 @@ from flexslew_msgs.srv import Seek, Step
 from std_srvs.srv import Trigger
 
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
-from flexslew_lab.trial.run import run_trial
-from flexslew_lab.trial.supervisor import Supervisor
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
+from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.run.supervisor import Supervisor
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import EVENTS, TOPICS
 

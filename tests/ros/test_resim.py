@@ -27,7 +27,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.ros.operator import connected
-from flexslew_lab.trial.processes import NodeProcess
+from flexslew_lab.run.processes import NodeProcess
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.ros.messages import stamp

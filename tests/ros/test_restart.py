@@ -11,7 +11,7 @@ import pytest
 import rclpy
 from flexslew_msgs.msg import ControllerStatus, Measurement
 
-from flexslew_lab.trial.domain import own_domain
+from flexslew_lab.run.domain import own_domain
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import CONTROLLER_STATUS, PLAN, TOPICS
 

@@ -9,7 +9,7 @@ from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.ros.operator import connected
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import SavedPlan
 
 from .flight import Flight

@@ -6,10 +6,10 @@ from typing import Any
 from flexslew_control.plan_file import save_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.processes import NodeProcess, node_processes, parameter_file
-from flexslew_lab.trial.run import run_trial
-from flexslew_lab.trial.supervisor import Supervisor
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
+from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import plan_of_trial
 
 from .flight import fork_server, patient, slew

@@ -6,9 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Event
 
-from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.processes import node_processes, parameter_file
-from flexslew_lab.trial.supervisor import Outcome, Supervisor
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.processes import node_processes, parameter_file
+from flexslew_lab.run.supervisor import Outcome, Supervisor
 
 from .bystander import held
 from .flight import fork_server, slew

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 
 from .flight import Flight, slew
 

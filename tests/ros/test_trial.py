@@ -14,7 +14,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.messages.cdr import stamp_of
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 
 from .flight import Flight, kill, slew
 

@@ -12,7 +12,6 @@ from flexslew_control.controllers.controller import Answer
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.message_fields import answer_fields, state_bytes
 from flexslew_lab.log.messages.cdr import encode
-from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.records import Truth
 from flexslew_plant.bench.wire import (
     Stamp,
@@ -22,6 +21,7 @@ from flexslew_plant.bench.wire import (
     measurement_from,
     truth_bytes,
 )
+from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.messages import stamp
 
 NAMES = ("", "a", "pd_feedforward", "an_even_longer_name")

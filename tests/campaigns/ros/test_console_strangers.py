@@ -16,8 +16,8 @@ import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.processes import NodeProcess
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.processes import NodeProcess
+from flexslew_lab.run.run_trial import run_trial
 from tests.ros.bystander import held
 from tests.ros.console_page import console, trial_file
 from tests.ros.flight import Flight, slew

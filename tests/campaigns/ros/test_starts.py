@@ -13,10 +13,10 @@ from threading import Timer
 import numpy as np
 import pytest
 
-from flexslew_lab.trial.domain import own_domain
-from flexslew_lab.trial.fork_server import ForkServer
-from flexslew_lab.trial.processes import node_processes, parameter_file
-from flexslew_lab.trial.supervisor import Supervisor
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.fork_server import ForkServer
+from flexslew_lab.run.processes import node_processes, parameter_file
+from flexslew_lab.run.supervisor import Supervisor
 from tests.ros.flight import NODES, fork_server, slew
 
 OTHERS = ", lqr: {}, output_feedback: {}"  # with recorder, planner and plant: six

@@ -18,9 +18,9 @@ from flexslew_control.analysis.signals import inputs_of, outputs_of
 from flexslew_lab.trial.sources import read_trial, shipped_trials
 from flexslew_lab.trial.trial import plant_of
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.bench.hardware.actuator import ActuatorSettings
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.errors import BadInput
+from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.testbeds import TESTBEDS, read_testbed
 

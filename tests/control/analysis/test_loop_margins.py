@@ -21,9 +21,9 @@ from flexslew_control.analysis.loop_margins import (
     swept,
 )
 from flexslew_control.analysis.rest import rest_of
-from flexslew_control.analysis.running_law import running_law
 from flexslew_control.controllers import build_controller
-from flexslew_plant.bench.hardware.actuator import ActuatorSettings
+from flexslew_control.controllers.running_law import running_law
+from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.testbeds import read_testbed
 
 BEDS = {

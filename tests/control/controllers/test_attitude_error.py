@@ -12,8 +12,8 @@ from flexslew_control.controllers.pd_feedforward import PdFeedforward
 from flexslew_control.law import MeasuredJoints, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.hardware.sensors import exact_readings
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.hardware.sensors import exact_readings
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import read_testbed
 
 PERIOD, NAMES = 0.1, ("roll", "pitch", "yaw")

@@ -8,7 +8,7 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.pd_feedforward import PdFeedforward
 from flexslew_control.law import MeasuredJoints
 from flexslew_control.plan import Plan
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 
 JOINTS, PERIOD = ("base_yaw", "hub_pitch"), 0.01
 RAMP = np.linspace(0.0, 1.0, 101)[:, None] * np.array([1.0, 0.5])

@@ -9,9 +9,9 @@ from flexslew_control.controllers.gyroscopic import gyroscopic
 from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.hardware.sensors import exact_readings
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.hardware.sensors import exact_readings
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import default_testbed, read_testbed
 
 PERIOD, NAMES = 0.02, ("roll", "pitch", "yaw")

@@ -11,8 +11,8 @@ from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.reference import ReferenceOnly
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed

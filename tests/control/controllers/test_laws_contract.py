@@ -8,7 +8,7 @@ from tests.plants import plant as on_bench
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.law import Reference, nominal_state
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import validated
 
 PERIOD, LIMIT = 0.01, np.array([150.0, 150.0])

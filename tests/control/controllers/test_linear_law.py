@@ -15,8 +15,8 @@ from flexslew_control.controllers.linear_law import LinearSettings, discretised
 from flexslew_control.law import Reference
 from flexslew_lab.notebook import fly, trial
 from flexslew_lab.replay.resim import resim
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 
 D = np.array([[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]])
 PD = {"d": D.tolist()}

@@ -11,8 +11,8 @@ from flexslew_control.controllers import build_controller
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_plant.arrays import Matrix
-from flexslew_plant.bench.hardware.sensors import exact_readings
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.hardware.sensors import exact_readings
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import read_testbed
 
 PERIOD, LASTING = 0.1, 40.0  # [s]

@@ -9,8 +9,8 @@ from flexslew_control.controllers.pd_feedforward import PdFeedforwardSettings, b
 from flexslew_control.law import Reference
 from flexslew_control.plan import Plan
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds.csa import CsaTestbed
 

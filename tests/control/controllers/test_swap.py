@@ -6,7 +6,7 @@ import pytest
 from tests.plants import plant
 
 from flexslew_control.controllers import CONTROLLERS, build_controller
-from flexslew_lab.trial.in_process import Observer, fly
+from flexslew_lab.run.in_process import Observer, fly
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.settings import validated
 

@@ -9,12 +9,12 @@ from tests.plants import plant
 
 from flexslew_control.controllers import build_controller, settings_text, user_law
 from flexslew_control.law import Estimate, PlantDescription
-from flexslew_lab.trial.in_process import fly
+from flexslew_lab.run.in_process import fly
 from flexslew_plant import own_code
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import Level
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import ANY_CODE, LAWS, NO_CODE
 from flexslew_plant.settings import Positive, load_yaml, section, validated
 

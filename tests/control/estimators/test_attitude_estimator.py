@@ -16,7 +16,7 @@ from flexslew_control.estimators.attitude_estimator import (
 )
 from flexslew_control.law import Reference
 from flexslew_plant.arrays import NOTHING, Matrix, Vector
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.attitude import AttitudeJoints, rotation_vector
 from flexslew_plant.testbeds.instruments import (
     Body,

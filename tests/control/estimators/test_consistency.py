@@ -15,8 +15,8 @@ from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
 from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 

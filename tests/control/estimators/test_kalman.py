@@ -10,8 +10,8 @@ from flexslew_control.estimators.kalman import (
     continuous_gain,
     discretised,
 )
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 PERIOD = 0.01

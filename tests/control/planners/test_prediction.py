@@ -9,7 +9,7 @@ from tests.plants import plant
 from flexslew_control.controllers import build_controller
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
-from flexslew_lab.trial.in_process import fly
+from flexslew_lab.run.in_process import fly
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed

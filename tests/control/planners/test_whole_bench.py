@@ -12,7 +12,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.slew import Feedback
 from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.trial.in_process import fly
+from flexslew_lab.run.in_process import fly
 from flexslew_lab.trial.trial import feedback_of, plant_of
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput

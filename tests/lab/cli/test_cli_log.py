@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from flexslew_lab.cli.main import main as cli
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 
 COMMANDS = (

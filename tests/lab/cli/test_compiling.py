@@ -13,7 +13,7 @@ OWN = """
 import sys
 from flexslew_lab.cli.compiling import say_when_compiling
 say_when_compiling()
-from flexslew_plant.bench.hardware.friction import slid
+from flexslew_plant.hardware.friction import slid
 print(slid(0.7, 0.3, 4.0, 0.0, 1e-4, 0.5))
 """
 

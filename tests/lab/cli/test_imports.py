@@ -35,7 +35,7 @@ def test_every_command_that_operates_a_bench_joins_its_graph_early() -> None:
 def test_a_flight_and_its_nodes_load_nothing_of_the_design_side() -> None:
     program = (
         "import sys\n"
-        "import flexslew_lab.trial.run, flexslew_lab.report.report\n"
+        "import flexslew_lab.run.run_trial, flexslew_lab.report.report\n"
         "from flexslew_control.controllers import CONTROLLERS, build_controller\n"
         "from flexslew_lab.notebook import fly, trial\n"
         "fly(trial('m1', {'duration': 0.1, 'plan': None}))\n"

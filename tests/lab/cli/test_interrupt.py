@@ -14,7 +14,7 @@ MOMENTS = (  # the module whose import has just ended
     "typer",
     "numpy",
     "numba",
-    "flexslew_lab.trial.run",
+    "flexslew_lab.run.run_trial",
 )
 COMMANDS = {
     "trial": ["trial", "--in-process", "--out", "OUT"],
@@ -53,8 +53,8 @@ def test_an_interrupted_import_ends_in_one_line(tmp_path: Path, moment: str) -> 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_an_interrupted_command_ends_in_one_line(tmp_path: Path, command: str) -> None:
-    moment = {"trial": "flexslew_lab.trial.in_process", "plan": "flexslew_control.plan_file",
-              "compare": "flexslew_lab.report.comparison.planners"}[command]  # fmt: skip
+    moment = {"trial": "flexslew_lab.run.in_process", "plan": "flexslew_control.plan_file",
+              "compare": "flexslew_lab.comparison.planners"}[command]  # fmt: skip
     code, said = interrupted(COMMANDS[command], moment, tmp_path)
     assert code == 130
     assert said == ["interrupted"]

@@ -10,7 +10,7 @@ from tests.browser import Browser, chromium
 
 from flexslew_lab.console.page import Page
 from flexslew_lab.console.replay import Replay
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import read_trial
 
 PAUSED = (

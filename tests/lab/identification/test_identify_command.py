@@ -15,8 +15,8 @@ from flexslew_lab.identification.foreign import foreign_record
 from flexslew_lab.identification.from_bag import bag_of, record_of
 from flexslew_lab.identification.identification import experiment_of, identify
 from flexslew_lab.identification.record import Record
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.overrides import overridden
-from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import parse_trial, trial_of_values
 from flexslew_plant.settings import load_yaml, plain

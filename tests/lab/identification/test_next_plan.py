@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from flexslew_lab.cli.main import main as cli
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.overrides import overridden
-from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import Trial, trial_of_values
 from flexslew_plant.settings import plain

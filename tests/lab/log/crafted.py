@@ -7,7 +7,7 @@ from typing import Any
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.recording.bag_writer import BagWriter
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import BadInput, RunFault
 

@@ -14,7 +14,7 @@ from flexslew_lab.metrics.metric import Block, Ending, Manoeuvre, RunSetup
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.metrics.rows import flat
 from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial
 from flexslew_plant.errors import BadInput

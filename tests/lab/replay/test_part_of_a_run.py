@@ -9,7 +9,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 
 TRIAL = """

@@ -13,7 +13,7 @@ from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.check import FIELDS, check, difference_figure
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import BadInput
 

@@ -18,8 +18,8 @@ from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.logged_controllers import adoptions
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.in_process import fly
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import (
     bench_settings,
@@ -30,9 +30,9 @@ from flexslew_lab.trial.trial import (
     trial_text,
 )
 from flexslew_plant.bench.bench import Bench, SwitchRequest
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import EVENTS, SwitchDropped, SwitchRequested
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.refusal import Cause, Refusal
 
 TRIAL = """

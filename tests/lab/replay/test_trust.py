@@ -13,7 +13,7 @@ from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust, Untrusted, code_hash, file_of

@@ -10,7 +10,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.report.report import write_report
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 
 TRIAL = "duration: 0.3\nplan: {method: none, goal: {base_yaw: 0.01}, duration: 0.2}\n"

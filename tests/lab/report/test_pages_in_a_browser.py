@@ -9,7 +9,7 @@ from tests.plants import plant
 
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.report.report import write_plan, write_report
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 
 TRIAL = """

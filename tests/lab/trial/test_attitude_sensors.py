@@ -10,7 +10,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.reproduce.scole_flights import shipped_values
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import bench_settings, build_controllers, trial_of_values
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput

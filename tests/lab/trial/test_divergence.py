@@ -9,7 +9,7 @@ from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 
 TRIAL = """

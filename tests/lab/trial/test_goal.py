@@ -8,7 +8,7 @@ import pytest
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.cli.main import main
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import shipped_trials
 from flexslew_lab.trial.trial import (
     build_controllers,

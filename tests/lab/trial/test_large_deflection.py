@@ -4,7 +4,7 @@ from pathlib import Path
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.events import BentFar
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial, plan_of_trial
 from flexslew_plant.errors import BadInput

@@ -13,13 +13,13 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planning import Iteration, Planning, plan_request
 from flexslew_lab.cli.main import app
+from flexslew_lab.comparison.planners import compared
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.report.comparison.planners import compared
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.studies.execution.pool import InThisProcess
 from flexslew_lab.studies.run import prepare, run_study
 from flexslew_lab.studies.study import parse_study
-from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.own_code import ANY_CODE, NO_CODE, Trust, Untrusted, code_hash
 from flexslew_plant.refusal import Refusal

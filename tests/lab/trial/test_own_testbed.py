@@ -12,7 +12,7 @@ from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import PLANNERS
 from flexslew_lab.cli.main import main
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE, Trust

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from flexslew_control.plan_file import save_plan
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import read_trial, shipped_trials, trial_path
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial, trial_text
 from flexslew_plant.errors import BadInput

@@ -3,7 +3,7 @@ from typing import Any
 import pytest
 
 from flexslew_lab.report.run_data import read_run
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial, trial_text
 from flexslew_plant.errors import BadInput

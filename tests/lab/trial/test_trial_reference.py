@@ -21,7 +21,7 @@ assert SPEC is not None
 assert SPEC.loader is not None
 key_tables = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(key_tables)
-IN_FAULTS = ("flexslew_plant.faults", "flexslew_plant.bench.hardware.disturbances")  # faults.md
+IN_FAULTS = ("flexslew_plant.faults", "flexslew_plant.hardware.disturbances")  # faults.md
 
 
 def sections(kind: Any) -> set[type[Any]]:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
-from flexslew_plant.bench.hardware.actuator import ActuatorSettings
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import TESTBEDS
 from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed

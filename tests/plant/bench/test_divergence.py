@@ -8,9 +8,9 @@ import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.bench.divergence import FARTHEST, STABLE_TURN, is_lost
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.events import Level
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.testbeds.compiled.dynamics import STAGE_WEIGHTS, STEP_WEIGHTS
 from flexslew_plant.testbeds.csa import CsaTestbed
 

@@ -5,8 +5,8 @@ import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
 from flexslew_plant.bench.handover import RUN_OVER
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.bench.schedule import ScheduleEntry
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds.csa import CsaTestbed
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.trial.in_process import Observer, fly
+from flexslew_lab.run.in_process import Observer, fly
 from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, plant_of
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.errors import BadInput

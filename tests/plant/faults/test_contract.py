@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from flexslew_plant.bench.hardware.sensors import Readings
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FAULTS, FaultSettings, Names, Timed, check_fault
 from flexslew_plant.faults.injection import Faults
+from flexslew_plant.hardware.sensors import Readings
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.settings import plain, validated
 
 NAMES = Names(("left", "right"), ("boom",), (150.0, 20.0))

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.bench.operation.backlog import Backlog
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import BrakeTookOver, FallbackTookOver, Level
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.refusal import Cause
 from flexslew_plant.settings import plain, validated, yaml_text
 

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.instruments import (
     Body,

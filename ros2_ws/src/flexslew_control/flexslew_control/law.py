@@ -8,10 +8,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from flexslew_plant.arrays import NOTHING, Matrix, Vector, handed_out
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.errors import BadInput, FlexslewError
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.settings import load_yaml, validated
 from flexslew_plant.testbeds import Model, Testbed, believed, read_testbed

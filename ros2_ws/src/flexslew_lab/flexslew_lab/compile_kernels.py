@@ -20,11 +20,11 @@ from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import make_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_lab.background import in_background, machine_code_log
+from flexslew_lab.run.in_process import fly
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import load_study, shipped_names, study_path
-from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.sources import DEFAULT, read_trial, shipped_trials
 from flexslew_lab.trial.trial import (
     Trial,
@@ -34,8 +34,8 @@ from flexslew_lab.trial.trial import (
     plant_of,
 )
 from flexslew_plant.bench.bench import Bench
-from flexslew_plant.bench.hardware.actuator import ActuatorSettings
-from flexslew_plant.bench.hardware.friction import Friction
+from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.hardware.friction import Friction
 from flexslew_plant.testbeds import default_testbed, initial_state
 
 _MOST = 8  # processes, of half a gigabyte each

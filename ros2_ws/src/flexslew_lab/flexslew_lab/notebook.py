@@ -22,8 +22,8 @@ from flexslew_lab.given_objects import Given, with_law, with_plan
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.report.signals import read_signals
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.overrides import overridden
-from flexslew_lab.trial.run import run_trial
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of, text_of
 from flexslew_plant.arrays import Matrix

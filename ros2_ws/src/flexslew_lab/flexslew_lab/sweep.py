@@ -13,7 +13,7 @@ import numpy as np
 
 from flexslew_lab.metrics.rows import flat
 from flexslew_lab.notebook import trial
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_plant.arrays import Tensor
 from flexslew_plant.errors import BadInput
 

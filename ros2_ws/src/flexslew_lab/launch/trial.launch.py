@@ -15,10 +15,10 @@ from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from flexslew_lab.trial.launch_arguments import ARGUMENTS, LaunchValues, launch_values
+from flexslew_lab.run.launch_arguments import ARGUMENTS, LaunchValues, launch_values
+from flexslew_lab.run.processes import node_processes, parameter_file
+from flexslew_lab.run.run_trial import finished
 from flexslew_lab.trial.outputs import new_folder
-from flexslew_lab.trial.processes import node_processes, parameter_file
-from flexslew_lab.trial.run import finished
 from flexslew_lab.trial.sources import read_trial
 from flexslew_lab.trial.trial import trial_text
 from launch import LaunchContext, LaunchDescription

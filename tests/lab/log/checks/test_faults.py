@@ -12,7 +12,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.log.recording.bag_writer import BagWriter
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 from flexslew_plant.faults import FAULTS
 from flexslew_plant.settings import yaml_text

@@ -15,7 +15,7 @@ from flexslew_lab.log.messages import cdr, older, topic_lookup
 from flexslew_lab.log.messages.schemas import schema_text, store
 from flexslew_lab.log.recording import bag_writer
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.trial.run import run_trial
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
 
 PLAN = "flexslew_msgs/msg/Plan"

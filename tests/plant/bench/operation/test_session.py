@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest, Truth
-from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, Beat
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.events import Event
+from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause
 from flexslew_plant.testbeds.csa import CsaTestbed
 

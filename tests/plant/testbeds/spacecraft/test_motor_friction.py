@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 from flexslew_control.analysis.rest import rest_of, small_motions
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.bench.hardware.actuator import ActuatorSettings
-from flexslew_plant.bench.hardware.friction import Friction
 from flexslew_plant.errors import BadInput
+from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.hardware.friction import Friction
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import Testbed, read_testbed
 from flexslew_plant.testbeds.model import Model

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.spacecraft.orbit import GRAVITY, RADIUS, Orbit, Surroundings
 

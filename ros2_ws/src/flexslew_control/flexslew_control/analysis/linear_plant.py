@@ -9,7 +9,7 @@ from flexslew_control.analysis.rest import Rest, slopes, small_motions
 from flexslew_control.analysis.signals import APPLIED, inputs_of, outputs_of, states_of
 from flexslew_control.free_platform import rate_readings
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.hardware.actuator import Actuator, ActuatorSettings
+from flexslew_plant.hardware.actuator import Actuator, ActuatorSettings
 from flexslew_plant.testbeds.compiled.dynamics import (
     STAGE_TIMES,
     STAGE_WEIGHTS,

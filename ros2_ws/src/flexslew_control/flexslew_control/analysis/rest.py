@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.hardware.actuator import ActuatorSettings
-from flexslew_plant.bench.hardware.friction import coefficients
+from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.hardware.friction import coefficients
 from flexslew_plant.testbeds import Testbed, initial_positions
 from flexslew_plant.testbeds.model import Model
 

@@ -22,8 +22,8 @@ from flexslew_control.law import (
 )
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import NOTHING, Vector, handed_out, kept
-from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.events import EstimateDoubted, Event, event_of
+from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 

@@ -14,7 +14,7 @@ from flexslew_control.controllers.sliding_surface import LinearSystem
 from flexslew_control.estimators.kalman import outputs
 from flexslew_control.law import Estimate, Reference, nominal_state
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.model import Model
 
 Mask: TypeAlias = NDArray[np.bool_]

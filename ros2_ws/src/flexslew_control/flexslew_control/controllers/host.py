@@ -15,7 +15,6 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.question_thread import QuestionThread
 from flexslew_plant import topics
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
     UNNAMED,
@@ -25,6 +24,7 @@ from flexslew_plant.events import (
     StrayMessage,
     event_of,
 )
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.refusal import Cause, Refusal
 
 Build = Callable[[dict[str, Any]], Controller]  # from the settings of the law

@@ -10,7 +10,7 @@ from flexslew_control.controllers.gyroscopic import Gyroscopic
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.linear_form import Integration
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 
 
 class Action(NamedTuple):

@@ -25,8 +25,8 @@ from flexslew_control.linear_design import OperatingPoint
 from flexslew_control.linear_form import LawForm, LinearForm, Observer, no_integral
 from flexslew_control.shared_keys import BelievedModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds import believed
 from flexslew_plant.testbeds.model import Model

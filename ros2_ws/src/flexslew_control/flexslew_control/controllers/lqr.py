@@ -20,8 +20,8 @@ from flexslew_control.linear_design import (
 from flexslew_control.linear_form import LinearForm, OnDeviation, no_integral, nominal_form
 from flexslew_control.shared_keys import BelievedModel
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.linearisation import Linearisation
 

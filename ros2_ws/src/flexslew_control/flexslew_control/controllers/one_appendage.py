@@ -9,7 +9,7 @@ from flexslew_control.controllers.design_model import Mask, held_step, inverse
 from flexslew_control.controllers.sliding_surface import LinearSystem
 from flexslew_control.law import Estimate, Reference
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 
 
 def _cross(a: Vector, b: Vector) -> Vector:

@@ -23,7 +23,7 @@ from flexslew_control.law import (
 )
 from flexslew_control.linear_form import LinearForm, collocated_form, no_integral
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import PerJoint, section
 
 

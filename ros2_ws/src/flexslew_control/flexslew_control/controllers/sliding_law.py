@@ -17,7 +17,7 @@ from flexslew_control.linear_form import (
     no_integral,
 )
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 
 
 @dataclass

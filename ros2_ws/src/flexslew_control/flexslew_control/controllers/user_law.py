@@ -25,8 +25,8 @@ from flexslew_control.law import (
 )
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import LAWS, Trust, find_class, one_line
 from flexslew_plant.settings import Positive, validated
 from flexslew_plant.testbeds import initial_positions

@@ -14,8 +14,8 @@ from flexslew_control.estimators.attitude_filter import (
 )
 from flexslew_control.law import Estimate, Estimator, MeasuredJoints, PlantDescription, Reference
 from flexslew_plant.arrays import NOTHING, Vector
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.attitude import AttitudeJoints, quaternion, rotation_vector
 from flexslew_plant.testbeds.instruments import Gyro, StarTracker, SunSensor

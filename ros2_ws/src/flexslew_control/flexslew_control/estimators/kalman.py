@@ -10,8 +10,8 @@ from flexslew_control.estimators.later_covariance import later_covariance
 from flexslew_control.law import Estimate
 from flexslew_control.linear_design import Designed, output_matrix, require_observable, state_names
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
 
 

@@ -10,8 +10,8 @@ from flexslew_control.law import Estimate
 from flexslew_control.linear_design import require_observable
 from flexslew_control.small_motion import SmallMotion
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import Positive, section
 
 _WORST_CONDITION = 1e6  # of readings that are inverted

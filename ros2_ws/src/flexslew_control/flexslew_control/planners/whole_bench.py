@@ -16,9 +16,9 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.prediction import WATCHED, Prediction
 from flexslew_control.planners.slew import Feedback, Slew
 from flexslew_plant.arrays import Vector, kept
-from flexslew_plant.bench.hardware.sensors import exact_readings, exact_sensors
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.hardware.sensors import exact_readings, exact_sensors
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.model import Model
 
 _NAME = "in_charge"  # of the controller

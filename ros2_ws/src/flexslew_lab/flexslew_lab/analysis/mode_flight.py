@@ -11,10 +11,10 @@ from flexslew_lab.analysis.analysis import Analysis
 from flexslew_lab.trial.trial import Trial, bench_settings
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, BenchSettings
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.testbeds import varied
 
 _EFFORT = 2e-4  # of the limits, at the start

@@ -33,8 +33,8 @@ def compare(
 
     Example: `./flexslew compare antenna_2 --laws --out laws.html`
     """
-    from flexslew_lab.report.comparison import laws as by_law
-    from flexslew_lab.report.comparison import laws_page, planners, planners_page
+    from flexslew_lab.comparison import laws as by_law
+    from flexslew_lab.comparison import laws_page, planners, planners_page
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 

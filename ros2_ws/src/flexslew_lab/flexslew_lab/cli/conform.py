@@ -33,7 +33,7 @@ def conform(
     Example: `./flexslew conform -- python docs/examples/any_language.py`
     """
     from flexslew_lab.ros.conformance import Examiner
-    from flexslew_lab.trial.domain import own_domain
+    from flexslew_lab.run.domain import own_domain
     from flexslew_lab.trial.sources import read_trial
     from flexslew_lab.trial.trial import bench_settings
     from flexslew_plant.bench.bench import Bench

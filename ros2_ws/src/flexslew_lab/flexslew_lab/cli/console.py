@@ -20,7 +20,7 @@ from flexslew_lab.cli.missing import require_ros
 from flexslew_lab.cli.operate import Namespace
 from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.terminal import link, progress, say
-from flexslew_lab.trial.domain import bench_domain
+from flexslew_lab.run.domain import bench_domain
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 
@@ -99,10 +99,10 @@ def _fly(
     """Fly a trial with a page beside it; return the exit code."""
     from dataclasses import replace
 
-    from flexslew_lab.trial.domain import own_domain
+    from flexslew_lab.run.domain import own_domain
+    from flexslew_lab.run.run_trial import run_trial
     from flexslew_lab.trial.outputs import new_folder
     from flexslew_lab.trial.own_code import own_names
-    from flexslew_lab.trial.run import run_trial
     from flexslew_lab.trial.sources import read_trial
 
     requested, source = read_trial(file, sets)

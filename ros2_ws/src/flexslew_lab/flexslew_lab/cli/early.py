@@ -5,7 +5,7 @@ Discovery takes about as long as importing what parses the command line.
 
 from contextlib import suppress
 
-from flexslew_lab.trial.domain import bench_domain
+from flexslew_lab.run.domain import bench_domain
 
 OPERATING = (
     "brake", "controllers", "inject", "pause", "reset", "retarget", "start", "step", "switch",

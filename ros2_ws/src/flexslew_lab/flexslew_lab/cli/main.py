@@ -38,7 +38,8 @@ from flexslew_lab.cli.reproduced import show_rows
 from flexslew_lab.cli.runs import runs
 from flexslew_lab.cli.schema import schema
 from flexslew_lab.cli.study import study
-from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say, short
+from flexslew_lab.cli.terminal import for_people, link, print_table, progress, say
+from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS, WITHOUT, new_file, writable_file
 from flexslew_plant.errors import BadInput, FlexslewError, RunFault
 from flexslew_plant.near_names import did_you_mean
@@ -85,7 +86,7 @@ def trial(
 
     from flexslew_lab.cli.summary import metric_rows
     from flexslew_lab.report.verdict import verdict
-    from flexslew_lab.trial.run import run_trial
+    from flexslew_lab.run.run_trial import run_trial
     from flexslew_lab.trial.sources import read_trial
 
     if not in_process:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexslew_lab.cli.log import Json
-from flexslew_lab.cli.terminal import print_table, say, short
-from flexslew_lab.trial.domain import RunningBench, bench_to_operate, running_benches
+from flexslew_lab.cli.terminal import print_table, say
+from flexslew_lab.run.domain import RunningBench, bench_to_operate, running_benches
+from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput, FlexslewError
 
 if TYPE_CHECKING:

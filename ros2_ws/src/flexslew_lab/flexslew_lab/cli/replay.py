@@ -10,7 +10,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from flexslew_lab.cli.log import Bag, Json, bag_of, demand
 from flexslew_lab.cli.terminal import for_people, link, print_line, print_table, progress, say
-from flexslew_lab.trial.domain import chosen_domain
+from flexslew_lab.run.domain import chosen_domain
 from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
@@ -222,7 +222,7 @@ def live(
     """
     from flexslew_lab.ros.live_node import LiveSettings
     from flexslew_lab.ros.live_node import live as run
-    from flexslew_lab.trial.domain import bench_domain
+    from flexslew_lab.run.domain import bench_domain
 
     if not 0 <= port <= 65535:
         raise BadInput("0 to 65535", key="--port", value=port)

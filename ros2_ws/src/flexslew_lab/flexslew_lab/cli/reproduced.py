@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from flexslew_lab.cli.terminal import print_table, say, short
+from flexslew_lab.cli.terminal import print_table, say
+from flexslew_lab.short_values import short
 
 _COLUMNS = ("item", "paper", "reference", "ours", "tolerance", "state")
 

@@ -8,7 +8,8 @@ import typer
 
 from flexslew_lab.cli.log import Json
 from flexslew_lab.cli.open_page import Open, open_page
-from flexslew_lab.cli.terminal import link, print_table, say, short
+from flexslew_lab.cli.terminal import link, print_table, say
+from flexslew_lab.short_values import short
 from flexslew_lab.trial.outputs import RUNS
 from flexslew_plant.errors import BadInput
 

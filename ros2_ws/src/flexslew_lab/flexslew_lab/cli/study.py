@@ -11,7 +11,8 @@ from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, patient
 from flexslew_lab.cli.log import Json, demand
 from flexslew_lab.cli.replay import TrustOption
 from flexslew_lab.cli.study_words import progress, side_by_side, tell
-from flexslew_lab.cli.terminal import for_people, print_table, say, short
+from flexslew_lab.cli.terminal import for_people, print_table, say
+from flexslew_lab.short_values import short
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE, Trust
 

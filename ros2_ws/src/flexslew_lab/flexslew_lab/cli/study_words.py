@@ -16,7 +16,8 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from flexslew_lab.cli.terminal import for_people, print_table, say, short
+from flexslew_lab.cli.terminal import for_people, print_table, say
+from flexslew_lab.short_values import short
 from flexslew_lab.studies.execution.pace import Pace
 from flexslew_plant.refusal import one_line
 

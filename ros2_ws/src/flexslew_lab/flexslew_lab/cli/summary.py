@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from flexslew_lab.cli.terminal import short
 from flexslew_lab.metrics.rows import flat, unit_of
+from flexslew_lab.short_values import short
 
 
 def metric_rows(metrics: Mapping[str, Any], units: Mapping[str, str]) -> list[tuple[str, str, str]]:

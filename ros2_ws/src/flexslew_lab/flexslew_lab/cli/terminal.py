@@ -1,4 +1,4 @@
-"""Output for people: progress, tables, short values.
+"""Output for people: progress, tables, lines.
 
 All of it goes through this file. What is printed may come from a file of somebody else's: what does
 not show, as the sequences that a terminal obeys (title, clipboard), is escaped.
@@ -7,7 +7,6 @@ not show, as the sequences that a terminal obeys (title, clipboard), is escaped.
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -68,15 +67,3 @@ def say(words: str, style: str = "", head: str = "", head_style: str = "red") ->
 def link(path: Path) -> str:
     """Return a file as an address that a terminal opens with a click."""
     return path.resolve().as_uri()
-
-
-def short(value: Any, digits: int = 6) -> str:
-    """Return a value in few digits and few entries."""
-    if isinstance(value, dict):
-        return ", ".join(f"{key} {short(entry, digits)}" for key, entry in value.items())
-    if isinstance(value, list | tuple):
-        shown = ", ".join(short(entry, digits) for entry in value[:8])
-        return shown + (", ..." if len(value) > 8 else "")
-    if isinstance(value, float):
-        return f"{value:.{digits}g}"
-    return "-" if value is None else str(value)

@@ -7,8 +7,8 @@ import numpy as np
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import Appendages
 
 FIELDS = ("joint_position", "joint_velocity", "tip_deflection", "applied_effort")

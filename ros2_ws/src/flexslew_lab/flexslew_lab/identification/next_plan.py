@@ -7,9 +7,9 @@ from flexslew_control.plan import Plan
 from flexslew_lab.identification.model_file import testbed_of
 from flexslew_lab.identification.modes import ModalModel
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.metrics.observer import MetricsObserver
 from flexslew_lab.replay.logged_controllers import trial_of
-from flexslew_lab.trial.in_process import fly
+from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.metrics_observer import MetricsObserver
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,

@@ -16,8 +16,8 @@ from flexslew_lab.replay.answer_comparison import Row as Row
 from flexslew_lab.replay.coverage import missing_part
 from flexslew_lab.replay.logged_code import changed_code, reading
 from flexslew_lab.replay.logged_controllers import Key, LoggedControllers, logged_laws, trial_of
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import NO_CODE, Trust
 
 

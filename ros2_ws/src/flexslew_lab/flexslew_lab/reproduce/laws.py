@@ -13,7 +13,7 @@ from flexslew_control.planners import make_plan
 from flexslew_control.planners.input_shaping.start_coast_stop import StartCoastStop
 from flexslew_lab.reproduce.rows import relative
 from flexslew_plant.arrays import Matrix
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaInitial, CsaParameters, CsaTestbed
 
 PERIOD = 0.01  # [s]

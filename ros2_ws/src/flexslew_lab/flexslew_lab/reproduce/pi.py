@@ -14,7 +14,7 @@ from flexslew_control.law import Estimate, Estimator, Reference
 from flexslew_lab.reproduce.laws import PERIOD, closed_loop, plant_of
 from flexslew_lab.reproduce.rows import at_most, relative
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.model import Model
 

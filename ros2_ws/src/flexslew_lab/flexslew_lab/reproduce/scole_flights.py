@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.metrics.observer import MetricsObserver
-from flexslew_lab.trial.in_process import Observer, fly
+from flexslew_lab.run.in_process import Observer, fly
+from flexslew_lab.run.metrics_observer import MetricsObserver
 from flexslew_lab.trial.trial import (
     SavedPlan,
     Trial,

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexslew_lab.reproduce.rows import Row, relative
 from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.trial.in_process import Observer, fly
+from flexslew_lab.run.in_process import Observer, fly
 from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, plan_of_trial
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.bench import Bench, Truth

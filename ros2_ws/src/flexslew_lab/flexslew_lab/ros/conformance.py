@@ -17,10 +17,10 @@ from rclpy.signals import SignalHandlerOptions
 
 from flexslew_plant import topics
 from flexslew_plant.bench.bench import Bench
-from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.message_fields import testbed_fields
 from flexslew_plant.bench.operation.presence import SILENT_AFTER
 from flexslew_plant.bench.wire import command_from, measurement_bytes
+from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.network import demand_loopback
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.messages import message_of, stamp

@@ -50,7 +50,7 @@ class PlayNode:
         self._clock: Publisher[Any] | None = None
         if self._settings.clock:
             self._clock = node.create_publisher(Clock, CLOCK, LOOP_DEPTH)
-        self._services = PlayServices(self)
+        self._services = PlayServices(node, self.player, self.send, self.sought)
         self._waiting: list[str] | None = None  # for whom; None: not any more
         self._unacknowledged = 0
         self._next_report = self._next_clock = 0.0

@@ -3,7 +3,7 @@
 from flexslew_lab.identification.measurements import Listener
 from flexslew_lab.identification.model_file import testbed_of
 from flexslew_lab.identification.modes import identify_modes
-from flexslew_lab.trial.in_process import fly
+from flexslew_lab.run.in_process import fly
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from flexslew_lab.run.run_trial import Result, run_trial
 from flexslew_lab.studies.cases import case_of, case_trial
 from flexslew_lab.studies.disk import own_folder
 from flexslew_lab.studies.findings.summary import summary
@@ -13,7 +14,6 @@ from flexslew_lab.studies.lanes.check import TOLERANCE, apart
 from flexslew_lab.studies.run import flights_of
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
-from flexslew_lab.trial.run import Result, run_trial
 
 _WORST = "worst"
 

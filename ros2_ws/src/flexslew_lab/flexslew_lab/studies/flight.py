@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 from flexslew_control.plan import Plan
 from flexslew_control.planners.one_axis import RELEVANT
 from flexslew_lab.metrics import Metric
-from flexslew_lab.metrics.observer import MetricsObserver
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.metrics.rows import flat
+from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.metrics_observer import MetricsObserver
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.study import Study
-from flexslew_lab.trial.in_process import fly
 from flexslew_lab.trial.trial import (
     Trial,
     bench_settings,

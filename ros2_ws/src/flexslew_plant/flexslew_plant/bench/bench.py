@@ -11,14 +11,7 @@ import numpy as np
 from flexslew_plant.arrays import Vector, kept
 from flexslew_plant.bench.divergence import diagnosis, is_lost
 from flexslew_plant.bench.handover import RUN_OVER, Handover
-from flexslew_plant.bench.hardware.actuator import Actuator
-from flexslew_plant.bench.hardware.drive import Drive
-from flexslew_plant.bench.hardware.friction import friction_of
-from flexslew_plant.bench.hardware.plausibility import Plausibility
-from flexslew_plant.bench.hardware.sensors import Readings, Sensors, exact_readings
-from flexslew_plant.bench.hardware.thrusters import thrusters_of
 from flexslew_plant.bench.injections import Injections, injection_of
-from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.records import BenchSettings as BenchSettings
 from flexslew_plant.bench.records import InjectResult as InjectResult
@@ -42,6 +35,12 @@ from flexslew_plant.events import (
 )
 from flexslew_plant.faults import Names
 from flexslew_plant.faults.effects import Fate
+from flexslew_plant.hardware.actuator import Actuator
+from flexslew_plant.hardware.drive import Drive
+from flexslew_plant.hardware.friction import friction_of
+from flexslew_plant.hardware.plausibility import Plausibility
+from flexslew_plant.hardware.sensors import Readings, Sensors, exact_readings
+from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds import Testbed, initial_state
 

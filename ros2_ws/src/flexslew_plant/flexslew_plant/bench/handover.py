@@ -12,7 +12,6 @@ from math import isnan
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.hardware.drive import Drive
 from flexslew_plant.bench.records import SwitchRequest, SwitchResult
 from flexslew_plant.events import (
     AnswerMissed,
@@ -30,6 +29,7 @@ from flexslew_plant.events import (
     SwitchRefused,
     SwitchRequested,
 )
+from flexslew_plant.hardware.drive import Drive
 from flexslew_plant.refusal import Cause, Refusal
 
 _LARGEST = float(np.finfo(np.float64).max)

@@ -7,16 +7,16 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.hardware.disturbances import (
-    TimedDisturbance,
-    check_disturbance,
-    disturbance_effort,
-)
 from flexslew_plant.bench.records import ActiveFault
 from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.events import DisturbanceChanged, Fact, FaultChanged
 from flexslew_plant.faults import Names, Timed, check_fault
 from flexslew_plant.faults.injection import Faults
+from flexslew_plant.hardware.disturbances import (
+    TimedDisturbance,
+    check_disturbance,
+    disturbance_effort,
+)
 from flexslew_plant.settings import plain, yaml_text
 
 Injection: TypeAlias = TimedDisturbance | Timed

@@ -6,10 +6,10 @@ from typing import Annotated, NamedTuple
 from pydantic import Field
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.hardware.actuator import ActuatorSettings
-from flexslew_plant.bench.hardware.plausibility import PlausibilitySettings
-from flexslew_plant.bench.hardware.sensors import SensorSettings
 from flexslew_plant.bench.schedule import Schedule
+from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.hardware.plausibility import PlausibilitySettings
+from flexslew_plant.hardware.sensors import SensorSettings
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds import TestbedSettings, default_testbed

@@ -4,9 +4,9 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field, model_validator
 
-from flexslew_plant.bench.hardware.disturbances import Disturbance
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FaultSettings
+from flexslew_plant.hardware.disturbances import Disturbance
 from flexslew_plant.settings import load_yaml, section, validated
 
 _Time: TypeAlias = Annotated[float, Field(ge=0.0, le=1e12)]  # in ticks, too, a whole number

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_plant.arrays import NOTHING, Vector
-from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.records import Truth
+from flexslew_plant.measurement import EffortCommand, Measurement
 
 _HEAD = b"\x00\x01\x00\x00"
 _LENGTH = Struct("<I")

@@ -2,7 +2,6 @@
 
 from typing import Literal
 
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.faults.effects import (
     Effect,
     Fate,
@@ -12,6 +11,7 @@ from flexslew_plant.faults.effects import (
     Seed,
     Ticks,
 )
+from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.settings import Probability, section
 
 

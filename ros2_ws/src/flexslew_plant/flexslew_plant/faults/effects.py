@@ -8,9 +8,9 @@ from typing import Annotated, Any, NamedTuple, Protocol
 from pydantic import Field
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.hardware.sensors import Readings
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.entries import default_of
+from flexslew_plant.hardware.sensors import Readings
+from flexslew_plant.measurement import EffortCommand
 
 Ticks = Annotated[int, Field(ge=1, le=10_000)]
 Seed = Annotated[int, Field(ge=0)]

@@ -7,10 +7,10 @@ from zlib import crc32
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.hardware.sensors import Readings
-from flexslew_plant.bench.measurement import EffortCommand
 from flexslew_plant.faults import Timed
 from flexslew_plant.faults.effects import Effect, Fate, FaultContext, Names
+from flexslew_plant.hardware.sensors import Readings
+from flexslew_plant.measurement import EffortCommand
 
 
 class Switched(NamedTuple):

@@ -6,8 +6,8 @@ from typing import Literal, Protocol, TypeAlias
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.hardware.sensors import Readings
 from flexslew_plant.faults.effects import Effect, FaultContext, FaultEntry, Names, Seed, Subject
+from flexslew_plant.hardware.sensors import Readings
 from flexslew_plant.settings import Probability, section
 
 ChannelName: TypeAlias = Literal[

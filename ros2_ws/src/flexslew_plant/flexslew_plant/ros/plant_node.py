@@ -7,11 +7,11 @@ from flexslew_msgs import msg
 
 from flexslew_plant import topics
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.message_fields import testbed_fields
 from flexslew_plant.bench.operation.run_state import FINISHED
 from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import truth_bytes
+from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
@@ -64,9 +64,9 @@ class Plant:
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
         heard = [self._exchange.questions, self._truth]
         self._report = PlantReport(node, self.session, self._alive, self._settings.progress, heard)
-        self._services = Services(self, loop)
+        self._services = Services(node, self.session, self.statuses, loop)
         self._diagnostics = Diagnostics(node, self.session)
-        self._parameters = PlantParameters(self)
+        self._parameters = PlantParameters(node, self.session, self.display, loop)
         self._realtime = RealTime(PLANT)
         fields = testbed_fields(bench, yaml_text(plain(self._settings)))
         self._testbed.publish(message_of(msg.Testbed, {"stamp": stamp(0.0), **fields}))

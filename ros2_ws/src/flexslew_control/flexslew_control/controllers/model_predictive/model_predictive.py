@@ -32,9 +32,9 @@ from flexslew_control.linear_design import (
 )
 from flexslew_control.shared_keys import BelievedModel
 from flexslew_plant.arrays import Matrix, Vector, kept
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import LimitSoftened
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import Positive, section
 
 _RESOLVED = 2.0  # of the fastest motion in a substep of the integration [rad]

@@ -8,7 +8,7 @@ from flexslew_control.controllers.at_rest import moves
 from flexslew_control.law import Estimate, Reference
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.measurement import Measurement
+from flexslew_plant.measurement import Measurement
 
 NO_GAINS = "its plan has no gains; set plan.gains to constant, perturbation or adiabatic"
 

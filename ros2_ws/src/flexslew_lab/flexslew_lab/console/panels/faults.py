@@ -8,10 +8,10 @@ from flexslew_lab.console.desk import Desk, Reply
 from flexslew_lab.console.forms import Form, Key, keys_of, moment, number_of, offer
 from flexslew_lab.console.link import RequestResult
 from flexslew_plant import topics
-from flexslew_plant.bench.hardware.disturbances import PulseShape, SineShape
 from flexslew_plant.bench.schedule import injected_entry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FAULTS
+from flexslew_plant.hardware.disturbances import PulseShape, SineShape
 from flexslew_plant.settings import yaml_text
 
 _CONSTANT, _NOTHING = "constant", "(nothing)"

@@ -11,7 +11,6 @@ from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.trial.trial import Trial, bench_settings, law_of
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.message_fields import event_fields, testbed_fields
 from flexslew_plant.bench.wire import (
     Stamp,
@@ -21,6 +20,7 @@ from flexslew_plant.bench.wire import (
     truth_bytes,
 )
 from flexslew_plant.events import Event
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import plain, yaml_text
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from flexslew_lab.cli.terminal import short
 from flexslew_lab.report.page import render
+from flexslew_lab.short_values import short
 from flexslew_lab.studies.findings import figures
 from flexslew_lab.studies.findings.tables import (
     QUANTILE_NAMES,

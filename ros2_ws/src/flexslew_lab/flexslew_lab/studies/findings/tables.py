@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from flexslew_lab.cli.terminal import short
+from flexslew_lab.short_values import short
 from flexslew_lab.studies.findings.summary import QUANTILES
 
 _DIGITS = 3

@@ -17,8 +17,8 @@ from flexslew_lab.studies.lanes.lane_trial import (
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.hardware.disturbances import TimedDisturbance, disturbance_effort
 from flexslew_plant.bench.wire import stamp_of
+from flexslew_plant.hardware.disturbances import TimedDisturbance, disturbance_effort
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.model import Model
 

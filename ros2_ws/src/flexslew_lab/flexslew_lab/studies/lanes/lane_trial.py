@@ -10,8 +10,8 @@ from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
-from flexslew_plant.bench.hardware.actuator import ActuatorSettings
 from flexslew_plant.errors import FlexslewError
+from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.compiled.lanes import LaneKernel, lane_kernel
 from flexslew_plant.testbeds.model import Model

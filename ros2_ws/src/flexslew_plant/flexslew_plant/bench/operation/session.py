@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable
 from typing import TypeAlias
 
 from flexslew_plant.bench.bench import Bench, SwitchRequest, Truth
-from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.operation.backlog import Backlog
 from flexslew_plant.bench.operation.pacing import Pacing
 from flexslew_plant.bench.operation.presence import BEAT_EVERY, Presence
@@ -30,6 +29,7 @@ from flexslew_plant.events import (
     Stepped,
     WasReset,
 )
+from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
 
 Outgoing: TypeAlias = Measurement | Truth | Event

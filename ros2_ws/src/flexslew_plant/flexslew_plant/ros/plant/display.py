@@ -18,8 +18,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from flexslew_plant import topics
 from flexslew_plant.arrays import NOTHING, Vector
 from flexslew_plant.bench.bench import Bench, Truth
-from flexslew_plant.bench.measurement import Measurement
 from flexslew_plant.bench.wire import stamp_of
+from flexslew_plant.measurement import Measurement
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.plant.instrument_display import InstrumentDisplay
 from flexslew_plant.ros.plant.platform_display import PlatformDisplay

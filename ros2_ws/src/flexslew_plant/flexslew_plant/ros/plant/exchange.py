@@ -11,8 +11,8 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from flexslew_plant import topics
-from flexslew_plant.bench.measurement import EffortCommand, Measurement
 from flexslew_plant.bench.wire import command_from, measurement_bytes
+from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import publish_if_heard, publisher, subscription

@@ -1,15 +1,17 @@
 """The parameters of the plant that may change at run time."""
 
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from rclpy.node import Node
+
+from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.errors import BadInput
+from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.parameters import serve_changes
+from flexslew_plant.ros.plant.display import Display
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.settings import validated
-
-if TYPE_CHECKING:
-    from flexslew_plant.ros.plant_node import Plant
 
 CHANGEABLE = ("rate_factor", "display_rate")
 
@@ -18,25 +20,29 @@ class PlantParameters:
     """Passes changes on.
 
     Args:
-        plant: whose parameters they are.
+        node: whose parameters they are.
+        session: whose pace may change.
+        display: whose rate may change.
+        loop: that serves the node.
     """
 
-    def __init__(self, plant: "Plant") -> None:
-        self._plant = plant
-        serve_changes(plant.node, self._change)
+    def __init__(self, node: Node, session: Session, display: Display, loop: Loop) -> None:
+        self._session, self._display, self._loop = session, display, loop
+        self._name = node.get_name()
+        serve_changes(node, self._change)
 
     def _change(self, changes: dict[str, Any]) -> str:
         """Take parameters in flight; return why not, or an empty text."""
         try:
-            validated(PlantSettings, changes, f"node {self._plant.node.get_name()}")
+            validated(PlantSettings, changes, f"node {self._name}")
         except BadInput as error:
             return str(error)
-        rate = changes.get("rate_factor", self._plant.session.pacing.rate_factor)
-        if rate != self._plant.session.pacing.rate_factor:
-            reply = self._plant.session.set_rate(rate, monotonic(), "a ROS parameter")
+        rate = changes.get("rate_factor", self._session.pacing.rate_factor)
+        if rate != self._session.pacing.rate_factor:
+            reply = self._session.set_rate(rate, monotonic(), "a ROS parameter")
             if not reply.ok:
                 return reply.message
         if "display_rate" in changes:
-            self._plant.display.set_rate(changes["display_rate"])
-        self._plant.loop.hurry()
+            self._display.set_rate(changes["display_rate"])
+        self._loop.hurry()
         return ""

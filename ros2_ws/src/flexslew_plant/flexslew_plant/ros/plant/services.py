@@ -1,24 +1,23 @@
 """The services of the plant: what an operator may ask of the bench while it runs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexslew_msgs import msg, srv
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import WAITING, Reply
+from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.plant.switch_service import SwitchService
-
-if TYPE_CHECKING:
-    from flexslew_plant.ros.plant_node import Plant
 
 _START = 2.0  # until somebody who starts the bench hears whom it waits for [wall s]
 _RENEW = 0.5  # between two states of the bench, if nothing changes [wall s]
@@ -28,18 +27,25 @@ class Services:
     """Answers the operator and shows the state of the bench.
 
     Args:
-        plant: whose bench it is.
-        loop: that serves it.
+        node: of the plant.
+        session: what is operated.
+        statuses: the last one of every controller.
+        loop: that serves the node.
     """
 
-    def __init__(self, plant: "Plant", loop: Loop) -> None:
-        self._plant, self._loop, self._session = plant, loop, plant.session
-        self._bench = plant.session.bench
-        self._switches = SwitchService(plant.node, plant.session, loop)
-        self._state = publisher(plant.node, topics.BENCH_STATE)
+    def __init__(
+        self,
+        node: Node,
+        session: Session,
+        statuses: Mapping[str, msg.ControllerStatus],
+        loop: Loop,
+    ) -> None:
+        self._node, self._loop, self._session = node, loop, session
+        self._statuses, self._bench = statuses, session.bench
+        self._switches = SwitchService(node, session, loop)
+        self._state = publisher(node, topics.BENCH_STATE)
         self._shown: tuple[Any, ...] = ()
         self._next_state = 0.0
-        session = self._session
         self._actions: dict[str, Callable[[str], Reply]] = {
             topics.START: session.start,
             topics.PAUSE: lambda who: session.pause(monotonic(), who),
@@ -162,14 +168,14 @@ class Services:
         outcome = self._session.set_rate(request.rate_factor, monotonic(), request.who)
         if outcome.ok:  # the parameter tells the truth
             rate = Parameter("rate_factor", value=request.rate_factor)
-            self._plant.node.set_parameters([rate])
+            self._node.set_parameters([rate])
         return self._done(reply, outcome)
 
     def _on_note(self, request: Any, reply: Any) -> Any:
         return self._done(reply, self._session.note(request.text, request.who))
 
     def _on_list(self, _: Any, reply: Any) -> Any:
-        for name, status in sorted(self._plant.statuses.items()):
+        for name, status in sorted(self._statuses.items()):
             reason = self._session.reason(name, monotonic())
             status.ready, status.reason = reason is None, str(reason or "")
             reply.controllers.append(status)

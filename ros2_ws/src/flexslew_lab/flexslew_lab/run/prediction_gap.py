@@ -1,0 +1,43 @@
+"""What a plan has predicted beside what its flight has left."""
+
+from typing import Any
+
+from flexslew_control.plan import Plan
+from flexslew_lab.trial.trial import Trial
+from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.hardware.sensors import SensorSettings
+from flexslew_plant.settings import plain
+
+_ALLOWED = 0.1  # of the prediction [-]
+_NEGLIGIBLE = 1e-5  # residual that counts as none [m]
+
+
+def prediction_gap(trial: Trial, plan: Plan | None, metrics: dict[str, Any]) -> str:
+    """Return in one line that a flight left more than its plan predicts, or an empty text.
+
+    Only where the bench is what the planner believes in, or the plan has been flown on the whole
+    bench, and nothing disturbs it: elsewhere the difference is what the trial is for.
+
+    Args:
+        trial: that was flown.
+        plan: that it flew.
+        metrics: the content of metrics.json.
+    """
+    left = metrics.get("residual_tip_deflection")
+    if plan is None or left is None or trial.schedule:
+        return ""
+    predicted = plan.summary.get("predicted_residual_tip_deflection")
+    seen = {k: v for k, v in plain(trial.testbed).items() if k != "initial"}
+    model = dict(plan.request.get("model") or {})
+    model.pop("initial", None)
+    undisturbed = trial.sensors == SensorSettings() and trial.actuator == ActuatorSettings()
+    undisturbed = undisturbed and not trial.testbed.model().appendages.instruments
+    comparable = model == seen or "residual_tip_deflection_on_model" in plan.summary
+    if predicted is None or not comparable or not undisturbed:
+        return ""
+    if left <= predicted * (1.0 + _ALLOWED) + _NEGLIGIBLE:
+        return ""
+    return (
+        f"warning: the flight left {left:.3g} m at the tip, the plan predicts {predicted:.3g} m on "
+        "the same bench: is the controller in charge the one whose gains the plan assumes?"
+    )

@@ -1,0 +1,272 @@
+"""One trial from its file to its folder: bag, metrics.json and report.html."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexslew_control.controllers.controller import Controller
+from flexslew_control.plan import Plan
+from flexslew_control.plan_file import save_plan
+from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
+from flexslew_control.planners.reference import ReferenceOnly
+from flexslew_control.planners.slew import software_versions
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.recording.bag_observer import BagObserver
+from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
+from flexslew_lab.metrics.from_bag import metrics_from
+from flexslew_lab.metrics.goal import missed_goal
+from flexslew_lab.metrics.operator_changes import changes_of
+from flexslew_lab.metrics.own import own_metrics
+from flexslew_lab.report.report import write_report
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.in_process import fly
+from flexslew_lab.run.outcome import Outcome
+from flexslew_lab.run.prediction_gap import prediction_gap
+from flexslew_lab.trial.outputs import WITHOUT, new_folder
+from flexslew_lab.trial.own_code import HASHES, own_code_of
+from flexslew_lab.trial.trial import (
+    Trial,
+    bench_settings,
+    build_controllers,
+    follow,
+    plan_of_trial,
+    trial_text,
+)
+from flexslew_plant.bench.bench import Bench
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.events import BecameUnready, BrakeTookOver, Event, FallbackTookOver
+from flexslew_plant.own_code import Trust
+
+Progress = Callable[[int, int], None]  # tick, last tick
+CHECK_FAILED = 1  # exit code of a run that is done and has missed its goal
+
+
+class Result(NamedTuple):
+    """What a run left behind."""
+
+    folder: Path
+    exit_code: int
+    message: str
+    metrics: dict[str, Any]
+    bare_metrics: dict[str, Any]  # of the same trial without feedforward; empty where not flown
+    changes: int = 0  # how often an operator changed it
+
+
+class _Prepared(NamedTuple):
+    """What stands on the bench and who flies it, before tick 0."""
+
+    bench: Bench
+    controllers: dict[str, Controller]
+    plan: Plan | None
+
+
+def run_trial(
+    trial: Trial,
+    source: str,
+    out: Path | None = None,
+    in_process: bool = False,
+    report: bool = True,
+    progress: Progress = lambda tick, last: None,
+    say: Callable[[str], None] = lambda words: None,
+    autostart: bool = True,
+) -> Result:
+    """Fly the trial, write its folder and return what came out.
+
+    Args:
+        trial: what to fly.
+        source: its file, for messages and for the log.
+        out: folder of the run; None: a new one below runs/.
+        in_process: without ROS.
+        report: write report.html too.
+        progress: called with the tick and the last tick.
+        say: called with a line for a person.
+        autostart: over ROS, fly as soon as all are there; else when an operator says so.
+
+    Raises:
+        BadInput, PlanFailed: before anything was written.
+    """
+    folder = new_folder(trial.name, out)
+    if not in_process:
+        from flexslew_lab.run.shared_memory import require_shared_memory
+
+        require_shared_memory()
+    prepared = _prepared(trial, source)
+    own_metrics(
+        trial.metrics, f"{source}: metrics", trial.trust
+    )  # refused before anything is flown
+    if prepared.plan is not None and prepared.plan.end > trial.duration:
+        say(
+            f"warning: the plan ends at {prepared.plan.end:g} s, the run at {trial.duration:g} s: "
+            "the residual after the manoeuvre cannot be measured"
+        )
+    if prepared.plan is not None and "warning" in prepared.plan.summary:
+        say(f"warning: plan: {prepared.plan.summary['warning']}")
+    if prepared.plan is not None and prepared.plan.summary.get("believes"):
+        say(f"the plan assumes, unlike the bench: {prepared.plan.summary['believes']}")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "trial.yaml").write_text(trial_text(trial))
+    metadata = {
+        "trial_file": source,
+        "versions": json.dumps(software_versions()),
+        HASHES: json.dumps(own_code_of(trial)),
+    }
+    bag = folder / "bag"
+    if in_process:
+        outcome = _in_process(trial, prepared, bag, metadata, progress)
+    else:
+        outcome = _over_ros(trial, prepared.plan, folder, metadata, progress, say, autostart)
+    result, reader = _finished(folder, bag, outcome, trial.trust)
+    words = prediction_gap(trial, prepared.plan, result.metrics)
+    if words:
+        say(words)
+    missed = missed_goal(result.metrics, trial.goal_tolerance)
+    if missed and not result.exit_code:
+        result = result._replace(exit_code=CHECK_FAILED, message=missed)
+    if report and reader is not None and result.metrics and outcome.exit_code != 130:
+        try:
+            bare = None if result.changes else _without_feedforward(trial, source, folder)
+            write_report([reader], folder / "report.html", bare)
+        except (RecordingStopped, OSError) as error:
+            return _unwritten(result, error)
+        if bare is not None:
+            result = result._replace(bare_metrics=metrics_from(bare))
+    return result
+
+
+def finished(folder: Path, trust: Trust, report: bool = True) -> None:
+    """Write metrics.json, and report.html too, of a run that others have flown.
+
+    Args:
+        folder: of the run, with its bag.
+        trust: which classes that its trial names may be loaded.
+        report: with the report.
+    """
+    reader = BagReader(folder / "bag", trust=trust)
+    (folder / "metrics.json").write_text(json.dumps(metrics_from(reader), indent=2) + "\n")
+    if report:
+        write_report([reader], folder / "report.html")
+
+
+def _prepared(trial: Trial, source: str) -> _Prepared:
+    """Return what the trial flies in process, with the plan adopted.
+
+    Raises:
+        BadInput, PlanFailed: with the place in the trial file.
+    """
+    bench = Bench(bench_settings(trial))
+    controllers = build_controllers(trial, bench, source)
+    try:
+        plan = plan_of_trial(trial)
+    except BadInput as error:  # says its key
+        raise BadInput(str(error), source) from None
+    except PlanFailed as error:
+        raise PlanFailed(f"{source}: plan: {error}") from None
+    if (refused := follow(controllers, trial.active, plan)) is not None:
+        raise BadInput(f"{trial.active} is not ready: {refused}", source, "plan")
+    return _Prepared(bench, controllers, plan)
+
+
+def _in_process(
+    trial: Trial,
+    prepared: _Prepared,
+    bag: Path,
+    metadata: dict[str, str],
+    progress: Progress,
+    bare: bool = False,
+) -> Outcome:
+    bench, controllers, plan = prepared
+    last = bench.last_tick or 0
+    with BagWriter(bag, {"trial": trial_text(trial), **metadata}) as writer:
+        observer = BagObserver(writer, bare)
+        observer.announce(trial, bench, plan, controllers)
+        fly(bench, controllers, observer, lambda tick: progress(tick, last))
+        try:
+            observer.close()
+        except RecordingStopped as error:
+            if bare:
+                raise
+            return Outcome(3, str(error))
+    words = bench.failure or "a controller fell silent" * bench.faulted
+    return Outcome(3 if bench.faulted else 0, words)
+
+
+def _without_feedforward(trial: Trial, source: str, folder: Path) -> BagReader | None:
+    """Fly the same reference without feedforward, in process; return its bag, if any."""
+    plan = trial.plan
+    if not isinstance(plan, OptimizedFeedforward):
+        return None
+    keys = ("model", "initial", "goal", "start", "duration", "reference", "feedback")
+    bare = ReferenceOnly(**{key: getattr(plan, key) for key in keys})
+    bag = folder / WITHOUT
+    other = replace(trial, name=f"{trial.name}-without-feedforward", plan=bare)
+    prepared = _prepared(other, source)
+    _in_process(other, prepared, bag, {"trial_file": source}, lambda tick, last: None, bare=True)
+    return BagReader(bag, trust=trial.trust)
+
+
+def _over_ros(
+    trial: Trial,
+    plan: Plan | None,
+    folder: Path,
+    metadata: dict[str, str],
+    progress: Progress,
+    say: Callable[[str], None],
+    autostart: bool,
+) -> Outcome:
+    # what starts nodes is of Linux alone, as ROS is here
+    from flexslew_lab.run.processes import node_processes, parameter_file
+    from flexslew_lab.run.supervisor import Supervisor
+
+    planned = folder / "plan.yaml" if plan is not None else None  # made once, for the node too
+    if plan is not None:
+        save_plan(plan, folder / "plan.yaml")
+    processes = node_processes(trial, folder, True, metadata, planned, autostart=autostart)
+    parameters = folder / "parameters.yaml"
+    parameters.write_text(parameter_file(processes))
+    with own_domain(trial.name, folder) as domain:
+        say(f"ROS_DOMAIN_ID {domain}: {', '.join(p.name for p in processes)}")
+        supervisor = Supervisor(processes, parameters, folder / "nodes.log", domain, progress)
+        return supervisor.run()
+
+
+def _finished(
+    folder: Path, bag: Path, outcome: Outcome, trust: Trust
+) -> tuple[Result, BagReader | None]:
+    """Write metrics.json; return what is known of the run, and its bag where there is one."""
+    result = Result(folder, outcome.exit_code, outcome.message, {}, {})
+    reader = None
+    try:
+        reader = BagReader(bag, trust=trust)
+        changes = len(changes_of(reader.overview.events))
+        result = result._replace(metrics=metrics_from(reader), changes=changes)
+        if outcome.exit_code == 3:
+            words = _takeovers(reader.overview.events)
+            if not words or not result.metrics["log_complete"]:
+                words.append(outcome.message)
+            result = result._replace(message="; ".join(words))
+        (folder / "metrics.json").write_text(json.dumps(result.metrics, indent=2) + "\n")
+    except (BadInput, OSError) as error:
+        if outcome.exit_code != 130:  # an interrupted run may hold no tick at all
+            result = _unwritten(result, error)
+    return result, reader
+
+
+def _unwritten(result: Result, error: Exception) -> Result:
+    """Return a result that says what is not on the disk, with exit code 3."""
+    words = "; ".join(part for part in (result.message, str(error)) if part)
+    return result._replace(exit_code=3, message=words)
+
+
+def _takeovers(events: Sequence[Event]) -> list[str]:
+    """Return who fell silent when, who took over, and why where the bench knows."""
+    words, reasons = [], {}
+    for event in events:
+        match event.what:
+            case BecameUnready(controller=name, reason=reason):
+                reasons[name] = reason
+            case FallbackTookOver(from_=name) | BrakeTookOver(from_=name):
+                why = f" ({reasons[name]})" if reasons.get(name) else ""
+                words.append(f"{event.time:.2f} s: {event.message}{why}")
+    return words

@@ -1,0 +1,195 @@
+"""Starts the processes of a trial, watches them, ends them; knows nothing of ROS messages."""
+
+import fcntl
+import os
+import re
+import selectors
+import signal
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic
+
+from flexslew_lab.run.fork_server import BEFORE_FORK, ForkServer
+from flexslew_lab.run.outcome import Outcome as Outcome
+from flexslew_lab.run.processes import NodeProcess
+
+_TICK = re.compile(rb"^tick (\d+) of (\d+)$")
+_LEAVES = re.compile(rb"^leaves with exit code (\d+)$")
+_ROOM = 1 << 20  # what a node may say while nobody reads it; Linux gives 64 KiB [bytes]
+_GRACE = 10.0  # from one signal to the next stronger one [wall s]
+_LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.DEPARTURE_TIMEOUT
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+# signals that end a crashed process
+_CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL)
+
+
+class Supervisor:
+    """The processes of one run.
+
+    A controller or planner that crashes before the start is started again, once. Plant and recorder
+    are not: others depend on the one, the other has begun its bag.
+
+    Args:
+        processes: what to start; the end of the last one, the plant, is the end of the run.
+        parameters: the ROS parameter file.
+        log: file for what the processes say.
+        domain: ROS_DOMAIN_ID for all of them.
+        progress: called with the tick and the last tick.
+        server: that starts them; None: a new one.
+    """
+
+    def __init__(
+        self,
+        processes: list[NodeProcess],
+        parameters: Path,
+        log: Path,
+        domain: int,
+        progress: Callable[[int, int], None],
+        server: ForkServer | None = None,
+    ) -> None:
+        self._progress = progress
+        self._own_fork_server = server is None
+        self._fork_server = server or ForkServer([BEFORE_FORK, *(p.module for p in processes)])
+        self._plant = processes[-1].name
+        self._again = {p.name: p for p in processes if p.package == "flexslew_control"}
+        self._tick = -1
+        self._complaint = ""
+        self._log = log.open("wb")
+        self._running: dict[str, int] = {}  # pids
+        self._codes: dict[str, int] = {}
+        self._told: dict[str, int] = {}  # exit codes, by those who leave
+        self._selector = selectors.DefaultSelector()
+        self._rest: dict[str, bytes] = {}
+        self._parameters = parameters
+        self._environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
+        for process in processes:
+            self._start(process)
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Process ids by node name, of those that still run."""
+        return dict(self._running)
+
+    def run(self) -> Outcome:
+        """Wait for the plant to end, then for the others; Ctrl-C ends all of them."""
+        try:
+            while self._plant in self._running:
+                self._serve(0.2)
+                dead = [n for n, code in self._codes.items() if n != self._plant and code]
+                if dead and self._tick < 0:
+                    self._end()
+                    code = 2 if self._codes[dead[0]] == 2 else 3
+                    return self._outcome(code, f"{dead[0]} ended before the start")
+            self._wait_for_rest()
+        except KeyboardInterrupt:
+            self._end()
+            return self._outcome(130, "interrupted")
+        except BaseException:
+            self._end()
+            raise
+        return self._verdict()
+
+    def _start(self, process: NodeProcess) -> None:
+        arguments = ["--ros-args", "--params-file", str(self._parameters)]
+        if process.name:  # empty: several nodes, each with the name that it gives itself
+            arguments += ["-r", f"__node:={process.name}"]
+        if process.namespace:
+            arguments += ["-r", f"__ns:={process.namespace}"]
+        for old, new in process.remappings:
+            arguments += ["-r", f"{old}:={new}"]
+        read_end, write_end = os.pipe()
+        with suppress(OSError):  # a terminal that rests for a while does not hold up the nodes
+            fcntl.fcntl(read_end, fcntl.F_SETPIPE_SZ, _ROOM)
+        try:
+            pid = self._fork_server.start(process.module, arguments, self._environment, write_end)
+        finally:
+            os.close(write_end)
+        os.set_blocking(read_end, False)
+        self._selector.register(read_end, selectors.EVENT_READ, process.name)
+        self._running[process.name] = pid
+        self._rest[process.name] = b""
+
+    def _serve(self, timeout: float) -> None:
+        """Take what the processes say and note who has ended."""
+        for key, _ in self._selector.select(timeout):
+            data = os.read(key.fd, 65536)
+            self._take(key.data, data)
+            if not data:
+                self._selector.unregister(key.fileobj)
+                os.close(key.fd)
+        for name, pid in list(self._running.items()):
+            code = self._fork_server.exit_code(pid)
+            if code is None:
+                continue
+            del self._running[name]
+            if self._tick < 0 and -code in _CRASHES and name in self._again:
+                word = f"crashed ({signal.Signals(-code).name}) before the start: started again\n"
+                self._take(name, b"\n" * bool(self._rest[name]) + word.encode())
+                self._start(self._again.pop(name))
+            else:
+                self._codes[name] = self._told.get(name, code) if code == -signal.SIGALRM else code
+
+    def _take(self, name: str, data: bytes) -> None:
+        *lines, self._rest[name] = (self._rest[name] + data).split(b"\n")
+        for line in lines:
+            found = _TICK.match(line)
+            if found:
+                self._tick = int(found[1])
+                self._progress(self._tick, int(found[2]))
+                continue
+            leaves = _LEAVES.match(line)
+            if leaves:
+                self._told[name] = int(leaves[1])
+                continue
+            if line.startswith(b"error: "):
+                self._complaint = line[7:].decode(errors="replace")
+            self._log.write(f"[{name}] ".encode() + line + b"\n")
+            self._log.flush()
+
+    def _wait_for_rest(self) -> None:
+        """The others leave by themselves once the plant is gone and they were heard."""
+        end = monotonic() + _LEAVING
+        while self._running and monotonic() < end:
+            self._serve(0.05)
+        if self._running:
+            self._end()
+
+    def _end(self) -> None:
+        """End what still runs: the plant first, so that the recorder gets its last messages."""
+        self._again.clear()
+        order = sorted(self._running, key=lambda name: (name == "recorder", name != self._plant))
+        for name in order:
+            for strength in _SIGNALS:
+                if name not in self._running:
+                    break
+                with suppress(ProcessLookupError):  # it has just ended
+                    os.kill(self._running[name], strength)
+                end = monotonic() + _GRACE
+                while name in self._running and monotonic() < end:
+                    self._serve(0.05)
+        self._serve(0.0)
+
+    def _verdict(self) -> Outcome:
+        if self._codes[self._plant] not in (0, 3):
+            return self._outcome(3, "the plant ended by itself")
+        for name, code in self._codes.items():
+            if name != self._plant and code:
+                return self._outcome(3, f"{name} ended during the run")
+        if self._codes[self._plant]:
+            if self._complaint:
+                return self._outcome(3, "the run ended early")
+            return self._outcome(3, "a controller fell silent; see the events")
+        return self._outcome(0, "")
+
+    def _outcome(self, code: int, message: str) -> Outcome:
+        for key in list(self._selector.get_map().values()):  # a grandchild still holds it
+            os.close(key.fd)
+        self._selector.close()
+        self._log.close()
+        if self._own_fork_server:
+            self._fork_server.close()
+        complaint = self._complaint
+        ended = ", ".join(f"{n}: {c}" for n, c in self._codes.items() if c not in (0, 130, -2))
+        details = complaint or (f"exit codes {ended}" if ended and code == 3 else "")
+        return Outcome(code, f"{message} ({details})" if details else message)

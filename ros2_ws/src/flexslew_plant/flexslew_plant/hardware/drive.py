@@ -1,0 +1,99 @@
+"""The drive: checks every answer, holds the last effort, and brakes when nobody is in charge."""
+
+from collections import Counter, deque
+from math import isfinite
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.events.run import Objection
+from flexslew_plant.measurement import EffortCommand, Measurement
+
+_REMEMBERED = 64  # answers; a question that was repeated is answered more than once
+
+
+class Drive:
+    """Who may command the motors, and what they do when nobody does.
+
+    Args:
+        active: the controller in charge at the start.
+        max_missed: ticks in a row without a valid answer before somebody else must take over.
+        brake: viscous coefficient of each joint's own brake, shape (joints,) [N m s/rad].
+    """
+
+    def __init__(self, active: str, max_missed: int, brake: Vector) -> None:
+        self._start = active
+        self._max_missed, self._brake = max_missed, brake
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the state of the start."""
+        self.active = self._start
+        self.demand: Vector = np.zeros(self._brake.size)  # last effort asked [N m or N]
+        self.missed_in_a_row = 0
+        self.missed = 0
+        self.rejected: Counter[Objection] = Counter()
+        self._heard: deque[EffortCommand] = deque(maxlen=_REMEMBERED)
+
+    def heard_before(self, command: EffortCommand) -> bool:
+        """Return whether this very answer was given already: the question had been repeated."""
+        return any(
+            command[:3] == other[:3] and np.array_equal(command.effort, other.effort)
+            for other in self._heard
+        )
+
+    def objection(
+        self, question: Measurement, command: EffortCommand
+    ) -> tuple[Objection, str] | None:
+        """Return why the command is not an answer to the question, also in words, or None."""
+        if command.controller != question.controller:
+            asked = question.controller or "nobody, the brake is on"
+            kind, words = Objection.SENDER, f"{command.controller} answered, expected {asked}"
+        elif command.epoch != question.epoch or command.tick != question.tick:
+            kind = Objection.STALE
+            words = (
+                f"answer to tick {command.tick} of epoch {command.epoch}, "
+                f"expected tick {question.tick} of epoch {question.epoch}"
+            )
+        elif command.effort.shape != self._brake.shape:
+            kind = Objection.SIZE
+            words = f"{command.effort.size} efforts for {self._brake.size} joints"
+        elif not all(map(isfinite, command.effort.tolist())):
+            kind, words = Objection.FINITE, f"effort {command.effort.tolist()} is not finite"
+        else:
+            self._heard.append(command)
+            return None
+        self.rejected[kind] += 1
+        return kind, words
+
+    def take(self, effort: Vector) -> None:
+        """Hold this checked effort."""
+        self.demand = effort
+        self.missed_in_a_row = 0
+
+    def miss(self) -> bool:
+        """Count a tick without a valid answer; return whether somebody else must take over now."""
+        over = self.one_miss_left
+        self.missed += 1
+        self.missed_in_a_row += 1
+        return over
+
+    @property
+    def one_miss_left(self) -> bool:
+        """Whether somebody else must take over if this tick is missed too."""
+        return self.missed_in_a_row + 1 >= self._max_missed
+
+    def hand_over(self, controller: str) -> None:
+        """Put a controller in charge; "" is the brake."""
+        self.active = controller
+        self.missed_in_a_row = 0
+
+    def effort(self, velocity: Vector) -> Vector:
+        """Return the effort to ask of the motors, shape (joints,) [N m or N].
+
+        That of the brake is held, too, until a newcomer has answered: what the controller before
+        the brake asked for last is long out of date.
+        """
+        if not self.active:
+            self.demand = -self._brake * velocity
+        return self.demand

@@ -1,0 +1,209 @@
+"""Friction in the motors, integrated with the dynamics: stable at any period, also at rest.
+
+Each motor, of a joint or of a reaction wheel, slides under f(v) = c v + F tanh(v / v_c), which is
+stiff near rest. Over a tick the rest of the dynamics accelerates it by its mean g, so that
+v' = g - a f(v), with v its rate and a its mobility: of B^T v and of B^T M^-1 B, its entries. That
+scalar equation is solved to its end; the impulse that it takes is the mean friction, with which
+the testbed is integrated over the tick. g is the one that this gives.
+The method is of second order and exact in steady sliding and in steady creep.
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector, compiled, compiled_once
+from flexslew_plant.errors import BadInput
+from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.testbeds.model import Model, Motors
+
+_ROUNDS = 30  # at most, of integrations of a tick
+_SWEEPS = 200  # at most, over the joints
+_CLOSE = 1e-12  # change of the friction at which it is found, of its size
+
+
+@compiled
+def slid(v: float, g: float, viscous: float, coulomb: float, speed: float, dt: float) -> float:
+    """Return v after dt of v' = g - viscous v - coulomb tanh(v / speed).
+
+    Exponential Rosenbrock steps of order 2 in v / speed, with the error estimated by order 3.
+
+    Args:
+        v: [rad/s or m/s].
+        g: acceleration without friction [rad/s^2 or m/s^2].
+        viscous: c a [1/s].
+        coulomb: F a [rad/s^2 or m/s^2].
+        speed: v_c [rad/s or m/s].
+        dt: [s].
+    """
+    s, push, kappa = v / speed, g / speed, coulomb / speed
+    left, step = dt, dt
+    for _ in range(100_000):
+        step = min(step, left)
+        held = np.tanh(s)
+        slope = -viscous - kappa * (1.0 - held * held)
+        z = slope * step
+        if z < -1e-2:
+            phi_1 = np.expm1(z) / z
+            phi_3 = (phi_1 - 1.0 - 0.5 * z) / (z * z)
+        else:
+            phi_1 = 1.0 + z * (1.0 / 2.0 + z * (1.0 / 6.0 + z * (1.0 / 24.0 + z / 120.0)))
+            phi_3 = 1.0 / 6.0 + z * (1.0 / 24.0 + z * (1.0 / 120.0 + z / 720.0))
+        change = step * phi_1 * (push - viscous * s - kappa * held)
+        rest = -kappa * (np.tanh(s + change) - held - (1.0 - held * held) * change)
+        error = 2.0 * step * phi_3 * rest
+        size = abs(error) / (1e-7 + 1e-13 * abs(s))
+        if size <= 1.0 or step <= 1e-14 * dt:
+            s += change + error
+            left -= step
+            if left <= 0.0:
+                break
+        step *= min(5.0, max(0.1, 0.9 * (size + 1e-30) ** (-1.0 / 3.0)))
+    return s * speed
+
+
+@compiled_once()
+def balanced(
+    r: Vector,
+    free: Vector,
+    mobility: Matrix,
+    v: Vector,
+    viscous: Vector,
+    coulomb: Vector,
+    speed: float,
+    dt: float,
+) -> Vector:
+    """Return the mean friction on each joint, shape (m,), in balance with that on the others.
+
+    Joint after joint (Gauss and Seidel): convex, as friction grows with the rate and the mobility
+    is positive definite.
+
+    Args:
+        r: first guess, shape (m,) [N m or N].
+        free: accelerations of the joints without friction, shape (m,).
+        mobility: block of M^-1 of the joints, shape (m, m).
+        v: their rates, shape (m,).
+        viscous: c, shape (m,) [N m s/rad].
+        coulomb: F, shape (m,) [N m].
+        speed: v_c [rad/s].
+        dt: [s].
+    """
+    r = r.copy()
+    for _ in range(_SWEEPS):
+        change = 0.0
+        for i in range(r.size):
+            a = mobility[i, i]
+            g = free[i] + mobility[i] @ r - a * r[i]
+            after = slid(v[i], g, a * viscous[i], a * coulomb[i], speed, dt)
+            found = ((after - v[i]) / dt - g) / a
+            change = max(change, abs(found - r[i]))
+            r[i] = found
+        if change <= 0.1 * _CLOSE * np.abs(r).max():
+            break
+    return r
+
+
+class Friction:
+    """The friction of the motors.
+
+    Args:
+        motors: where they are among efforts and states.
+        settings: the `actuator` section.
+        period: one tick [s].
+
+    Raises:
+        BadInput: it names what is no motor.
+    """
+
+    def __init__(self, motors: Motors, settings: ActuatorSettings, period: float) -> None:
+        self._motors = motors
+        self._law = *coefficients(motors, settings), settings.coulomb_speed
+        self._period = period
+        one = np.ones(1)
+        balanced(one, one, np.eye(1), one, one, one, 1.0, period)  # compiled before tick 0
+
+    def advance(
+        self, x: Vector, effort: Vector, mobility: Matrix, step: Callable[[Vector], Vector]
+    ) -> Vector:
+        """Return the state a tick later, friction included.
+
+        Args:
+            x: state [q, v].
+            effort: of all actuators, held, shape (efforts,) [N m or N].
+            mobility: of all actuators, B^T M^-1 B, shape (efforts, efforts).
+            step: returns the state a tick later under a held effort.
+        """
+        chosen, at, speed, sign, dt = *self._motors[1:], self._period
+        mobility = np.ascontiguousarray(mobility[np.ix_(chosen, chosen)])
+        v, r = sign * x[speed], np.zeros(len(chosen))
+        for _ in range(_ROUNDS):
+            total = effort.astype(np.float64)
+            total[chosen] += r
+            after = step(total)
+            rate = sign * after[speed]
+            if not np.isfinite(rate).all():
+                break
+            free = (rate - v) / dt - mobility @ r
+            found = balanced(r, free, mobility, v, *self._law, dt)
+            found = self._dissipative(found, r, sign * (after[at] - x[at]), mobility)
+            if np.abs(found - r).max() <= _CLOSE * np.abs(found).max():
+                break
+            r = found
+        return after
+
+    def _dissipative(self, found: Vector, r: Vector, way: Vector, mobility: Matrix) -> Vector:
+        """Return the friction so that it takes energy or none from every joint.
+
+        A joint that turns round within the tick may come out with a mean friction along its way;
+        then it gets what makes it end where it began.
+
+        Args:
+            found: mean friction, shape (m,) [N m or N].
+            r: the friction under which the joints went their way.
+            way: from the beginning to the end of the tick, shape (m,) [rad or m].
+            mobility: as in advance.
+        """
+        reach = 0.5 * self._period**2
+        way = way + reach * (mobility @ (found - r))
+        along = found * way > 0.0
+        if not along.any():
+            return found
+        still = found - way / (reach * np.diag(mobility))
+        least, most = np.minimum(found, 0.0), np.maximum(found, 0.0)
+        return np.where(along, np.clip(still, least, most), found)
+
+
+def coefficients(motors: Motors, settings: ActuatorSettings) -> tuple[Vector, Vector]:
+    """Return viscous and Coulomb coefficient of every motor, each of shape (motors,).
+
+    Raises:
+        BadInput: a name is that of no motor.
+    """
+    found = []
+    for key in ("viscous_friction", "coulomb_friction"):
+        given = getattr(settings, key)
+        if not isinstance(given, Mapping):
+            found.append(np.full(len(motors.names), given, dtype=np.float64))
+            continue
+        unknown = sorted(set(given) - set(motors.names))
+        if unknown:
+            words = f"names of motors: {', '.join(motors.names)}"
+            raise BadInput(words, "actuator", key, unknown[0])
+        found.append(np.array([given.get(name, 0.0) for name in motors.names], dtype=np.float64))
+    return found[0], found[1]
+
+
+def friction_of(settings: ActuatorSettings, model: Model, period: float) -> Friction | None:
+    """Return the friction of the motors, or None where there is none.
+
+    Raises:
+        BadInput: no actuator is a motor, or a name is that of none.
+    """
+    if not (settings.viscous_friction or settings.coulomb_friction):
+        return None
+    if not model.own_motors.names:
+        raise BadInput(
+            "actuator: viscous_friction and coulomb_friction are not allowed here: no actuator of "
+            "this testbed is a motor in a joint or a wheel; give 0.0"
+        )
+    return Friction(model.own_motors, settings, period)

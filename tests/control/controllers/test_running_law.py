@@ -1,0 +1,201 @@
+"""The linear form of a controller is that of its running code, of whatever class it is."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.plants import plant
+
+from flexslew_control.analysis.lti import Lti
+from flexslew_control.analysis.numeric_state import assign, copied, numbers
+from flexslew_control.analysis.rest import rest_of
+from flexslew_control.controllers import CONTROLLERS, build_controller
+from flexslew_control.controllers.controller import Controller
+from flexslew_control.controllers.running_law import running_law
+from flexslew_control.estimators.kalman import KalmanFilter
+from flexslew_control.law import MeasuredJoints
+from flexslew_control.linear_form import KalmanForm, LinearForm
+from flexslew_control.plan import Plan
+from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
+from flexslew_plant.testbeds import read_testbed
+
+HUB = read_testbed({"kind": "hub_with_appendages"}, "here")
+CSA = read_testbed({"kind": "csa", "modes": 1}, "here")
+
+
+def described(testbed: Any) -> Any:
+    return plant(0.01, testbed.effort_limit, testbed)
+
+
+def controller(testbed: Any, law: str, values: dict[str, Any]) -> Controller:
+    return build_controller("it", law, values, described(testbed), "here")
+
+
+def answers(form: Lti, inputs: np.ndarray) -> np.ndarray:
+    s, out = np.zeros(len(form.a)), []
+    for w in inputs:
+        out.append(form.c @ s + form.d @ w)
+        s = form.a @ s + form.b @ w
+    return np.array(out)
+
+
+def formula(found: LinearForm, stationary: Any, inputs: np.ndarray, m: int, period: float) -> Any:
+    """Return the answers of the equations of linear_form to measurements without a reference."""
+    law, observer = found.law, found.observer
+    z: Any
+    outputs = law.from_output.shape[1]
+    z, s, out, y_before, before = None, np.zeros(m), [], np.zeros(outputs), None
+    for w in inputs:
+        y, applied = w[:outputs], w[-2 * m : -m]
+        if isinstance(observer, KalmanForm):
+            f, g, c = observer.matrices.f, observer.matrices.g, observer.matrices.c
+            prior = np.zeros(len(f)) if z is None else f @ z + g @ applied
+            z = prior + stationary @ (y - c @ prior)
+            seen = np.concatenate((z, y - c @ prior))
+        else:
+            z = (
+                observer.start @ np.zeros(outputs)
+                if before is None
+                else observer.state @ z + observer.effort @ applied + observer.before @ y_before
+            )
+            seen, y_before, before = z, y, True
+        q, v = w[:m], w[m : 2 * m]
+        out.append(-law.kp * q - law.kd * v + law.from_state @ seen + law.from_output @ y + s)
+        if law.integral:
+            s = s + period * (-law.ki * q + law.to_integral @ seen)
+    return np.array(out)
+
+
+def settled_gain(it: Controller, rest: Any, ticks: int) -> Any:
+    """Return the gain of a filter that has rested; its covariance is predicted by a Taylor step."""
+    q, still = rest.model.joint_state(rest.state)
+    none = np.zeros(len(rest.model.appendages.names))
+    for tick in range(ticks):
+        it.observe(Measurement(tick, 0, 0.0, it.name, q, still, none, none, still))
+    estimator: Any = it.estimator
+    c, r, p = estimator.matrices.c, estimator.matrices.r, estimator._prior
+    return np.linalg.solve(c @ p @ c.T + np.diag(r), c @ p).T
+
+
+@pytest.mark.parametrize("testbed", [HUB, CSA], ids=["hub", "csa"])
+@pytest.mark.parametrize(
+    ("law", "values"),
+    [
+        ("pd_feedforward", {"kp": [20.0], "kd": [30.0]}),
+        ("collocated_pid", {"kp": [460.0], "kd": [920.0], "ki": [15.0]}),
+        ("output_feedback", {"mode": "tracking_b", "observer": "steady", "model": {"modes": 1}}),
+        ("lqr", {"filter": {"modal_noise": 10.0, "effort_noise": 1.0}}),
+        ("proportional_integral", {"filter": {"modal_noise": 10.0, "effort_noise": 1.0}}),
+    ],
+)
+def test_the_form_of_the_code_is_the_formula_s(testbed: Any, law: str, values: Any) -> None:
+    described_ = described(testbed)
+    if law in ("lqr", "proportional_integral") and testbed is CSA:
+        values = {**values, "operating_point": {"hub_pitch": 0.0}}
+    it, rest = controller(testbed, law, values), rest_of(testbed)
+    found = running_law(it, rest, described_.effort_limit)
+    still = np.zeros((2, rest.model.joints))
+    plan = Plan("none", it.joint_names, 0.0, 0.01, still, still, still[:1], still[:, :0], 0.0)
+    linear = CONTROLLERS[law].linear
+    assert linear is not None
+    form = linear(it.estimator, it.law, [plan.reference(0)])
+    assert form is not None
+    gain = settled_gain(it, rest, found.ticks) if isinstance(it.estimator, KalmanFilter) else None
+    rng, m = np.random.default_rng(4), rest.model.joints
+    inputs = rng.standard_normal((80, len(found.form.inputs)))
+    inputs[0], inputs[:, -m:] = 0.0, 0.0
+    if law == "output_feedback":
+        inputs[:, 2 * m : -2 * m] = 0.0
+    expected = formula(form, gain, inputs, m, 0.01)
+    size = abs(expected).max()
+    np.testing.assert_allclose(answers(found.form, inputs) / size, expected / size, atol=2e-6)
+    assert found.mismatch < 1e-5
+
+
+class Odd:
+    """A law whose memory is a float, a list, a dictionary, a tuple and a queue."""
+
+    def __init__(self) -> None:
+        self.terms: dict[str, Any] = {}
+        self.total, self.rows, self.named = 0.0, [0.0, 0.0], {"last": 0.0}
+        self.pair, self.queue = (0.0, np.zeros(1)), deque([0.0, 0.0, 0.0])
+        self.counted = 0
+
+    def reset(self, *asked: Any) -> None:
+        """Keep all."""
+
+    def update(self, measurement: Any, estimate: Any, reference: Any) -> Any:
+        e = float(reference.position[0] - measurement.joint_position[0])
+        self.counted += 1
+        effort = 3.0 * self.pair[0] + self.pair[1][0] + 2.0 * self.queue[0] + self.total
+        effort += 0.5 * self.rows[1] + 0.25 * self.named["last"] + 7.0 * e
+        self.total += 0.1 * e
+        self.rows = [e, self.rows[0]]
+        self.named["last"] = 0.9 * self.named["last"] + e
+        self.pair = (e, np.array([0.3 * self.pair[0]]))
+        self.queue.append(e)
+        self.queue.popleft()
+        return np.array([effort])
+
+
+class Hidden:
+    """A law whose memory nobody can read."""
+
+    def __init__(self) -> None:
+        self.terms: dict[str, Any] = {}
+        total = np.zeros(1)
+
+        def add(e: float) -> float:
+            total[0] += e
+            return float(total[0])
+
+        self._add = add
+
+    def reset(self, *asked: Any) -> None:
+        """Keep all."""
+
+    def update(self, measurement: Any, estimate: Any, reference: Any) -> Any:
+        return np.array([self._add(reference.position[0] - measurement.joint_position[0])])
+
+
+def test_memory_of_any_kind_is_found() -> None:
+    it = Controller("it", MeasuredJoints(), Odd(), ("hub",), 0.01)
+    found = running_law(it, rest_of(HUB, {"hub": 0.4}), np.array([10.0]))
+    assert found.mismatch < 1e-9
+    rng, law = np.random.default_rng(1), Odd()
+    e = rng.standard_normal(50)
+    inputs = np.zeros((50, len(found.form.inputs)))
+    inputs[:, 0] = -e
+    asked: Any = type("Asked", (), {})
+    expected = []
+    for value in e:
+        asked.joint_position, asked.position = np.zeros(1), np.array([value])
+        expected.append(law.update(asked, None, asked))
+    np.testing.assert_allclose(answers(found.form, inputs), expected, atol=1e-8)
+
+
+def test_memory_that_cannot_be_read_is_refused() -> None:
+    it = Controller("it", MeasuredJoints(), Hidden(), ("hub",), 0.01)
+    with pytest.raises(BadInput, match="it is not linear at this rest"):
+        running_law(it, rest_of(HUB), np.array([10.0]))
+
+
+def test_the_controller_itself_stays_as_it_is() -> None:
+    it = controller(CSA, "proportional_integral", {"filter": {"modal_noise": 1e-4}})
+    before = {place: np.copy(value) for place, value in numbers(vars(it)).items()}
+    running_law(it, rest_of(CSA), described(CSA).effort_limit)
+    after = numbers(vars(it))
+    assert before.keys() == after.keys()
+    assert all(np.array_equal(before[place], after[place]) for place in before)
+
+
+def test_numbers_are_set_where_they_were_found() -> None:
+    root = {"law": Odd(), "pair": (1.0, [2.0, np.array([3.0])])}
+    there = copied(root)
+    places = numbers(there)
+    for place, value in places.items():
+        assign(there, place, value + 1.0)
+    assert {p: v + 1.0 for p, v in places.items()} == numbers(there)
+    assert numbers(root) == places

@@ -1,0 +1,51 @@
+from pathlib import Path
+
+import pytest
+
+from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.trial.trial import parse_trial
+from flexslew_plant.own_code import ANY_CODE
+
+LAW = """
+class Tired:
+    def __init__(self, settings, period, effort_limit):
+        pass
+
+    def update(self, measurement, estimate, reference):
+        if measurement.tick == 20:
+            raise RuntimeError("enough for today")
+        return 0.0 * measurement.joint_position
+"""
+TRIAL = """
+duration: 1.0
+controllers: {{mine: {{law: "{law}:Tired"}}, pd_feedforward: {{}}}}
+active: mine
+fallback: [pd_feedforward]
+allow_faults: true
+schedule:
+  - {{at: 0.1, until: 0.2, fault: {{kind: sensor_bias, channel: joint_position, bias: 0.1}}}}
+  - {{at: 0.3, fault: {{kind: command_duplicated}}}}
+"""
+
+
+def test_a_law_that_raises_is_told_with_file_and_line_and_counted(tmp_path: Path) -> None:
+    law = tmp_path / "tired.py"
+    law.write_text(LAW)
+    trial = parse_trial(TRIAL.format(law=law), "t.yaml", ANY_CODE)
+    result = run_trial(trial, "t.yaml", tmp_path / "run", in_process=True, report=False)
+    assert result.exit_code == 3
+    assert "0.24 s: mine is silent: pd_feedforward takes over (" in result.message
+    assert f"RuntimeError: enough for today ({law}, line 8)" in result.message
+    assert result.metrics["fallbacks"] == 1
+    assert result.metrics["faults"] == 3  # two injected, one fallback
+
+
+@pytest.mark.parametrize(("duration", "warned"), [(1.0, True), (1.5, False)])
+def test_a_plan_that_outlives_the_run_is_told(
+    tmp_path: Path, duration: float, warned: bool
+) -> None:
+    text = f"duration: {duration}\nplan: {{method: none, duration: 1.5}}"
+    said: list[str] = []
+    run_trial(parse_trial(text, "t.yaml"), "t.yaml", tmp_path / "run", True, False, say=said.append)
+    warning = [line for line in said if line.startswith("warning: the plan ends at 1.5 s")]
+    assert bool(warning) == warned
