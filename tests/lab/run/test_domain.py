@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_lab.trial import domain
+from flexslew_lab.run import domain
 from flexslew_plant.errors import BadInput, FlexslewError
 
 

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_lab.trial import shared_memory
+from flexslew_lab.run import shared_memory
 from flexslew_plant.errors import BadInput
 
 
