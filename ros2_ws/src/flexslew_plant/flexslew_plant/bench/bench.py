@@ -40,6 +40,7 @@ from flexslew_plant.hardware.drive import Drive
 from flexslew_plant.hardware.friction import friction_of
 from flexslew_plant.hardware.plausibility import Plausibility
 from flexslew_plant.hardware.sensors import Readings, Sensors, exact_readings
+from flexslew_plant.hardware.thrusters import thrusters_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds import Testbed, initial_state

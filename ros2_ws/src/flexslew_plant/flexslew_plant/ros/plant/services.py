@@ -71,7 +71,7 @@ class Services:
 
     def _offer(self, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
         for at in [name, f"~/{name}"][: 1 + (name in topics.OFFERED_PRIVATELY)]:
-            self._plant.node.create_service(kind, at, answer)
+            self._node.create_service(kind, at, answer)
 
     def poll(self, now: float) -> float:
         """Answer those who wait for a switch, show the state; return when to do so again [s]."""
