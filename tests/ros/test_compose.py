@@ -13,7 +13,7 @@ from flexslew_lab.run.domain import own_domain
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import trial_text
 
-from .flight import patient, slew
+from .flight import slew
 
 FILE = Path(__file__).parents[2] / "docker" / "compose.yaml"
 SERVICES = yaml.safe_load(FILE.read_text())["services"]
@@ -29,7 +29,7 @@ def test_each_node_has_the_right_to_real_time_and_waits_for_its_parameters() -> 
 
 
 def test_the_commands_fly_the_bits_of_the_trial(tmp_path: Path) -> None:
-    trial = patient(slew(duration=3.0))
+    trial = slew(duration=3.0)
     path = tmp_path / "short.yaml"
     path.write_text(trial_text(trial))
     alone = run_trial(trial, "test", tmp_path / "alone", in_process=True, report=False)

@@ -12,7 +12,7 @@ from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import plan_of_trial
 
-from .flight import fork_server, patient, slew
+from .flight import fork_server, slew
 
 TOGETHER = ("pd_feedforward", "plant")
 SWAPS = "schedule: [{at: 1.5, switch: lqr}, {at: 3.0, switch: pd_feedforward}]"
@@ -41,7 +41,7 @@ def alone(trial: Any, folder: Path) -> str:
 
 
 def test_one_process_flies_the_same_bits_and_its_log_is_whole(tmp_path: Path) -> None:
-    trial = patient(slew())
+    trial = slew()
     metrics = flown(trial, tmp_path)
     assert (metrics["trajectory_hash"], metrics["missed_ticks"]) == (alone(trial, tmp_path), 0)
     overview = BagReader(tmp_path / "bag").overview
@@ -51,7 +51,7 @@ def test_one_process_flies_the_same_bits_and_its_log_is_whole(tmp_path: Path) ->
 
 
 def test_others_may_take_over_from_the_one_that_shares_the_process(tmp_path: Path) -> None:
-    trial = patient(slew(more=", lqr: {}", extra=SWAPS))
+    trial = slew(more=", lqr: {}", extra=SWAPS)
     metrics = flown(trial, tmp_path)
     assert metrics["trajectory_hash"] == alone(trial, tmp_path)
     assert (metrics["switches"], metrics["missed_ticks"]) == (2, 0)

@@ -25,7 +25,7 @@ from flexslew_plant.ros.offers import qos
 from flexslew_plant.topics import EVENTS, JOINT_TRAJECTORY, PLANNED_TRAJECTORY, TOPICS
 
 from .bystander import beside
-from .flight import Flight, patient, slew
+from .flight import Flight, slew
 
 
 def recorded(bag: Path, topic: str) -> list[Any]:
@@ -125,7 +125,7 @@ def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[Flight, list[JointTr
             assert bystander.ask(SetRate, "set_rate", rate=0.0).ok
             assert bystander.ask(Trigger, "start").success
 
-    trial = patient(slew(duration=16.0, rate=1.0))
+    trial = slew(duration=16.0, rate=1.0)
     return Flight(trial, tmp_path_factory.mktemp("sent"), 10, send), heard
 
 
