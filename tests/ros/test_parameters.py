@@ -1,25 +1,29 @@
 """Parameters describe themselves in numbers and words that a person would write."""
 
+from array import array
+from pathlib import Path
 from typing import Any
 
 import pytest
 import rclpy
+import yaml
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.run.domain import own_domain
-from flexslew_plant.ros.parameters import declare
+from flexslew_plant.ros.parameters import declare, settings_of
 from flexslew_plant.ros.plant.settings import PlantSettings
+from flexslew_plant.settings import plain
+
+SECTIONS = {"plant": PlantSettings(), **{n: e.settings() for n, e in CONTROLLERS.items()}}
 
 
 @pytest.fixture(scope="module")
 def described() -> Any:
     """Declare all parameters of the plant and of every law; return their descriptors."""
     context, found = rclpy.Context(), {}
-    sections = {"plant": PlantSettings()}
-    sections |= {name: entry.settings() for name, entry in CONTROLLERS.items()}
     with own_domain() as domain:
         context.init(domain_id=domain)
-        for name, section in sections.items():
+        for name, section in SECTIONS.items():
             node = rclpy.create_node(name, context=context, start_parameter_services=False)
             declare(node, section)
             for parameter in node.get_parameters_by_prefix(""):
@@ -42,3 +46,42 @@ def test_one_sided_bounds_are_words(described: Any) -> None:
     assert words["plant.bench.period"].startswith("more than 0; read at the start")
     assert words["plant.rate_factor"].startswith("0 or more; ")
     assert words["plant.bench.max_missed"].startswith("1 or more; ")
+
+
+def dumped(node: Any) -> str:
+    """Return the text of `ros2 param dump`: names nested by their dots, null where nothing is."""
+    values: dict[str, Any] = {}
+    for name, parameter in node.get_parameters_by_prefix("").items():
+        *path, last = name.split(".")
+        place = values
+        for part in path:
+            place = place.setdefault(part, {})
+        value = parameter.value
+        place[last] = list(value) if isinstance(value, (array, list, tuple)) else value
+    return yaml.safe_dump({node.get_fully_qualified_name(): {"ros__parameters": values}})
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_what_param_dump_writes_is_read_again_to_the_same_settings(
+    name: str, tmp_path: Path
+) -> None:
+    section, path = SECTIONS[name], tmp_path / "dump.yaml"
+    context = rclpy.Context()
+    with own_domain() as domain:
+        context.init(domain_id=domain)
+        node = rclpy.create_node(name, context=context, start_parameter_services=False)
+        declare(node, section)
+        path.write_text(dumped(node))
+        node.destroy_node()
+        again = rclpy.create_node(
+            name,
+            context=context,
+            start_parameter_services=False,
+            cli_args=["--ros-args", "--params-file", str(path)],
+            allow_undeclared_parameters=True,
+            automatically_declare_parameters_from_overrides=True,
+        )
+        read = settings_of(again, type(section))
+        again.destroy_node()
+        context.shutdown()
+    assert plain(read) == plain(section)
