@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from flexslew_lab.studies.cases import Cases, case_of, case_trial
 from flexslew_lab.studies.execution.pool import Pool
 from flexslew_lab.studies.execution.worker import Job
+from flexslew_lab.studies.flight import flown
 from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import parse_study
@@ -25,6 +26,13 @@ lanes: %s
 vary:
   testbed.parameters.bending_stiffness: {relative: {uniform: [-0.2, 0.2]}}
 """
+_OTHER = """
+name: oscillator
+duration: 40.0
+testbed: {kind: floating_oscillator}
+plan: {method: reference_only, goal: {mass: 0.1}, duration: 10.0}
+controllers: {pd_feedforward: {kp: 2.0, kd: 2.0}}
+"""
 _ROUNDS = 3
 _ON_BENCH = 16  # trials on each number of processes
 _COUNTED = 50_000_000  # numbers
@@ -34,6 +42,7 @@ def figures() -> dict[str, float]:
     """Return trials of 100 s with 3 modes under PD + feedforward, per second of wall time.
 
     studies_lane_kernel: in lanes on one core, from trial to metrics.
+    studies_other_lanes: 40 s of the floating oscillator in lanes, over the same on the bench.
     studies_lanes_2: in lanes on two processes, from the first chunk to the last result.
     studies_bench_1, studies_bench_2: by the ordinary bench on one and on two processes.
     studies_bench_speed_up: of two processes over one.
@@ -45,7 +54,14 @@ def figures() -> dict[str, float]:
     with TemporaryDirectory() as folder:
         lanes = prepare(parse_study(_STUDY % "true", "benchmark", Path(folder)))
         bench = prepare(parse_study(_STUDY % "false", "benchmark", Path(folder)))
+        (Path(folder) / "other.yaml").write_text(_OTHER)
+        other = (_STUDY % "true").replace("m1", "other.yaml").replace(
+            "testbed.parameters.bending_stiffness: {relative: {uniform: [-0.2, 0.2]}}",
+            "controllers.pd_feedforward.kp: {uniform: [1.0, 3.0]}",
+        )  # fmt: skip
+        others = prepare(parse_study(other, "benchmark", Path(folder)))
     found = {"studies_lane_kernel": _kernel(lanes)}
+    found["studies_other_lanes"] = _kernel(others) / _one_by_one(others)
     found["studies_lanes_2"] = _processes(lanes, 2, 1024)
     found["studies_bench_1"] = _processes(bench, 1, _ON_BENCH)
     found["studies_bench_2"] = _processes(bench, 2, 2 * _ON_BENCH)
@@ -62,9 +78,17 @@ def _kernel(ready: Preparation) -> float:
     best = np.inf
     for _ in range(_ROUNDS + 1):
         start = perf_counter()
-        flown = sum(len(results) for results, _ in lanes.fly(cases))
+        count = sum(len(results) for results, _ in lanes.fly(cases))
         best = min(best, perf_counter() - start)
-    return flown / best
+    return count / best
+
+
+def _one_by_one(ready: Preparation) -> float:
+    cases = list(Cases(ready.study, ready.samples, range(_ON_BENCH)))
+    start = perf_counter()
+    for case in cases:
+        flown(ready.study, case, ready.plans)
+    return len(cases) / (perf_counter() - start)
 
 
 def _processes(ready: Preparation, workers: int, count: int) -> float:

@@ -12,6 +12,7 @@ from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
+from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.csa.lanes import needed_steps, sine_cosine
@@ -154,6 +155,31 @@ def test_a_step_of_all_lanes_is_that_of_the_model(variant: Any) -> None:
     for k in range(0, LANES, 9):
         expected = model.advance(x[:, k].copy(), effort[:, k].copy(), 0.01)
         assert np.abs(w[: x.size].reshape(x.shape)[:, k] - expected).max() <= 1e-10
+
+
+OTHERS: dict[str, dict[str, Any]] = {
+    "floating_oscillator": {"damping_ratio": 0.02},
+    "varying_oscillator": {},
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_any_testbed_whose_joints_come_first_flies_in_lanes(
+    study_of: Callable[..., Study], kind: str
+) -> None:
+    testbed = {"kind": kind, **OTHERS[kind]}
+    (joint,) = read_testbed(testbed, "test").model().joint_names
+    trial = {
+        "duration": 3.0,
+        "testbed": testbed,
+        "plan": {"method": "reference_only", "goal": {joint: 0.1}, "start": 0.2, "duration": 2.0},
+        "controllers": {"pd_feedforward": {"kp": 2.0, "kd": 2.0}},
+        "schedule": [{"at": 1.0, "until": 2.0, "disturbance": {joint: 0.01}}],
+        "sensors": {"joint_velocity": {"noise": 1e-3}},
+    }
+    kp = {"controllers.pd_feedforward.kp": {"uniform": [1.0, 3.0]}}
+    ready = prepare(study_of(flown=trial, lanes=True, vary=kp))
+    require_equal(ready, [0, 3])
 
 
 def test_all_trials_with_as_many_modes_share_one_compiled_loop() -> None:

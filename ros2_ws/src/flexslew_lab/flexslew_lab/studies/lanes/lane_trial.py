@@ -13,6 +13,7 @@ from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.settings import plain
+from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
 from flexslew_plant.testbeds.compiled.lanes import LaneKernel, lane_kernel
 from flexslew_plant.testbeds.model import Model
 
@@ -52,13 +53,13 @@ class LaneIntake:
             trial = case_trial(self._study, case)
             if not _simple(trial):
                 return None
-            kernel = lane_kernel(trial.testbed)
+            model = trial.testbed.model()
+            kernel = lane_kernel(trial.testbed) or lane_by_lane(model)
             if kernel is None or trial.plan is None or not _linear(trial):
                 return None
             common = self._said(case.variant, trial)
         except FlexslewError:
             return None  # the bench says why
-        model = trial.testbed.model()
         steps = kernel.steps(model.packed, trial.period)
         noisy = tuple(bool(channel.noise or channel.bias) for channel in _read_channels(trial))
         alike = (common.law, model.modes, steps, noisy, model.appendages.tip.tobytes())

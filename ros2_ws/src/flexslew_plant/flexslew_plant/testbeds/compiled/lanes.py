@@ -36,7 +36,7 @@ class Laned(Protocol):
 
 
 def lane_kernel(testbed: Testbed) -> LaneKernel | None:
-    """Return how a testbed flies in lanes; None where it does not say so."""
+    """Return how a testbed flies by vector instructions; None where it does not say so."""
     return cast(Laned, testbed).lanes() if _laned(type(testbed)) else None
 
 
