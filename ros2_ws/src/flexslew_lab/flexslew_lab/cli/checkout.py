@@ -15,7 +15,7 @@ from flexslew_lab.cli.terminal import for_people, print_table, say
 from flexslew_plant.errors import BadInput
 
 # they take long, or much of the machine
-LONG = ("console", "day", "identification", "margins", "study_bad_days")
+LONG = ("console", "day", "gains", "identification", "margins", "study_bad_days")
 OVER_ROS = ("tests/ros", "tests/campaigns/ros")
 # a long file at the end is shared; the benches of a file over ROS stay with one process
 _WITHOUT_ROS = ("-n", "2", "--dist", "worksteal", *(f"--ignore={part}" for part in OVER_ROS))
@@ -31,9 +31,9 @@ def bench(
     """Run the benchmarks, each figure with a reference floor measured in the same run.
 
     Only when named: `console`, a page beside a bench; `day`, memory and reading over a run of
-    FLEXSLEW_BENCH_HOURS (24); `identification`, hundreds of shaken benches; `margins`, each law's
-    margins flown on six testbeds; and `study_bad_days`, a study that is killed, robbed of a
-    process and of its disk.
+    FLEXSLEW_BENCH_HOURS (24); `gains`, a search beside an exhaustive grid; `identification`,
+    hundreds of shaken benches; `margins`, each law's margins flown on six testbeds; and
+    `study_bad_days`, a study that is killed, robbed of a process and of its disk.
 
     Example: `./flexslew bench planning --json`
     """

@@ -14,7 +14,7 @@ _SCRIPT = """_flexslew() {{
   COMPREPLY=($(compgen -W "$known" -- "$word"))
 }}
 complete -o default -F _flexslew flexslew ./flexslew"""
-_FLYING = ("trial", "plan", "compare", "console", "analyse", "model")
+_FLYING = ("trial", "plan", "compare", "console", "analyse", "gains", "model")
 
 
 def completion(context: typer.Context) -> None:

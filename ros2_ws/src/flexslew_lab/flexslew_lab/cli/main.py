@@ -19,6 +19,7 @@ from flexslew_lab.cli.completion import completion
 from flexslew_lab.cli.conform import conform
 from flexslew_lab.cli.console import console
 from flexslew_lab.cli.early import OPERATING
+from flexslew_lab.cli.gains import gains
 from flexslew_lab.cli.identify import identify
 from flexslew_lab.cli.interrupt import (
     EXIT_TIMEOUT,
@@ -276,7 +277,7 @@ _GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Look at runs": (runs, report, compare),
     "Operate a running bench": (*COMMANDS, live),
     "Logs and replay": (resim, check, play, recover),
-    "Analyse and identify": (analyse, model, identify, reproduce),
+    "Analyse and identify": (analyse, gains, model, identify, reproduce),
     "The bench itself": (bench, completion),
 }
 for _group, _commands in _GROUPS.items():

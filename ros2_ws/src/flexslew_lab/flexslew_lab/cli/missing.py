@@ -16,6 +16,7 @@ EXTRAS = {
     "distributed": "dask",
     "foxglove": "foxglove",
     "nicegui": "console",
+    "optuna": "gains",
     "pandas": "pandas",
     "pyarrow": "export",
     "xarray": "xarray",

@@ -1,0 +1,72 @@
+"""Subcommand that searches for the gains of a trial's law."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexslew_lab.cli.compare import Sets, TrialFile
+from flexslew_lab.cli.log import Json
+from flexslew_lab.cli.terminal import for_people, link, print_table, say
+from flexslew_lab.trial.outputs import new_file, writable_file
+
+
+def gains(
+    file: TrialFile = None,
+    sets: Sets = None,
+    controller: Annotated[
+        str | None, typer.Option(help="Which of the trial's; none: the one in charge.")
+    ] = None,
+    gain: Annotated[
+        list[str] | None,
+        typer.Option(help="A key of its section; may be repeated; none: the gains of its law."),
+    ] = None,
+    margin: Annotated[
+        float | None,
+        typer.Option(min=1e-6, max=2.0, help="Disk margin to be kept; none: the trial's own."),
+    ] = None,
+    trials: Annotated[int, typer.Option(min=1, max=100_000, help="How many are tried.")] = 200,
+    octaves: Annotated[
+        float,
+        typer.Option(min=0.01, max=20.0, help="Each is doubled and halved so often, at most."),
+    ] = 2.0,
+    journal: Annotated[
+        Path | None,
+        typer.Option(help="A file that notes every choice: the same command goes on from there."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the search.")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="The HTML file; else a new one below runs/.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Find gains of a law with the least worst residual that keep a disk margin.
+
+    Every choice flies the trial's manoeuvre on benches with errors of stiffness and payload. Exit
+    code 1: nothing better than the trial's own gains was found.
+
+    Example: `./flexslew gains m1 --trials 400 --journal m1_gains.log`
+    """
+    from flexslew_lab.gains.ensemble import Ensemble, gains_of
+    from flexslew_lab.gains.page import columns, gains_page, summary_rows, verdict
+    from flexslew_lab.gains.search import searched
+    from flexslew_lab.report.page import write_page
+    from flexslew_lab.trial.sources import read_trial
+
+    wanted, source = read_trial(file, sets)
+    target = writable_file(out or new_file(f"{wanted.name}-gains.html"), "--out")
+    varied = gains_of(wanted, source, controller, gain or ())
+    with for_people.status("flying"):
+        found = searched(
+            Ensemble(wanted, source, varied), varied, trials, octaves, margin, journal, seed
+        )
+    if as_json:
+        print(json.dumps(found.plain(), indent=2))
+    else:
+        print_table(columns(found), summary_rows(found))
+        say(verdict(found))
+    if out is not None or not as_json:
+        say(f"written {link(write_page(gains_page(found, wanted.name), target))}")
+    if found.gain <= 0.0:
+        raise typer.Exit(1)

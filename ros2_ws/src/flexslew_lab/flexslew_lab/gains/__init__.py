@@ -1,0 +1,1 @@
+"""Gains of a law, searched for over an ensemble of benches."""

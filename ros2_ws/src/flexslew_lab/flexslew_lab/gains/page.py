@@ -1,0 +1,94 @@
+"""The page of a search for gains: what margin costs what residual, and what is gained."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from flexslew_lab.analysis.table import Table
+from flexslew_lab.gains.ensemble import Outcome
+from flexslew_lab.gains.search import Found, Tried
+from flexslew_lab.report.page import render
+from flexslew_lab.report.panels import Group, Panel, legend, style
+
+_FRONT = 20  # rows of the table, at most
+
+
+def gains_page(found: Found, name: str) -> str:
+    """Return the search as HTML that needs nothing else."""
+    return render(
+        "analysis.html.j2",
+        title=f"{name}: gains of {found.gains.controller}",
+        about=verdict(found),
+        tables=[_compared(found), _front(found)],
+        groups=[_trade_off(found)],
+    )
+
+
+def verdict(found: Found) -> str:
+    """Return in a sentence what is gained over the gains of the trial."""
+    words = (
+        f"worst residual {found.best.outcome.residual:.4g} m instead of "
+        f"{found.shipped.residual:.4g} m: {100.0 * found.gain:.1f} % less"
+    )
+    if found.gain <= 0.0:
+        words = f"nothing better than the trial's own gains, {found.shipped.residual:.4g} m"
+    return f"{words}, at a disk margin of at least {found.least:.4g}"
+
+
+def summary_rows(found: Found) -> list[tuple[str, ...]]:
+    """Return the trial's gains and the best ones, with what they do."""
+    ones = [1.0] * len(found.gains.shipped)
+    return [
+        ("in the trial", *_cells(found.gains.times(ones), found.shipped)),
+        ("found", *_cells(found.gains.times(found.best.factors), found.best.outcome)),
+    ]
+
+
+def columns(found: Found) -> tuple[str, ...]:
+    """Return the headings of summary_rows."""
+    return ("", *found.gains.shipped, "worst residual [m]", "worst effort", "disk margin")
+
+
+def _cells(gains: dict[str, Any], outcome: Outcome) -> list[str]:
+    numbers = [", ".join(f"{v:.5g}" for v in np.atleast_1d(value)) for value in gains.values()]
+    return [*numbers, *(f"{v:.5g}" for v in outcome)]
+
+
+def _compared(found: Found) -> Table:
+    words = (
+        "The largest deflection of a tip after the manoeuvre and the largest integral of squared "
+        "efforts, over benches with +-20 % of stiffness and payload; the disk margin at the "
+        "plant's input of the nominal one, where the manoeuvre ends."
+    )
+    return Table("What was found", words, columns(found), [list(r) for r in summary_rows(found)])
+
+
+def _front(found: Found) -> Table:
+    front = found.front
+    rows = np.unique(np.linspace(0, len(front) - 1, min(len(front), _FRONT)).round().astype(int))
+    shown = [_cells(found.gains.times(front[k].factors), front[k].outcome) for k in rows]
+    words = "None that was tried has both a smaller residual and a larger margin."
+    return Table("What the margin costs", words, columns(found)[1:], shown)
+
+
+def _trade_off(found: Found) -> Group:
+    panel = Panel("worst residual", "m", log=True, x_title="disk margin [-]", height=320)
+    shipped = Tried((1.0,), found.shipped)
+    shown = (("tried", found.tried), ("front", found.front), ("in the trial", (shipped,)),
+             ("found", (found.best,)))  # fmt: skip
+    for k, (name, ones) in enumerate(shown):
+        x, y = _points(ones)
+        mode = "lines+markers" if name == "front" else "markers"
+        marker = {"size": 5 if name in ("tried", "front") else 11, "color": style(k)["color"]}
+        panel.line(x, y, name, style(k), mode=mode, marker=marker)
+    _, every = _points(found.tried)
+    panel.y_range = (float(every.min()), float(every.max()))
+    words = f"Every choice that was tried; a disk margin of {found.least:.4g} had to be kept."
+    return Group("Trade-off", words, [panel], legend([name for name, _ in shown]))
+
+
+def _points(ones: Sequence[Tried]) -> tuple[Any, Any]:
+    """Return margins and residuals of those that fly."""
+    kept = [one.outcome for one in ones if np.isfinite(one.outcome.residual)]
+    return np.array([o.alpha for o in kept]), np.array([o.residual for o in kept])
