@@ -1,12 +1,16 @@
 """A spacecraft is planned about one axis: which modes count, and what a plan says of all joints."""
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from flexslew_control.planners import make_plan
+from flexslew_control.planners import make_plan, plan_settings
+from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.reproduce.scole_flights import shipped
+from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import feedback_of, plant_of
 from flexslew_plant.errors import PlanFailed
 
@@ -55,3 +59,14 @@ def test_functions_too_long_for_a_mode_are_told_with_a_number_that_is_enough() -
     assert "period is 0.932 s" in str(e.value)
     plan = planned("own_spacecraft", functions=72)
     assert abs(plan.effort).max() <= 0.5
+
+
+@pytest.mark.parametrize("name", ["own_spacecraft", "three_axes"])
+def test_a_step_of_a_free_platform_promises_nothing_and_flies(name: str, tmp_path: Path) -> None:
+    trial = shipped(name)
+    settings = plan_settings({"method": "none", "goal": {"roll": 1e-3}, "duration": 1.0}, "test")
+    plan = make_plan(settings, plant_of(trial), feedback_of(trial))
+    assert not [key for key in plan.summary if key.startswith("predicted")]
+    step = replace(trial, plan=settings, duration=1.0, schedule=())
+    run_trial(step, "test", tmp_path / "run", in_process=True, report=False)
+    assert metrics_of(tmp_path / "run" / "bag")["ticks"] == 1.0 / trial.period

@@ -104,6 +104,8 @@ class Slewing:
             if isinstance(error, TooMuchTorque):
                 raise PlanFailed(f"{error}; {self._enough_time(settings, slew)}") from None
             raise PlanFailed(str(error)) from None
+        if turns(plant):  # nothing is promised of a step, and the slew's model is not the bench's
+            return replace(plan, request=self._complete(settings, slew))
         on_model = predicted(plan, slew)
         exact = self.exact is not None and self.exact(settings)
         rigid = not slew.model.modes
