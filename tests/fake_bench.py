@@ -5,7 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
-from flexslew_lab.console.view import BenchView, Controller, Joints
+from flexslew_lab.console.view import BenchView, ControllerView, Joints
 
 JOINTS = Joints("two", ("a", "b"), ("rad", "m"), ("tip",), (150.0, 20.0), 0.01)
 SETTINGS = "{kp: [460.0, 460.0], kd: [920.0, 920.0], handover_time: 1.0, computed: {}}"
@@ -23,7 +23,7 @@ class FakeLink:
     def __init__(self, folder: str = "") -> None:
         self.view, self.folder, self.command = BenchView(), folder, "./flexslew trial"
         self.view.joints = JOINTS
-        self.view.controllers["pd"] = Controller("pd", "pd_feedforward", True, "", SETTINGS)
+        self.view.controllers["pd"] = ControllerView("pd", "pd_feedforward", True, "", SETTINGS)
         self.asked: list[tuple[str, dict[str, Any]]] = []
 
     def poll(self, now: float) -> None:

@@ -105,6 +105,15 @@ def test_no_two_families_import_each_other() -> None:
     assert not mutual
 
 
+def test_the_name_of_a_public_class_has_one_meaning() -> None:
+    homes: dict[str, list[str]] = {}
+    for path in FILES:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(module_of(path))
+    assert not {name: places for name, places in homes.items() if len(places) > 1}
+
+
 # what only one spacecraft has; allowed where that spacecraft is, and where a paper is reproduced
 NAMES = re.compile(
     r"base_yaw|hub_pitch|Csa[A-Z]|OscillatorTestbed|HubTestbed|hub_with_appendages|beam_positive"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from flexslew_control.analysis.linear_plant import Path as Way
+from flexslew_control.analysis.linear_plant import PlantPath as Way
 from flexslew_control.analysis.linear_plant import continuous_plant, sampled_plant
 from flexslew_control.analysis.model_file import save_model
 from flexslew_control.analysis.nonlinear_plant import nonlinear_system, start_of

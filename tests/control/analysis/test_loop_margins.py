@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from tests.plants import plant
 
-from flexslew_control.analysis.linear_plant import Path, sampled_plant
-from flexslew_control.analysis.loop import Loop, loop_of, visible_poles
+from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
+from flexslew_control.analysis.loop import ControlLoop, loop_of, visible_poles
 from flexslew_control.analysis.loop_margins import (
     _scaled_bound,
     channel_margins,
@@ -56,12 +56,12 @@ def at_rest(bed: str, law: str) -> tuple[Any, Any]:
     return rest, running_law(it, rest, described.effort_limit).form
 
 
-def loop(bed: str, law: str, path: Path) -> tuple[Any, Any, Loop]:
+def loop(bed: str, law: str, path: PlantPath) -> tuple[Any, Any, ControlLoop]:
     rest, form = at_rest(bed, law)
     return rest, form, loop_of(sampled_plant(rest, path, applied=True), form)
 
 
-def radius(rest: Any, form: Any, path: Path) -> float:
+def radius(rest: Any, form: Any, path: PlantPath) -> float:
     poles, _ = visible_poles(loop_of(sampled_plant(rest, path, applied=True), form))
     return float(abs(poles).max())
 
@@ -72,7 +72,7 @@ def radius(rest: Any, form: Any, path: Path) -> float:
 def test_just_inside_of_a_margin_the_loop_is_stable_and_just_outside_it_is_not(
     bed: str, law: str, actuator: str
 ) -> None:
-    path = Path(0.01, PATHS[actuator])
+    path = PlantPath(0.01, PATHS[actuator])
     rest, form, found = loop(bed, law, path)
     if radius(rest, form, path) >= 1.0:
         assert (law, actuator) != ("pd_feedforward", "ideal")
@@ -96,7 +96,7 @@ def test_just_inside_of_a_margin_the_loop_is_stable_and_just_outside_it_is_not(
 
 
 def test_a_loop_of_one_channel_has_python_control_s_disk_margin_and_peaks() -> None:
-    _, _, found = loop("hub", "pd_feedforward", Path(0.01))
+    _, _, found = loop("hub", "pd_feedforward", PlantPath(0.01))
     sweep = swept(found)
     disk = disk_margins(sweep, found.effort_names)
     system = found.opened(found.effort_names).state_space()
@@ -121,9 +121,9 @@ def test_the_bound_of_mu_is_slicot_s_from_above() -> None:
 
 
 def test_a_disk_margin_keeps_every_gain_and_phase_inside_of_it() -> None:
-    rest, form, found = loop("csa, .5", "pd_feedforward", Path(0.01))
+    rest, form, found = loop("csa, .5", "pd_feedforward", PlantPath(0.01))
     disk = disk_margins(swept(found), found.effort_names)
     rng = np.random.default_rng(3)
     for _ in range(40):
         gain = disk.gain ** rng.uniform(-0.999, 0.999, 2)
-        assert radius(rest, form, Path(0.01, gain=gain)) < 1.0
+        assert radius(rest, form, PlantPath(0.01, gain=gain)) < 1.0

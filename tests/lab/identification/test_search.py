@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from flexslew_lab.identification.missed import gain, missed_mode, price
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Output, Quantity, Record
-from flexslew_lab.identification.regressors import Signals
+from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.separable import ModalLeastSquares
 from flexslew_plant.arrays import Matrix
 
@@ -61,7 +61,7 @@ def record(seed: int) -> Record:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_what_one_more_mode_explains_is_the_difference_of_two_whole_fits(seed: int) -> None:
-    signals = Signals(record(seed), 8.0)
+    signals = RegressorSignals(record(seed), 8.0)
     problem = ModalLeastSquares(signals, signals.record.measured.std(axis=0))
     now = problem.solve(MODES[:1], slopes=False)
     rng = np.random.default_rng(seed)
@@ -72,7 +72,7 @@ def test_what_one_more_mode_explains_is_the_difference_of_two_whole_fits(seed: i
 
 
 def test_the_mode_that_a_fit_lacks_is_found_near_its_frequency_and_none_that_is_not_there() -> None:
-    signals = Signals(record(11), 8.0)
+    signals = RegressorSignals(record(11), 8.0)
     noise = 0.1 * signals.record.measured.std(axis=0)
     problem = ModalLeastSquares(signals, noise)
     missed = missed_mode(signals, problem.solve(MODES[:1]), noise, (0.5, 8.0))

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_lab.metrics.line_of_sight import LineOfSight
-from flexslew_lab.metrics.metric import Block, Ending, Manoeuvre, RunSetup
+from flexslew_lab.metrics.line_of_sight import LineOfSightMetric
+from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
 from flexslew_lab.metrics.platform_error import PlatformError
 from flexslew_lab.metrics.vibration import Vibration
 from flexslew_lab.reproduce.scole_flights import shipped
@@ -31,7 +31,7 @@ def measured(kind: Any, testbed: Testbed, q: Matrix, goal: Vector | None = None)
     """Return what a metric says of these positions, whose manoeuvre ends at 3 s."""
     model = testbed.model()
     names, joints = tuple(model.joint_names), model.joints
-    aim = Manoeuvre(0.0, 3.0, np.zeros(joints) if goal is None else goal, np.zeros(joints))
+    aim = FlownManoeuvre(0.0, 3.0, np.zeros(joints) if goal is None else goal, np.zeros(joints))
     metric = kind(RunSetup(names, aim, np.ones(joints), testbed))
     metric.add(
         Block(
@@ -53,7 +53,7 @@ def test_a_platform_that_is_tilted_makes_its_antennas_miss_by_as_much(tilt: floa
     testbed = craft()
     q = still(testbed)
     q[:, 3], q[:, 6] = np.sin(tilt / 2), np.cos(tilt / 2)  # about x, as the hinge
-    found = measured(LineOfSight, testbed, q)
+    found = measured(LineOfSightMetric, testbed, q)
     assert found["line_of_sight_error"]["membrane"] == pytest.approx(abs(tilt), abs=1e-12)
     tip = measured(PlatformError, testbed, q)
     assert tip["residual_platform_attitude"] == pytest.approx([abs(tilt), 0.0, 0.0], abs=1e-12)
@@ -69,16 +69,16 @@ def test_a_line_of_sight_counts_when_a_turn_has_ended_and_until_the_next_begins(
         rows = (begin - 1e-9 <= TIME) & (end + 1e-9 >= TIME)
         tilted[rows, 4], tilted[rows, 6] = np.sin(0.2), np.cos(0.2)  # about y
         # the line of sight of a hinge at angle a lies cos a from the plane of that turn
-        error = measured(LineOfSight, again, tilted)["line_of_sight_error"]["membrane"]
+        error = measured(LineOfSightMetric, again, tilted)["line_of_sight_error"]["membrane"]
         angle = 0.6 if end < 4.0 else 0.1
         if expected:
             chord = 2.0 * np.sin(0.2) * np.cos(angle)
             expected = 2.0 * math.asin(chord / 2.0)
         assert error == pytest.approx(expected, abs=1e-12)
-    settled = measured(LineOfSight, again, q)["line_of_sight_settled_at"]["membrane"]
+    settled = measured(LineOfSightMetric, again, q)["line_of_sight_settled_at"]["membrane"]
     assert settled == pytest.approx(5.0)
     q[TIME > 5.5, 3] = 0.01
-    assert measured(LineOfSight, again, q)["line_of_sight_settled_at"]["membrane"] is None
+    assert measured(LineOfSightMetric, again, q)["line_of_sight_settled_at"]["membrane"] is None
 
 
 def test_targets_count_from_the_attitude_of_the_goal() -> None:
@@ -86,7 +86,7 @@ def test_targets_count_from_the_attitude_of_the_goal() -> None:
     names = testbed.model().joint_names
     goal = np.array([0.3 if name == "roll" else 0.0 for name in names])
     q = np.tile(testbed.model().rest({"roll": 0.3}), (len(TIME), 1))
-    found = measured(LineOfSight, testbed, q, goal)
+    found = measured(LineOfSightMetric, testbed, q, goal)
     assert found["line_of_sight_error"]["membrane"] == pytest.approx(0.0, abs=1e-12)
     away = measured(PlatformError, testbed, q, goal)
     assert away["rms_platform_attitude"] == pytest.approx(0.0, abs=1e-12)
@@ -108,4 +108,4 @@ def test_a_vibration_settles_when_its_envelope_has_decayed_to_a_twentieth(decay:
 
 
 def test_a_testbed_without_antennas_has_none_of_these() -> None:
-    assert measured(LineOfSight, shipped("scole_s_open").testbed, np.zeros((1201, 0))) == {}
+    assert measured(LineOfSightMetric, shipped("scole_s_open").testbed, np.zeros((1201, 0))) == {}

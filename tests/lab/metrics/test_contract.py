@@ -10,7 +10,7 @@ import pytest
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics import KEYS, METRICS, Metric
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.metrics.metric import Block, Ending, Manoeuvre, RunSetup
+from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.metrics.rows import flat
 from flexslew_lab.reproduce.scole_flights import shipped
@@ -76,7 +76,7 @@ def flown(name: str, ticks: int, rng: np.random.Generator) -> tuple[RunSetup, Bl
         x = model.advance(x, push, 0.004)
     time = 0.5 + np.arange(ticks) * 0.004
     goal = joints[0] + [craft.typical_goal.get(joint, 0.0) for joint in model.joint_names]
-    manoeuvre = Manoeuvre(time[ticks // 4], time[ticks // 2], goal, goal - joints[0])
+    manoeuvre = FlownManoeuvre(time[ticks // 4], time[ticks // 2], goal, goal - joints[0])
     block = Block(
         np.arange(3, 3 + ticks), time, np.diff(time, prepend=time[0]),
         np.array([q for q, _ in states]), np.array([v for _, v in states]), effort,

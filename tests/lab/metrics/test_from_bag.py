@@ -14,10 +14,10 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.from_bag import metrics_of
-from flexslew_lab.metrics.line_of_sight import LineOfSight
+from flexslew_lab.metrics.line_of_sight import LineOfSightMetric
 from flexslew_lab.metrics.performance_errors import PerformanceErrors
 from flexslew_lab.metrics.platform_error import PlatformError
-from flexslew_lab.metrics.pointing import Pointing
+from flexslew_lab.metrics.pointing import PointingMetric
 from flexslew_lab.metrics.tip_deflection import TipDeflection
 from flexslew_lab.metrics.trajectory import TrajectoryHash
 from flexslew_lab.metrics.vibration import Vibration
@@ -28,7 +28,7 @@ Message = tuple[str, bytes, int]
 
 def test_the_keys_are_those_of_the_schema(bag: Path) -> None:
     metrics = metrics_of(bag)
-    of_platforms = (Pointing, PlatformError, PerformanceErrors, LineOfSight, Vibration)
+    of_platforms = (PointingMetric, PlatformError, PerformanceErrors, LineOfSightMetric, Vibration)
     elsewhere = {key for kind in of_platforms for key in kind.KEYS} - set(TipDeflection.KEYS)
     assert [key for key in KEYS if key not in elsewhere] == list(metrics)
     json.dumps(metrics, allow_nan=False)

@@ -10,7 +10,7 @@ from flexslew_lab.run.in_process import Observer, fly
 from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, plant_of
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds.contract import Retargeting
+from flexslew_plant.testbeds.contract import Retargetable
 
 MOTION = {"to": 0.3, "duration": 0.2, "profile": "smooth"}
 SHORT: dict[str, Any] = {
@@ -59,7 +59,7 @@ def test_a_wish_in_flight_is_the_same_flight_as_one_in_the_schedule() -> None:
 
 def test_everybody_knows_the_turns_of_the_schedule() -> None:
     testbed = plant_of(antenna(schedule=[{"at": 0.4, "retarget": AGAIN}])).testbed
-    assert isinstance(testbed, Retargeting)
+    assert isinstance(testbed, Retargetable)
     turns = testbed.hinge_turns()
     assert [turn.to for turn in turns] == pytest.approx([0.3, -0.2])
     assert [turn.end for turn in turns] == pytest.approx([0.2, 0.5])
@@ -109,7 +109,7 @@ def test_a_line_of_sight_becomes_the_angle_that_points_there() -> None:
     sight = {"line_of_sight": [0.0, float(np.cos(0.4)), float(np.sin(0.4))], "to": None}
     hinge = {"range": None, "motion": {**MOTION, **sight}}
     testbed = antenna(testbed={"appendages": {"beam": {"hinge": hinge}}}).testbed
-    assert isinstance(testbed, Retargeting)
+    assert isinstance(testbed, Retargetable)
     assert testbed.hinge_turns()[0].to == pytest.approx(0.4, abs=1e-12)
     beside = {"motion": {**MOTION, "to": None, "line_of_sight": [0.3, 1.0, 0.0]}}
     with pytest.raises(BadInput, match=r"line_of_sight: .* comes within 0.2915 rad of it at best"):

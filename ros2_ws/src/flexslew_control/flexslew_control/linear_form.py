@@ -16,7 +16,7 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.model import Model
 
 
-class Observer(NamedTuple):
+class LinearObserver(NamedTuple):
     """z(k) = A z(k - 1) + B u(k - 1) + E y(k - 1) + c, from z(0) = S y(0)."""
 
     start: Matrix  # S, (k, l)
@@ -54,7 +54,7 @@ class LinearForm(NamedTuple):
     """A law with what it knows of the bench."""
 
     law: LawForm
-    observer: Observer | KalmanForm
+    observer: LinearObserver | KalmanForm
 
 
 class Integration(NamedTuple):
@@ -87,7 +87,9 @@ def collocated_form(
         0.0 * demand,
         **integration._asdict(),
     )
-    nothing = Observer(np.zeros((0, 2 * m)), none[:0], none.T, np.zeros((0, 2 * m)), np.zeros(0))
+    nothing = LinearObserver(
+        np.zeros((0, 2 * m)), none[:0], none.T, np.zeros((0, 2 * m)), np.zeros(0)
+    )
     return LinearForm(form, nothing)
 
 

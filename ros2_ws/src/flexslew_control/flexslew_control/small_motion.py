@@ -15,7 +15,7 @@ from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Testbed, believed
-from flexslew_plant.testbeds.contract import Retargeting, UnitSizes, unit_sizes
+from flexslew_plant.testbeds.contract import Retargetable, UnitSizes, unit_sizes
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.model import Model
 
@@ -168,5 +168,5 @@ def moving(plant: PlantDescription, changes: dict[str, Any] | None) -> SmallMoti
 
 def last_turn(testbed: Testbed) -> float:
     """Return when the last prescribed turn ends [s]; 0: there is none."""
-    turns = testbed.hinge_turns() if isinstance(testbed, Retargeting) else ()
+    turns = testbed.hinge_turns() if isinstance(testbed, Retargetable) else ()
     return max((turn.end for turn in turns), default=0.0)

@@ -8,7 +8,7 @@ from dataclasses import fields
 from typing import Any, Protocol, TypeVar
 
 
-class Entry(Protocol):
+class TableEntry(Protocol):
     """What tells the rest of the bench about a member of a family."""
 
     @property
@@ -16,7 +16,7 @@ class Entry(Protocol):
         """How trial files call it."""
 
 
-E = TypeVar("E", bound=Entry)
+E = TypeVar("E", bound=TableEntry)
 
 
 def table(names: Mapping[str, object], kind: type[E]) -> dict[str, E]:

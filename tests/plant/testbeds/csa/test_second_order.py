@@ -13,7 +13,7 @@ from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.trial.trial import feedback_of, plant_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.testbeds.csa.testbed import CsaTestbed, beam
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Drive, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, CraftDrive, Spacecraft
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Points, integrals_of, second_of
@@ -56,7 +56,7 @@ def craft(testbed: CsaTestbed, second_order: bool) -> Spacecraft:
     )
     yaw = np.array([0.0, 0.0, 1.0])
     base = np.diag([1.0, 1.0, p.base_inertia])
-    drives = (Drive("base_yaw", at.TORQUE, -1, yaw), Drive("hub_pitch", at.HINGE, 0))
+    drives = (CraftDrive("base_yaw", at.TORQUE, -1, yaw), CraftDrive("hub_pitch", at.HINGE, 0))
     return Spacecraft(1.0, np.zeros(3), base, (hub,), (), drives, at.PIVOT, yaw, np.zeros(3))
 
 

@@ -7,8 +7,8 @@ from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
 from flexslew_plant.testbeds.spacecraft.assembly.craft import (
     Appendage,
-    Drive,
-    Manoeuvre,
+    CraftDrive,
+    PrescribedTurn,
     Spacecraft,
     Wheel,
 )
@@ -49,11 +49,11 @@ def random_appendage(rng: np.random.Generator, hinge: int, name: str) -> Appenda
     modes = int(rng.integers(0, 5))
     points = random_points(rng, modes)
     half = rng.standard_normal((modes, modes))
-    manoeuvres: tuple[Manoeuvre, ...] = ()
+    manoeuvres: tuple[PrescribedTurn, ...] = ()
     if hinge == at.PRESCRIBED:
         manoeuvres = (
-            Manoeuvre(0.1, 1.3, rng.uniform(-2, 2), direction(rng), at.SMOOTH),
-            Manoeuvre(1.6, 0.9, rng.uniform(-2, 2), direction(rng), at.BANG_BANG),
+            PrescribedTurn(0.1, 1.3, rng.uniform(-2, 2), direction(rng), at.SMOOTH),
+            PrescribedTurn(1.6, 0.9, rng.uniform(-2, 2), direction(rng), at.BANG_BANG),
         )
     return Appendage(
         name,
@@ -84,15 +84,15 @@ def random_craft(
     )
     wheels = (Wheel("wheel", direction(rng), 0.05, np.inf),)
     drives = [
-        Drive("force", at.FORCE, -1, direction(rng), _spot(rng, 0)),
-        Drive("torque", at.TORQUE, -1, direction(rng)),
-        Drive("spin", at.WHEEL, 0),
+        CraftDrive("force", at.FORCE, -1, direction(rng), _spot(rng, 0)),
+        CraftDrive("torque", at.TORQUE, -1, direction(rng)),
+        CraftDrive("spin", at.WHEEL, 0),
     ]
     for k, a in enumerate(parts):
-        drives.append(Drive(f"f{k}", at.POINT_FORCE, k, direction(rng), _spot(rng, a.modes)))
-        drives.append(Drive(f"t{k}", at.TIP_TORQUE, k, direction(rng), _spot(rng, a.modes)))
+        drives.append(CraftDrive(f"f{k}", at.POINT_FORCE, k, direction(rng), _spot(rng, a.modes)))
+        drives.append(CraftDrive(f"t{k}", at.TIP_TORQUE, k, direction(rng), _spot(rng, a.modes)))
         if a.hinge == at.DRIVEN:
-            drives.append(Drive(f"h{k}", at.HINGE, k))
+            drives.append(CraftDrive(f"h{k}", at.HINGE, k))
     return Spacecraft(
         20.0 * whole.mass,
         20.0 * whole.first,

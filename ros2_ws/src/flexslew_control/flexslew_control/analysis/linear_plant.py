@@ -24,7 +24,7 @@ _IDEAL = ActuatorSettings()
 
 
 @dataclass(frozen=True)
-class Path:
+class PlantPath:
     """What lies between a command and the motor's effort, tick by tick.
 
     Args:
@@ -53,7 +53,7 @@ def continuous_plant(rest: Rest, friction: ActuatorSettings | None = None) -> Lt
     return Lti(a, b, c, d, inputs_of(model), outputs_of(model), states_of(model))
 
 
-def sampled_plant(rest: Rest, path: Path, applied: bool = False) -> Lti:
+def sampled_plant(rest: Rest, path: PlantPath, applied: bool = False) -> Lti:
     """Return what a controller commands and what it measures, tick by tick.
 
     The hold is exact: x(k + 1) = F x(k) + G u(k), with the motors' lag, gains and delay before it.
@@ -81,7 +81,7 @@ def sampled_plant(rest: Rest, path: Path, applied: bool = False) -> Lti:
     return series(_motors(path, efforts), ticks)
 
 
-def _motors(path: Path, efforts: tuple[str, ...]) -> Lti:
+def _motors(path: PlantPath, efforts: tuple[str, ...]) -> Lti:
     """Return the way from commands to applied efforts."""
     m, eye = len(efforts), np.eye(len(efforts))
     gain = eye if path.gain is None else np.diag(path.gain)
@@ -109,7 +109,7 @@ def _motors(path: Path, efforts: tuple[str, ...]) -> Lti:
     return series(late, lag)
 
 
-def _tick(rest: Rest, steady: Matrix, path: Path) -> tuple[Matrix, Matrix]:
+def _tick(rest: Rest, steady: Matrix, path: PlantPath) -> tuple[Matrix, Matrix]:
     """Return F and G of a tick with the effort held: the derivative of the bench's own step.
 
     Runge and Kutta's stages of the variations, with slopes where and when the bench has its own.

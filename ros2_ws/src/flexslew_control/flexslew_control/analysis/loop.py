@@ -15,7 +15,7 @@ Complex: TypeAlias = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class Loop:
+class ControlLoop:
     """Plant and controller side by side, all connections between them cut.
 
     From (v, e, r) to (u, y): v is what the motors are told, u what the controller asks for, y what
@@ -112,7 +112,7 @@ class Loop:
         return np.asarray(np.linalg.eigvals(self.closed.a), dtype=np.complex128)
 
 
-def loop_of(plant: Lti, law: Lti) -> Loop:
+def loop_of(plant: Lti, law: Lti) -> ControlLoop:
     """Return the loop of a sampled plant (applied efforts among its outputs) and a law.
 
     Sensors that the law does not listen to are left out.
@@ -149,10 +149,10 @@ def loop_of(plant: Lti, law: Lti) -> Loop:
     outward = plant.rows((*heard, *applied))
     columns = [law.inputs.index(name) for name in (*heard, *applied)]
     inward = replace(law, b=law.b[:, columns], d=law.d[:, columns], inputs=(*heard, *applied))
-    return Loop(system, m, len(heard), (outward, inward))
+    return ControlLoop(system, m, len(heard), (outward, inward))
 
 
-def visible_poles(loop: Loop, share: float = 1e-8) -> tuple[Complex, Vector]:
+def visible_poles(loop: ControlLoop, share: float = 1e-8) -> tuple[Complex, Vector]:
     """Return the poles of the closed loop that efforts move and sensors see, and how strongly.
 
     Returns:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, minimize
 
-from flexslew_control.analysis.loop import Complex, Loop
+from flexslew_control.analysis.loop import Complex, ControlLoop
 from flexslew_plant.arrays import Vector
 
 _SLOWEST = 1e-4  # of pi / T: where the grid begins
@@ -59,7 +59,7 @@ class Swept:
         response: see Loop.response.
     """
 
-    loop: Loop
+    loop: ControlLoop
     grid: Vector
     response: Complex
 
@@ -68,13 +68,13 @@ class Swept:
         return self.loop.loop_gain(names, self.response)
 
 
-def swept(loop: Loop) -> Swept:
+def swept(loop: ControlLoop) -> Swept:
     """Return the response of a loop over frequencies that show all of it."""
     grid = frequencies(loop)
     return Swept(loop, grid, loop.response(grid))
 
 
-def frequencies(loop: Loop) -> Vector:
+def frequencies(loop: ControlLoop) -> Vector:
     """Return a grid up to half the sampling rate, dense near every pole [rad/s]."""
     top = np.pi / loop.system.period
     z = np.concatenate([np.linalg.eigvals(loop.system.a), loop.poles])

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from flexslew_control.analysis.linear_plant import Path, sampled_plant
+from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
 from flexslew_control.analysis.loop import loop_of, visible_poles
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import rest_of
@@ -22,7 +22,7 @@ from flexslew_control.law import (
     Reference,
 )
 from flexslew_control.linear_design import OperatingPoint
-from flexslew_control.linear_form import LawForm, LinearForm, Observer, no_integral
+from flexslew_control.linear_form import LawForm, LinearForm, LinearObserver, no_integral
 from flexslew_control.shared_keys import BelievedModel, TrackingTime
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -257,7 +257,7 @@ def _require_stable(settings: LinearSettings, plant: PlantDescription, system: L
     testbed = believed(plant.testbed, settings.model, "model")
     point = settings.operating_point
     rest = rest_of(testbed, plant.testbed.operating_point if point is None else point)
-    seen = sampled_plant(rest, Path(plant.period), applied=True)
+    seen = sampled_plant(rest, PlantPath(plant.period), applied=True)
     both = [name for name in system.inputs if name in seen.outputs or "reference" in name]
     columns = [system.inputs.index(name) for name in both]
     names = tuple(name for name in both)
@@ -306,7 +306,9 @@ def linear(estimator: Estimator, law: LinearLaw, references: list[Reference]) ->
         none, none, none, s.c, s.d[:, y], np.zeros((m, n)), np.array(demand),
         np.zeros((len(references), m)), **(no_integral(m)._asdict() | {"limit": law.limit}),
     )  # fmt: skip
-    return LinearForm(form, Observer(np.zeros((n, len(y))), a, law.back, b[:, y], np.zeros(n)))
+    return LinearForm(
+        form, LinearObserver(np.zeros((n, len(y))), a, law.back, b[:, y], np.zeros(n))
+    )
 
 
 LINEAR = LawEntry("linear", LinearSettings, build, linear=linear, from_file=law_from_file)

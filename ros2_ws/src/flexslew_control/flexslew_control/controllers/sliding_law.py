@@ -12,7 +12,7 @@ from flexslew_control.linear_form import (
     KalmanForm,
     LawForm,
     LinearForm,
-    Observer,
+    LinearObserver,
     kalman_form,
     no_integral,
 )
@@ -152,7 +152,7 @@ def sliding_form(
     nominal, slope = (np.array(column) for column in zip(*pairs, strict=True))
     demand = slope @ (inverse @ surface).T + nominal @ reaching.T + equivalent @ observed.origin
     of_state, outputs = -equivalent - reaching, len(system.c)
-    found: Observer | KalmanForm
+    found: LinearObserver | KalmanForm
     if isinstance(estimator, KalmanFilter):
         found, of_output = kalman_form(estimator, observed.model), np.zeros((m, outputs))
         of_state = np.hstack((of_state, innovation))
@@ -177,7 +177,7 @@ def sliding_form(
     return LinearForm(form, found)
 
 
-def _sampled(observed: JointsAndModes) -> Observer:
+def _sampled(observed: JointsAndModes) -> LinearObserver:
     """Return the linear observer whose measurement is held over the tick."""
     c, origin = observed.system.c, observed.origin
     step = held_step(observed.system, observed.gain, observed.period)
@@ -185,4 +185,4 @@ def _sampled(observed: JointsAndModes) -> Observer:
     a, b, held = step[:, :k], step[:, k : k + m], step[:, k + m :]
     start = np.zeros((k, len(c)))
     start[:m, :m], start[n : n + m, m : 2 * m] = np.eye(m), np.eye(m)
-    return Observer(start, a, b, held, origin - a @ origin - held @ (c @ origin))
+    return LinearObserver(start, a, b, held, origin - a @ origin - held @ (c @ origin))

@@ -16,7 +16,7 @@ from flexslew_plant.testbeds.kernels import Kernels
 Tick: TypeAlias = Callable[..., None]
 
 
-class Belief(NamedTuple):
+class FilterBelief(NamedTuple):
     """The constants of a filter: the model's numbers, then kalman.FilterMatrices."""
 
     packed: Vector
@@ -44,14 +44,14 @@ def kalman_tick(kernels: Kernels, n: int, m: int, linear: bool) -> Tick:
 
     @inlined
     def predicted_by_matrices(
-        belief: Belief, t: float, dt: float, effort: Vector, x: Vector, p: Matrix
+        belief: FilterBelief, t: float, dt: float, effort: Vector, x: Vector, p: Matrix
     ) -> Matrix:
         x[:] = belief.origin + belief.f @ (x - belief.origin) + belief.g @ effort
         return belief.f @ p @ belief.f.T + belief.q
 
     @inlined
     def predicted_by_equations(
-        belief: Belief, t: float, dt: float, effort: Vector, x: Vector, p: Matrix
+        belief: FilterBelief, t: float, dt: float, effort: Vector, x: Vector, p: Matrix
     ) -> Matrix:
         total, d = effort.copy(), x.size - k
         for i in range(d):
@@ -67,7 +67,7 @@ def kalman_tick(kernels: Kernels, n: int, m: int, linear: bool) -> Tick:
 
     @inlined
     def tick(
-        belief: Belief,
+        belief: FilterBelief,
         t: float,
         dt: float,
         effort: Vector,

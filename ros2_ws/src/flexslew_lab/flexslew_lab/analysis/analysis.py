@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.analysis.linear_plant import continuous_plant, sampled_plant
-from flexslew_control.analysis.loop import Complex, Loop, loop_of, visible_poles
+from flexslew_control.analysis.loop import Complex, ControlLoop, loop_of, visible_poles
 from flexslew_control.analysis.loop_margins import (
     ChannelMargins,
     DiskMargins,
@@ -66,7 +66,7 @@ class Analysis:
     law: str
     point: Point
     running: RunningLaw
-    loop: Loop
+    loop: ControlLoop
     sweep: Swept
     modes: tuple[Mode, ...]
     poles: tuple[Pole, ...]
@@ -154,7 +154,7 @@ def _measured(
     law: str,
     point: Point,
     running: RunningLaw,
-    loop: Loop,
+    loop: ControlLoop,
     plan: Plan | None,
 ) -> Analysis:
     sweep = swept(loop)
@@ -182,7 +182,7 @@ def _measured(
     )
 
 
-def poles_of(loop: Loop) -> tuple[Pole, ...]:
+def poles_of(loop: ControlLoop) -> tuple[Pole, ...]:
     """Return the poles that efforts move and sensors see, one of each pair, the slowest first."""
     values, strengths = visible_poles(loop)
     found = []
@@ -196,7 +196,7 @@ def poles_of(loop: Loop) -> tuple[Pole, ...]:
     return tuple(sorted(found, key=lambda pole: pole.frequency))
 
 
-def is_stable(loop: Loop) -> bool:
+def is_stable(loop: ControlLoop) -> bool:
     """Return whether no pole that efforts move and sensors see lies outside of the unit circle."""
     values, _ = visible_poles(loop)
     return bool(abs(values).max(initial=0.0) < 1.0 + 1e-9)

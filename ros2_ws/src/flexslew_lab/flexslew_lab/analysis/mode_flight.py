@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.analysis.linear_plant import Path
-from flexslew_control.analysis.loop import Complex, Loop
+from flexslew_control.analysis.linear_plant import PlantPath
+from flexslew_control.analysis.loop import Complex, ControlLoop
 from flexslew_lab.analysis.analysis import Analysis
 from flexslew_lab.trial.trial import Trial, bench_settings
 from flexslew_plant.arrays import Matrix, Vector
@@ -35,7 +35,7 @@ def require_flyable(analysis: Analysis) -> None:
 
 
 def mode_response(
-    trial: Trial, analysis: Analysis, loop: Loop, path: Path, mode: Complex, ticks: int
+    trial: Trial, analysis: Analysis, loop: ControlLoop, path: PlantPath, mode: Complex, ticks: int
 ) -> Matrix:
     """Return what the joints' sensors and the tips read while the bench moves in one mode.
 
@@ -75,7 +75,7 @@ class _Parts(NamedTuple):
     law: Any  # what the controller remembers
 
     @classmethod
-    def of(cls, state: Any, loop: Loop, analysis: Analysis, path: Path) -> "_Parts":
+    def of(cls, state: Any, loop: ControlLoop, analysis: Analysis, path: PlantPath) -> "_Parts":
         """Return them."""
         m, n = loop.efforts, analysis.point.rest.model.coordinates
         sizes = [m * (path.actuator.lag > 0.0), 2 * n, m, len(analysis.running.form.states)]
@@ -86,7 +86,9 @@ class _Parts(NamedTuple):
         )
 
 
-def _readings(trial: Trial, analysis: Analysis, path: Path, start: _Parts, ticks: int) -> Matrix:
+def _readings(
+    trial: Trial, analysis: Analysis, path: PlantPath, start: _Parts, ticks: int
+) -> Matrix:
     """Return what the sensors read from a start on, shape (ticks, sensors)."""
     rest, running = analysis.point.rest, analysis.running
     gain, delay = _faults(path, len(start.applied))
@@ -118,7 +120,7 @@ def _readings(trial: Trial, analysis: Analysis, path: Path, start: _Parts, ticks
     return np.array(rows)
 
 
-def _faults(path: Path, efforts: int) -> tuple[Vector, Vector]:
+def _faults(path: PlantPath, efforts: int) -> tuple[Vector, Vector]:
     """Return gains [-] and delays [ticks] of a path."""
     return (
         np.ones(efforts) if path.gain is None else path.gain,

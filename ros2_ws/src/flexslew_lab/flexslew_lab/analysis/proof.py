@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_control.analysis.linear_plant import Path, sampled_plant
-from flexslew_control.analysis.loop import Complex, Loop, loop_of, visible_poles
+from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
+from flexslew_control.analysis.loop import Complex, ControlLoop, loop_of, visible_poles
 from flexslew_control.analysis.ring_down import ring_down
 from flexslew_lab.analysis.analysis import Analysis
 from flexslew_lab.analysis.mode_flight import mode_response, require_flyable
@@ -174,14 +174,16 @@ class _Flights:
             float(frequency), at[0], inside, outside, max(lefts), bool(agrees),
         )  # fmt: skip
 
-    def _faulted(self, gain: Vector, delay: Vector) -> tuple[Path, Loop]:
+    def _faulted(self, gain: Vector, delay: Vector) -> tuple[PlantPath, ControlLoop]:
         """Return a path with these gains and delays of the motors, and the loop predicted."""
         point = self._analysis.point
-        path = Path(self._trial.period, point.path.actuator, gain, delay)
+        path = PlantPath(self._trial.period, point.path.actuator, gain, delay)
         plant = sampled_plant(point.rest, path, applied=True)
         return path, loop_of(plant, self._analysis.running.form)
 
-    def _flown(self, loop: Loop, path: Path, s: complex, mode: Complex) -> tuple[complex, float]:
+    def _flown(
+        self, loop: ControlLoop, path: PlantPath, s: complex, mode: Complex
+    ) -> tuple[complex, float]:
         """Return the pole [rad/s] that the bench rings down with, and what it leaves [-]."""
         period = self._trial.period
         ticks = int(np.clip(_TURNS * 2.0 * np.pi / (abs(s) * period), _FEWEST, _MOST))
@@ -192,7 +194,7 @@ class _Flights:
         return complex(found.s[0]), found.left
 
 
-def _modes(loop: Loop, strength: float) -> list[tuple[complex, Complex]]:
+def _modes(loop: ControlLoop, strength: float) -> list[tuple[complex, Complex]]:
     """Return poles [rad/s], one of each pair, and their modes, the slowest first.
 
     Args:

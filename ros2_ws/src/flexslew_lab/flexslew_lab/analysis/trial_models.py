@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexslew_control.analysis.linear_plant import Path, continuous_plant, sampled_plant
+from flexslew_control.analysis.linear_plant import PlantPath, continuous_plant, sampled_plant
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import Rest, rest_of
 from flexslew_control.plan import Plan
@@ -26,7 +26,7 @@ class Point:
     """
 
     rest: Rest
-    path: Path
+    path: PlantPath
     plan: Plan | None
     left_out: tuple[str, ...] = ()
 
@@ -70,7 +70,7 @@ def point_of(
             delay += entry.fault.ticks * late
         else:
             left_out.append(str(entry.fault.kind))
-    path = Path(trial.period, trial.actuator, gain, delay)
+    path = PlantPath(trial.period, trial.actuator, gain, delay)
     return Point(rest_of(plant.testbed, joints, time), path, plan, tuple(left_out))
 
 

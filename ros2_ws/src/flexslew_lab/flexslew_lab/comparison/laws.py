@@ -10,7 +10,7 @@ from flexslew_control.controllers import CONTROLLERS, PD_FEEDFORWARD, PlanVarian
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings, planner_of
 from flexslew_lab.comparison.flight import SHOWN, TruthLog
-from flexslew_lab.comparison.quantities import Quantity, quantities
+from flexslew_lab.comparison.quantities import ComparedQuantity, quantities
 from flexslew_lab.run.in_process import Observer, fly
 from flexslew_lab.run.metrics_observer import MetricsObserver
 from flexslew_lab.trial.trial import (
@@ -86,7 +86,7 @@ class LawComparison:
         return tuple(entry for entry in self.entries if entry.flights)
 
     @property
-    def quantities(self) -> tuple[Quantity, ...]:
+    def quantities(self) -> tuple[ComparedQuantity, ...]:
         """What they are compared by: what any of them has."""
         nominal = [entry.nominal.metrics for entry in self.flown]
         requested = quantities(nominal[0]) if nominal else ()

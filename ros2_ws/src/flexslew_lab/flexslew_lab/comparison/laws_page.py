@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_lab.comparison.laws import LawComparison, LawFlight
-from flexslew_lab.comparison.quantities import Quantity
+from flexslew_lab.comparison.quantities import ComparedQuantity
 from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Panel, legend, style
 
@@ -95,11 +95,11 @@ def _table(comparison: LawComparison) -> list[tuple[Any, list[str]]]:
     return out
 
 
-def _drawn(comparison: LawComparison) -> list[Quantity]:
+def _drawn(comparison: LawComparison) -> list[ComparedQuantity]:
     return [q for q in comparison.quantities if q.drawn]
 
 
-def _number(quantity: Quantity, flight: LawFlight) -> float:
+def _number(quantity: ComparedQuantity, flight: LawFlight) -> float:
     """Return a quantity of a flight; NaN where the bench was lost."""
     value = None if flight.lost else quantity.of(flight.metrics)
     return float("nan") if value is None else value

@@ -31,7 +31,7 @@ _WATCHED = 40.0  # at least, after the longest slew [s]
 
 
 @dataclass(frozen=True)
-class Entry:
+class ComparedPlan:
     """One method: its plan and its flights, or why there are none."""
 
     name: str
@@ -71,7 +71,7 @@ class Comparison:
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]
     lower_bound: float  # of the duration, for a rigid body under the limits [s]
-    entries: tuple[Entry, ...]
+    entries: tuple[ComparedPlan, ...]
     limit: LimitCurve | None = None  # of a linear plant
 
     @property
@@ -96,7 +96,7 @@ class Comparison:
         return rows[:, 0], np.minimum.accumulate(rows[:, 1])
 
     @property
-    def flown(self) -> tuple[Entry, ...]:
+    def flown(self) -> tuple[ComparedPlan, ...]:
         """The methods that have a plan."""
         return tuple(entry for entry in self.entries if entry.flights)
 
@@ -198,9 +198,9 @@ def compared(
     return Comparison(trial, model.joint_names, units, bound, tuple(entries), limits)
 
 
-def _distinct(planned: Sequence[tuple[str, Entry]]) -> list[Entry]:
+def _distinct(planned: Sequence[tuple[str, ComparedPlan]]) -> list[ComparedPlan]:
     """Return the entries without variants whose plan is that of an earlier one of their method."""
-    kept: list[tuple[str, Entry]] = []
+    kept: list[tuple[str, ComparedPlan]] = []
     for method, entry in planned:
         plan = entry.plan
         same = (
@@ -267,7 +267,7 @@ def plain_keys(variant: Variant) -> dict[str, Any]:
     return {k: list(v) if isinstance(v, tuple) else v for k, v in variant.keys.items()}
 
 
-def _planned(trial: Trial, source: str, method: str, variant: Variant) -> Entry:
+def _planned(trial: Trial, source: str, method: str, variant: Variant) -> ComparedPlan:
     """Return the method's plan for the trial's manoeuvre, or why it has none."""
     assert not isinstance(trial.plan, SavedPlan | None)
     name = f"{method}, {variant.name}" if variant.name else method
@@ -284,5 +284,5 @@ def _planned(trial: Trial, source: str, method: str, variant: Variant) -> Entry:
         settings = other_method(trial.plan, method, f"{source}: plan", **own)
         plan = make_plan(settings, plant, feedback, law=law_in_charge(trial))
     except (BadInput, PlanFailed) as refused:
-        return Entry(name, None, without_source(refused))
-    return Entry(name, plan, "")
+        return ComparedPlan(name, None, without_source(refused))
+    return ComparedPlan(name, plan, "")

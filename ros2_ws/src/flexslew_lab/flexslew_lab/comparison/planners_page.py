@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_lab.comparison.planners import Comparison, Entry
+from flexslew_lab.comparison.planners import ComparedPlan, Comparison
 from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Mark, Panel, legend, style
 
@@ -143,7 +143,7 @@ def columns(comparison: Comparison) -> list[str]:
     return [*head, *errors, *swings, *efforts, f"effort [({torque})² s]"]
 
 
-def cells(comparison: Comparison, entry: Entry) -> list[str]:
+def cells(comparison: Comparison, entry: ComparedPlan) -> list[str]:
     """Return the numbers of a method, one for each column."""
     assert entry.plan is not None
     nominal = entry.nominal

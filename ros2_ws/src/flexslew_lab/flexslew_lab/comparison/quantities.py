@@ -8,7 +8,7 @@ import numpy as np
 Metrics = Mapping[str, Any]
 
 
-class Quantity(NamedTuple):
+class ComparedQuantity(NamedTuple):
     """One column of the table."""
 
     key: str  # in JSON
@@ -48,37 +48,41 @@ def _numbers(value: Any) -> list[float | None]:
 
 # of a platform that points and its antennas
 _PLATFORM = (
-    Quantity("platform_place", "platform position, rms", "m", _largest("rms_platform_position")),
-    Quantity(
+    ComparedQuantity(
+        "platform_place", "platform position, rms", "m", _largest("rms_platform_position"),
+    ),
+    ComparedQuantity(
         "platform_turn", "platform attitude, rms", "rad", _largest("rms_platform_attitude"),
         drawn=True,
     ),
-    Quantity("peak_place", "platform position, peak", "m", _norm("peak_platform_position")),
-    Quantity("peak_turn", "platform attitude, peak", "rad", _norm("peak_platform_attitude")),
-    Quantity(
+    ComparedQuantity("peak_place", "platform position, peak", "m", _norm("peak_platform_position")),
+    ComparedQuantity(
+        "peak_turn", "platform attitude, peak", "rad", _norm("peak_platform_attitude"),
+    ),
+    ComparedQuantity(
         "line_of_sight", "line of sight after its turn", "rad", _largest("line_of_sight_error"),
         drawn=True,
     ),
-    Quantity("vibration", "tip, peak", "m", _largest("peak_tip_deflection"), drawn=True),
-    Quantity("settled", "tip settled after", "s", _largest("vibration_settling_time")),
+    ComparedQuantity("vibration", "tip, peak", "m", _largest("peak_tip_deflection"), drawn=True),
+    ComparedQuantity("settled", "tip settled after", "s", _largest("vibration_settling_time")),
 )  # fmt: skip
 # of joints that go to a goal
 _JOINTS = (
-    Quantity(
+    ComparedQuantity(
         "joint_error", "joints, after the end", "", _largest("residual_attitude_error"), drawn=True
     ),
-    Quantity("settled", "joints settled after", "s", _largest("settling_time")),
-    Quantity(
+    ComparedQuantity("settled", "joints settled after", "s", _largest("settling_time")),
+    ComparedQuantity(
         "residual_tip", "tip, after the end", "m", _largest("residual_tip_deflection"), drawn=True
     ),
-    Quantity("vibration", "tip, peak", "m", _largest("peak_tip_deflection")),
+    ComparedQuantity("vibration", "tip, peak", "m", _largest("peak_tip_deflection")),
 )
 _ANY = (
-    Quantity("effort", "effort", "(N m)² s", _largest("control_effort"), drawn=True),
-    Quantity("peak_effort", "largest effort", "N m or N", _largest("peak_effort")),
+    ComparedQuantity("effort", "effort", "(N m)² s", _largest("control_effort"), drawn=True),
+    ComparedQuantity("peak_effort", "largest effort", "N m or N", _largest("peak_effort")),
 )
 
 
-def quantities(metrics: Metrics) -> tuple[Quantity, ...]:
+def quantities(metrics: Metrics) -> tuple[ComparedQuantity, ...]:
     """Return what a run with these metrics is compared by."""
     return (*(_PLATFORM if "rms_platform_attitude" in metrics else _JOINTS), *_ANY)

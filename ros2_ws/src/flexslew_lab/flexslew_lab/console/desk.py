@@ -8,13 +8,13 @@ from contextlib import suppress
 from typing import Any, Protocol
 
 from flexslew_lab.console.gui import Element, Told
-from flexslew_lab.console.link import Link, RequestResult
+from flexslew_lab.console.link import BenchLink, RequestResult
 from flexslew_lab.console.server import ConsoleServer
 
 Act = Callable[[str], None]  # takes who asks
 
 
-class Panel(Protocol):
+class DeskPanel(Protocol):
     """A part of the page."""
 
     def refresh(self) -> None:
@@ -30,7 +30,7 @@ class Desk:
         say: told in one line when a page sends what none of its forms can.
     """
 
-    def __init__(self, server: ConsoleServer, link: Link, say: Callable[[str], None]) -> None:
+    def __init__(self, server: ConsoleServer, link: BenchLink, say: Callable[[str], None]) -> None:
         self.server, self.gui = server, server.gui
         self.link, self.view = link, link.view
         self._waiting: deque[tuple[Act, int]] = deque()
@@ -70,7 +70,7 @@ class Desk:
         return lambda page: self._waiting.append((act, page))
 
 
-class Reply:
+class DeskReply:
     """A line that says what became of the last request of its panel.
 
     Args:

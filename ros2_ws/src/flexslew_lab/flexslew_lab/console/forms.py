@@ -17,7 +17,7 @@ LATEST = 1e9  # of a simulated time [s]
 _LONGEST = 4000  # characters of a field
 
 
-class Key(NamedTuple):
+class FormKey(NamedTuple):
     """One field of a form."""
 
     name: str
@@ -39,7 +39,7 @@ def text_of(value: Any) -> str:
 
 def keys_of(
     kind: type[Any], without: tuple[str, ...] = (), known: Mapping[str, tuple[str, ...]] = {}
-) -> list[Key]:
+) -> list[FormKey]:
     """Return a field for each key of a section.
 
     Args:
@@ -56,7 +56,9 @@ def keys_of(
         required = item.default is dataclasses.MISSING
         given = options[0] if options and required else None if required else item.default
         optional = ("",) if options and not required and given is None else ()
-        found.append(Key(item.name, words[item.name].told, text_of(given), (*optional, *options)))
+        found.append(
+            FormKey(item.name, words[item.name].told, text_of(given), (*optional, *options))
+        )
     return found
 
 
@@ -149,7 +151,9 @@ class Form:
         sliders: beside each positive number, over two powers of ten.
     """
 
-    def __init__(self, desk: Desk, keys: list[Key], place: Element, sliders: bool = False) -> None:
+    def __init__(
+        self, desk: Desk, keys: list[FormKey], place: Element, sliders: bool = False
+    ) -> None:
         gui = desk.gui
         self._keys = keys
         self._elements: dict[str, Element] = {}
@@ -240,7 +244,7 @@ def _slider(desk: Desk, field: Element, text: str) -> Element:
     return found
 
 
-def _value(key: Key, text: str) -> Any:
+def _value(key: FormKey, text: str) -> Any:
     """Return what a field holds; `57 deg` and `2 min` as numbers in SI.
 
     Raises:

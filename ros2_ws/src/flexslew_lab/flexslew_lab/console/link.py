@@ -27,7 +27,7 @@ Then = Callable[[RequestResult], None]
 Drafted = Callable[[RequestResult, Any], None]  # takes a flexslew_msgs/Plan, or None without one
 
 
-class Link(Protocol):
+class BenchLink(Protocol):
     """The way to a bench. All calls come from one thread, and all answers to it."""
 
     view: BenchView

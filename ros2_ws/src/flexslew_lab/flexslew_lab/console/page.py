@@ -4,17 +4,17 @@ from collections.abc import Callable
 from pathlib import Path
 from time import monotonic, process_time
 
-from flexslew_lab.console.desk import Desk, Panel
+from flexslew_lab.console.desk import Desk, DeskPanel
 from flexslew_lab.console.gui import Element
 from flexslew_lab.console.layouts import layout_file
-from flexslew_lab.console.link import Link
+from flexslew_lab.console.link import BenchLink
 from flexslew_lab.console.panels.charts import ChartsPanel
 from flexslew_lab.console.panels.compare import ComparePanel
 from flexslew_lab.console.panels.end import EndPanel
 from flexslew_lab.console.panels.faults import ActivePanel, DisturbPanel, FaultPanel
 from flexslew_lab.console.panels.log import EventsPanel, NotePanel
 from flexslew_lab.console.panels.plan import PlanPanel
-from flexslew_lab.console.panels.replay import Recording, ReplayPanel
+from flexslew_lab.console.panels.replay import RecordingPanel, ReplayPanel
 from flexslew_lab.console.panels.run import FINISHED, HeaderPanel, RunPanel
 from flexslew_lab.console.panels.scene import ScenePanel
 from flexslew_lab.console.panels.state import StatePanel
@@ -26,7 +26,7 @@ POLL_PERIOD = 0.025  # between two polls at bench and pages [wall s]
 FRAME = 1 / 10  # between two frames at least [wall s]
 SHARE = 0.04  # of a core that the page takes of a bench that goes as fast as it can, about
 _SLOWEST = 1.0  # between two frames then at most [wall s]
-Make = Callable[[Desk], Panel]
+Make = Callable[[Desk], DeskPanel]
 
 
 class Page:
@@ -46,11 +46,11 @@ class Page:
 
     def __init__(
         self,
-        link: Link,
+        link: BenchLink,
         host: str,
         port: int,
         say: Callable[[str], None],
-        recording: Recording | None = None,
+        recording: RecordingPanel | None = None,
         layouts: Path | None = None,
     ) -> None:
         self._link = link
@@ -93,9 +93,9 @@ class Page:
         """End all pages."""
         self.server.close()
 
-    def _built(self, recording: Recording | None, layouts: Path) -> list[Panel]:
+    def _built(self, recording: RecordingPanel | None, layouts: Path) -> list[DeskPanel]:
         desk, gui = self._desk, self._desk.gui
-        panels: list[Panel] = [HeaderPanel(desk, recording is None), StatePanel(desk)]
+        panels: list[DeskPanel] = [HeaderPanel(desk, recording is None), StatePanel(desk)]
         if recording is not None:
             panels.append(ReplayPanel(desk, recording))
         live: dict[str, tuple[Make, ...]] = {

@@ -29,7 +29,7 @@ class Shape(NamedTuple):
     opacity: float
 
 
-class Body(NamedTuple):
+class DrawnBody(NamedTuple):
     """Where the frames and the lines of a testbed are."""
 
     poses: dict[str, Pose]
@@ -41,8 +41,8 @@ class Picture:
     """A testbed bent as it is, and its reference as an outline."""
 
     shapes: tuple[Shape, ...]
-    bent: Body
-    outline: Body | None
+    bent: DrawnBody
+    outline: DrawnBody | None
     reach: float  # how far the testbed reaches [m]
     look: int  # how often a direction was chosen
     direction: tuple[float, float, float]  # that is looked from
@@ -67,7 +67,7 @@ class Picture:
         )
 
 
-def body(scene: Scene, q: Vector, t: float) -> Body:
+def body(scene: Scene, q: Vector, t: float) -> DrawnBody:
     """Return where everything is at positions q and a time [s]."""
     poses: dict[str, Pose] = {}
     for frame in scene.frames_at(q, t):
@@ -77,7 +77,7 @@ def body(scene: Scene, q: Vector, t: float) -> Body:
     for line, name in zip(scene.lines(q), scene.line_frames, strict=True):
         turn, at = poses.get(name, (np.eye(3), np.zeros(3)))
         lines.append(at + np.asarray(line) @ turn.T)
-    return Body(poses, lines)
+    return DrawnBody(poses, lines)
 
 
 def rotation(frame: Frame) -> Matrix:
@@ -127,7 +127,9 @@ def _size(shape: ElementTree.Element) -> tuple[float, ...]:
     return (radius, float(shape.get("length", 1))) if shape.tag == "cylinder" else (radius,)
 
 
-def _projected(where: Body, shapes: tuple[Shape, ...], across: int, up: int, outline: bool) -> str:
+def _projected(
+    where: DrawnBody, shapes: tuple[Shape, ...], across: int, up: int, outline: bool
+) -> str:
     found = []
     for shape in shapes:
         turn, at = where.poses[shape.frame]

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from nicegui import ui
 
-from flexslew_lab.console.picture import AUTOMATIC, SOLID, Body, Picture, Shape
+from flexslew_lab.console.picture import AUTOMATIC, SOLID, DrawnBody, Picture, Shape
 
 _BENT, _OUTLINE = "#0072b2", "#969696"
 _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # y to z: of a cylinder
@@ -80,7 +80,7 @@ class SceneDrawing:
                 ]
         self._turn(picture)
 
-    def _move(self, k: int, body: Body | None, picture: Picture) -> None:
+    def _move(self, k: int, body: DrawnBody | None, picture: Picture) -> None:
         for part in self._parts[k] + self._lines[k]:
             part.visible(body is not None)
         if body is None:

@@ -42,7 +42,7 @@ class Now(NamedTuple):
     faults: tuple[tuple[int, str], ...] = ()  # number and words of what disturbs or breaks
 
 
-class Controller(NamedTuple):
+class ControllerView(NamedTuple):
     """A controller as it announced itself."""
 
     name: str
@@ -80,7 +80,7 @@ class BenchView:
         self.now = Now()
         self.joints: Joints | None = None
         self.testbed: Testbed | None = None  # None also where it may not be loaded
-        self.controllers: dict[str, Controller] = {}
+        self.controllers: dict[str, ControllerView] = {}
         self.events: deque[Event] = deque(maxlen=EVENTS)
         self.heard = 0  # events so far
         self.plan: Any = None  # the last flexslew_msgs/Plan
@@ -110,7 +110,7 @@ class BenchView:
             elif name == topics.EVENTS:
                 self._take_event(message)
             elif name == topics.CONTROLLER_STATUS:
-                self.controllers[message.controller] = Controller(
+                self.controllers[message.controller] = ControllerView(
                     message.controller, message.law, message.ready, message.reason, message.settings
                 )
             elif name == topics.PLAN:

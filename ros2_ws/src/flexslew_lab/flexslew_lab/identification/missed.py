@@ -4,7 +4,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, solve
 
 from flexslew_lab.identification.oscillators import Oscillator
-from flexslew_lab.identification.regressors import Signals
+from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.separable import ModalLeastSquares, Solution
 from flexslew_plant.arrays import Vector
 
@@ -12,7 +12,7 @@ _GRID = 0.05  # relative distance of its frequencies
 
 
 def missed_mode(
-    signals: Signals, solution: Solution, noise: Vector, band: tuple[float, float]
+    signals: RegressorSignals, solution: Solution, noise: Vector, band: tuple[float, float]
 ) -> Oscillator | None:
     """Return the oscillator of a grid that explains most of what is left; None: none pays.
 

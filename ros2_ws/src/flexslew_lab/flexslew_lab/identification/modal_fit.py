@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.projection import Projection
 from flexslew_lab.identification.record import Record
-from flexslew_lab.identification.regressors import Signals
+from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.separable import ModalLeastSquares, Part, Solution, groups_of
 from flexslew_plant.arrays import Matrix, Vector
 
@@ -52,7 +52,7 @@ class ModalFit:
 
 
 def refined(
-    signals: Signals,
+    signals: RegressorSignals,
     modes: tuple[Oscillator, ...],
     noise: Vector,
     rounds: int = _ROUNDS,
@@ -173,7 +173,7 @@ def prediction_error(record: Record, fit: ModalFit) -> Matrix:
 
     Bias and the motion before the record are this record's own; all else is the other's.
     """
-    signals, inputs = Signals(record, None), record.effort.shape[1]
+    signals, inputs = RegressorSignals(record, None), record.effort.shape[1]
     columns = [signals.responses(mode) for mode in fit.modes]
     left = np.empty_like(record.measured)
     joint, row = 0, 0

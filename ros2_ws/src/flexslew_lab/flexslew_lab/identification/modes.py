@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm
 from flexslew_lab.identification.modal_fit import ModalFit, modal_fit
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
-from flexslew_lab.identification.regressors import Signals
+from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.selection import selected
 from flexslew_lab.identification.subspace import METHODS, Poles, slowed, stable
 from flexslew_plant.arrays import Vector
@@ -35,7 +35,7 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class Mode:
+class FittedMode:
     """One mode of the free bench.
 
     Args:
@@ -90,7 +90,7 @@ class ModalModel:
 
     record: Record
     band: tuple[float, float]
-    modes: tuple[Mode, ...]
+    modes: tuple[FittedMode, ...]
     inertia: tuple[tuple[Interval, ...], ...]
     fit: ModalFit
     starts: tuple[Poles, ...]
@@ -128,7 +128,7 @@ def identify_modes(
     low, high = 0.5 * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
     candidates = _merged([mode for poles in starts for mode in stable(poles, low, high)])
     tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
-    solution = selected(Signals(record, band[1]), candidates, (low, high))
+    solution = selected(RegressorSignals(record, band[1]), candidates, (low, high))
     fit = modal_fit(solution)
     return ModalModel(
         record,
@@ -190,7 +190,7 @@ def _merged(found: list[Oscillator]) -> tuple[Oscillator, ...]:
     return tuple(sorted(kept, key=lambda mode: mode.frequency))
 
 
-def _described(fit: ModalFit, record: Record) -> tuple[Mode, ...]:
+def _described(fit: ModalFit, record: Record) -> tuple[FittedMode, ...]:
     found = []
     spread = np.sqrt(np.diag(fit.covariance))
     for k, mode in enumerate(fit.modes):
@@ -199,7 +199,7 @@ def _described(fit: ModalFit, record: Record) -> tuple[Mode, ...]:
         shape, drive = left[:, 0], right[0]
         sign = 1.0 if drive[int(np.argmax(np.abs(drive)))] > 0.0 else -1.0
         found.append(
-            Mode(
+            FittedMode(
                 interval(mode.frequency, spread[2 * k]),
                 interval(mode.damping_ratio, spread[2 * k + 1]),
                 record.duration * mode.frequency / (2.0 * np.pi),

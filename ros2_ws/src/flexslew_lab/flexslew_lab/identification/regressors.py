@@ -14,7 +14,7 @@ _DAMPING_STEP = 1e-6
 _KEPT = 256  # modes whose responses are kept: those of a search, too
 
 
-class Signals:
+class RegressorSignals:
     """The signals of a record and the responses to its efforts, below a frequency.
 
     Args:

@@ -6,7 +6,7 @@ from flexslew_lab.identification.missed import missed_mode, price
 from flexslew_lab.identification.modal_fit import FLOOR, modal_fit, noise_of, refined
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
-from flexslew_lab.identification.regressors import Signals
+from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.separable import ModalLeastSquares, Solution
 from flexslew_plant.arrays import Vector
 
@@ -15,7 +15,7 @@ _FIRST_ROUNDS = 10  # candidates that are no modes hardly converge
 
 
 def selected(
-    signals: Signals, modes: tuple[Oscillator, ...], band: tuple[float, float]
+    signals: RegressorSignals, modes: tuple[Oscillator, ...], band: tuple[float, float]
 ) -> Solution:
     """Return the refined modes that pay for their parameters and can be modes of a bench.
 
@@ -42,7 +42,7 @@ def selected(
 
 
 def _kept(
-    signals: Signals, modes: tuple[Oscillator, ...], noise: Vector
+    signals: RegressorSignals, modes: tuple[Oscillator, ...], noise: Vector
 ) -> tuple[Solution, Vector]:
     """Return the refined modes when none is left that must go, and the noise."""
     solution, noise = refined(signals, modes, noise)
@@ -78,7 +78,7 @@ def _rough_noise(record: Record) -> Vector:
 
 
 def _pruned(
-    signals: Signals, modes: tuple[Oscillator, ...], noise: Vector
+    signals: RegressorSignals, modes: tuple[Oscillator, ...], noise: Vector
 ) -> tuple[Oscillator, ...]:
     """Return the modes without those whose absence costs less than their parameters."""
     problem = ModalLeastSquares(signals, noise)

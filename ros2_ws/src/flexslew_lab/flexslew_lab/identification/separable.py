@@ -20,12 +20,12 @@ import numpy as np
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.projection import Projection
 from flexslew_lab.identification.record import Quantity, Record
-from flexslew_lab.identification.regressors import Signals
+from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_plant.arrays import Matrix, Vector
 
 
 @dataclass(frozen=True)
-class Group:
+class ParameterGroup:
     """Outputs that share residues: a joint's position and rate, or one deflection."""
 
     position: int  # column of the record; -1: not measured
@@ -33,16 +33,16 @@ class Group:
     rigid: bool
 
 
-def groups_of(record: Record) -> tuple[Group, ...]:
+def groups_of(record: Record) -> tuple[ParameterGroup, ...]:
     """Return the outputs of a record in groups of one set of residues each."""
     found = []
     rates = {o.joint: k for k, o in enumerate(record.outputs) if o.quantity is Quantity.JOINT_RATE}
     for k, o in enumerate(record.outputs):
         if o.quantity is Quantity.JOINT_POSITION:
-            found.append(Group(k, rates.pop(o.joint, -1), True))
-    found += [Group(-1, k, True) for k in rates.values()]
-    found += [Group(k, -1, False) for k in record.columns(Quantity.DEFLECTION)]
-    found += [Group(-1, k, False) for k in record.columns(Quantity.DEFLECTION_RATE)]
+            found.append(ParameterGroup(k, rates.pop(o.joint, -1), True))
+    found += [ParameterGroup(-1, k, True) for k in rates.values()]
+    found += [ParameterGroup(k, -1, False) for k in record.columns(Quantity.DEFLECTION)]
+    found += [ParameterGroup(-1, k, False) for k in record.columns(Quantity.DEFLECTION_RATE)]
     return tuple(found)
 
 
@@ -54,7 +54,7 @@ class ModalLeastSquares:
         noise: standard deviation of every output, (outputs,).
     """
 
-    def __init__(self, signals: Signals, noise: Vector) -> None:
+    def __init__(self, signals: RegressorSignals, noise: Vector) -> None:
         self.signals, self.noise = signals, noise
         self.record, self.groups = signals.record, groups_of(signals.record)
 
@@ -76,19 +76,19 @@ class ModalLeastSquares:
             parts.append(self._part(group, bases[kind]))
         return Solution(self, modes, parts)
 
-    def _ratio(self, group: Group) -> float:
+    def _ratio(self, group: ParameterGroup) -> float:
         """Return the weight of a group's rate beside its position."""
         both = group.position >= 0 and group.rate >= 0
         return float(self.noise[group.position] / self.noise[group.rate]) if both else 1.0
 
-    def rows(self, group: Group) -> list[tuple[int, int, float]]:
+    def rows(self, group: ParameterGroup) -> list[tuple[int, int, float]]:
         """Return column of the record, derivative and weight of each quantity of a group."""
         rows = [(group.position, 0, 1.0)] if group.position >= 0 else []
         return rows + ([(group.rate, 1, self._ratio(group))] if group.rate >= 0 else [])
 
     def _basis(
         self,
-        group: Group,
+        group: ParameterGroup,
         columns: "list[tuple[Matrix, Matrix]]",
         moved: "list[list[tuple[Matrix, Matrix]]]",
     ) -> "_Basis":
@@ -107,7 +107,7 @@ class ModalLeastSquares:
         along = projection.coordinates(raw)
         return _Basis(phi, scale, projection, raw - phi @ along, along)
 
-    def _part(self, group: Group, basis: "_Basis") -> "Part":
+    def _part(self, group: ParameterGroup, basis: "_Basis") -> "Part":
         rows = self.rows(group)
         sigma = float(self.noise[rows[0][0]])
         y = np.concatenate([w * self.signals.measured[:, column] for column, _, w in rows])
@@ -131,7 +131,7 @@ class ModalLeastSquares:
 
     def residual_in_time(self, modes: tuple[Oscillator, ...], parts: "list[Part]") -> Matrix:
         """Return measured minus fitted tick by tick, (ticks + 1, outputs)."""
-        whole = Signals(self.record, None)
+        whole = RegressorSignals(self.record, None)
         problem = ModalLeastSquares(whole, self.noise)
         columns = [whole.responses(mode) for mode in modes]
         left = whole.measured.copy()
@@ -140,7 +140,9 @@ class ModalLeastSquares:
                 left[:, column] -= problem._matrix(part.group, columns, which) @ part.weights
         return left
 
-    def _matrix(self, group: Group, columns: "list[tuple[Matrix, Matrix]]", which: int) -> Matrix:
+    def _matrix(
+        self, group: ParameterGroup, columns: "list[tuple[Matrix, Matrix]]", which: int
+    ) -> Matrix:
         """Return the columns of a position (which 0) or a rate (1): bias, rigid, then modes."""
         one, line = self.signals.constant, self.signals.line
         if which == 0:
@@ -174,7 +176,7 @@ class _Basis:
 class Part:
     """The solution of one group."""
 
-    group: Group
+    group: ParameterGroup
     weights: Vector  # linear parameters
     sigma: float  # standard deviation of the first quantity's noise
     basis: _Basis

@@ -10,7 +10,7 @@ from flexslew_lab.log.files.read_limits import check_size
 from flexslew_lab.log.messages.cdr_layout import Layout, gather, layout
 
 
-class Block(NamedTuple):
+class ColumnBlock(NamedTuple):
     """Messages of one topic that follow one another, as arrays.
 
     `columns` maps a field (nested names joined by dots) to one value per message, shape (messages,)
@@ -27,7 +27,7 @@ def blocks_of(
     kind: str,
     messages: list[RawMessage],
     layouts: dict[tuple[str, int], list[Layout]],
-) -> Iterator[Block]:
+) -> Iterator[ColumnBlock]:
     """Yield the messages as blocks of one layout each, in order."""
     start = 0
     while start < len(messages):
@@ -50,7 +50,7 @@ def blocks_of(
                 name: np.full(n, value) if isinstance(value, str) else _texts(value, n)
                 for name, value in gather(kind_of, rows[:n])
             }
-            yield Block(topic, stamps[:n], columns)
+            yield ColumnBlock(topic, stamps[:n], columns)
             rows, stamps = rows[n:], stamps[n:]
         start = stop
 

@@ -16,14 +16,14 @@ from flexslew_lab.log.files.mcap_scan import (
     CHUNK,
     CHUNK_INDEX,
     SCHEMA,
+    McapRecord,
     RawMessage,
-    Record,
     RecordStream,
     chunk_content,
     chunk_records,
 )
 from flexslew_lab.log.files.mcap_summary import Summary, find_summary, summary_records
-from flexslew_lab.log.files.read_limits import CHANNELS, Unpacked, check_size, most_chunks
+from flexslew_lab.log.files.read_limits import CHANNELS, UnpackedSize, check_size, most_chunks
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.topic_lookup import Lookup
 from flexslew_plant.errors import BadInput
@@ -90,7 +90,7 @@ class BagIndex:
 
     def messages(self, topics: Collection[str], start: int = 0) -> Iterator[BagMessage]:
         """Yield the messages of the topics from a log time [ns] on, in their order."""
-        unpacked = Unpacked(self.path)
+        unpacked = UnpackedSize(self.path)
         for place in self._places(topics, self._rows["end"] >= start):
             for message in self._chunk(place, topics, unpacked):
                 if message.stamp >= start:
@@ -106,7 +106,7 @@ class BagIndex:
         depth = 1 << 62 if everybody else TOPICS[topic].depth
         found: deque[BagMessage] = deque()
         names: set[str] = set()
-        unpacked = Unpacked(self.path)
+        unpacked = UnpackedSize(self.path)
         for place in self._places([topic], self._rows["start"] < before, backwards=True):
             chunk = [m for m in self._chunk(place, [topic], unpacked) if m.stamp < before]
             for message in reversed(chunk):
@@ -133,7 +133,7 @@ class BagIndex:
             yield int(row["at"]), int(row["length"])
 
     def _chunk(
-        self, place: tuple[int, int], topics: Collection[str], unpacked: Unpacked
+        self, place: tuple[int, int], topics: Collection[str], unpacked: UnpackedSize
     ) -> Iterator[BagMessage]:
         at, length = place
         with open(self.path, "rb") as file:
@@ -167,7 +167,7 @@ class BagIndex:
                 yield _Place(start, end, place, size, channels)
 
     def _scanned(self) -> Iterator[_Place]:
-        unpacked = Unpacked(self.path)
+        unpacked = UnpackedSize(self.path)
         for record in RecordStream(self.path):
             if record.opcode in (SCHEMA, CHANNEL):
                 self._lookup.take(record)
@@ -185,9 +185,9 @@ class BagIndex:
                 yield _Place(start, end, record.offset, length, frozenset(channels))
 
 
-def _record(file: BinaryIO, at: int, path: Path) -> Record:
+def _record(file: BinaryIO, at: int, path: Path) -> McapRecord:
     file.seek(at)
     head = file.read(_HEAD.size)
     opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
     check_size("a record", length, f"{path}: byte {at}")
-    return Record(opcode, file.read(min(length, path.stat().st_size)), at)
+    return McapRecord(opcode, file.read(min(length, path.stat().st_size)), at)

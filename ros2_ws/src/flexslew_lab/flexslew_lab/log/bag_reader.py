@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.log.bag_columns import Block, blocks_of, widened
+from flexslew_lab.log.bag_columns import ColumnBlock, blocks_of, widened
 from flexslew_lab.log.bag_layout import (
     FORMAT,
     METADATA_FILE,
@@ -24,8 +24,8 @@ from flexslew_lab.log.files.mcap_scan import (
     METADATA,
     SCHEMA,
     Cut,
+    McapRecord,
     RawMessage,
-    Record,
     RecordStream,
     chunk_content,
     chunk_records,
@@ -33,7 +33,7 @@ from flexslew_lab.log.files.mcap_scan import (
     read_header,
     read_metadata,
 )
-from flexslew_lab.log.files.read_limits import TEXT, Unpacked, check_size
+from flexslew_lab.log.files.read_limits import TEXT, UnpackedSize, check_size
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.cdr_layout import Layout
 from flexslew_lab.log.messages.logged_event import logged_event
@@ -115,7 +115,7 @@ class BagReader:
         """Yield the messages of the topics (default: all) in the order of their log times."""
         for block, lookup in self._chunks():
             for m in chunk_records(block, str(self.path)):
-                if isinstance(m, Record):
+                if isinstance(m, McapRecord):
                     lookup.take(m)
                     continue
                 topic, kind = lookup.topic(m.channel)
@@ -128,7 +128,7 @@ class BagReader:
         for topic, kind, stamp, _, data in self.messages(topics):
             yield topic, stamp, cdr.decode(kind, data)
 
-    def blocks(self, topics: Collection[str], checked: bool = True) -> Iterator[Block]:
+    def blocks(self, topics: Collection[str], checked: bool = True) -> Iterator[ColumnBlock]:
         """Yield arrays, chunk by chunk; within a topic in the order of the bag.
 
         Args:
@@ -159,7 +159,7 @@ class BagReader:
         found: dict[int, list[RawMessage]] = {}
         count = 0
         for m in chunk_records(data, str(self.path)):
-            if isinstance(m, Record):
+            if isinstance(m, McapRecord):
                 lookup.take(m)
                 continue
             found.setdefault(m.channel, []).append(m)
@@ -259,7 +259,7 @@ class BagReader:
 
     def _chunks(self) -> Iterator[tuple[bytes, Lookup]]:
         stream = RecordStream(self.path)
-        self._unpacked = Unpacked(self.path)
+        self._unpacked = UnpackedSize(self.path)
         lookup = Lookup(self.path, counted=not self._foreign)
         self._records: dict[str, dict[str, str]] = {}
         self._bare: list[int] = []  # where chunks without a checksum are

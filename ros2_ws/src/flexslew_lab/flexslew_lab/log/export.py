@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from flexslew_lab.log.bag_columns import Block
+from flexslew_lab.log.bag_columns import ColumnBlock
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.column_names import column_name
 from flexslew_lab.log.files.whole_file import write_whole
@@ -223,9 +223,9 @@ def _sink(path: Path, schema: pa.Schema, kind: str) -> Any:
     return pyarrow.parquet.ParquetWriter(path, schema, compression="zstd")
 
 
-def _batches(bag: BagReader, topics: Collection[str]) -> Iterator[tuple[str, list[Block]]]:
+def _batches(bag: BagReader, topics: Collection[str]) -> Iterator[tuple[str, list[ColumnBlock]]]:
     """Yield a topic and a batch of its blocks: about ROWS rows, or BYTES where rows are long."""
-    waiting: dict[str, list[Block]] = {topic: [] for topic in topics}
+    waiting: dict[str, list[ColumnBlock]] = {topic: [] for topic in topics}
     rows, size = dict.fromkeys(topics, 0), dict.fromkeys(topics, 0)
     for block in bag.blocks(topics):
         topic = block.topic
@@ -240,7 +240,9 @@ def _batches(bag: BagReader, topics: Collection[str]) -> Iterator[tuple[str, lis
             yield topic, blocks
 
 
-def _table(blocks: list[Block], columns: list[_Column], schema: pa.Schema, kind: str) -> pa.Table:
+def _table(
+    blocks: list[ColumnBlock], columns: list[_Column], schema: pa.Schema, kind: str
+) -> pa.Table:
     arrays = [
         pa.array(np.concatenate([_time(block) for block in blocks])),
         pa.array(np.concatenate([block.stamp for block in blocks])),
@@ -251,7 +253,7 @@ def _table(blocks: list[Block], columns: list[_Column], schema: pa.Schema, kind:
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
-def _time(block: Block) -> np.ndarray:
+def _time(block: ColumnBlock) -> np.ndarray:
     """Return the simulated times of messages, (messages,) [s]: their stamps, else the log's."""
     for name in ("header.stamp", "stamp"):
         if f"{name}.sec" in block.columns:

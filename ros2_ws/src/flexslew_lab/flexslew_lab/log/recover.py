@@ -16,14 +16,14 @@ from flexslew_lab.log.files.mcap_scan import (
     CHUNK,
     METADATA,
     SCHEMA,
-    Record,
+    McapRecord,
     RecordStream,
     chunk_content,
     chunk_records,
     has_checksum,
     read_metadata,
 )
-from flexslew_lab.log.files.read_limits import Unpacked
+from flexslew_lab.log.files.read_limits import UnpackedSize
 from flexslew_lab.log.files.whole_file import write_whole
 from flexslew_lab.log.messages import cdr
 from flexslew_lab.log.messages.logged_text import logged_yaml
@@ -142,7 +142,7 @@ def _copy(path: Path, target: Path) -> Recovery:
     trial: dict[str, str] = {}
     run: dict[str, str] = {}
     chunks_lost, reason, bytes_lost = 0, "", 0
-    bare, unpacked = 0, Unpacked(path)  # chunks without a checksum; all of them
+    bare, unpacked = 0, UnpackedSize(path)  # chunks without a checksum; all of them
     try:
         for record in stream:
             if record.opcode == METADATA:
@@ -188,7 +188,7 @@ def _copy(path: Path, target: Path) -> Recovery:
 
 def _copy_chunk(content: bytes, lookup: Lookup, writer: BagWriter, tally: _Tally) -> None:
     for m in chunk_records(content, str(writer.path)):
-        if isinstance(m, Record):
+        if isinstance(m, McapRecord):
             lookup.take(m)
         elif m.channel in lookup.channels:  # else its announcement was in a damaged chunk
             topic, kind = lookup.topic(m.channel)

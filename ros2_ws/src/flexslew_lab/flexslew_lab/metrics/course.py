@@ -9,7 +9,7 @@ from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetu
 from flexslew_plant.events import RunFinished
 
 
-class Course:
+class CourseMetric:
     """Implements Metric."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
@@ -66,4 +66,4 @@ class Course:
         }
 
 
-COURSE = MetricEntry(Course)
+COURSE = MetricEntry(CourseMetric)

@@ -11,7 +11,7 @@ from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader, Overview
 from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.metrics.epoch import Epoch
-from flexslew_lab.metrics.metric import Ending, Manoeuvre, Metric, RunSetup
+from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, Metric, RunSetup
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.retarget import with_requests
@@ -86,7 +86,7 @@ def joint_names_of(overview: Overview, joints: int) -> tuple[str, ...]:
 
 def manoeuvre_of(
     position: Matrix, start: float, duration: float, testbed: Testbed | None = None
-) -> Manoeuvre:
+) -> FlownManoeuvre:
     """Return what a plan's joint references, shape (ticks + 1, joints), are measured against.
 
     How far an attitude goes is the rotation, wherever the joints of the testbed tell one.
@@ -94,7 +94,7 @@ def manoeuvre_of(
     attitude = None if testbed is None else testbed.model().attitude
     first, last = position[0], position[-1]
     moved = last - first if attitude is None else attitude.displacement(first, last)
-    return Manoeuvre(start, start + duration, last, moved)
+    return FlownManoeuvre(start, start + duration, last, moved)
 
 
 def flown_testbed(overview: Overview, epoch: int, trust: Trust) -> Testbed | None:
@@ -124,9 +124,9 @@ def _run_setup(bag: BagReader, joints: int, epoch: int) -> RunSetup:
     return RunSetup(joint_names_of(overview, joints), aim, limit, testbed)
 
 
-def _manoeuvre(overview: Overview, joints: int, testbed: Testbed | None) -> Manoeuvre:
+def _manoeuvre(overview: Overview, joints: int, testbed: Testbed | None) -> FlownManoeuvre:
     if not overview.plans:
-        return Manoeuvre(0.0, 0.0, None, np.zeros(joints))
+        return FlownManoeuvre(0.0, 0.0, None, np.zeros(joints))
     plan = overview.plans[-1]
     position = np.asarray(plan.position, dtype=float)
     planned = len(plan.joint_names)

@@ -9,7 +9,7 @@ from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetu
 from flexslew_plant.testbeds.spacecraft.lines_of_sight import HasLinesOfSight
 
 
-class LineOfSight:
+class LineOfSightMetric:
     """Implements Metric; says nothing of a testbed on which no antenna turns.
 
     Only the times count at which an antenna has turned to a target and has not begun to turn to
@@ -67,4 +67,4 @@ class LineOfSight:
         }
 
 
-LINE_OF_SIGHT = MetricEntry(LineOfSight)
+LINE_OF_SIGHT = MetricEntry(LineOfSightMetric)

@@ -20,7 +20,7 @@ class Key(NamedTuple):
     meaning: str
 
 
-class Manoeuvre(NamedTuple):
+class FlownManoeuvre(NamedTuple):
     """What the numbers are measured against."""
 
     start: float  # [s]
@@ -33,7 +33,7 @@ class RunSetup(NamedTuple):
     """What is known of a run before its first tick."""
 
     joint_names: tuple[str, ...]
-    manoeuvre: Manoeuvre
+    manoeuvre: FlownManoeuvre
     limit: Vector  # of the effort, (joints,); (0,) where nobody says
     testbed: Testbed | None  # None: of a version that this one does not know
 

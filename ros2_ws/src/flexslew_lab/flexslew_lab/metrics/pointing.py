@@ -20,7 +20,7 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
 
 
-class Pointing:
+class PointingMetric:
     """Implements Metric; says nothing of a testbed that points nowhere."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
@@ -105,4 +105,4 @@ class Pointing:
         }
 
 
-POINTING = MetricEntry(Pointing)
+POINTING = MetricEntry(PointingMetric)

@@ -33,7 +33,7 @@ class TrajectoryHash:
         return self._digest.hexdigest()
 
 
-class Trajectory:
+class TrajectoryMetric:
     """Implements Metric."""
 
     KEYS: ClassVar[Mapping[str, Key]] = {
@@ -56,4 +56,4 @@ class Trajectory:
         return {"trajectory_hash": self._hash.hexdigest()}
 
 
-TRAJECTORY = MetricEntry(Trajectory)
+TRAJECTORY = MetricEntry(TrajectoryMetric)

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
-from flexslew_plant.testbeds.contract import Retargeting
+from flexslew_plant.testbeds.contract import Retargetable
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
 
 BAND = 0.05  # of the largest distance of its tip until then [-]
@@ -31,7 +31,7 @@ class Vibration:
         )
         self._goal = goal_by_joint(setup)
         self._end: dict[str, float] = {}  # of the last turn [s]
-        if isinstance(known, Retargeting):
+        if isinstance(known, Retargetable):
             self._end = {turn.appendage: turn.end for turn in known.hinge_turns()}
         self._without = setup.manoeuvre.end  # of an appendage that does not turn [s]
         self._peak: dict[str, float] = {}  # until then [m]

@@ -60,7 +60,7 @@ class _Envelope:
         return time, self._values[: self._used]
 
 
-class Field:
+class AnswerField:
     """One field while it is compared."""
 
     def __init__(self, name: str, period: float) -> None:
@@ -112,7 +112,7 @@ class AnswerComparison:
 
     def __init__(self, period: float) -> None:
         self.period = period
-        self.rows = {name: Field(name, period) for name in FIELDS}
+        self.rows = {name: AnswerField(name, period) for name in FIELDS}
         self.ticks, self.only_recorded, self.only_ours = 0, 0, 0
         self.first: Divergence | None = None
         self._recorded: dict[Key, dict[str, Any]] = {}

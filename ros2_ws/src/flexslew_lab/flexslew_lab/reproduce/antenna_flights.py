@@ -29,14 +29,16 @@ STEP = 0.004  # [s]
 FINE = 0.001  # of the short examples 3 and 4 [s]
 
 
-class Feedback(NamedTuple):
+class AntennaFeedback(NamedTuple):
     """u = -[Kp, Kd, Ki] (x, x', integral of x) + f over one step."""
 
     gains: Matrix  # (m, 3 k)
     effort: Vector  # f, (m,)
 
 
-def flown(middle: Sequence[Frozen], step: float, control: Sequence[Feedback] | None) -> Matrix:
+def flown(
+    middle: Sequence[Frozen], step: float, control: Sequence[AntennaFeedback] | None
+) -> Matrix:
     """Return the coordinates at the edges of all steps, from rest, shape (steps + 1, k).
 
     Args:
@@ -59,7 +61,7 @@ def flown(middle: Sequence[Frozen], step: float, control: Sequence[Feedback] | N
     return np.array(found)
 
 
-def _rates(frozen: Frozen, control: Feedback | None) -> tuple[Matrix, Vector]:
+def _rates(frozen: Frozen, control: AntennaFeedback | None) -> tuple[Matrix, Vector]:
     """Return F and b of y' = F y + b for y = (x, x', integral of x)."""
     k = len(frozen.mass)
     f, force = np.zeros((3 * k, 3 * k)), frozen.disturbance
@@ -171,11 +173,11 @@ def minimised_path() -> Matrix:
     a, b = before.state_matrix, before.state_input_matrix
     gain, _ = regulator(a, b, 100.0 * np.eye(len(a)), 0.001 * np.eye(b.shape[1]))
     gains = np.hstack((gain, np.zeros((len(gain), len(a) // 2))))
-    known: dict[int, Feedback] = {}
+    known: dict[int, AntennaFeedback] = {}
     for frozen in case.middle:
         if id(frozen) not in known:
             s, d = frozen.input_matrix, frozen.disturbance
-            known[id(frozen)] = Feedback(gains, -(disturbance_gain(s) @ d))
+            known[id(frozen)] = AntennaFeedback(gains, -(disturbance_gain(s) @ d))
     return flown(case.middle, STEP, [known[id(frozen)] for frozen in case.middle])
 
 
@@ -185,7 +187,7 @@ def accommodated_path() -> Matrix:
     case = example("antenna_2")
     before = case.motion.before()
     gains = integral_gains(before, IntegralWeights())
-    control = Feedback(gains, np.zeros(len(gains)))
+    control = AntennaFeedback(gains, np.zeros(len(gains)))
     return flown(case.middle, STEP, [control] * len(case.middle))
 
 
@@ -245,11 +247,11 @@ def changing_path(number: int, law: str) -> Matrix:
         return flown(case.middle, FINE, None)
     if law == "imsc":
         gain = modal_gains(case.regulator.squares, 0.01)
-        control = Feedback(np.array([[gain[0][0], gain[1][0], 0.0]]), np.zeros(1))
+        control = AntennaFeedback(np.array([[gain[0][0], gain[1][0], 0.0]]), np.zeros(1))
         return flown(case.middle, FINE, [control] * len(case.middle))
     u = np.linalg.inv(case.regulator.modes)
     controls = [
-        Feedback(
+        AntennaFeedback(
             u.T @ np.hstack([part @ u for part in (g.proportional, g.rate, g.integral)]), 0 * u[0]
         )
         for g in modal_gains_of(number, law)

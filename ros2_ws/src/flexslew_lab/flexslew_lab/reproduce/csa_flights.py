@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
-from flexslew_control.planners.feedforward.gauss_newton import Optimum
+from flexslew_control.planners.feedforward.gauss_newton import FeedforwardOptimum
 from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, stage_times
 from flexslew_control.planners.feedforward.optimized_feedforward import (
     OptimizedFeedforward,
@@ -76,7 +76,7 @@ def step_response() -> tuple[Vector, Matrix]:
 
 
 @lru_cache
-def csa_feedforward(goal: tuple[float, float], **changes: Any) -> tuple[Basis, Optimum]:
+def csa_feedforward(goal: tuple[float, float], **changes: Any) -> tuple[Basis, FeedforwardOptimum]:
     """Return the feedforward of a slew, with its basis."""
     settings = OptimizedFeedforward(
         model={"variant": "printed"},
@@ -87,7 +87,7 @@ def csa_feedforward(goal: tuple[float, float], **changes: Any) -> tuple[Basis, O
 
 
 def flown(
-    goal: tuple[float, float], found: tuple[Basis, Optimum] | None, **bench: Any
+    goal: tuple[float, float], found: tuple[Basis, FeedforwardOptimum] | None, **bench: Any
 ) -> tuple[Vector, Matrix, Matrix]:
     """Return times, states and torques of a slew with this feedforward, or with none."""
     slew = csa_slew(goal, **bench)
@@ -106,7 +106,7 @@ def flown(
 
 
 def residual_tip(
-    goal: tuple[float, float], found: tuple[Basis, Optimum] | None, **bench: Any
+    goal: tuple[float, float], found: tuple[Basis, FeedforwardOptimum] | None, **bench: Any
 ) -> float:
     """Return the largest tip deflection after the manoeuvre [m]."""
     t, x, _ = flown(goal, found, **bench)

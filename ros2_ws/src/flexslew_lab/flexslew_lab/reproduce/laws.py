@@ -27,7 +27,7 @@ def plant_of(testbed: CsaTestbed, limit: float = 1e9) -> PlantDescription:
     return PlantDescription(testbed, PERIOD, np.full(2, limit))
 
 
-class Run(NamedTuple):
+class LawRun(NamedTuple):
     """A closed loop on the ticks."""
 
     state: Matrix  # (ticks + 1, 2 n)
@@ -41,7 +41,7 @@ def closed_loop(
     duration: float,
     disturbance: float = 0.0,
     from_rest: bool = False,
-) -> Run:
+) -> LawRun:
     """Return the noiseless run of a controller, or of the feedforward alone, with 10 ms hold.
 
     Args:
@@ -74,13 +74,13 @@ def closed_loop(
         x = model.advance(x, effort + added, PERIOD)
         states.append(x)
         efforts.append(effort)
-    return Run(np.array(states), np.array(efforts))
+    return LawRun(np.array(states), np.array(efforts))
 
 
 Case = Literal["tracking_a", "tracking_b", "rigid_hold", "pd", "open_clamped", "open_system"]
 
 
-def slew(case: Case, start_pitch: float, stiffness: float = 1.0) -> tuple[Run, float]:
+def slew(case: Case, start_pitch: float, stiffness: float = 1.0) -> tuple[LawRun, float]:
     """Return a run of the table of Sung and Joo on three modes, 60 s, and the manoeuvre's end [s].
 
     Args:
@@ -116,7 +116,7 @@ def slew(case: Case, start_pitch: float, stiffness: float = 1.0) -> tuple[Run, f
     return closed_loop(real, controller, plan.reference, 60.0), plan.end
 
 
-def figures(run: Run, end: float) -> tuple[float, float, float]:
+def figures(run: LawRun, end: float) -> tuple[float, float, float]:
     """Return residual tip [m], largest yaw error [mdeg] after `end`, and the peak yaw torque."""
     after = run.state[int(np.ceil(end / PERIOD - 1e-9)) :]
     n = run.state.shape[1] // 2

@@ -36,7 +36,7 @@ _SOMEBODY = "somebody_else"
 _STAMP, _HEAD = Struct("<iI"), 4  # of an answer, behind the encapsulation of CDR
 
 
-class Finding(NamedTuple):
+class RuleFinding(NamedTuple):
     """What became of one rule."""
 
     rule: str
@@ -91,7 +91,7 @@ class Examiner:
         self._node.destroy_node()
         rclpy.shutdown()
 
-    def examine(self) -> list[Finding]:
+    def examine(self) -> list[RuleFinding]:
         """Return a finding for each rule, in the order of docs/any_language.md.
 
         A rule that cannot be looked at, since nobody has become ready, is not in the list.
@@ -115,7 +115,7 @@ class Examiner:
                 look()
             except Wrong as error:
                 wrong = str(error)
-            found.append(Finding(rule, wrong))
+            found.append(RuleFinding(rule, wrong))
             if not self._running() or (wrong and len(found) == 1):
                 break
         return found

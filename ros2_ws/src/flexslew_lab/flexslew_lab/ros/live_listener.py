@@ -8,7 +8,7 @@ from flexslew_lab.ros.live_parameters import LiveParameters
 READ_ONLY = "this server is read-only; start ./flexslew live --operate to command the bench"
 
 
-class Served(Protocol):
+class ServedTopic(Protocol):
     """The node, as far as its server's threads may use it."""
 
     newcomers: deque[str]  # topics that somebody has begun to listen to
@@ -29,7 +29,7 @@ class LiveListener:
         live: the node that the server belongs to.
     """
 
-    def __init__(self, live: Served) -> None:
+    def __init__(self, live: ServedTopic) -> None:
         self._live = live
 
     def on_subscribe(self, client: Any, channel: Any) -> None:

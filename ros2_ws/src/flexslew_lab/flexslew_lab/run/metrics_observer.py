@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.epoch import Epoch
 from flexslew_lab.metrics.from_bag import manoeuvre_of
-from flexslew_lab.metrics.metric import Ending, Manoeuvre, Metric, RunSetup
+from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, Metric, RunSetup
 from flexslew_lab.run.in_process import Observer
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.wire import stamp_of
@@ -30,7 +30,7 @@ class MetricsObserver(Observer):
     def __init__(self, bench: Bench, plan: Plan | None, own: Sequence[type[Metric]] = ()) -> None:
         joints, n = bench.model.joints, bench.truth().position.size
         if plan is None:
-            aim = Manoeuvre(0.0, 0.0, None, np.zeros(joints))
+            aim = FlownManoeuvre(0.0, 0.0, None, np.zeros(joints))
         else:
             aim = manoeuvre_of(plan.position, plan.start, plan.duration, bench.testbed)
         names = tuple(bench.model.joint_names)

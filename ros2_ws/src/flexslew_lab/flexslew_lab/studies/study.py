@@ -109,7 +109,7 @@ class Varied(NamedTuple):
         return nominal + draw if self.reference == "offset" else draw
 
 
-class Variant(NamedTuple):
+class StudyVariant(NamedTuple):
     """One of what is compared: the same samples with these changes of the trial."""
 
     label: str  # empty where nothing is compared
@@ -132,7 +132,7 @@ class Study(NamedTuple):
     trial_source: str  # its trial's file
     base: dict[str, Any]  # the trial as plain data, every default written out
     varied: tuple[Varied, ...]
-    variants: tuple[Variant, ...]
+    variants: tuple[StudyVariant, ...]
     listed: tuple[NDArray[np.float64], ...]  # columns of a list, by varied value
     nominal: dict[int, Nominal]  # trials by variant, without a sample; filled on first use
     trust: Trust = NO_CODE  # which classes of the user's own its trials may name
@@ -301,7 +301,9 @@ def _numeric(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _variants(settings: StudySettings, base: dict[str, Any], source: str) -> tuple[Variant, ...]:
+def _variants(
+    settings: StudySettings, base: dict[str, Any], source: str
+) -> tuple[StudyVariant, ...]:
     axes = []
     for key, given in settings.compare.items():
         if key == REPLAN:
@@ -328,7 +330,7 @@ def _variants(settings: StudySettings, base: dict[str, Any], source: str) -> tup
                 "plan: {method: excitation}",
                 source,
             )
-        variants.append(Variant(label, changes, knows))
+        variants.append(StudyVariant(label, changes, knows))
     return tuple(variants)
 
 

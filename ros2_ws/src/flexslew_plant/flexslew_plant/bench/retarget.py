@@ -7,7 +7,7 @@ from flexslew_plant.bench.schedule import Schedule
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import Testbed, varied
-from flexslew_plant.testbeds.contract import Retargeting
+from flexslew_plant.testbeds.contract import Retargetable
 
 
 def retargeted(testbed: Testbed, requested: Any, at: float, place: str) -> Testbed:
@@ -23,7 +23,7 @@ def retargeted(testbed: Testbed, requested: Any, at: float, place: str) -> Testb
         BadInput: no such appendage, a target outside of the hinge's range, or a turn before the
             last one has ended.
     """
-    if not isinstance(testbed, Retargeting):
+    if not isinstance(testbed, Retargetable):
         raise BadInput(f"{testbed.kind} has no appendages that turn", place)
     if not isinstance(requested, dict):
         raise BadInput(

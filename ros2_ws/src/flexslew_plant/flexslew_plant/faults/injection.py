@@ -13,7 +13,7 @@ from flexslew_plant.hardware.sensors import Readings
 from flexslew_plant.measurement import EffortCommand
 
 
-class Switched(NamedTuple):
+class SwitchedEffect(NamedTuple):
     """A fault set in or ended at this tick."""
 
     timed: Timed
@@ -58,7 +58,7 @@ class Faults:
         self._ends[id(timed)] = tick
         self._waiting = [other for other in self._waiting if other is not timed]
 
-    def begin(self, tick: int) -> list[Switched]:
+    def begin(self, tick: int) -> list[SwitchedEffect]:
         """Start a tick; return what sets in and what ends with it."""
         self._tick = tick
         if not self._acting and not self._waiting:
@@ -70,7 +70,7 @@ class Faults:
             self._acting = [(t, effect) for t, effect in self._acting if id(t) not in over]
             self._acting += [(t, t.fault.begin(self._context(t))) for t in begun]
             self._waiting = [t for t in self._waiting if tick < t.start]
-        return [Switched(t, False) for t in ended] + [Switched(t, True) for t in begun]
+        return [SwitchedEffect(t, False) for t in ended] + [SwitchedEffect(t, True) for t in begun]
 
     def read(self, readings: Readings) -> Readings:
         """Return what the question says instead of what the sensors read."""

@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.instruments import Body, Instrument
+from flexslew_plant.testbeds.instruments import Instrument, MovingBody
 from flexslew_plant.testbeds.instruments.instrument import channels
 
 # from a state and the readings of the tips to those with the instruments'; once a tick, in order
@@ -28,7 +28,9 @@ class Appendages(NamedTuple):
     small: Vector | None = None
     # that read the platform's attitude or rate, with errors of their own, and their platform
     instruments: tuple[Instrument, ...] = ()
-    body: Callable[[Vector], Body] | None = None  # from a state; None: there are no instruments
+    body: Callable[[Vector], MovingBody] | None = (
+        None  # from a state; None: there are no instruments
+    )
 
     def reading(self, modes: Vector, rates: Vector) -> Vector:
         """Return what the tips read of the modes and their rates, shape (appendages,)."""

@@ -121,7 +121,7 @@ class HingeTurn(NamedTuple):
 
 
 @runtime_checkable
-class Retargeting(Protocol):
+class Retargetable(Protocol):
     """A testbed with appendages that turn in a prescribed way."""
 
     def hinge_turns(self) -> tuple[HingeTurn, ...]:

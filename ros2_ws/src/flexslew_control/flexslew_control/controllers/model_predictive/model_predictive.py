@@ -63,7 +63,7 @@ class ModelPredictive:
     iterations: Annotated[int, Field(ge=1)] = 200
 
 
-class Limits(NamedTuple):
+class HorizonLimits(NamedTuple):
     """What a law keeps to, as rows of the prediction."""
 
     effort: Vector  # (m,)
@@ -94,7 +94,7 @@ class Predicted:
     rest: Vector
     forced: Matrix
     costs: Costs
-    limits: Limits
+    limits: HorizonLimits
     steps: int
     ticks: int
     substeps: int
@@ -243,7 +243,7 @@ def build(
     return KalmanFilter(model, rest, settings.filter, plant.period), law
 
 
-def _limits(s: ModelPredictive, model: Designed, rest: Vector, effort: Vector) -> Limits:
+def _limits(s: ModelPredictive, model: Designed, rest: Vector, effort: Vector) -> HorizonLimits:
     """Return what the prediction keeps to, as rows of x about the rest.
 
     Raises:
@@ -272,7 +272,9 @@ def _limits(s: ModelPredictive, model: Designed, rest: Vector, effort: Vector) -
             upper.append(s.tip_limit)
             names.append(f"tip {name}")
     matrix = np.array(rows).reshape(len(rows), 2 * n)
-    return Limits(effort, s.effort_rate, matrix, np.array(lower), np.array(upper), tuple(names))
+    return HorizonLimits(
+        effort, s.effort_rate, matrix, np.array(lower), np.array(upper), tuple(names)
+    )
 
 
 def _distinct(names: tuple[str, ...], tips: Matrix) -> list[tuple[str, Vector]]:

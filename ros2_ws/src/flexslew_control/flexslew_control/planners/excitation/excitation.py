@@ -10,7 +10,7 @@ from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
 from flexslew_control.plan import Plan
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.excitation.experiments import Experiments, divided, signal
-from flexslew_control.planners.excitation.limits import Predicted, Room, within_limits
+from flexslew_control.planners.excitation.limits import PredictedShaking, Room, within_limits
 from flexslew_control.planners.excitation.signals import Phases
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.slew import Feedback, Slew, slew_of
@@ -150,7 +150,7 @@ def _plan(
     effort: Matrix,
     band: tuple[float, float],
     parts: Experiments,
-    flown: Predicted | None,
+    flown: PredictedShaking | None,
 ) -> Plan:
     ticks = len(effort)
     peaks = np.abs(effort).max(axis=0)

@@ -21,7 +21,7 @@ class Room(NamedTuple):
     tip: float | None  # [m]; None: no limit
 
 
-class Predicted(NamedTuple):
+class PredictedShaking(NamedTuple):
     """The largest values that an excitation reaches in the small motions of the model."""
 
     effort: Vector  # with the feedback, (joints,) [N m or N]
@@ -29,7 +29,7 @@ class Predicted(NamedTuple):
     tip: float  # [m]
 
 
-def within_limits(slew: Slew, effort: Matrix, room: Room) -> tuple[Matrix, Predicted]:
+def within_limits(slew: Slew, effort: Matrix, room: Room) -> tuple[Matrix, PredictedShaking]:
     """Return efforts scaled to the largest that keep the limits, and what they reach.
 
     Args:
@@ -53,12 +53,12 @@ def within_limits(slew: Slew, effort: Matrix, room: Room) -> tuple[Matrix, Predi
             "controller that flies it, or an amplitude"
         )
     scale = _USED / used
-    return scale * effort, Predicted(
+    return scale * effort, PredictedShaking(
         scale * found.effort, scale * found.excursion, scale * found.tip
     )
 
 
-def _predicted(slew: Slew, effort: Matrix) -> Predicted:
+def _predicted(slew: Slew, effort: Matrix) -> PredictedShaking:
     """Return the largest values of z+ = F z + G u under u = effort - kp position - kd rate."""
     rest = slew.model.rest(slew.named(slew.start))
     plant = LinearPlant(slew.model, rest)
@@ -74,7 +74,7 @@ def _predicted(slew: Slew, effort: Matrix) -> Predicted:
         total = effort - slew.kp * position[:-1] - slew.kd * rate[:-1]
         n = slew.model.coordinates
         tips = states[:, :n] @ plant.tip[:, :n].T  # deflections alone: no rates
-    return Predicted(
+    return PredictedShaking(
         np.abs(total).max(axis=0),
         np.abs(position).max(axis=0),
         float(np.abs(tips).max(initial=0.0)),

@@ -13,7 +13,7 @@ _WATCHED = 75.0  # after the end, for the residual of the summary [s]
 
 
 @dataclass(frozen=True)
-class Member:
+class FeedforwardMember:
     """One model of the ensemble, as a slew.
 
     Args:

@@ -46,7 +46,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Optimum:
+class FeedforwardOptimum:
     """The weights U and the terminal error Y with them, and how they were found."""
 
     weights: Vector
@@ -59,7 +59,7 @@ class Optimum:
 
 def optimise(
     maps: tuple[TerminalMap, TerminalMap], options: Options, progress: Progress
-) -> Optimum:
+) -> FeedforwardOptimum:
     """Return the feedforward that minimises (22), from U = 0.
 
     Regularised (25): U+ = U - (rho I + G^T G)^-1 (rho U + G^T Y) = G^T S^-1 (G U - Y), and
@@ -111,7 +111,7 @@ def optimise(
             )
         if options.reading == "levenberg" and not options.paper:
             damping = max(damping * _DAMPING_DROP, rho * _DAMPING_FLOOR)
-    return Optimum(u, y, tuple(history), settled, evaluations, simulations)
+    return FeedforwardOptimum(u, y, tuple(history), settled, evaluations, simulations)
 
 
 def _updated(u: Vector, y: Vector, g: Matrix, rho: float, reading: Reading) -> Vector:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexslew_control.planners.feedforward.basis import Basis
-from flexslew_control.planners.feedforward.ensemble import Member
+from flexslew_control.planners.feedforward.ensemble import FeedforwardMember
 from flexslew_control.planners.feedforward.manoeuvre import TerminalMap, substeps_for
 from flexslew_control.planners.progress import Progress, Update
 from flexslew_plant.arrays import Matrix, Vector
@@ -39,7 +39,7 @@ class Problem:
         joint_range: lowest and highest positions, shape (2, joints) [rad or m]; None: free.
     """
 
-    members: Sequence[Member]
+    members: Sequence[FeedforwardMember]
     basis: Basis
     rho: float
     effort_limit: Vector

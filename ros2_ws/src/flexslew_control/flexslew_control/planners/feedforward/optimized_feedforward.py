@@ -14,7 +14,7 @@ from flexslew_control.planners.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.feedforward.basis import Basis, BasisName
 from flexslew_control.planners.feedforward.gauss_newton import (
-    Optimum,
+    FeedforwardOptimum,
     Options,
     Reading,
     Sensitivities,
@@ -70,7 +70,7 @@ class OptimizedFeedforward:
 
 def find_feedforward(
     settings: OptimizedFeedforward, manoeuvre: Manoeuvre, progress: Progress
-) -> tuple[Basis, Optimum]:
+) -> tuple[Basis, FeedforwardOptimum]:
     """Return the basis and its optimal weights for the manoeuvre.
 
     Raises:

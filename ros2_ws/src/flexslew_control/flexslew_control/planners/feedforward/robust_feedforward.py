@@ -25,7 +25,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.feedforward.basis import Basis, BasisName
-from flexslew_control.planners.feedforward.ensemble import Member
+from flexslew_control.planners.feedforward.ensemble import FeedforwardMember
 from flexslew_control.planners.feedforward.limited_gauss_newton import Problem, limited_gauss_newton
 from flexslew_control.planners.feedforward.manoeuvre import manoeuvre_of
 from flexslew_control.planners.feedforward.optimized_feedforward import (
@@ -76,7 +76,7 @@ class RobustFeedforward:
     tolerance: Positive = 1e-3  # relative improvement of the objective at which to stop
 
 
-def ensemble(settings: RobustFeedforward, slew: Slew) -> tuple[Member, ...]:
+def ensemble(settings: RobustFeedforward, slew: Slew) -> tuple[FeedforwardMember, ...]:
     """Return a member for every pair of a stiffness error and a payload error."""
     members = []
     for payload in settings.payload_errors:
@@ -84,7 +84,9 @@ def ensemble(settings: RobustFeedforward, slew: Slew) -> tuple[Member, ...]:
         flown = manoeuvre_of(loaded, settings.duration, settings.reference)
         for error in settings.stiffness_errors:
             model = flown.model.with_stiffness(1.0 + error)
-            members.append(Member(error, payload, replace(flown, model=model), settings.lever))
+            members.append(
+                FeedforwardMember(error, payload, replace(flown, model=model), settings.lever)
+            )
     return tuple(members)
 
 

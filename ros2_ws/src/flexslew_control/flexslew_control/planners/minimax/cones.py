@@ -11,7 +11,7 @@ import clarabel
 import numpy as np
 from scipy import sparse
 
-from flexslew_control.planners.minimax.program import Infeasible, Key, Optimum, Program
+from flexslew_control.planners.minimax.program import ConeProgram, Infeasible, Optimum, ProgramKey
 from flexslew_control.planners.minimax.response import Indices
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
@@ -22,15 +22,15 @@ _HOLDING = 1e-7  # of the largest dual variable, above which a row holds a solut
 
 
 @dataclass
-class Rows:
+class ConeRows:
     """Rows a z <= b of a program, as they are gathered."""
 
     size: int
     slopes: list[Matrix] = field(default_factory=list)
     bounds: list[Vector] = field(default_factory=list)
-    keys: list[Key | None] = field(default_factory=list)
+    keys: list[ProgramKey | None] = field(default_factory=list)
 
-    def add(self, slopes: Matrix, bounds: Vector, keys: Sequence[Key] = ()) -> None:
+    def add(self, slopes: Matrix, bounds: Vector, keys: Sequence[ProgramKey] = ()) -> None:
         """Add rows, shape (k, size) and (k,); fewer columns are the first ones."""
         self.keys += keys or [None] * len(slopes)
         wide = np.zeros((len(slopes), self.size))
@@ -49,7 +49,7 @@ class Rows:
 class Cones:
     """One program with the rows that it has by now, in units in which all is about one."""
 
-    def __init__(self, program: Program, feasible_only: bool, accuracy: float = 1e-8) -> None:
+    def __init__(self, program: ConeProgram, feasible_only: bool, accuracy: float = 1e-8) -> None:
         self.program, self.feasible_only, self.accuracy = program, feasible_only, accuracy
         grid = program.grid
         self.unit = np.tile(program.limits.demand, grid.pieces)  # of the weights
@@ -61,10 +61,10 @@ class Cones:
         self.size = int(self.first_mode[-1]) if self.cones else self.g + 1
         self.slack = self.size  # column of what is missed
         self.size += program.trust is not None
-        self.rows = Rows(self.size)
-        self.residual_rows = Rows(self.size)  # with a unit residual in the column g
+        self.rows = ConeRows(self.size)
+        self.residual_rows = ConeRows(self.size)  # with a unit residual in the column g
         self.scale = 1.0  # of the residual [m]
-        self.held: tuple[Key, ...] = ()  # rows that held up the last solution
+        self.held: tuple[ProgramKey, ...] = ()  # rows that held up the last solution
         self._equations()
         self._fixed_rows()
 
@@ -80,7 +80,7 @@ class Cones:
         for side in (1.0, -1.0):
             self._add_soft(side * rows, side * values)
 
-    def _add_soft(self, rows: Matrix, bounds: Vector, keys: Sequence[Key] = ()) -> None:
+    def _add_soft(self, rows: Matrix, bounds: Vector, keys: Sequence[ProgramKey] = ()) -> None:
         """Add rows whose bounds may be passed where there is a Trust."""
         wide = np.zeros((len(rows), self.size))
         wide[:, : self.g] = rows
@@ -106,7 +106,7 @@ class Cones:
         bounds = (side * limit - side * offsets) / size
         if response.tips <= channel < response.tips + self.program.grid.joints:
             bounds -= _INSIDE
-        keys = [Key(member, channel, int(tick), side) for tick in ticks]
+        keys = [ProgramKey(member, channel, int(tick), side) for tick in ticks]
         self._add_soft(side * slopes * self.unit / size, bounds, keys)
 
     def add_residual(
@@ -114,7 +114,7 @@ class Cones:
     ) -> None:
         """Add side * tip(k) <= g at some ticks after the end, |tip(k)| <= g by both sides."""
         slopes, offsets = self.program.responses[member].rows(ticks, channel)
-        keys = [Key(member, channel, int(tick), 0.0) for tick in ticks]
+        keys = [ProgramKey(member, channel, int(tick), 0.0) for tick in ticks]
         for side in sides:
             wide = np.zeros((len(slopes), self.size))
             wide[:, : self.g] = side * slopes * self.unit

@@ -33,7 +33,7 @@ def is_linear(model: Model) -> bool:
 
 @dataclass(frozen=True)
 class LinearPath:
-    """A member that is linear; see response.Path.
+    """A member that is linear; see response.ResponsePath.
 
     Args:
         grid: the ticks and pieces.

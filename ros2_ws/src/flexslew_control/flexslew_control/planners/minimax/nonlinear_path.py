@@ -23,7 +23,7 @@ from flexslew_plant.testbeds.compiled.bound import ADVANCE
 from flexslew_plant.testbeds.compiled.dynamics import STAGES
 
 
-class Flight(NamedTuple):
+class MemberFlight(NamedTuple):
     """One member under the efforts of a plan and the feedback about the nominal path."""
 
     states: Matrix  # at the ticks, (ticks + 1, 2 n)
@@ -32,7 +32,7 @@ class Flight(NamedTuple):
 
 def flight(
     model: Model, start: Vector, efforts: Matrix, gains: Matrix, path: Matrix | None, period: float
-) -> Flight:
+) -> MemberFlight:
     """Return the flight of a member.
 
     Args:
@@ -51,7 +51,7 @@ def flight(
         model.integrate, model.packed, start, np.ascontiguousarray(drive),
         np.ascontiguousarray(gains), period, n, model.before_modes,
     )  # fmt: skip
-    return Flight(states, applied)
+    return MemberFlight(states, applied)
 
 
 @lru_cache
@@ -165,7 +165,7 @@ def path_derivatives(
 
 @dataclass(frozen=True)
 class TabledPath:
-    """The answer of a member about one flight; see response.Path.
+    """The answer of a member about one flight; see response.ResponsePath.
 
     Args:
         grid: the ticks and pieces.
@@ -194,7 +194,7 @@ class TabledPath:
         return slopes, self.values[ticks, channel] - slopes @ self.about
 
 
-def channels(model: Model, flown: Flight) -> Matrix:
+def channels(model: Model, flown: MemberFlight) -> Matrix:
     """Return the channels at every tick but the last, (ticks, channels)."""
     m, n = model.joints, model.coordinates
     states = flown.states[:-1]
@@ -211,7 +211,7 @@ class Derived(NamedTuple):
 
 def tabled(
     model: Model,
-    flown: Flight,
+    flown: MemberFlight,
     nominal: Tensor | None,
     gains: Matrix,
     goal: Vector,

@@ -44,7 +44,7 @@ class Limits:
         return low, high, np.where(size > 0.0, size, 1.0)
 
 
-class Trust(NamedTuple):
+class TrustRegion(NamedTuple):
     """Where the responses of a plant that is not linear are good enough.
 
     The end and all limits may be missed inside it, by a share that is priced.
@@ -56,7 +56,7 @@ class Trust(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Program:
+class ConeProgram:
     """What is asked for.
 
     Args:
@@ -77,7 +77,7 @@ class Program:
     ringing: bool
     span: float
     rho: float = 0.0
-    trust: Trust | None = None
+    trust: TrustRegion | None = None
 
     @property
     def end_rows(self) -> Matrix:
@@ -98,7 +98,7 @@ class Program:
         return missed
 
 
-class Key(NamedTuple):
+class ProgramKey(NamedTuple):
     """Which row of the whole program a row is."""
 
     member: int
@@ -114,7 +114,7 @@ class Optimum(NamedTuple):
     residuals: Vector  # of the members, (members,) [m]
     bound: float  # that no efforts of these pieces pass below, of g + rho |p|^2 [m]
     missed: float  # share of the end and the limits that is missed inside a Trust [-]
-    rows: tuple[Key, ...] = ()  # that held it up
+    rows: tuple[ProgramKey, ...] = ()  # that held it up
 
     @property
     def worst(self) -> float:

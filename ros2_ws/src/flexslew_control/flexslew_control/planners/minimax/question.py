@@ -8,7 +8,7 @@ import numpy as np
 
 from flexslew_control.planners.minimax.linear_path import is_linear, linear_path
 from flexslew_control.planners.minimax.members import Ensemble, Member
-from flexslew_control.planners.minimax.program import Limits, Program
+from flexslew_control.planners.minimax.program import ConeProgram, Limits
 from flexslew_control.planners.minimax.response import AtRest, Grid, Response, at_rest, grid_of
 from flexslew_control.planners.prediction import WATCHED
 from flexslew_control.planners.slew import Slew
@@ -108,7 +108,7 @@ class Question:
         return grid_of(ticks * period, self.count, self.slew.goal.size, period, WATCHED)
 
 
-def convex_program(question: Question, members: Sequence[Member]) -> Program:
+def convex_program(question: Question, members: Sequence[Member]) -> ConeProgram:
     """Return the program of an ensemble whose members are all linear."""
     slew, grid = question.slew, question.grid()
     gains, ends = question.gains, (slew.start, slew.goal)
@@ -126,12 +126,12 @@ def rests_of(question: Question, members: Sequence[Member], grid: Grid) -> list[
 
 def program_of(
     question: Question, members: Sequence[Member], grid: Grid, responses: Sequence[Response]
-) -> Program:
+) -> ConeProgram:
     """Return what is asked of the responses of an ensemble."""
     slew = question.slew
     ringing = not question.gains.any() and not any(_damped(m.model, slew) for m in members)
     limits, exact = question.limits, question.exact
-    return Program(responses, grid, limits, exact, ringing, question.span, question.rho)
+    return ConeProgram(responses, grid, limits, exact, ringing, question.span, question.rho)
 
 
 def _damped(model: Model, slew: Slew) -> bool:

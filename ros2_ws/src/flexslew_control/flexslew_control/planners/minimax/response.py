@@ -147,7 +147,7 @@ def joint_readings(n: int, m: int) -> Matrix:
     return seen
 
 
-class Path(Protocol):
+class ResponsePath(Protocol):
     """The answer of one member up to the last tick, affine in the weights."""
 
     def flown(self, weights: Vector) -> Matrix:
@@ -172,7 +172,7 @@ class Response:
         goal: joint positions, shape (joints,).
     """
 
-    path: Path
+    path: ResponsePath
     rest: AtRest
     grid: Grid
     goal: Vector

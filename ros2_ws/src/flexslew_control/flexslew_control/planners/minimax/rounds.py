@@ -19,7 +19,13 @@ import numpy as np
 from scipy.signal import argrelmax
 
 from flexslew_control.planners.minimax.cones import Cones
-from flexslew_control.planners.minimax.program import Key, Optimum, Program, Trust, residual
+from flexslew_control.planners.minimax.program import (
+    ConeProgram,
+    Optimum,
+    ProgramKey,
+    TrustRegion,
+    residual,
+)
 from flexslew_control.planners.minimax.response import Response
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
@@ -51,10 +57,10 @@ SOLVED = Goal()
 
 
 def solved(
-    program: Program,
+    program: ConeProgram,
     listener: Listener = lambda *_: None,
     goal: Goal = SOLVED,
-    known: Sequence[Key] = (),
+    known: Sequence[ProgramKey] = (),
 ) -> Optimum:
     """Return the efforts with the least worst residual.
 
@@ -106,7 +112,7 @@ def _first_rows(cones: Cones) -> None:
             cones.add_residual(i, tip, grid.over + spread)
 
 
-def _near_rows(cones: Cones, trust: Trust) -> None:
+def _near_rows(cones: Cones, trust: TrustRegion) -> None:
     """Add the peaks that are high, or near a limit, in the flights that a step starts from."""
     program = cones.program
     flights = [response.flown(trust.about) for response in program.responses]

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from flexslew_control.planners.minimax.members import Member, members_of
-from flexslew_control.planners.minimax.program import Program
+from flexslew_control.planners.minimax.program import ConeProgram
 from flexslew_control.planners.minimax.question import Question, program_of, rests_of
 from flexslew_control.planners.minimax.response import Grid, Response
 from flexslew_control.planners.minimax.successive import (
@@ -21,7 +21,7 @@ from flexslew_control.planners.minimax.successive import (
     improved,
     merit_of,
 )
-from flexslew_control.planners.minimax.successive import Ensemble as Flown
+from flexslew_control.planners.minimax.successive import EnsembleProblem as Flown
 from flexslew_control.planners.progress import Progress, Update, ignore
 from flexslew_control.planners.whole_bench import NOTHING
 from flexslew_plant.arrays import Vector
@@ -80,7 +80,7 @@ class Search:
         """Of what is missed [m]."""
         return _PRICE * self.question.span
 
-    def program(self, responses: Sequence[Response]) -> Program:
+    def program(self, responses: Sequence[Response]) -> ConeProgram:
         """Return what is asked for, about some flights."""
         return program_of(self.question, self.members, self.grid, responses)
 

@@ -15,18 +15,18 @@ import numpy as np
 
 from flexslew_control.planners.minimax.members import Member
 from flexslew_control.planners.minimax.nonlinear_path import (
-    Flight,
+    MemberFlight,
     TabledPath,
     channels,
     flight,
     tabled,
 )
 from flexslew_control.planners.minimax.program import (
+    ConeProgram,
     Infeasible,
-    Key,
     Limits,
-    Program,
-    Trust,
+    ProgramKey,
+    TrustRegion,
     residual,
 )
 from flexslew_control.planners.minimax.response import AtRest, Grid, Indices, Response
@@ -46,7 +46,7 @@ _MET = 1e-4  # share of end and limits that may be missed
 
 
 @dataclass(frozen=True)
-class Ensemble:
+class EnsembleProblem:
     """The members of a slew, as they are flown.
 
     Args:
@@ -72,9 +72,9 @@ class Ensemble:
         low, high, _ = self.limits.of(tips)
         return [int(c) for c in np.flatnonzero(np.isfinite(low) | np.isfinite(high))]
 
-    def flown(self, weights: Vector) -> list[Flight]:
+    def flown(self, weights: Vector) -> list[MemberFlight]:
         """Return the flights of all members."""
-        efforts, flights = self.grid.held(weights), list[Flight]()
+        efforts, flights = self.grid.held(weights), list[MemberFlight]()
         for i, member in enumerate(self.members):
             model = member.model
             start = np.zeros(2 * model.coordinates)
@@ -83,14 +83,14 @@ class Ensemble:
             flights.append(flight(model, start, efforts, self.gains, path, self.grid.period))
         return flights
 
-    def deviation(self, flown: Flight) -> Vector:
+    def deviation(self, flown: MemberFlight) -> Vector:
         """Return how far a flight ends from the rest at the goal, shape (2 n,)."""
         goal = self.ends[1]
         away: Vector = flown.states[-1].copy()
         away[: goal.size] -= goal
         return away
 
-    def responses(self, weights: Vector, flights: Sequence[Flight]) -> list[Response]:
+    def responses(self, weights: Vector, flights: Sequence[MemberFlight]) -> list[Response]:
         """Return the answers of all members about their flights."""
         found, nominal = list[Response](), None
         goal, requested = self.ends[1], self.limited
@@ -102,7 +102,7 @@ class Ensemble:
             found.append(Response(derived.path, rest, self.grid, goal))
         return found
 
-    def fixed(self, weights: Vector, flights: Sequence[Flight]) -> list[Response]:
+    def fixed(self, weights: Vector, flights: Sequence[MemberFlight]) -> list[Response]:
         """Return what was flown as responses that know no other weights."""
         return [
             Response(
@@ -114,7 +114,9 @@ class Ensemble:
             for member, rest, flown in zip(self.members, self.rests, flights, strict=True)
         ]
 
-    def moved(self, program: Program, weights: Vector, flights: Sequence[Flight]) -> list[Response]:
+    def moved(
+        self, program: ConeProgram, weights: Vector, flights: Sequence[MemberFlight]
+    ) -> list[Response]:
         """Return responses with the derivatives of a program and the values of other flights."""
         found = []
         for old, member, flown in zip(program.responses, self.members, flights, strict=True):
@@ -131,7 +133,7 @@ class Ensemble:
 
 
 class FlownPath(NamedTuple):
-    """What a member did with one choice of weights; see response.Path."""
+    """What a member did with one choice of weights; see response.ResponsePath."""
 
     values: Matrix  # (ticks, channels)
     size: int  # of the weights
@@ -176,10 +178,10 @@ class Local(NamedTuple):
 
 
 def merit_of(
-    program: Callable[[Sequence[Response]], Program],
-    ensemble: Ensemble,
+    program: Callable[[Sequence[Response]], ConeProgram],
+    ensemble: EnsembleProblem,
     weights: Vector,
-    flights: Sequence[Flight],
+    flights: Sequence[MemberFlight],
     price: float,
 ) -> Merit:
     """Return what the flights of all members come to.
@@ -207,8 +209,8 @@ def merit_of(
 
 
 def improved(
-    program: Callable[[Sequence[Response]], Program],
-    ensemble: Ensemble,
+    program: Callable[[Sequence[Response]], ConeProgram],
+    ensemble: EnsembleProblem,
     start: Vector,
     price: float,
     steps: int,
@@ -226,13 +228,13 @@ def improved(
         radius: of the first step, of the limits [-].
         listener: called with number, weights, merit and the bound of the program [m].
     """
-    weights, known, failed = start, tuple[Key, ...](), np.inf
+    weights, known, failed = start, tuple[ProgramKey, ...](), np.inf
     unit = np.tile(ensemble.limits.demand, ensemble.grid.pieces)
     flights = ensemble.flown(weights)
     asked = program(ensemble.responses(weights, flights))
     merit = merit_of(program, ensemble, weights, flights, price)
     for k in range(steps):
-        trust = Trust(weights, radius, price)
+        trust = TrustRegion(weights, radius, price)
         try:
             found = solved(replace(asked, trust=trust), goal=_GOAL, known=known)
         except Infeasible:  # the changes of the start are too large

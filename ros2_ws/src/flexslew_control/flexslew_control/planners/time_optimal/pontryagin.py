@@ -12,7 +12,7 @@ from flexslew_plant.testbeds.model import Model
 _ALLOWED = 1e-5  # wrong-signed part of the switching function, relative to its largest value
 
 
-class Arcs(Protocol):
+class ExtremalArcs(Protocol):
     """A slew as a function of the durations of its arcs: BangBang or AllDrives."""
 
     @property
@@ -56,7 +56,7 @@ class Extremality(NamedTuple):
     at: float  # where that is [s]
 
 
-def switching_function(slew: Arcs, durations: Vector) -> Extremality:
+def switching_function(slew: ExtremalArcs, durations: Vector) -> Extremality:
     """Return the switching function of the slew with these arcs.
 
     lambda(t_f) = C^T mu with (dr/dd)^T mu = 1: then H = 1 on every arc, which makes sigma zero at

@@ -24,7 +24,7 @@ _GONE = 1e-5  # arcs that are no longer, of the duration
 _SETTLED = 1e-7  # predicted gain, of the duration
 
 
-class Local(NamedTuple):
+class LocalArcs(NamedTuple):
     """A local optimum."""
 
     duration: float  # [s]
@@ -47,7 +47,7 @@ class _About(NamedTuple):
         return merit if np.isfinite(merit) else np.inf
 
 
-def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: int) -> Local:
+def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: int) -> LocalArcs:
     """Return the fastest slew near some efforts.
 
     Args:
@@ -73,7 +73,7 @@ def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: in
             radius *= 0.5 if gain > 0.0 else 0.3
         if predicted < _SETTLED * here.duration or radius < _SMALLEST_RADIUS:
             break
-    return Local(here.duration, here.shares, float(np.abs(here.missed).max()))
+    return LocalArcs(here.duration, here.shares, float(np.abs(here.missed).max()))
 
 
 def settled_arcs(slew: Reorientation, signs: Matrix, guess: Vector) -> tuple[Matrix, Vector]:

@@ -22,7 +22,7 @@ from flexslew_control.planners.time_optimal.optimal_switching import (
 )
 from flexslew_control.planners.time_optimal.reorientation import Arcs, Reorientation
 from flexslew_control.planners.time_optimal.sequential_programs import (
-    Local,
+    LocalArcs,
     fastest_near,
     settled_arcs,
 )
@@ -125,7 +125,7 @@ def fastest_rigid(slew: Reorientation, progress: Progress) -> Fastest:
     Raises:
         PlanFailed: none leads to one.
     """
-    rng, found = np.random.default_rng(_SEED), list[Local]()
+    rng, found = np.random.default_rng(_SEED), list[LocalArcs]()
     half = np.where(np.arange(_PIECES) < _PIECES // 2, 1.0, -1.0)
     for k in range(_STARTS):
         levels = rng.uniform(-1.0, 1.0, (_LEVELS, slew.amplitude.size))
@@ -149,7 +149,7 @@ def fastest_rigid(slew: Reorientation, progress: Progress) -> Fastest:
     return _transcribed(slew, found[0], len(found))
 
 
-def _exact(slew: Reorientation, local: Local) -> tuple[Matrix, Vector] | None:
+def _exact(slew: Reorientation, local: LocalArcs) -> tuple[Matrix, Vector] | None:
     """Return signs and durations of the exact arcs of a local optimum; None: they do not settle.
 
     Two switches that are close may come in the other order than on the pieces.
@@ -192,7 +192,7 @@ def fastest_flexible(slew: Reorientation, rigid: Fastest) -> Fastest:
     return _transcribed(slew, local, rigid.found)
 
 
-def _transcribed(slew: Reorientation, local: Local, found: int) -> Fastest:
+def _transcribed(slew: Reorientation, local: LocalArcs, found: int) -> Fastest:
     """Return a local optimum on equal pieces as it is."""
     pieces = len(local.shares)
     durations = np.full(pieces, local.duration / pieces)

@@ -19,7 +19,11 @@ from flexslew_control.planners.time_optimal.optimal_switching import (
     extremal_durations,
     faster_slew,
 )
-from flexslew_control.planners.time_optimal.pontryagin import Arcs, Extremality, switching_function
+from flexslew_control.planners.time_optimal.pontryagin import (
+    ExtremalArcs,
+    Extremality,
+    switching_function,
+)
 from flexslew_control.planners.time_optimal.switching import continued_durations, fewest_durations
 from flexslew_control.planners.time_optimal.three_axes import plan_three_axes
 from flexslew_control.shared_keys import BelievedModel, Initial, Start
@@ -320,7 +324,7 @@ def _more_may_help(slew: BangBang | AllDrives, check: Extremality, structure: St
     return few and not check.holds and structure != "optimal"
 
 
-def on_ticks(slew: Arcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
+def on_ticks(slew: ExtremalArcs, durations: Vector, ticks: Vector) -> tuple[Matrix, Matrix]:
     """Return the states at the ticks and the mean effort of every tick.
 
     Args:

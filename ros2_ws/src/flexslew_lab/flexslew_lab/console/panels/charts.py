@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_lab.console import quantities
 from flexslew_lab.console.charting import ChartData, news, options
-from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.desk import Desk, DeskReply
 from flexslew_lab.console.history import Curve, thinned
 from flexslew_lab.console.layouts import Layouts
 from flexslew_lab.console.link import RequestResult
@@ -46,7 +46,7 @@ class ChartsPanel:
                 self._charts = [_Chart(desk, shown) for shown in self._layouts.chosen()]
         self._name = gui.text("Name of the layout", hint="what the four charts show")
         desk.click(gui.button("Save the layout"), self._save)
-        self._reply = Reply(desk)
+        self._reply = DeskReply(desk)
         desk.change(self._pause, self._on_pause)
         desk.change(self._layout, self._choose)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from flexslew_lab.console import quantities
-from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.desk import Desk, DeskReply
 from flexslew_lab.console.history import Curve
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.charts import ChartsPanel
@@ -33,7 +33,7 @@ class ComparePanel:
         self._run = gui.text("Earlier run", _newest_beside(folder), hint="its folder or bag")
         desk.click(gui.button("Overlay it"), self._overlay)
         desk.click(gui.button("Remove the overlay"), self._remove)
-        self._reply = Reply(desk)
+        self._reply = DeskReply(desk)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="compare")
         self._reading: Future[Curves] | None = None
         self._compared = -1  # ticks

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from flexslew_lab.console.desk import Desk, Reply
-from flexslew_lab.console.forms import Form, Key, keys_of, moment, number_of, offer
+from flexslew_lab.console.desk import Desk, DeskReply
+from flexslew_lab.console.forms import Form, FormKey, keys_of, moment, number_of, offer
 from flexslew_lab.console.link import RequestResult
 from flexslew_plant import topics
 from flexslew_plant.bench.schedule import injected_entry
@@ -18,8 +18,8 @@ _CONSTANT, _NOTHING = "constant", "(nothing)"
 _EFFORT = "constant effort"
 _SHAPES: dict[str, type[Any]] = {"sine": SineShape, "pulse": PulseShape}
 _WHEN = [
-    Key("from", "simulated time [s]; empty: the next tick"),
-    Key("until", "simulated time [s]; empty: to the end of the run"),
+    FormKey("from", "simulated time [s]; empty: the next tick"),
+    FormKey("until", "simulated time [s]; empty: to the end of the run"),
 ]
 Made = Callable[[dict[str, Any]], dict[str, Any]]  # from what the fields hold to a schedule entry
 
@@ -35,9 +35,9 @@ class _Injection:
         self._form: Form | None = None
         self._shown: tuple[Any, ...] = ()
         self.button = gui.button(button)
-        self._reply = Reply(desk)
+        self._reply = DeskReply(desk)
 
-    def show(self, keys: Callable[[str], list[Key]]) -> None:
+    def show(self, keys: Callable[[str], list[FormKey]]) -> None:
         """Make the form anew where the choice or the bench has changed."""
         state = (self.choice.value, self._view.joints, tuple(sorted(self._view.controllers)))
         if state == self._shown or self._view.joints is None:
@@ -85,12 +85,12 @@ class DisturbPanel:
         """Follow the choice."""
         self._injection.show(self._keys)
 
-    def _keys(self, shape: str) -> list[Key]:
+    def _keys(self, shape: str) -> list[FormKey]:
         joints = self._view.joints.names if self._view.joints else ()
-        first = Key("on joint", "", joints[0] if joints else "", joints)
+        first = FormKey("on joint", "", joints[0] if joints else "", joints)
         if shape in _SHAPES:
             return [first, *keys_of(_SHAPES[shape])]
-        return [first, Key(_EFFORT, "[N m or N]", "5.0")]
+        return [first, FormKey(_EFFORT, "[N m or N]", "5.0")]
 
     def _made(self, given: dict[str, Any]) -> dict[str, Any]:
         joint, shape = str(given.pop("on joint", "")), self._injection.choice.value
@@ -115,7 +115,7 @@ class FaultPanel:
         """Follow the choice."""
         self._injection.show(self._keys)
 
-    def _keys(self, kind: str) -> list[Key]:
+    def _keys(self, kind: str) -> list[FormKey]:
         if kind not in FAULTS or self._view.joints is None:
             return []
         joints = self._view.joints
@@ -145,7 +145,7 @@ class ActivePanel:
         self._view = desk.view
         self._which = gui.choice("Active", (_NOTHING,))
         desk.click(gui.button("End it"), self._end)
-        self._reply = Reply(desk)
+        self._reply = DeskReply(desk)
 
     def refresh(self) -> None:
         """List it."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 
-from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.desk import Desk, DeskReply
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.run import FINISHED
 from flexslew_plant import topics
@@ -95,7 +95,7 @@ class NotePanel:
         with self._place:
             self._text = gui.text("Remark", "", lines=True)
             desk.click(gui.button("Note it"), self._note)
-            self._reply = Reply(desk)
+            self._reply = DeskReply(desk)
 
     def refresh(self) -> None:
         """A run that is over takes no more remarks."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from flexslew_control.planners import OPTIMIZED, PLANNERS, plan_settings
 from flexslew_lab.console.charting import ChartData, news, options
-from flexslew_lab.console.desk import Desk, Reply, line
-from flexslew_lab.console.forms import Form, Key, moment, number_of
+from flexslew_lab.console.desk import Desk, DeskReply, line
+from flexslew_lab.console.forms import Form, FormKey, moment, number_of
 from flexslew_lab.console.history import Curve
 from flexslew_lab.console.link import Iterate, RequestResult
 from flexslew_plant import topics
@@ -42,7 +42,7 @@ class PlanPanel:
         self._refuse = gui.button("Refuse the draft", color="blue-grey")
         for button, word in ((self._adopt, "adopt"), (self._refuse, "refuse")):
             desk.click(button, partial(self._decide, word))
-        self._reply = Reply(desk)
+        self._reply = DeskReply(desk)
         self._progress = gui.html()
         self._course = gui.folder("Planned course", visible=False)  # below what is clicked
         with self._course:
@@ -59,11 +59,11 @@ class PlanPanel:
             if self._form is not None:
                 self._form.remove()
             goals = zip(joints.names, joints.units, strict=True)
-            keys = [Key(f"{_GOAL}{name}", f"[{unit}]", "0.0") for name, unit in goals]
+            keys = [FormKey(f"{_GOAL}{name}", f"[{unit}]", "0.0") for name, unit in goals]
             keys += [
-                Key("duration", "of the manoeuvre [s]; empty: what the method needs", "25.0"),
-                Key("start", "simulated time, later than now [s]", ""),
-                Key("more", "other keys, YAML: {functions: 12}, {method: my_shaper.py:Shaper}"),
+                FormKey("duration", "of the manoeuvre [s]; empty: what the method needs", "25.0"),
+                FormKey("start", "simulated time, later than now [s]", ""),
+                FormKey("more", "other keys, YAML: {functions: 12}, {method: my_shaper.py:Shaper}"),
             ]
             self._form = Form(self._desk, keys, self._place)
         waits = self._draft is not None

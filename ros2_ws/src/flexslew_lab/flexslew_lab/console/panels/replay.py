@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.desk import Desk, DeskReply
 from flexslew_lab.console.forms import one_of
 from flexslew_lab.console.link import RequestResult
 from flexslew_plant.errors import BadInput
@@ -10,7 +10,7 @@ from flexslew_plant.errors import BadInput
 _RATES = {"0.1": 0.1, "0.5": 0.5, "1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0, "50": 50.0}
 
 
-class Recording(Protocol):
+class RecordingPanel(Protocol):
     """A log that plays."""
 
     first: float  # simulated time of its first message [s]
@@ -35,7 +35,7 @@ class ReplayPanel:
         recording: that is shown.
     """
 
-    def __init__(self, desk: Desk, recording: Recording) -> None:
+    def __init__(self, desk: Desk, recording: RecordingPanel) -> None:
         gui = desk.gui
         self._view, self._recording = desk.view, recording
         end = max(recording.last, recording.first + 0.01)
@@ -44,7 +44,7 @@ class ReplayPanel:
         self._rate = gui.choice("Rate", tuple(_RATES), value="1")
         desk.click(gui.button("Play"), self._play)
         desk.click(gui.button("Pause"), lambda who: recording.play(0.0))
-        self._reply = Reply(desk)
+        self._reply = DeskReply(desk)
         desk.change(self._time, lambda who: self._seek(self._time.value))
         desk.change(self._goal, lambda who: self._seek(self._goal.value))
 

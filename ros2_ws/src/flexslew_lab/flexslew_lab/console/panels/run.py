@@ -3,7 +3,7 @@
 import html
 from functools import partial
 
-from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.desk import Desk, DeskReply
 from flexslew_lab.console.forms import one_of
 from flexslew_lab.console.link import RequestResult
 from flexslew_plant import topics
@@ -27,7 +27,7 @@ class HeaderPanel:
             self._brake = desk.gui.add("brake", "Brake (space bar)", color="negative")
             self._release = desk.gui.button("Release the brake", color="blue-grey")
             self._line = desk.gui.html()
-            self._reply = Reply(desk)
+            self._reply = DeskReply(desk)
         self._brake.visible, self._release.visible = brake, False
         for element, action in (
             (self._brake, topics.BRAKE),
@@ -64,7 +64,7 @@ class RunPanel:
         desk.click(gui.button("Step"), self._step)
         self._rate = gui.choice("Rate", tuple(_RATES), value="1")
         desk.click(gui.button("Set the rate"), self._set_rate)
-        self._reply = Reply(desk)
+        self._reply = DeskReply(desk)
         with gui.folder("Back to tick 0"):  # away from Pause: it ends what is flown
             desk.click(gui.button("Reset", color="blue-grey"), partial(self._act, topics.RESET))
 

@@ -1,6 +1,6 @@
 """Give the bench to another controller."""
 
-from flexslew_lab.console.desk import Desk, Reply
+from flexslew_lab.console.desk import Desk, DeskReply
 from flexslew_lab.console.forms import OpenedOn, moment, not_negative
 from flexslew_lab.console.link import RequestResult
 from flexslew_plant import topics
@@ -25,7 +25,7 @@ class SwapPanel:
         self._strict = gui.check("Strict", False, hint="refuse a larger step of the effort")
         self._step = gui.number("Largest step [N m or N]", 1.0, hint="of the effort")
         desk.click(gui.button("Switch"), self._switch)
-        self._reply = Reply(desk)
+        self._reply = DeskReply(desk)
 
     def refresh(self) -> None:
         """List who is on the graph; the law in charge is chosen at first."""

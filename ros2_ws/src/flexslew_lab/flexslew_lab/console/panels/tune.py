@@ -1,8 +1,8 @@
 """Change the gains of a controller while it works."""
 
 from flexslew_control.controllers import CONTROLLERS, DERIVED
-from flexslew_lab.console.desk import Desk, Reply
-from flexslew_lab.console.forms import Form, Key, OpenedOn, moment, number_of, text_of
+from flexslew_lab.console.desk import Desk, DeskReply
+from flexslew_lab.console.forms import Form, FormKey, OpenedOn, moment, number_of, text_of
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.swap import NOBODY
 from flexslew_lab.trial.overrides import overridden
@@ -26,9 +26,11 @@ class TunePanel:
         self._which = gui.choice("Tuned controller", (NOBODY,))
         self._opened = OpenedOn(self._which)
         self._place = gui.folder("Settings")
-        self._at = Form(desk, [Key(_FROM, "simulated time [s]; empty: the next tick")], self._place)
+        self._at = Form(
+            desk, [FormKey(_FROM, "simulated time [s]; empty: the next tick")], self._place
+        )
         desk.click(gui.button("Tune"), self._tune)
-        self._reply = Reply(desk)
+        self._reply = DeskReply(desk)
         self._form: Form | None = None
         self._shown = ("", "")  # name and settings in the form
 
@@ -76,7 +78,7 @@ def _settings(text: str) -> dict[str, object]:
     return {key: value for key, value in found.items() if key not in DERIVED}
 
 
-def _keys(name: str, text: str, law: str) -> list[Key]:
+def _keys(name: str, text: str, law: str) -> list[FormKey]:
     """Return a field for each setting that is no section of its own."""
     settings = _settings(text)
     own = {key: value for key, value in settings.items() if key != _HANDOVER}
@@ -86,9 +88,9 @@ def _keys(name: str, text: str, law: str) -> list[Key]:
         words |= {key: meaning.told for key, meaning in meanings(section).items()}
         unset = {key: None for key, value in own.items() if value is None}
         return [
-            Key(k, words.get(k, ""), text_of(v)) for k, v in {**flat(settings), **unset}.items()
+            FormKey(k, words.get(k, ""), text_of(v)) for k, v in {**flat(settings), **unset}.items()
         ]
-    return [Key(k, words.get(k, ""), text_of(v)) for k, v in flat(settings).items()]
+    return [FormKey(k, words.get(k, ""), text_of(v)) for k, v in flat(settings).items()]
 
 
 def _check(law: str, text: str, changes: dict[str, object]) -> None:

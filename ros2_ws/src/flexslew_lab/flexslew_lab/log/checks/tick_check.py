@@ -4,7 +4,7 @@ from collections.abc import Container, Iterator, Mapping
 
 import numpy as np
 
-from flexslew_lab.log.bag_columns import Block
+from flexslew_lab.log.bag_columns import ColumnBlock
 from flexslew_lab.log.bag_layout import RUN_RECORD
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.blind_sensors import BlindSensors
@@ -82,7 +82,7 @@ class _Topic:
         self.first: dict[int, int] = {}  # tick of each epoch
         self.last: dict[int, int] = {}
 
-    def add(self, block: Block) -> None:
+    def add(self, block: ColumnBlock) -> None:
         """Take the next messages."""
         columns = block.columns
         self.messages += len(block.stamp)
@@ -193,7 +193,7 @@ class _Clock:
     def __init__(self) -> None:
         self.messages, self.backwards, self.last = 0, 0, -1
 
-    def add(self, block: Block) -> None:
+    def add(self, block: ColumnBlock) -> None:
         sec, nanosec = block.columns["clock.sec"], block.columns["clock.nanosec"]
         time = np.append(self.last, sec.astype(np.int64) * 10**9 + nanosec)
         self.backwards += int((np.diff(time) < 0).sum())

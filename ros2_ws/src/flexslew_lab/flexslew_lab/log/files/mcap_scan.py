@@ -20,7 +20,7 @@ _HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 
 
-class Record(NamedTuple):
+class McapRecord(NamedTuple):
     """One record of the data section."""
 
     opcode: int
@@ -67,7 +67,7 @@ class RecordStream:
             raise BadInput(str(error.strerror), path) from None
         self._size = path.stat().st_size
 
-    def __iter__(self) -> Iterator[Record]:
+    def __iter__(self) -> Iterator[McapRecord]:
         """Yield the records in their order."""
         with self._file as file:
             file.seek(max(self._size - len(MAGIC), 0))
@@ -95,7 +95,7 @@ class RecordStream:
                     return
                 crc = zlib.crc32(body, zlib.crc32(head, crc))
                 self.at = at + _HEAD.size + length
-                yield Record(opcode, body, at)
+                yield McapRecord(opcode, body, at)
                 at = self.at
 
     def _stop(self, at: int, finished: bool, known: bool, why: str) -> None:
@@ -167,7 +167,7 @@ def _unpacked(packed: memoryview, size: int) -> bytes:
     return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
 
 
-def chunk_records(data: bytes, where: str) -> Iterator[Record | RawMessage]:
+def chunk_records(data: bytes, where: str) -> Iterator[McapRecord | RawMessage]:
     """Yield schemas and channels (as records) and messages of an unpacked chunk.
 
     Raises:
@@ -190,7 +190,7 @@ def chunk_records(data: bytes, where: str) -> Iterator[Record | RawMessage]:
         if opcode == MESSAGE:
             yield RawMessage(channel, sequence, stamp, data[at + message : stop])
         elif opcode in _SCHEMA_LIKE:
-            yield Record(opcode, data[at + head : stop], at)
+            yield McapRecord(opcode, data[at + head : stop], at)
         else:  # zeros, for example: records without content, a ninth of them as many
             raise BadInput(f"damaged chunk: it holds a record of kind {opcode}", where)
         at = stop

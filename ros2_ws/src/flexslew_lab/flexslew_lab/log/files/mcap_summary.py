@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from flexslew_lab.log.bag_layout import MAGIC
-from flexslew_lab.log.files.mcap_scan import FOOTER, Record
+from flexslew_lab.log.files.mcap_scan import FOOTER, McapRecord
 from flexslew_lab.log.files.read_limits import check_size
 from flexslew_plant.errors import BadInput
 
@@ -49,7 +49,7 @@ def find_summary(path: Path) -> Summary | None:
     return Summary(path, start, end, crc)
 
 
-def summary_records(summary: Summary) -> Iterator[Record]:
+def summary_records(summary: Summary) -> Iterator[McapRecord]:
     """Yield the records of a summary.
 
     Raises:
@@ -64,7 +64,7 @@ def summary_records(summary: Summary) -> Iterator[Record]:
             if at + _HEAD.size + length > summary.end:
                 raise BadInput(f"damaged at byte {at}: a record is cut", summary.path)
             check_size("a record", length, f"{summary.path}: byte {at}")
-            yield Record(opcode, file.read(length), at)
+            yield McapRecord(opcode, file.read(length), at)
             at += _HEAD.size + length
 
 

@@ -50,7 +50,7 @@ def check_size(what: str, size: int, source: str) -> None:
         )
 
 
-class Unpacked:
+class UnpackedSize:
     """What one pass over a file has unpacked: it bounds the time by the size of the file.
 
     Args:

@@ -11,7 +11,7 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 
 
-class Column(NamedTuple):
+class CdrColumn(NamedTuple):
     """Where one field lies in every message of the same shape."""
 
     name: str  # nested names joined by dots
@@ -24,7 +24,7 @@ class Column(NamedTuple):
 class Layout(NamedTuple):
     """Columns of a message, and the bytes that must be equal for another to lie the same way."""
 
-    columns: tuple[Column, ...]
+    columns: tuple[CdrColumn, ...]
     shape: tuple[int, ...]  # offsets of the lengths and of the strings' bytes
     template: bytes  # the message that it was read from
 
@@ -43,7 +43,7 @@ def layout(type_name: str, data: bytes) -> Layout:
     if data[:2] != HEADER[:2]:
         raise BadInput("the bytes are not little-endian CDR", type_name)
     shape = list(range(4))
-    columns: list[Column] = []
+    columns: list[CdrColumn] = []
     try:
         end = _walk(type_name, data, "", 4, columns, shape)
     except (struct.error, UnicodeDecodeError, IndexError) as error:
@@ -54,7 +54,7 @@ def layout(type_name: str, data: bytes) -> Layout:
 
 
 def _walk(
-    type_name: str, data: bytes, prefix: str, at: int, columns: list[Column], shape: list[int]
+    type_name: str, data: bytes, prefix: str, at: int, columns: list[CdrColumn], shape: list[int]
 ) -> int:
     """Append the columns of one struct that starts at `at`; return where it ends."""
 
@@ -84,19 +84,19 @@ def _walk(
         elif code == "s":
             if not array:
                 word, at = text(at)
-                columns.append(Column(name, at, "", -1, word))
+                columns.append(CdrColumn(name, at, "", -1, word))
                 continue
             words = []
             for _ in range(count):
                 word, at = text(at)
                 words.append(word)
-            columns.append(Column(name, at, "", count, tuple(words)))
+            columns.append(CdrColumn(name, at, "", count, tuple(words)))
         else:
             size = struct.calcsize(code)
             if count:
                 # CDR counts from behind its 4-byte header, a multiple of 4
                 at += -(at - 4) % size
-            columns.append(Column(name, at, "<" + code if size > 1 else code, count))
+            columns.append(CdrColumn(name, at, "<" + code if size > 1 else code, count))
             at += size * abs(count)
             if at > len(data):
                 raise IndexError(f"{name} ends outside of the message")

@@ -8,8 +8,8 @@ from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.files.mcap_scan import (
     SCHEMA,
     ChannelRecord,
+    McapRecord,
     RawMessage,
-    Record,
     SchemaRecord,
     read_channel,
     read_schema,
@@ -32,7 +32,7 @@ class Lookup:
     sequence: dict[int, int] = field(default_factory=dict)  # channel -> last one seen
     counted: bool = True  # the recorder has numbered the messages of each topic
 
-    def take(self, record: Record) -> None:
+    def take(self, record: McapRecord) -> None:
         """Take a schema or a channel."""
         check_size("a message definition", len(record.body), str(self.path))
         if max(len(self.schemas), len(self.channels)) > CHANNELS:

@@ -13,7 +13,7 @@ from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Vector
 
 
-class Difference(StrEnum):
+class PairedDifference(StrEnum):
     """What a variant's number is beside the first one's, at the joint confidence of all."""
 
     SMALLER = "smaller"
@@ -82,8 +82,8 @@ def _share(which: NDArray[np.bool_]) -> float | None:
 def _tested(found: Population, variants: int) -> dict[str, Any]:
     """Return the p-value of no difference, and which way it goes if that is below the error."""
     likely = found.differs()
-    verdict = Difference.UNDECIDED
+    verdict = PairedDifference.UNDECIDED
     if likely is not None and likely <= (1.0 - CONFIDENCE) / variants:
         more = np.sum(np.sign(found.values)) > 0.0
-        verdict = Difference.LARGER if more else Difference.SMALLER
+        verdict = PairedDifference.LARGER if more else PairedDifference.SMALLER
     return {"p_value": likely, "verdict": verdict.value}

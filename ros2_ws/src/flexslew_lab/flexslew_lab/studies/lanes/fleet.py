@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.linear_form import LinearForm
-from flexslew_lab.metrics.metric import Manoeuvre
+from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
 from flexslew_lab.studies.lanes.inputs import aim_of, errors_of, gains_of, schedule_of
@@ -32,7 +32,7 @@ class _Prepared(NamedTuple):
     form: LinearForm
     schedule: Schedule
     aim: Vector  # rows `tip` to `law_limit`
-    goal: Manoeuvre
+    goal: FlownManoeuvre
 
 
 @dataclass

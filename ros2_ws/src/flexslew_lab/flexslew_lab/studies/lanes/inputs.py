@@ -7,7 +7,7 @@ import numpy as np
 from flexslew_control.linear_form import LawForm
 from flexslew_control.plan import Plan
 from flexslew_lab.metrics.from_bag import manoeuvre_of
-from flexslew_lab.metrics.metric import Manoeuvre
+from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.metrics.settling import settling_band
 from flexslew_lab.studies.lanes.lane_trial import (
     LaneTrial,
@@ -57,7 +57,7 @@ def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
     return total
 
 
-def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, Manoeuvre]:
+def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownManoeuvre]:
     """Return what the metrics of a group are measured against: from `tip` on, and as a record."""
     goal = manoeuvre_of(plan.position, plan.start, plan.duration)
     assert goal.goal is not None

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from flexslew_lab.metrics.course import Course
+from flexslew_lab.metrics.course import CourseMetric
 from flexslew_lab.metrics.efforts import Efforts
 from flexslew_lab.metrics.epoch import merged
 from flexslew_lab.metrics.joint_errors import JointErrors
-from flexslew_lab.metrics.metric import Ending, Manoeuvre, RunSetup
+from flexslew_lab.metrics.metric import Ending, FlownManoeuvre, RunSetup
 from flexslew_lab.metrics.operator_changes import OperatorChanges
 from flexslew_lab.metrics.settling import Settling
 from flexslew_lab.metrics.takeovers import Takeovers
@@ -36,7 +36,7 @@ class LaneMetrics:
         lane: LaneTrial,
         rows: Rows,
         schedule: Schedule,
-        aim: Manoeuvre,
+        aim: FlownManoeuvre,
         at_rest: Matrix,
     ) -> None:
         assert aim.goal is not None
@@ -48,7 +48,7 @@ class LaneMetrics:
         self._tip, self._errors = TipDeflection(setup), JointErrors(setup)
         self._settling, self._efforts = Settling(setup), Efforts(setup)
         self._joints = limit.size
-        course = Course(setup)
+        course = CourseMetric(setup)
         course.ticks = 0, len(time) - 1
         self._efforts.times = course.times = float(time[0]), float(time[-1])
         self._settling.last_time = float(time[-1])

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.studies.lanes.observers import Observe, Signals
+from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
 from flexslew_plant.arrays import Matrix, Vector, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel
@@ -93,7 +93,7 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
         filled: int,
     ) -> None:
         ticks = schedule.demand.shape[0]
-        signals = Signals(
+        signals = LaneSignals(
             w[reading : reading + ny * LANES],
             w[earlier : earlier + ny * LANES],
             w[effort : effort + m * LANES],

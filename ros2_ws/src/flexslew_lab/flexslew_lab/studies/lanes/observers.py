@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
-from flexslew_control.estimators.kalman_tick import Belief, kalman_tick
-from flexslew_control.linear_form import LinearForm, Observer
+from flexslew_control.estimators.kalman_tick import FilterBelief, kalman_tick
+from flexslew_control.linear_form import LinearForm, LinearObserver
 from flexslew_plant.arrays import Vector, compiled, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.kernels import Kernels
@@ -20,7 +20,7 @@ from flexslew_plant.testbeds.kernels import Kernels
 Observe: TypeAlias = Callable[..., None]
 
 
-class Signals(NamedTuple):
+class LaneSignals(NamedTuple):
     """What an observer is told, flat."""
 
     y: Vector  # readings of this tick
@@ -40,12 +40,12 @@ class Beginning(NamedTuple):
 def beginning(form: LinearForm) -> Beginning:
     """Return the observer of a controller, the same for all lanes."""
     found = form.observer
-    if isinstance(found, Observer):
+    if isinstance(found, LinearObserver):
         k = len(found.constant)
-        matrices = Observer(*map(np.ascontiguousarray, found))
+        matrices = LinearObserver(*map(np.ascontiguousarray, found))
         return Beginning(linear(k), matrices, np.zeros(k * LANES), np.empty(k * LANES))
     k, outputs = len(found.matrices.origin), len(found.matrices.c)
-    constants = Belief(found.model.packed, *map(np.ascontiguousarray, found.matrices))
+    constants = FilterBelief(found.model.packed, *map(np.ascontiguousarray, found.matrices))
     memory = np.empty(LANES * (k + k * k))
     model = found.model
     observe = kalman(model.kernels, model.before_modes, model.coordinates, found.linear)
@@ -61,8 +61,8 @@ def linear(states: int) -> Observe:
         k: int,
         t: float,
         dt: float,
-        law: Observer,
-        signals: Signals,
+        law: LinearObserver,
+        signals: LaneSignals,
         z: Vector,
         after: Vector,
         filled: int,
@@ -113,8 +113,8 @@ def kalman(kernels: Kernels, before: int, n: int, by_matrices: bool) -> Observe:
         k: int,
         t: float,
         dt: float,
-        belief: Belief,
-        signals: Signals,
+        belief: FilterBelief,
+        signals: LaneSignals,
         z: Vector,
         memory: Vector,
         filled: int,

@@ -18,7 +18,7 @@ from flexslew_plant.testbeds.attitude import (
     rotation_vector,
     to_body,
 )
-from flexslew_plant.testbeds.instruments.instrument import Body
+from flexslew_plant.testbeds.instruments.instrument import MovingBody
 
 Triple = tuple[float, float, float]
 
@@ -54,7 +54,7 @@ class Gyro:
     settings: GyroSettings
     axes: ClassVar[tuple[str, ...]] = ("x", "y", "z")
 
-    def exact(self, body: Body) -> Vector:
+    def exact(self, body: MovingBody) -> Vector:
         """Return the body rate, shape (3,) [rad/s]."""
         return body.rate
 
@@ -90,7 +90,7 @@ class GyroReader:
         if rng is not None:
             self.bias = np.array(s.bias) + s.bias_spread * rng.standard_normal(3)
 
-    def __call__(self, body: Body) -> Vector:
+    def __call__(self, body: MovingBody) -> Vector:
         """Return the reading of this tick, shape (3,) [rad/s]."""
         first, rate = not self._before.size, body.rate
         if not first:

@@ -8,7 +8,7 @@ import numpy as np
 from flexslew_plant.arrays import Vector
 
 
-class Body(NamedTuple):
+class MovingBody(NamedTuple):
     """How the platform stands and turns."""
 
     attitude: Vector  # unit quaternion from body to inertial axes, x y z w, shape (4,)
@@ -16,7 +16,7 @@ class Body(NamedTuple):
 
 
 # from the platform at a tick to the reading; called once a tick, in order
-Reader: TypeAlias = Callable[[Body], Vector]
+Reader: TypeAlias = Callable[[MovingBody], Vector]
 
 
 class Instrument(Protocol):
@@ -34,7 +34,7 @@ class Instrument(Protocol):
     def axes(self) -> tuple[str, ...]:
         """What is appended to its name, one per channel."""
 
-    def exact(self, body: Body) -> Vector:
+    def exact(self, body: MovingBody) -> Vector:
         """Return what it reads without errors, delay and gaps, shape (channels,)."""
 
     def begin(self, period: float, rng: np.random.Generator | None) -> Reader:

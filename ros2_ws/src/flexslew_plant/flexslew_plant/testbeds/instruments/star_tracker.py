@@ -10,7 +10,7 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, Probability, section
 from flexslew_plant.testbeds.attitude import product, quaternion
-from flexslew_plant.testbeds.instruments.instrument import Body, Reader
+from flexslew_plant.testbeds.instruments.instrument import MovingBody, Reader
 
 _NO_FIX = np.zeros(4)
 
@@ -55,7 +55,7 @@ class StarTracker:
     settings: StarTrackerSettings
     axes: ClassVar[tuple[str, ...]] = ("qx", "qy", "qz", "qw")
 
-    def exact(self, body: Body) -> Vector:
+    def exact(self, body: MovingBody) -> Vector:
         """Return the attitude, x y z w with w >= 0, shape (4,)."""
         return body.attitude if body.attitude[3] >= 0.0 else -body.attitude
 
@@ -84,7 +84,7 @@ class StarTracker:
         late = self.delay_ticks(period)
         exposed: deque[Vector] = deque([_NO_FIX] * late)
 
-        def exposure(body: Body) -> Vector:
+        def exposure(body: MovingBody) -> Vector:
             """Return what it will read of this tick."""
             rate, time = float(np.linalg.norm(body.rate)), tick * period
             # drawn whether there is a reading or not: a gap changes no later noise
@@ -99,7 +99,7 @@ class StarTracker:
                 q = product(q, quaternion(turn))
             return q if q[3] >= 0.0 else -q
 
-        def read(body: Body) -> Vector:
+        def read(body: MovingBody) -> Vector:
             nonlocal tick
             tick += 1
             exposed.append(exposure(body))

@@ -9,7 +9,7 @@ from pydantic import Field
 from flexslew_plant.arrays import Vector
 from flexslew_plant.settings import NonNegative, section
 from flexslew_plant.testbeds.attitude import to_body
-from flexslew_plant.testbeds.instruments.instrument import Body, Reader
+from flexslew_plant.testbeds.instruments.instrument import MovingBody, Reader
 
 _DARK = np.zeros(3)
 
@@ -47,7 +47,7 @@ class SunSensor:
     sun: Vector
     axes: ClassVar[tuple[str, ...]] = ("x", "y", "z")
 
-    def exact(self, body: Body) -> Vector:
+    def exact(self, body: MovingBody) -> Vector:
         """Return the Sun's direction in body axes, in view or not, shape (3,)."""
         return to_body(body.attitude) @ self.sun
 
@@ -57,7 +57,7 @@ class SunSensor:
         along = np.array(s.boresight) / np.linalg.norm(s.boresight)
         edge = np.cos(s.half_angle)
 
-        def read(body: Body) -> Vector:
+        def read(body: MovingBody) -> Vector:
             noise = rng.standard_normal(3) if rng else np.zeros(3)
             sun = self.exact(body)
             if along @ sun < edge:

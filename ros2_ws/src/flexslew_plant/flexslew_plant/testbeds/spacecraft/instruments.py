@@ -3,10 +3,10 @@
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.instruments import (
-    Body,
     Gyro,
     GyroSettings,
     Instrument,
+    MovingBody,
     StarTracker,
     StarTrackerSettings,
     SunSensor,
@@ -58,7 +58,7 @@ def instrument_of(
     return SunSensor(name, first, settings, unit_direction(towards, f"{key}.sun"))
 
 
-def body_of(craft: Spacecraft, x: Vector) -> Body:
+def body_of(craft: Spacecraft, x: Vector) -> MovingBody:
     """Return how a free platform stands and turns."""
     v = x[craft.sizes[0] :]
-    return Body(x[_ATTITUDE], v[_RATE])
+    return MovingBody(x[_ATTITUDE], v[_RATE])

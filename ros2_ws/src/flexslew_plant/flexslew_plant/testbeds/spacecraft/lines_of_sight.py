@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Manoeuvre, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, PrescribedTurn, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.hinge_motion import share
 
@@ -113,7 +113,7 @@ def target_directions(a: Appendage, time: Vector) -> Matrix:
     return aims
 
 
-def _done(m: Manoeuvre, s: Vector) -> Vector:
+def _done(m: PrescribedTurn, s: Vector) -> Vector:
     """Return the share of a turn that is done, shape of s."""
     row = np.concatenate((np.zeros(at.MANOEUVRE_SIZE), m.table.ravel()))
     row[at.PROFILE], row[at.TABLE_AT], row[at.ROWS] = m.profile, at.MANOEUVRE_SIZE, len(m.table)

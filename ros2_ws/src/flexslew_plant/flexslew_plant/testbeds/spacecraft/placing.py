@@ -6,11 +6,11 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Drive, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.craft import CraftDrive, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 
 
-def position_unit(drive: Drive) -> str:
+def position_unit(drive: CraftDrive) -> str:
     """Return the unit of the collocated position."""
     return "m" if drive.unit == "N" else "rad"
 

@@ -271,11 +271,11 @@ class SpacecraftTestbed:
         return section_units(self.craft, UNITS[self.units])
 
     def hinge_turns(self) -> tuple[HingeTurn, ...]:
-        """Return the prescribed turns; see contract.Retargeting."""
+        """Return the prescribed turns; see contract.Retargetable."""
         return hinge_turns(self.craft)
 
     def retargeted(self, requested: dict[str, Any], at: float) -> dict[str, Any]:
-        """Return the keys that give an appendage a new target; see contract.Retargeting."""
+        """Return the keys that give an appendage a new target; see contract.Retargetable."""
         return retargeted(self.appendages, requested, at)
 
     def floating(self) -> Floating | None:

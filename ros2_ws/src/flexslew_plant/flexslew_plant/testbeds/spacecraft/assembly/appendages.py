@@ -12,7 +12,7 @@ from flexslew_plant.testbeds.spacecraft.assembly.bodies import (
     turn,
     unit_direction,
 )
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Manoeuvre
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, PrescribedTurn
 from flexslew_plant.testbeds.spacecraft.assembly.flexible import flexible_shape
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.settings import (
@@ -128,10 +128,10 @@ def _damping(d: Damping, mass: Vector, stiffness: Vector, own: Matrix | None, ke
     return both if own is None else both + own
 
 
-def _manoeuvres(h: Hinge, axis: Vector, axes: Matrix, key: str) -> tuple[Manoeuvre, ...]:
+def _manoeuvres(h: Hinge, axis: Vector, axes: Matrix, key: str) -> tuple[PrescribedTurn, ...]:
     """Return the prescribed motions of a hinge, checked against its range and each other."""
     given = (h.motion,) if isinstance(h.motion, Motion) else (h.motion or ())
-    found: list[Manoeuvre] = []
+    found: list[PrescribedTurn] = []
     angle, end = 0.0, 0.0
     for k, m in sorted(enumerate(given), key=lambda pair: pair[1].at):
         to = _target(m, axis, axes, f"{key}.motion.{k}")
@@ -148,7 +148,9 @@ def _manoeuvres(h: Hinge, axis: Vector, axes: Matrix, key: str) -> tuple[Manoeuv
         table = np.array(m.table, dtype=float).reshape(-1, 4)
         if m.profile == "table":
             _require_table(table, f"{key}.motion.{k}.table")
-        found.append(Manoeuvre(m.at, m.duration, to - angle, about, _PROFILES[m.profile], table))
+        found.append(
+            PrescribedTurn(m.at, m.duration, to - angle, about, _PROFILES[m.profile], table)
+        )
         angle, end = to, m.at + m.duration
     return tuple(found)
 

@@ -12,7 +12,7 @@ from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Spot
 
 
 @dataclass(frozen=True)
-class Manoeuvre:
+class PrescribedTurn:
     """A turn of a prescribed hinge.
 
     Args:
@@ -63,7 +63,7 @@ class Appendage:
     spring: float = 0.0
     damper: float = 0.0
     second_order: bool = True
-    manoeuvres: tuple[Manoeuvre, ...] = ()
+    manoeuvres: tuple[PrescribedTurn, ...] = ()
     shape: FlexibleShape | None = None
 
     @property
@@ -81,7 +81,7 @@ class Wheel(NamedTuple):
     largest_speed: float  # [rad/s]; infinite: no limit
 
 
-class Drive(NamedTuple):
+class CraftDrive(NamedTuple):
     """An actuator; its effort is a force [N] or a torque [N m]."""
 
     name: str
@@ -116,7 +116,7 @@ class Spacecraft:
     inertia: Matrix
     appendages: tuple[Appendage, ...] = ()
     wheels: tuple[Wheel, ...] = ()
-    drives: tuple[Drive, ...] = ()
+    drives: tuple[CraftDrive, ...] = ()
     motion: int = at.FREE
     pivot_axis: Vector = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     pivot_place: Vector = field(default_factory=lambda: np.zeros(3))

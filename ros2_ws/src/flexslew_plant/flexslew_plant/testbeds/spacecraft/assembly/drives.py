@@ -4,7 +4,7 @@ import numpy as np
 
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Drive
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, CraftDrive
 from flexslew_plant.testbeds.spacecraft.assembly.described import Described
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.retargeting import modal_effort
@@ -18,7 +18,7 @@ from flexslew_plant.testbeds.spacecraft.units import Units
 
 def drives_of(
     described: Described, parts: tuple[Appendage, ...], units: Units
-) -> tuple[Drive, ...]:
+) -> tuple[CraftDrive, ...]:
     """Return the actuators as listed, then the hinges' motors, then the wheels'."""
     names = [a.name for a in parts]
     found = []
@@ -35,7 +35,7 @@ def drives_of(
             what = at.FORCE if d.kind == "force" else at.TORQUE
             empty = np.zeros((3, 0))
             spot = Spot(np.array(d.place) * units.length, empty, empty, empty)
-            found.append(Drive(name, what, -1, direction, spot, limit))
+            found.append(CraftDrive(name, what, -1, direction, spot, limit))
             continue
         if d.appendage not in names:
             raise BadInput(
@@ -44,14 +44,14 @@ def drives_of(
         index = names.index(d.appendage)
         what = at.POINT_FORCE if d.kind == "force" else at.TIP_TORQUE
         found.append(
-            Drive(name, what, index, direction, spot_on(parts[index], d, units, key), limit)
+            CraftDrive(name, what, index, direction, spot_on(parts[index], d, units, key), limit)
         )
     hinges = [(k, a) for k, a in enumerate(parts) if a.hinge == at.DRIVEN]
     for k, a in hinges:
         limit = described.appendages[a.name].hinge.limit * units.torque
-        found.append(Drive(f"{a.name}_hinge", at.HINGE, k, np.zeros(3), None, limit))
+        found.append(CraftDrive(f"{a.name}_hinge", at.HINGE, k, np.zeros(3), None, limit))
     for k, (name, w) in enumerate(described.wheels.items()):
-        found.append(Drive(name, at.WHEEL, k, np.zeros(3), None, w.limit * units.torque))
+        found.append(CraftDrive(name, at.WHEEL, k, np.zeros(3), None, w.limit * units.torque))
     twice = sorted({d.name for d in found if sum(e.name == d.name for e in found) > 1})
     if twice:
         raise BadInput(f"testbed: two actuators are called {twice[0]}")
@@ -60,7 +60,7 @@ def drives_of(
 
 def _modal(
     name: str, d: ActuatorPlace, parts: tuple[Appendage, ...], units: Units, key: str
-) -> Drive:
+) -> CraftDrive:
     """Return a modal force; the displacement of its spot is the coordinate that it drives."""
     flexible = {a.name: k for k, a in enumerate(parts) if a.modes}
     if d.appendage not in flexible:
@@ -76,7 +76,7 @@ def _modal(
     chosen[0, d.mode - 1] = 1.0
     spot = Spot(np.zeros(3), chosen, none, none)
     limit = d.limit * modal_effort(parts[index], d.mode - 1, units)
-    return Drive(name, at.MODAL, index, np.zeros(3), spot, limit)
+    return CraftDrive(name, at.MODAL, index, np.zeros(3), spot, limit)
 
 
 def spot_on(a: Appendage, d: ActuatorPlace | SensorPlace, units: Units, key: str) -> Spot:

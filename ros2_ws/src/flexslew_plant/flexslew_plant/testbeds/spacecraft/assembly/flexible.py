@@ -15,7 +15,7 @@ from flexslew_plant.testbeds.spacecraft.settings import (
 )
 from flexslew_plant.testbeds.spacecraft.settings import Membrane as MembraneSettings
 from flexslew_plant.testbeds.spacecraft.shapes.beam import (
-    Beam,
+    ClampedBeam,
     TipBody,
     closed_form_beam,
     finite_element_beam,
@@ -57,7 +57,7 @@ def _beam(b: BeamSettings, units: Units, key: str) -> FlexibleShape:
         )
     r = np.column_stack((x, np.cross(z, x), z))  # beam to appendage axes
     ei = np.broadcast_to(b.bending_stiffness, (2,)) * units.torque * units.length
-    numbers = Beam(
+    numbers = ClampedBeam(
         b.length * units.length,
         b.linear_density * units.mass / units.length,
         float(ei[0]),

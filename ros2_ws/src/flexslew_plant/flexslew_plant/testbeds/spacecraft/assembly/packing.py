@@ -4,7 +4,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, Drive, Spacecraft
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, CraftDrive, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import SIX, Integrals, inertia_of
 from flexslew_plant.testbeds.spacecraft.shapes.shape import Spot
@@ -109,7 +109,7 @@ def _place_manoeuvres(block: Vector, a: Appendage, position: int) -> None:
         table += m.table.size
 
 
-def _drive(craft: Spacecraft, d: Drive, places: list[int]) -> Vector:
+def _drive(craft: Spacecraft, d: CraftDrive, places: list[int]) -> Vector:
     """Return the block of an actuator; see layout."""
     head = np.zeros(at.SHAPES)
     direction = np.asarray(d.direction, dtype=float)

@@ -28,7 +28,7 @@ DRAWN = 21  # points along a drawn beam
 
 
 @dataclass(frozen=True)
-class Beam:
+class ClampedBeam:
     """A uniform beam.
 
     Args:
@@ -118,7 +118,7 @@ class FiniteElementModes:
         )
 
 
-def _assembled(beam: Beam, tip: TipBody | None, elements: int) -> tuple[Matrix, Matrix]:
+def _assembled(beam: ClampedBeam, tip: TipBody | None, elements: int) -> tuple[Matrix, Matrix]:
     """Return the mass and stiffness matrices of the free nodes, shape (5 elements, 5 elements)."""
     h = beam.length / elements
     size = DOF * (elements + 1)
@@ -145,7 +145,7 @@ def _assembled(beam: Beam, tip: TipBody | None, elements: int) -> tuple[Matrix, 
 
 
 def finite_element_beam(
-    beam: Beam, tip: TipBody | None, elements: int, modes: int
+    beam: ClampedBeam, tip: TipBody | None, elements: int, modes: int
 ) -> FlexibleShape:
     """Return the lowest modes of a clamped beam by cubic elements, of modal mass one.
 
@@ -205,7 +205,7 @@ class ClosedFormModes:
         return Spot(np.array([0.0, 0.0, s]), displacement, turn, curvature)
 
 
-def closed_form_beam(beam: Beam, modes_x: int, modes_y: int, twists: int) -> FlexibleShape:
+def closed_form_beam(beam: ClampedBeam, modes_x: int, modes_y: int, twists: int) -> FlexibleShape:
     """Return clamped-free modes in closed form, one at the tip (twist: one radian there).
 
     Args:
@@ -245,7 +245,7 @@ def closed_form_beam(beam: Beam, modes_x: int, modes_y: int, twists: int) -> Fle
 
 
 def _shape(
-    beam: Beam,
+    beam: ClampedBeam,
     tip: TipBody | None,
     line: FiniteElementModes | ClosedFormModes,
     s: Vector,

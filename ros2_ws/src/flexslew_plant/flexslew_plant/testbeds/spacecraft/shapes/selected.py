@@ -6,13 +6,13 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.testbeds.spacecraft.shapes.integrals import Integrals
-from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, Placed, Spot
+from flexslew_plant.testbeds.spacecraft.shapes.shape import FlexibleShape, PlacedShape, Spot
 
 
 class _Chosen(NamedTuple):
     """Places along a shape of which some modes count."""
 
-    along: Placed
+    along: PlacedShape
     modes: list[int]
 
     def spot(self, s: float) -> Spot:
@@ -54,7 +54,7 @@ class Turned(NamedTuple):
     """Places along a beam, in appendage axes."""
 
     axes: Matrix  # beam to appendage
-    along: Placed
+    along: PlacedShape
 
     def spot(self, s: float) -> Spot:
         """Return what the modes do at the distance s."""

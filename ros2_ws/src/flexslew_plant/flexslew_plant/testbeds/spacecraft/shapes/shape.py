@@ -18,7 +18,7 @@ class Spot(NamedTuple):
     curvature: Matrix  # d^2/ds^2 of the displacement, shape (3, n) [1/m^2]
 
 
-class Placed(Protocol):
+class PlacedShape(Protocol):
     """Knows what its modes do along it."""
 
     def spot(self, s: float) -> Spot:
@@ -47,7 +47,7 @@ class FlexibleShape:
     tip: Spot
     line: Matrix
     line_shape: Matrix
-    along: Placed | None = None
+    along: PlacedShape | None = None
     damping: Matrix | None = None
     tip_scaled: bool = False
 
