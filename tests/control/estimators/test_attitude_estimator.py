@@ -19,9 +19,9 @@ from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.attitude import AttitudeJoints, rotation_vector
 from flexslew_plant.testbeds.instruments import (
-    Body,
     Gyro,
     GyroSettings,
+    MovingBody,
     StarTracker,
     StarTrackerSettings,
     SunSensor,
@@ -89,7 +89,7 @@ def sensed(
     )  # fmt: skip
     rows = []
     for k, (q, w) in enumerate(zip(path.as_quat(), rates, strict=True)):
-        tip = np.concatenate([read(Body(q, w)) for _, read in readers])
+        tip = np.concatenate([read(MovingBody(q, w)) for _, read in readers])
         still = np.zeros(3)
         it.expect(Reference(still, still, still, NOTHING))
         seen = Measurement(k, 0, k * PERIOD, "", still, still, tip, np.zeros(tip.size), still)

@@ -12,10 +12,10 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.instruments import (
-    Body,
     Gyro,
     GyroSettings,
     Instrument,
+    MovingBody,
     StarTracker,
     StarTrackerSettings,
     SunSensor,
@@ -53,7 +53,7 @@ def turning(ticks: int, rate: Vector = RATE) -> tuple[Matrix, Matrix]:
 def read(instrument: Instrument, attitudes: Matrix, rates: Matrix, seed: int | None = 1) -> Matrix:
     """Return its readings tick by tick."""
     reader = instrument.begin(PERIOD, None if seed is None else np.random.default_rng(seed))
-    return np.array([reader(Body(q, w)) for q, w in zip(attitudes, rates, strict=True)])
+    return np.array([reader(MovingBody(q, w)) for q, w in zip(attitudes, rates, strict=True)])
 
 
 def off(read_: Matrix, true: Matrix) -> Matrix:
