@@ -5,7 +5,7 @@ from time import process_time
 
 import numpy as np
 
-from flexslew_lab.gains.ensemble import Ensemble, gains_of
+from flexslew_lab.gains.ensemble import GainEnsemble, gains_of
 from flexslew_lab.gains.search import searched
 from flexslew_lab.notebook import trial
 
@@ -22,7 +22,7 @@ def figures() -> dict[str, float]:
     """
     what = trial("m1")
     gains = gains_of(what, "m1", None)
-    ensemble = Ensemble(what, "m1", gains)
+    ensemble = GainEnsemble(what, "m1", gains)
     begin = process_time()
     found = searched(ensemble, gains)
     middle = process_time()

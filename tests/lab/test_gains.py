@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from flexslew_lab.analysis.analysis import analysed
 from flexslew_lab.cli.main import app
-from flexslew_lab.gains.ensemble import Ensemble, Gains, gains_of
+from flexslew_lab.gains.ensemble import GainEnsemble, Gains, gains_of
 from flexslew_lab.gains.page import gains_page
 from flexslew_lab.gains.search import searched
 from flexslew_lab.notebook import fly, trial
@@ -27,14 +27,14 @@ KEYS: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def bench() -> tuple[Trial, Gains, Ensemble]:
+def bench() -> tuple[Trial, Gains, GainEnsemble]:
     what = trial("m1", KEYS)
     gains = gains_of(what, "here", None)
-    return what, gains, Ensemble(what, "here", gains)
+    return what, gains, GainEnsemble(what, "here", gains)
 
 
 def test_figures_are_those_of_flights_and_of_the_analysis(
-    bench: tuple[Trial, Gains, Ensemble],
+    bench: tuple[Trial, Gains, GainEnsemble],
 ) -> None:
     what, gains, ensemble = bench
     (outcome,) = ensemble.outcomes([(1.5, 0.8)])
@@ -55,7 +55,7 @@ def test_figures_are_those_of_flights_and_of_the_analysis(
 
 
 def test_a_search_is_within_2_percent_of_a_grid_and_keeps_the_margin(
-    bench: tuple[Trial, Gains, Ensemble],
+    bench: tuple[Trial, Gains, GainEnsemble],
 ) -> None:
     _, gains, ensemble = bench
     found = searched(ensemble, gains, trials=48, octaves=1.0)
@@ -73,7 +73,7 @@ def test_a_search_is_within_2_percent_of_a_grid_and_keeps_the_margin(
 
 
 def test_a_search_goes_on_from_its_journal(
-    bench: tuple[Trial, Gains, Ensemble], tmp_path: Path
+    bench: tuple[Trial, Gains, GainEnsemble], tmp_path: Path
 ) -> None:
     _, gains, ensemble = bench
     journal = tmp_path / "gains.log"
@@ -92,7 +92,7 @@ def test_a_search_goes_on_from_its_journal(
 
 
 def test_gains_whose_loop_is_not_stable_are_not_flown(
-    bench: tuple[Trial, Gains, Ensemble],
+    bench: tuple[Trial, Gains, GainEnsemble],
 ) -> None:
     _, _, ensemble = bench
     (outcome,) = ensemble.outcomes([(2.0**12, 2.0**12)])

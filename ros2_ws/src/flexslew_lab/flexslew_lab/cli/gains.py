@@ -48,7 +48,7 @@ def gains(
 
     Example: `./flexslew gains m1 --trials 400 --journal m1_gains.log`
     """
-    from flexslew_lab.gains.ensemble import Ensemble, gains_of
+    from flexslew_lab.gains.ensemble import GainEnsemble, gains_of
     from flexslew_lab.gains.page import columns, gains_page, summary_rows, verdict
     from flexslew_lab.gains.search import searched
     from flexslew_lab.report.page import write_page
@@ -59,7 +59,7 @@ def gains(
     varied = gains_of(wanted, source, controller, gain or ())
     with for_people.status("flying"):
         found = searched(
-            Ensemble(wanted, source, varied), varied, trials, octaves, margin, journal, seed
+            GainEnsemble(wanted, source, varied), varied, trials, octaves, margin, journal, seed
         )
     if as_json:
         print(json.dumps(found.plain(), indent=2))

@@ -13,12 +13,13 @@ from flexslew_control.analysis.linear_plant import sampled_plant
 from flexslew_control.analysis.loop import loop_of
 from flexslew_control.analysis.loop_margins import disk_margins, swept
 from flexslew_control.controllers import CONTROLLERS, build_controller
+from flexslew_control.controllers.running_law import running_law
 from flexslew_lab.analysis.analysis import is_stable
 from flexslew_lab.analysis.trial_models import Point, point_of
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.execution.worker import Flyer, Job
 from flexslew_lab.studies.flight import Flown, Plans
-from flexslew_lab.studies.study import Study, StudySettings, Variant, Varied
+from flexslew_lab.studies.study import Study, StudySettings, StudyVariant, Varied
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
@@ -27,7 +28,7 @@ ERRORS = (0.8, 1.0, 1.2)  # of stiffness and of payload, as factors [-]
 RESIDUAL, EFFORT = "residual_tip_deflection", "control_effort"  # metrics
 
 
-class Outcome(NamedTuple):
+class MemberOutcome(NamedTuple):
     """What one choice of gains does.
 
     Args:
@@ -99,7 +100,7 @@ def _positive(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and value > 0.0
 
 
-class Ensemble:
+class GainEnsemble:
     """The benches on which gains are tried, at their manoeuvre.
 
     Args:
@@ -126,7 +127,7 @@ class Ensemble:
         whole = json.dumps([self._base, self._benches], sort_keys=True)
         return sha256(whole.encode()).hexdigest()
 
-    def outcomes(self, choices: Sequence[Sequence[float]]) -> list[Outcome]:
+    def outcomes(self, choices: Sequence[Sequence[float]]) -> list[MemberOutcome]:
         """Return what choices of factors on the gains do; NaN where nothing flies.
 
         Those whose loop is not stable are not flown.
@@ -134,9 +135,9 @@ class Ensemble:
         alphas = [self._alpha(factors) for factors in choices]
         stable = [k for k, alpha in enumerate(alphas) if alpha > 0.0]
         flown = self._flown([choices[k] for k in stable])
-        out = [Outcome(np.nan, np.nan, alpha) for alpha in alphas]
+        out = [MemberOutcome(np.nan, np.nan, alpha) for alpha in alphas]
         for k, results in zip(stable, flown, strict=True):
-            out[k] = Outcome(_worst(results, RESIDUAL), _worst(results, EFFORT), alphas[k])
+            out[k] = MemberOutcome(_worst(results, RESIDUAL), _worst(results, EFFORT), alphas[k])
         return out
 
     def _section(self, factors: Sequence[float]) -> dict[str, Any]:
@@ -160,7 +161,7 @@ class Ensemble:
         """Return the flights on all benches, by choice."""
         key = f"controllers.{self._gains.controller}"
         variants = tuple(
-            Variant(str(k), {key: self._section(factors)}) for k, factors in enumerate(choices)
+            StudyVariant(str(k), {key: self._section(factors)}) for k, factors in enumerate(choices)
         )
         bench = Varied("testbed", ("testbed",), "absolute", None)
         settings = StudySettings(study="gains", trial=self._source)

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 
 from flexslew_lab.analysis.table import Table
-from flexslew_lab.gains.ensemble import Outcome
-from flexslew_lab.gains.search import Found, Tried
+from flexslew_lab.gains.ensemble import MemberOutcome
+from flexslew_lab.gains.search import FoundGains, Tried
 from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Panel, legend, style
 
 _FRONT = 20  # rows of the table, at most
 
 
-def gains_page(found: Found, name: str) -> str:
+def gains_page(found: FoundGains, name: str) -> str:
     """Return the search as HTML that needs nothing else."""
     return render(
         "analysis.html.j2",
@@ -25,7 +25,7 @@ def gains_page(found: Found, name: str) -> str:
     )
 
 
-def verdict(found: Found) -> str:
+def verdict(found: FoundGains) -> str:
     """Return in a sentence what is gained over the gains of the trial."""
     words = (
         f"worst residual {found.best.outcome.residual:.4g} m instead of "
@@ -36,7 +36,7 @@ def verdict(found: Found) -> str:
     return f"{words}, at a disk margin of at least {found.least:.4g}"
 
 
-def summary_rows(found: Found) -> list[tuple[str, ...]]:
+def summary_rows(found: FoundGains) -> list[tuple[str, ...]]:
     """Return the trial's gains and the best ones, with what they do."""
     ones = [1.0] * len(found.gains.shipped)
     return [
@@ -45,17 +45,17 @@ def summary_rows(found: Found) -> list[tuple[str, ...]]:
     ]
 
 
-def columns(found: Found) -> tuple[str, ...]:
+def columns(found: FoundGains) -> tuple[str, ...]:
     """Return the headings of summary_rows."""
     return ("", *found.gains.shipped, "worst residual [m]", "worst effort", "disk margin")
 
 
-def _cells(gains: dict[str, Any], outcome: Outcome) -> list[str]:
+def _cells(gains: dict[str, Any], outcome: MemberOutcome) -> list[str]:
     numbers = [", ".join(f"{v:.5g}" for v in np.atleast_1d(value)) for value in gains.values()]
     return [*numbers, *(f"{v:.5g}" for v in outcome)]
 
 
-def _compared(found: Found) -> Table:
+def _compared(found: FoundGains) -> Table:
     words = (
         "The largest deflection of a tip after the manoeuvre and the largest integral of squared "
         "efforts, over benches with +-20 % of stiffness and payload; the disk margin at the "
@@ -64,7 +64,7 @@ def _compared(found: Found) -> Table:
     return Table("What was found", words, columns(found), [list(r) for r in summary_rows(found)])
 
 
-def _front(found: Found) -> Table:
+def _front(found: FoundGains) -> Table:
     front = found.front
     rows = np.unique(np.linspace(0, len(front) - 1, min(len(front), _FRONT)).round().astype(int))
     shown = [_cells(found.gains.times(front[k].factors), front[k].outcome) for k in rows]
@@ -72,7 +72,7 @@ def _front(found: Found) -> Table:
     return Table("What the margin costs", words, columns(found)[1:], shown)
 
 
-def _trade_off(found: Found) -> Group:
+def _trade_off(found: FoundGains) -> Group:
     panel = Panel("worst residual", "m", log=True, x_title="disk margin [-]", height=320)
     shipped = Tried((1.0,), found.shipped)
     shown = (("tried", found.tried), ("front", found.front), ("in the trial", (shipped,)),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.gains.ensemble import Ensemble, Gains, Outcome
+from flexslew_lab.gains.ensemble import GainEnsemble, Gains, MemberOutcome
 from flexslew_plant.errors import BadInput
 
 if TYPE_CHECKING:
@@ -24,11 +24,11 @@ class Tried(NamedTuple):
     """A choice that was tried: factors on the shipped gains, and what they do."""
 
     factors: tuple[float, ...]
-    outcome: Outcome
+    outcome: MemberOutcome
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundGains:
     """What a search has found.
 
     Args:
@@ -41,7 +41,7 @@ class Found:
 
     gains: Gains
     least: float
-    shipped: Outcome
+    shipped: MemberOutcome
     best: Tried
     tried: tuple[Tried, ...]
 
@@ -78,7 +78,7 @@ class Found:
 
 
 def searched(
-    ensemble: Ensemble,
+    ensemble: GainEnsemble,
     gains: Gains,
     trials: int = 200,
     octaves: float = 2.0,
@@ -86,7 +86,7 @@ def searched(
     journal: Path | None = None,
     seed: int = 1,
     progress: Callable[[int, int], None] = lambda done, last: None,
-) -> Found:
+) -> FoundGains:
     """Return the gains with the smallest worst residual that keep a disk margin.
 
     Args:
@@ -132,7 +132,7 @@ def searched(
     if not keeping:
         raise BadInput(f"--margin: none of {trials} choices keeps a disk margin of {margin:.4g}")
     best = min(keeping, key=lambda one: one.outcome.residual)
-    return Found(gains, margin, shipped, best, tuple(done))
+    return FoundGains(gains, margin, shipped, best, tuple(done))
 
 
 def _study(journal: Path | None, about: dict[str, Any]) -> "optuna.Study":
@@ -162,14 +162,14 @@ def _study(journal: Path | None, about: dict[str, Any]) -> "optuna.Study":
 
 def _tried(one: "optuna.trial.FrozenTrial") -> Tried:
     factors = tuple(2.0**value for value in one.params.values())
-    return Tried(factors, Outcome(*one.user_attrs["outcome"]))
+    return Tried(factors, MemberOutcome(*one.user_attrs["outcome"]))
 
 
-def _keeps(outcome: Outcome, margin: float) -> bool:
+def _keeps(outcome: MemberOutcome, margin: float) -> bool:
     return bool(outcome.alpha >= margin * (1.0 - 1e-9) and np.isfinite(outcome.residual))
 
 
-def _cost(outcome: Outcome, margin: float) -> float:
+def _cost(outcome: MemberOutcome, margin: float) -> float:
     """Return what the sampler minimises: the residual's logarithm, and what the margin lacks."""
     if not (np.isfinite(outcome.residual) and outcome.residual > 0.0):
         return _LOST
