@@ -44,16 +44,17 @@ def found(seed: int) -> Any:
 
 
 @lru_cache
-def csa(seed: int) -> tuple[Any, Any]:
+def csa(seed: int, slope: float = 1.0) -> tuple[Any, Any]:
     rng = np.random.default_rng(seed)
     nominal = bench(kind="csa", modes=3, damping_ratio=0.005)
     true = nominal.scaled(rng.uniform(0.8, 1.2), rng.uniform(0.8, 1.2))
-    return true, shaken(true, *CSA, rng, believed=nominal)
+    plan, gains = CSA
+    return true, shaken(true, plan | {"slope": slope}, gains, rng, believed=nominal)
 
 
 @lru_cache
-def found_csa(seed: int) -> Any:
-    return identify_modes(csa(seed)[1].record, (0.18, 14.0))
+def found_csa(seed: int, slope: float = 1.0) -> Any:
+    return identify_modes(csa(seed, slope)[1].record, (0.18, 14.0))
 
 
 def test_benches_of_other_stiffness_are_found_in_closed_loop_and_the_intervals_hold_them() -> None:
@@ -93,10 +94,10 @@ def test_the_testbed_of_csa_is_found_with_all_modes_inertias_and_clamped_frequen
 
 
 def test_a_mode_whose_start_was_lost_is_found_in_what_the_others_leave() -> None:
-    """Of this bench subspace identification gives the third mode 10 % too low."""
-    true, _ = csa(8)
+    """Of this bench, shaken evenly, subspace identification gives the third mode 10 % too low."""
+    true, _ = csa(8, slope=0.0)
     w, _, _ = truth(true)
-    modes = found_csa(8).modes
+    modes = found_csa(8, slope=0.0).modes
     assert [m.frequency.value for m in modes] == pytest.approx(w, rel=2e-3)
 
 

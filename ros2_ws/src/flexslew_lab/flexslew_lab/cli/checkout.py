@@ -69,8 +69,8 @@ def _figures_of(name: str, path: Path) -> dict[str, float]:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # a kernel that is kept for later runs is found by this name
-    if str(path.parent) not in sys.path:
-        sys.path.append(str(path.parent))  # where the processes that it starts look for it
+    # where the processes that it starts look for it, and it for what it shares with tests
+    sys.path += [str(p) for p in (path.parent, path.parent.parent) if str(p) not in sys.path]
     spec.loader.exec_module(module)
     figures: dict[str, float] = module.figures()
     return figures

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexslew_control.planners.prediction import open_loop
 from flexslew_lab.identification.oscillators import Oscillator, times
-from flexslew_lab.identification.projection import LowFrequencies, Projection
+from flexslew_lab.identification.projection import Projection
 from flexslew_lab.identification.record import Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
@@ -28,10 +28,7 @@ class Mismatch:
 class Flights:
     """Flights of a testbed with the efforts of a record."""
 
-    def __init__(
-        self, record: Record, testbed: Testbed, names: tuple[str, ...], highest: float
-    ) -> None:
-        self._low = LowFrequencies(record.ticks + 1, record.period, highest)
+    def __init__(self, record: Record, testbed: Testbed, names: tuple[str, ...]) -> None:
         self.record, self._testbed, self._names = record, testbed, names
         self.flights = 0
         model = testbed.model()
@@ -57,10 +54,10 @@ class Flights:
         """Return the residual of a flight without bias and free motions."""
         model = self.testbed(values).model()
         free = _free_motions(self.record, model)
-        away = self._low(self.record.measured - self.flown(values))
+        away = self.record.measured - self.flown(values)
         parts, projections = [], []
         for k, output in enumerate(self.record.outputs):
-            projection = Projection(_unit(self._low(free[output.quantity])))
+            projection = Projection(_unit(free[output.quantity]))
             parts.append(projection.solve(away[:, k])[1] / noise[k])
             projections.append(projection)
         return Mismatch(np.concatenate(parts), tuple(projections))
@@ -71,8 +68,7 @@ class Flights:
         for k in range(values.size):
             step = np.zeros(values.size)
             step[k] = _STEP
-            apart = self.flown(values + step) - self.flown(values - step)
-            slope = self._low(apart / (2.0 * _STEP))
+            slope = (self.flown(values + step) - self.flown(values - step)) / (2.0 * _STEP)
             parts = [
                 projection.solve(slope[:, o])[1] / noise[o]
                 for o, projection in enumerate(state.projections)

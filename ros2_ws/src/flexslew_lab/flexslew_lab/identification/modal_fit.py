@@ -9,7 +9,13 @@ from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.projection import Projection
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.regressors import RegressorSignals
-from flexslew_lab.identification.separable import ModalLeastSquares, Part, Solution, groups_of
+from flexslew_lab.identification.separable import (
+    ParameterGroup,
+    ModalLeastSquares,
+    Part,
+    Solution,
+    groups_of,
+)
 from flexslew_plant.arrays import Matrix, Vector
 
 FLOOR = 1e-6  # of an output's largest value: what no sensor resolves, and no fit may explain
@@ -27,6 +33,7 @@ class ModalFit:
         covariance: of (w_1, zeta_1, w_2, ...), (2 modes, 2 modes).
         residues: R_i, displacement of each output per unit of each modal force, shape
             (modes, displacements, inputs); displacements are joint positions, then deflections.
+        lags: S_i, displacement per unit of the rate of each modal force, same shape [s].
         inverse_inertia: R0 of the joints, (joints, inputs) [1/(kg m^2) or 1/kg].
         inverse_inertia_covariance: of its entries row by row.
         noise: standard deviation of every output, (outputs,).
@@ -37,6 +44,7 @@ class ModalFit:
     modes: tuple[Oscillator, ...]
     covariance: Matrix
     residues: np.ndarray
+    lags: np.ndarray
     inverse_inertia: Matrix
     inverse_inertia_covariance: Matrix
     noise: Vector
@@ -110,7 +118,7 @@ def _moved(modes: tuple[Oscillator, ...], step: Vector, duration: float) -> tupl
 def noise_of(solution: Solution) -> Vector:
     """Return the standard deviation of the residual of every output, (outputs,)."""
     record = solution.problem.record
-    n = len(solution.problem.signals.measured)
+    n = solution.problem.signals.rows
     found = np.empty(len(record.outputs))
     for column in range(len(record.outputs)):
         part = next(p for p in solution.parts if column in (p.group.position, p.group.rate))
@@ -132,12 +140,14 @@ def modal_fit(solution: Solution) -> ModalFit:
     both = np.array([[2 * k, 2 * k + 1] for k in order], dtype=int).ravel()
     displacements = [p for p in solution.parts if p.group.position >= 0]
     residues = np.zeros((len(modes), len(displacements), inputs))
+    lags = np.zeros(residues.shape)
     inverse, spread = [], []
     for row, part in enumerate(displacements):
         for place, k in enumerate(order):
-            first = part.weights.size - (len(modes) - k) * (inputs + 2)
-            scale = modes[k].frequency ** 2
-            residues[place, row] = part.weights[first : first + inputs] * scale
+            own, w = part.of_modes[k], modes[k].frequency
+            residues[place, row] = own[:inputs] * w**2
+            if own.size > inputs + 2:
+                lags[place, row] = own[inputs + 2 :]
         if part.group.rigid:
             first = 3 if part.group.rate >= 0 else 2
             inverse.append(part.weights[first : first + inputs])
@@ -153,6 +163,7 @@ def modal_fit(solution: Solution) -> ModalFit:
         tuple(modes[k] for k in order),
         covariance[np.ix_(both, both)],
         residues,
+        lags,
         np.array(inverse).reshape(joints, inputs),
         blocks,
         np.asarray(residual.std(axis=0)),
@@ -174,7 +185,7 @@ def prediction_error(record: Record, fit: ModalFit) -> Matrix:
     Bias and the motion before the record are this record's own; all else is the other's.
     """
     signals, inputs = RegressorSignals(record, None), record.effort.shape[1]
-    columns = [signals.responses(mode) for mode in fit.modes]
+    terms = signals.columns(fit.modes)
     left = np.empty_like(record.measured)
     joint, row = 0, 0
     for group in groups_of(record):
@@ -185,12 +196,36 @@ def prediction_error(record: Record, fit: ModalFit) -> Matrix:
             if group.rigid:
                 away -= signals.rigid[which] @ fit.inverse_inertia[joint]
             own = [signals.line if which == 0 and group.rigid else signals.constant]
-            for mode, pair, residues in zip(fit.modes, columns, fit.residues, strict=True):
-                away -= pair[which][:, :inputs] @ (residues[row] / mode.frequency**2)
-                own.append(pair[which][:, inputs:])
+            for k, (mode, columns) in enumerate(zip(fit.modes, terms[which].modes, strict=True)):
+                away -= columns[:, :inputs] @ (fit.residues[k, row] / mode.frequency**2)
+                away -= columns[:, inputs + 2 :] @ fit.lags[k, row]
+                own.append(columns[:, inputs : inputs + 2])
             free = np.hstack(own)
             free /= np.sqrt(np.einsum("ij,ij->j", free, free))
             left[:, column] = Projection(free).solve(away)[1]
         row += group.position >= 0
         joint += group.rigid and group.position >= 0
     return left
+
+
+def modal_response(fit: ModalFit, groups: tuple[Group, ...], w: Vector) -> np.ndarray:
+    """Return the frequency responses of a fit, (frequencies, displacements, inputs).
+
+    G(jw) = -R0 / w^2 + sum of (R_i + j w S_i) / (w_i^2 - w^2 + 2 j zeta_i w_i w), R0 of the joints
+    alone.
+
+    Args:
+        fit: modes and residues.
+        groups: of its record.
+        w: frequencies [rad/s].
+    """
+    square = (w**2)[:, None, None]
+    rigid = np.zeros(fit.residues.shape[1:])
+    places = [k for k, g in enumerate(g for g in groups if g.position >= 0) if g.rigid]
+    rigid[places] = fit.inverse_inertia
+    found: np.ndarray = -rigid / square + 0j
+    s = 1j * w[:, None, None]
+    for mode, residues, lags in zip(fit.modes, fit.residues, fit.lags, strict=True):
+        drag = 2.0 * mode.damping_ratio * mode.frequency * s
+        found = found + (residues + s * lags) / (mode.frequency**2 - square + drag)
+    return found

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.signal import welch
 from scipy.stats import chi2, norm
 
-from flexslew_lab.identification.modal_fit import ModalFit, modal_fit
+from flexslew_lab.identification.modal_fit import ModalFit, modal_fit, noise_of, refined
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.regressors import RegressorSignals
@@ -128,7 +128,9 @@ def identify_modes(
     low, high = 0.5 * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
     candidates = _merged([mode for poles in starts for mode in stable(poles, low, high)])
     tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
-    solution = selected(RegressorSignals(record, band[1]), candidates, (low, high))
+    chosen = selected(RegressorSignals(record, band[1]), candidates, (low, high))
+    # of all ticks: the low end of a band alone would tie the noise to the efforts fed back from it
+    solution, _ = refined(RegressorSignals(record, None), chosen.modes, noise_of(chosen))
     fit = modal_fit(solution)
     return ModalModel(
         record,

@@ -1,6 +1,9 @@
 """What a fit of modes is linear in: responses of oscillators, the rigid motion, bias and drift."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import accumulate, pairwise
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -11,7 +14,22 @@ from flexslew_plant.arrays import Matrix
 
 _STEP = 1e-6  # relative, of the differences with respect to frequency
 _DAMPING_STEP = 1e-6
+_BLOCK = 4096  # rows that are turned at once
 _KEPT = 256  # modes whose responses are kept: those of a search, too
+
+Pair: TypeAlias = tuple[Matrix, Matrix]  # of positions and of rates
+T = TypeVar("T")
+
+
+class Terms(NamedTuple):
+    """What a position (or a rate) is linear in, and what was measured: columns of as many rows."""
+
+    constant: Matrix
+    line: Matrix  # constant and time
+    rigid: Matrix  # of each input
+    modes: tuple[Matrix, ...]  # of each: forced by each input, free, forced in its rate (all ticks)
+    slopes: tuple[Matrix, ...]  # of these by frequency and by damping ratio, mode by mode
+    measured: Matrix  # of every output
 
 
 class RegressorSignals:
@@ -34,45 +52,100 @@ class RegressorSignals:
         self.line = self.cut(np.column_stack((one, t)))
         position, rate = double_integral(record.effort, h)
         self.rigid = self.cut(position), self.cut(rate)
-        self._responses: dict[Oscillator, tuple[Matrix, Matrix]] = {}
-        self._slopes: dict[Oscillator, list[tuple[Matrix, Matrix]]] = {}
+        self._responses: dict[Oscillator, Pair] = {}
+        self._slopes: dict[Oscillator, list[Pair]] = {}
+        self._turned: tuple[tuple[tuple[Oscillator, ...], bool], tuple[Terms, Terms]] | None = None
 
     def cut(self, columns: Matrix) -> Matrix:
         """Return what columns of the time domain hold below the frequency."""
         return columns if self._low is None else self._low(columns)
 
-    def responses(self, mode: Oscillator) -> tuple[Matrix, Matrix]:
-        """Return the columns of a mode: positions and rates, forced by each input, then free."""
-        if self._low is None:
-            return mode.responses(self.record.effort, self.record.period)
-        if mode not in self._responses:
-            if len(self._responses) >= _KEPT:
-                del self._responses[next(iter(self._responses))]
-            q, rate = self._sums(mode, self._low)
-            self._responses[mode] = self._low.of_sums(q), self._low.of_sums(rate)
-        return self._responses[mode]
+    @property
+    def whole(self) -> bool:
+        """Whether they are of all ticks."""
+        return self._low is None
 
-    def slopes(self, mode: Oscillator) -> list[tuple[Matrix, Matrix]]:
-        """Return the slopes of these columns by frequency and by damping ratio.
+    @property
+    def rows(self) -> int:
+        """How many numbers of each output there are, whatever they are turned to."""
+        return len(self.measured)
 
-        They are needed below the frequency alone.
+    def columns(self, modes: tuple[Oscillator, ...], slopes: bool = False) -> tuple[Terms, Terms]:
+        """Return the terms of positions and of rates, row by row as the signals are.
+
+        Args:
+            modes: of the fit.
+            slopes: whether those of the modes are needed, too.
         """
-        assert self._low is not None
-        if mode not in self._slopes:
-            if len(self._slopes) >= _KEPT:
-                del self._slopes[next(iter(self._slopes))]
-            found = []
-            for ahead, behind, distance in neighbours(mode):
-                (q, rate), (q_behind, rate_behind) = (
-                    self._sums(one, self._low) for one in (ahead, behind)
-                )
-                by = (q - q_behind) / distance, (rate - rate_behind) / distance
-                found.append((self._low.of_sums(by[0]), self._low.of_sums(by[1])))
-            self._slopes[mode] = found
-        return self._slopes[mode]
+        found = [self.responses(mode) for mode in modes]
+        moved = [pair for mode in (modes if slopes else ()) for pair in self.slopes(mode)]
+        position, rate = (
+            Terms(
+                self.constant,
+                self.line,
+                self.rigid[k],
+                tuple(pair[k] for pair in found),
+                tuple(pair[k] for pair in moved),
+                self.measured,
+            )
+            for k in (0, 1)
+        )
+        return position, rate
 
-    def _sums(self, mode: Oscillator, low: LowFrequencies) -> tuple[Matrix, Matrix]:
-        return mode.responses(self.record.effort, self.record.period, low.each)
+    def terms(self, modes: tuple[Oscillator, ...], slopes: bool) -> tuple[Terms, Terms]:
+        """Return the terms for least squares: of all ticks, turned to as many rows as columns."""
+        if self._low is not None:
+            return self.columns(modes, slopes)
+        key = modes, slopes
+        if self._turned is None or self._turned[0] != key:
+            position, rate = self.columns(modes, slopes)
+            self._turned = key, (turned(position), turned(rate))
+        return self._turned[1]
+
+    def responses(self, mode: Oscillator) -> Pair:
+        """Return the columns of a mode: positions and rates, forced by each input, then free."""
+        return self._kept(self._responses, mode, self._computed)
+
+    def slopes(self, mode: Oscillator) -> list[Pair]:
+        """Return the slopes of these columns by frequency and by damping ratio."""
+        return self._kept(self._slopes, mode, self._differences)
+
+    def _kept(
+        self, kept: dict[Oscillator, T], mode: Oscillator, new: Callable[[Oscillator], T]
+    ) -> T:
+        if self._low is None:  # too large to be kept
+            return new(mode)
+        if mode not in kept:
+            if len(kept) >= _KEPT:
+                del kept[next(iter(kept))]
+            kept[mode] = new(mode)
+        return kept[mode]
+
+    def _computed(self, mode: Oscillator) -> Pair:
+        q, rate = self._sums(mode)
+        return self._of_sums(q), self._of_sums(rate)
+
+    def _differences(self, mode: Oscillator) -> list[Pair]:
+        found = []
+        for ahead, behind, distance in neighbours(mode):
+            (q, rate), (q_behind, rate_behind) = self._sums(ahead), self._sums(behind)
+            by = (q - q_behind) / distance, (rate - rate_behind) / distance
+            found.append((self._of_sums(by[0]), self._of_sums(by[1])))
+        return found
+
+    def _sums(self, mode: Oscillator) -> Pair:
+        effort, h = self.record.effort, self.record.period
+        if self._low is not None:
+            return mode.responses(effort, h, self._low.each)
+        q, rate = mode.responses(effort, h)
+        w, inputs = mode.frequency, effort.shape[1]
+        forced, moved = q[:, :inputs], rate[:, :inputs]  # times w^2
+        # q' and q'' less the effort, of which all modes together have nothing
+        slowed = -2.0 * mode.damping_ratio / w * moved - forced
+        return np.hstack((q, moved / w**2)), np.hstack((rate, slowed))
+
+    def _of_sums(self, columns: Matrix) -> Matrix:
+        return columns if self._low is None else self._low.of_sums(columns)
 
 
 def neighbours(mode: Oscillator) -> tuple[tuple[Oscillator, Oscillator, float], ...]:
@@ -90,3 +163,20 @@ def neighbours(mode: Oscillator) -> tuple[tuple[Oscillator, Oscillator, float], 
             2.0 * dz,
         ),
     )
+
+
+def turned(terms: Terms) -> Terms:
+    """Return the terms times an orthogonal matrix that leaves as many rows as columns.
+
+    It is the triangular factor of all columns, block of rows by block (Golub and Van Loan 2013,
+    5.2.3): every inner product stays, and no large matrix is ever put together.
+    """
+    parts = (terms.constant, terms.line, terms.rigid, *terms.modes, *terms.slopes, terms.measured)
+    edges = [0, *accumulate(part.shape[1] for part in parts)]
+    factor = np.zeros((0, edges[-1]))
+    for first in range(0, len(terms.measured), _BLOCK):
+        rows = np.hstack([part[first : first + _BLOCK] for part in parts])
+        factor = np.asarray(np.linalg.qr(np.vstack((factor, rows)), mode="r"))
+    constant, line, rigid, *rest = (factor[:, a:b] for a, b in pairwise(edges))
+    modes = len(terms.modes)
+    return Terms(constant, line, rigid, tuple(rest[:modes]), tuple(rest[modes:-1]), rest[-1])

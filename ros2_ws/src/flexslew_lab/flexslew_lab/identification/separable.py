@@ -10,6 +10,10 @@ with the efforts u that were really applied, held over every tick, as input. The
 exactly, so nothing is biased by the feedback that made them: the errors of the fit are the
 sensors' noise alone (the direct method with the true noise model, Pintelon and Schoukens, chapter
 9). A rate sensor sees the derivative with the same residues; a deflection has no rigid part.
+
+On all ticks every mode has S_ioa q_ia' beside R_ioa q_ia: a damping that couples the modes turns
+their shapes complex, and without S their frequencies would be biased by its square (Ewins 2000,
+2.7). No effort moves a bench at once, so the sum of S over the modes is 0.
 """
 
 from dataclasses import dataclass
@@ -20,7 +24,7 @@ import numpy as np
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.projection import Projection
 from flexslew_lab.identification.record import Quantity, Record
-from flexslew_lab.identification.regressors import RegressorSignals
+from flexslew_lab.identification.regressors import RegressorSignals, Terms
 from flexslew_plant.arrays import Matrix, Vector
 
 
@@ -65,15 +69,14 @@ class ModalLeastSquares:
             modes: frequencies and damping ratios.
             slopes: whether those of the residual are needed, too.
         """
-        columns = [self.signals.responses(mode) for mode in modes]
-        moved = [self.signals.slopes(mode) for mode in (modes if slopes else ())]
+        terms = self.signals.terms(modes, slopes)
         bases: dict[tuple[bool, bool, bool, float], _Basis] = {}
         parts = []
         for group in self.groups:
             kind = (group.rigid, group.position >= 0, group.rate >= 0, self._ratio(group))
             if kind not in bases:
-                bases[kind] = self._basis(group, columns, moved)
-            parts.append(self._part(group, bases[kind]))
+                bases[kind] = self._basis(group, terms)
+            parts.append(self._part(group, bases[kind], terms))
         return Solution(self, modes, parts)
 
     def _ratio(self, group: ParameterGroup) -> float:
@@ -86,41 +89,35 @@ class ModalLeastSquares:
         rows = [(group.position, 0, 1.0)] if group.position >= 0 else []
         return rows + ([(group.rate, 1, self._ratio(group))] if group.rate >= 0 else [])
 
-    def _basis(
-        self,
-        group: ParameterGroup,
-        columns: "list[tuple[Matrix, Matrix]]",
-        moved: "list[list[tuple[Matrix, Matrix]]]",
-    ) -> "_Basis":
+    def _basis(self, group: ParameterGroup, terms: tuple[Terms, Terms]) -> "_Basis":
         rows = self.rows(group)
-        phi = np.vstack([w * self._matrix(group, columns, which) for _, which, w in rows])
+        phi = np.vstack([w * self._matrix(group, terms[which], which) for _, which, w in rows])
         scale = np.sqrt(np.einsum("ij,ij->j", phi, phi))
         scale[scale == 0.0] = 1.0
         phi /= scale
         projection = Projection(phi)
-        if not moved:
+        if not terms[0].slopes:
             empty = np.zeros((len(phi), 0))
             return _Basis(phi, scale, projection, empty, np.zeros((phi.shape[1], 0)))
-        raw = np.vstack(
-            [w * np.hstack([d[which] for pair in moved for d in pair]) for _, which, w in rows]
-        )
+        raw = np.vstack([w * np.hstack(terms[which].slopes) for _, which, w in rows])
         along = projection.coordinates(raw)
         return _Basis(phi, scale, projection, raw - phi @ along, along)
 
-    def _part(self, group: ParameterGroup, basis: "_Basis") -> "Part":
+    def _part(self, group: ParameterGroup, basis: "_Basis", terms: tuple[Terms, Terms]) -> "Part":
         rows = self.rows(group)
         sigma = float(self.noise[rows[0][0]])
-        y = np.concatenate([w * self.signals.measured[:, column] for column, _, w in rows])
+        y = np.concatenate([w * terms[which].measured[:, column] for column, which, w in rows])
         weights, residual = basis.projection.solve(y)
-        c, width = weights / basis.scale, self.record.effort.shape[1] + 2
-        count = basis.turned.shape[1] // width  # two for each mode
+        c = weights / basis.scale
+        of_modes = self._of_modes(c, terms[0].modes)
+        width, count = of_modes.shape[1], len(terms[0].slopes)  # two for each mode
         own = np.zeros((basis.turned.shape[1], count))
         for k in range(count):
-            first = len(c) - (count // 2 - k // 2) * width
-            own[k * width : (k + 1) * width, k] = c[first : first + width]
+            own[k * width : (k + 1) * width, k] = of_modes[k // 2]
         return Part(
             group,
             c,
+            of_modes,
             sigma,
             basis,
             residual / sigma,
@@ -129,31 +126,45 @@ class ModalLeastSquares:
             basis.along @ own,
         )
 
+    def _of_modes(self, c: Vector, modes: tuple[Matrix, ...]) -> Matrix:
+        """Return the weights of each mode's own columns, (modes, columns)."""
+        first = self.record.effort.shape[1] + 2
+        count, width = len(modes), modes[0].shape[1] if modes else first
+        lags = c[len(c) - max(count - 1, 0) * (width - first) :]
+        plain = c[len(c) - lags.size - count * first : len(c) - lags.size]
+        found = np.zeros((count, width))
+        found[:, :first] = plain.reshape(count, first)
+        if lags.size:
+            found[:-1, first:] = lags.reshape(count - 1, width - first)
+            found[-1, first:] = -found[:-1, first:].sum(axis=0)
+        return found
+
     def residual_in_time(self, modes: tuple[Oscillator, ...], parts: "list[Part]") -> Matrix:
         """Return measured minus fitted tick by tick, (ticks + 1, outputs)."""
-        whole = RegressorSignals(self.record, None)
-        problem = ModalLeastSquares(whole, self.noise)
-        columns = [whole.responses(mode) for mode in modes]
-        left = whole.measured.copy()
+        terms = RegressorSignals(self.record, None).columns(modes)
+        left = self.record.measured.copy()
         for part in parts:
+            own = part.of_modes.shape[1]  # without rates where the fit has none
             for column, which, _ in self.rows(part.group):
-                left[:, column] -= problem._matrix(part.group, columns, which) @ part.weights
+                kept = tuple(mode[:, :own] for mode in terms[which].modes)
+                columns = self._matrix(part.group, terms[which]._replace(modes=kept), which)
+                left[:, column] -= columns @ part.weights
         return left
 
-    def _matrix(
-        self, group: ParameterGroup, columns: "list[tuple[Matrix, Matrix]]", which: int
-    ) -> Matrix:
+    def _matrix(self, group: ParameterGroup, own: Terms, which: int) -> Matrix:
         """Return the columns of a position (which 0) or a rate (1): bias, rigid, then modes."""
-        one, line = self.signals.constant, self.signals.line
+        one = own.constant
         if which == 0:
-            bias = line if group.rigid else one
+            bias = own.line if group.rigid else one
             bias = np.hstack((bias, np.zeros_like(one))) if group.rate >= 0 else bias
         elif group.position >= 0:  # the derivative of the line, and the sensor's own bias
             bias = np.hstack((0.0 * one, self.signals.slope * one, one))
         else:
             bias = one
-        rigid = [self.signals.rigid[which]] if group.rigid else []
-        return np.hstack([bias, *rigid, *(pair[which] for pair in columns)])
+        rigid = [own.rigid] if group.rigid else []
+        first = self.record.effort.shape[1] + 2
+        lags = [mode[:, first:] - own.modes[-1][:, first:] for mode in own.modes[:-1]]
+        return np.hstack([bias, *rigid, *(mode[:, :first] for mode in own.modes), *lags])
 
 
 @dataclass(frozen=True)
@@ -178,6 +189,7 @@ class Part:
 
     group: ParameterGroup
     weights: Vector  # linear parameters
+    of_modes: Matrix  # those of each mode's own columns, (modes, columns)
     sigma: float  # standard deviation of the first quantity's noise
     basis: _Basis
     residual: Vector  # in standard deviations
@@ -215,10 +227,10 @@ class Solution:
     def residual_of(self, column: int) -> Vector:
         """Return measured minus fitted of an output, as its signals are cut, in its unit."""
         for part in self.parts:
-            n = len(self.problem.signals.measured)
+            rows = len(part.residual) // len(self.problem.rows(part.group))
             if part.group.position == column:
-                return np.asarray(part.residual[:n] * self.problem.noise[column])
+                return np.asarray(part.residual[:rows] * self.problem.noise[column])
             if part.group.rate == column:
                 # weighed to the first quantity's noise, so in its own standard deviations
-                return np.asarray(part.residual[-n:] * self.problem.noise[column])
+                return np.asarray(part.residual[-rows:] * self.problem.noise[column])
         raise AssertionError(column)
