@@ -62,6 +62,23 @@ def test_planner_and_laws_believe_what_was_found_and_the_bench_stays_the_sampled
     assert again == believed
 
 
+def test_an_experiment_that_fits_gives_the_bench_its_own_equations_with_the_numbers_found() -> None:
+    """Half of M1 on a drawn two-motor testbed: 20 times quieter, and as quiet as with the truth."""
+    study = load_study(SHIPPED / "identify_and_replan_csa.yaml")
+    samples, left = sample_table(study), {}
+    for k in range(3):
+        found = flown(study, case_of(study, samples, k), Plans())
+        assert found.status == "ok", found.reason
+        left[study.variants[k].label] = found.metrics["residual_tip_deflection"] or np.nan
+    assert left["identified"] < 1.5 * left["truth"] < 0.1 * left["nominal"]
+
+
+def test_what_a_fit_cannot_find_is_refused(study_of: Callable[..., Study]) -> None:
+    study = study_of(replan="experiment", fit=["parameters.mas"], shake=SHAKE | {"duration": 80.0})
+    with pytest.raises(BadInput, match=r"parameters.mas is not a number of the testbed"):
+        case_trial(study, case_of(study, sample_table(study), 0))
+
+
 @pytest.mark.parametrize(
     ("keys", "words"),
     [

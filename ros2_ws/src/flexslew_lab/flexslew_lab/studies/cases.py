@@ -140,7 +140,8 @@ def case_trial(study: Study, case: Case) -> Trial:
     trial = trial_of_values(alike | changed | own, source, study.trust)
     if study.variants[case.variant].replan != EXPERIMENT:
         return trial
-    found = plain(found_by_shaking(_experiment(study, case, changes)))
+    experiment, believed_before = _experiment(study, case, changes), nominal.trial.testbed
+    found = found_by_shaking(experiment, believed_before, study.settings.fit)
     asked = overridden(study.base, study.variants[case.variant].changes)
     values = believing(_flying(overridden(asked, changes)), source, study.trust, found)
     return trial_of_values(values | own, source, study.trust)

@@ -1,8 +1,11 @@
 """What the experiment of a study finds out about a sampled bench."""
 
+from typing import Any
+
 from flexslew_lab.identification.measurements import Listener
 from flexslew_lab.identification.model_file import testbed_of
 from flexslew_lab.identification.modes import identify_modes
+from flexslew_lab.identification.physical_fit import fit_parameters
 from flexslew_lab.run.in_process import fly
 from flexslew_lab.trial.trial import (
     Trial,
@@ -13,14 +16,19 @@ from flexslew_lab.trial.trial import (
 )
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds.identified import IdentifiedTestbed
+from flexslew_plant.settings import plain
+from flexslew_plant.testbeds import Testbed, varied
 
 
-def found_by_shaking(experiment: Trial) -> IdentifiedTestbed:
-    """Return the bench of a trial as its measurements identify it.
+def found_by_shaking(
+    experiment: Trial, nominal: Testbed, fit: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """Return the `testbed` section of the bench of a trial as its measurements identify it.
 
     Args:
         experiment: with a plan of method excitation.
+        nominal: the bench that is believed before, where a fit begins.
+        fit: paths of numbers in its section that are fitted; none: modes and inertias are found.
 
     Raises:
         BadInput: it cannot be flown, or cannot tell; with the numbers.
@@ -38,4 +46,10 @@ def found_by_shaking(experiment: Trial) -> IdentifiedTestbed:
     if bench.failure:
         raise BadInput(bench.failure, place)
     low, high = plan.summary["band"]
-    return testbed_of(identify_modes(heard.record(experiment.name), (float(low), float(high))))
+    model = identify_modes(heard.record(experiment.name), (float(low), float(high)))
+    if fit:
+        changes = fit_parameters(model, nominal, fit).changes
+        section: dict[str, Any] = plain(varied(nominal, changes, f"{experiment.name}: fit"))
+    else:
+        section = plain(testbed_of(model))
+    return section

@@ -79,6 +79,10 @@ class StudySettings:
     # keys that make the trial that experiment, with a `plan` of method excitation; its plan
     # believes the nominal bench
     shake: dict[str, Any] = Field(default_factory=dict)
+    # numbers of the `testbed` section that the experiment fits, as `--fit` of `identify` does:
+    # planner and controllers believe the bench's own equations with them; empty: they believe its
+    # modes and inertias
+    fit: tuple[str, ...] = ()
     # by key of the trial: a list of values, or values by name; every combination flies the same
     # samples
     compare: dict[str, list[Any] | dict[str, Any]] = Field(default_factory=dict)
