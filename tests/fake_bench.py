@@ -25,6 +25,7 @@ class FakeLink:
         self.view.joints = JOINTS
         self.view.controllers["pd"] = ControllerView("pd", "pd_feedforward", True, "", SETTINGS)
         self.asked: list[tuple[str, dict[str, Any]]] = []
+        self.measures = False
 
     def poll(self, now: float) -> None:
         """Nothing comes."""
@@ -40,3 +41,6 @@ class FakeLink:
 
     def cancel(self) -> None:
         self.asked.append(("cancel", {}))
+
+    def measure(self, on: bool) -> None:
+        self.measures = on

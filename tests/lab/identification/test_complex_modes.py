@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from flexslew_lab.identification.modal_fit import modal_fit, modal_response, refined
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Output, Quantity, Record
-from flexslew_lab.identification.regressors import Signals
+from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.separable import groups_of
 from flexslew_plant.arrays import Matrix
 
@@ -58,7 +58,7 @@ def test_poles_and_responses_of_coupled_modes_are_found_to_rounding(seed: int) -
     poles = poles[poles.imag > 1e-6]
     poles = poles[np.argsort(np.abs(poles))]
     starts = tuple(Oscillator(float(abs(s) * 1.001), float(-s.real / abs(s))) for s in poles)
-    solution, _ = refined(Signals(record, None), starts, 1e-4 * measured.std(axis=0))
+    solution, _ = refined(RegressorSignals(record, None), starts, 1e-4 * measured.std(axis=0))
     fit = modal_fit(solution)
     assert [m.frequency for m in fit.modes] == pytest.approx(np.abs(poles), rel=1e-6)
     zeta = -poles.real / np.abs(poles)
@@ -70,6 +70,6 @@ def test_poles_and_responses_of_coupled_modes_are_found_to_rounding(seed: int) -
     exact = np.array([c @ np.linalg.solve(1j * one * np.eye(8) - a, b) for one in w])
     found = modal_response(fit, groups_of(record), w)
     assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
-    real, _ = refined(Signals(record, 6.0), starts, 1e-4 * measured.std(axis=0))
+    real, _ = refined(RegressorSignals(record, 6.0), starts, 1e-4 * measured.std(axis=0))
     missed = [m.frequency for m in real.modes] / np.abs(poles) - 1.0
     assert np.abs(missed).max() > 1e-5

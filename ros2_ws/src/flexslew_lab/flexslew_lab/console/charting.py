@@ -63,6 +63,13 @@ def options(curves: list[Curve], title: str = "") -> dict[str, Any]:
     }  # fmt: skip
 
 
+def logarithmic(looks: dict[str, Any]) -> dict[str, Any]:
+    """Return the looks of a chart with both axes logarithmic."""
+    axes: dict[str, Any] = {axis: {**looks[axis], "type": "log"} for axis in ("xAxis", "yAxis")}
+    axes["yAxis"].pop("scale", None)
+    return {**looks, **axes}
+
+
 def news(axis: Vector, rows: list[Vector], events: Vector) -> dict[str, Any]:
     """Return the rows of a chart, its window exactly as wide as the axis, and lines for events."""
     source: dict[str, Any] = {"t": np.round(axis, 6).tolist()}

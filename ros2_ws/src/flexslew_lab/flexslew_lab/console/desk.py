@@ -28,7 +28,12 @@ class Desk:
         server: of the page.
         link: to the bench.
         say: told in one line when a page sends what none of its forms can.
+
+    Attributes:
+        identified: the `testbed` section of the model that was accepted; None: none yet.
     """
+
+    identified: dict[str, Any] | None = None
 
     def __init__(self, server: ConsoleServer, link: BenchLink, say: Callable[[str], None]) -> None:
         self.server, self.gui = server, server.gui

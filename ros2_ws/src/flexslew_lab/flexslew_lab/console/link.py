@@ -52,3 +52,6 @@ class BenchLink(Protocol):
 
     def cancel(self) -> None:
         """Give up the plan that is being made."""
+
+    def measure(self, on: bool) -> None:
+        """Take what the sensors say at every tick into the view, or no longer."""

@@ -11,6 +11,7 @@ from flexslew_lab.console.link import BenchLink
 from flexslew_lab.console.panels.charts import ChartsPanel
 from flexslew_lab.console.panels.compare import ComparePanel
 from flexslew_lab.console.panels.end import EndPanel
+from flexslew_lab.console.panels.experiment import ExperimentPanel
 from flexslew_lab.console.panels.faults import ActivePanel, DisturbPanel, FaultPanel
 from flexslew_lab.console.panels.log import EventsPanel, NotePanel
 from flexslew_lab.console.panels.plan import PlanPanel
@@ -102,6 +103,7 @@ class Page:
             "Run": (RunPanel,),
             "Swap": (SwapPanel,),
             "Tune": (TunePanel,),
+            "Experiment": (ExperimentPanel,),
             "Plan": (PlanPanel,),
             "Break": (ActivePanel, DisturbPanel, FaultPanel),
         }
@@ -111,7 +113,7 @@ class Page:
         for name, makes in work.items():
             with places[name]:
                 panels += [make(desk) for make in makes]
-        self._working = tuple(places[name] for name in work)
+        self._working = tuple(places[name] for name in work if name != "Experiment")
         with places["View"]:
             charts = ChartsPanel(desk, layouts)
             panels += [charts, ScenePanel(desk)]

@@ -92,6 +92,9 @@ class Replay:
     def cancel(self) -> None:
         """Nothing is being made."""
 
+    def measure(self, on: bool) -> None:
+        """Nothing is shaken."""
+
     def _take(self, messages: Iterable[Outgoing]) -> None:
         batches: dict[str, list[bytes]] = {}
         for message in messages:

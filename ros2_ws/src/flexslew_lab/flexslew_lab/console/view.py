@@ -8,6 +8,7 @@ import numpy as np
 
 from flexslew_control.law import described
 from flexslew_lab.console.history import Track
+from flexslew_lab.identification.measurements import FIELDS
 from flexslew_lab.log.bag_columns import blocks_of
 from flexslew_lab.log.files.mcap_scan import RawMessage
 from flexslew_lab.log.messages import cdr
@@ -24,6 +25,11 @@ EVENTS = 2000  # that are kept
 
 _TRUTH = ("position", "velocity", "applied_effort", "tip_deflection", "disturbance")
 _CONTROLLER_STATE = ("reference_position", "reference_velocity", "estimate_position", "innovation")
+_ROWS = {  # fields of what comes with every tick
+    topics.TRUTH: _TRUTH,
+    topics.CONTROLLER_STATE: _CONTROLLER_STATE,
+    topics.MEASUREMENT: FIELDS,
+}
 
 
 class Now(NamedTuple):
@@ -85,6 +91,7 @@ class BenchView:
         self.heard = 0  # events so far
         self.plan: Any = None  # the last flexslew_msgs/Plan
         self.truth, self.controller_state = Track(), Track()
+        self.measured = Track()  # empty unless the link listens to the sensors
         self.position: Vector = np.zeros(0)  # of joints and modes now
         self.time = 0.0  # simulated [s]
         self.answering = ""  # who gave the last answer
@@ -98,7 +105,7 @@ class BenchView:
             kind: its type.
             data: CDR of each.
         """
-        if name in (topics.TRUTH, topics.CONTROLLER_STATE):
+        if name in _ROWS:
             self._take_rows(name, kind, data)
             return
         for one in data:
@@ -120,24 +127,30 @@ class BenchView:
         """Begin anew, as after a jump in a log."""
         self.truth.clear()
         self.controller_state.clear()
+        self.measured.clear()
         self.events.clear()
         self.plan = None
 
     def _take_rows(self, name: str, kind: str, data: Sequence[bytes]) -> None:
         raw = [RawMessage(0, 0, 0, one) for one in data]
+        tracks = {topics.TRUTH: self.truth, topics.CONTROLLER_STATE: self.controller_state}
+        track = tracks.get(name, self.measured)
         for block in blocks_of(name, kind, raw, self._layouts):
             columns = block.columns
             time = columns["header.stamp.sec"] + columns["header.stamp.nanosec"] * 1e-9
+            last = track.time[-1] if track.time.size else np.nan
+            new = np.diff(time, prepend=last) != 0.0  # a question is asked again until answered
+            if not new.any():
+                continue
+            time, columns = time[new], {k: v[new] for k, v in columns.items()}
             rises = np.concatenate(([True], np.diff(time) > 0.0))
             if not rises.all():  # a reset within the batch: only what came after it
                 first = int(np.flatnonzero(~rises)[-1])
                 time, columns = time[first:], {k: v[first:] for k, v in columns.items()}
-            fields = _TRUTH if name == topics.TRUTH else _CONTROLLER_STATE
-            track = self.truth if name == topics.TRUTH else self.controller_state
-            track.add(time, {field: columns[field] for field in fields})
+            track.add(time, {field: columns[field] for field in _ROWS[name]})
             if name == topics.TRUTH:
                 self.time, self.position = float(time[-1]), columns["position"][-1]
-            else:
+            elif name == topics.CONTROLLER_STATE:
                 self.answering = str(columns["controller"][-1])
 
     def _take_state(self, m: Any) -> None:

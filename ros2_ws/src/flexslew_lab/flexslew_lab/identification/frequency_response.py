@@ -7,7 +7,7 @@ that follow one another differ by noise alone once the transient is over; their 
 covariance of the means, and with it that of G (Pintelon and Schoukens, (2-45)).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,24 @@ class FrequencyResponse:
     periods: int
 
 
-def frequency_response(records: list[Record], plans: list[Plan]) -> FrequencyResponse:
+def periods_told(plan: Plan, ticks: int) -> int:
+    """Return how many periods of every experiment were flown in so many ticks.
+
+    Args:
+        plan: of a multisine.
+        ticks: since its start.
+
+    Raises:
+        BadInput: it is no multisine of at least three periods.
+    """
+    layout = _layout(replace(plan, start=0.0), "the experiment")
+    begin = layout.first + (layout.experiments - 1) * layout.repeated * layout.period
+    return min(max((ticks - begin) // layout.period, 0), layout.repeated)
+
+
+def frequency_response(
+    records: list[Record], plans: list[Plan], periods: int | None = None
+) -> FrequencyResponse:
     """Return the frequency responses of one run, or of several with the same excitation.
 
     The first period of every experiment, in which the transient dies, is left out. A straight line
@@ -58,19 +75,23 @@ def frequency_response(records: list[Record], plans: list[Plan]) -> FrequencyRes
     Args:
         records: of the runs.
         plans: with which each was shaken.
+        periods: of every experiment that count, the first ones, at least 3; None: all.
 
     Raises:
         BadInput: a plan is no multisine of at least three periods, or the runs differ.
     """
-    first = _layout(plans[0], records[0])
+    first = _layout(plans[0], records[0].source)
     for record, plan in zip(records, plans, strict=True):
-        if record.inputs != records[0].inputs or _layout(plan, record).lines != first.lines:
+        if record.inputs != records[0].inputs or _layout(plan, record.source).lines != first.lines:
             raise BadInput(f"{record.source}: is not the experiment of {records[0].source}")
-    spectra = [_spectra(record, plan, first) for record, plan in zip(records, plans, strict=True)]
+    last = first.repeated if periods is None else periods
+    spectra = [
+        _spectra(record, plan, first, last) for record, plan in zip(records, plans, strict=True)
+    ]
     effort = np.concatenate([one[0] for one in spectra], axis=1)  # (experiments, periods, n, lines)
     output = np.concatenate([one[1] for one in spectra], axis=1)
     added = spectra[0][2]
-    periods = effort.shape[1]
+    averaged = effort.shape[1]
     u, y = effort.mean(axis=1), output.mean(axis=1)  # (experiments, n, lines)
     lines = len(first.lines)
     response = np.empty((lines, y.shape[1], u.shape[1]), dtype=np.complex128)
@@ -82,13 +103,13 @@ def frequency_response(records: list[Record], plans: list[Plan]) -> FrequencyRes
         response[line] = g
         noise = output[:, :, :, line] - np.einsum("oi,epi->epo", g, effort[:, :, :, line])
         scatter = (np.abs(noise - noise.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
-        variance = scatter.mean(axis=0) / (periods - 1) / periods  # of a mean, (outputs,)
+        variance = scatter.mean(axis=0) / (averaged - 1) / averaged  # of a mean, (outputs,)
         inverse = np.linalg.inv(u[:, :, line].T)  # (experiments, inputs)
         deviation[line] = np.sqrt(np.outer(variance, (np.abs(inverse) ** 2).sum(axis=0)))
-    freedom = 2 * u.shape[0] * (periods - 1)
+    freedom = 2 * u.shape[0] * (averaged - 1)
     radius = deviation * np.sqrt(float(fisher.ppf(CONFIDENCE, 2, freedom)))
     repeated = (np.abs(y) ** 2).mean(axis=0)
-    scatter = output.var(axis=1).mean(axis=0) * periods / (periods - 1)
+    scatter = output.var(axis=1).mean(axis=0) * averaged / (averaged - 1)
     coherence = repeated / (repeated + scatter + 1e-300)
     return FrequencyResponse(
         first.frequency,
@@ -98,7 +119,7 @@ def frequency_response(records: list[Record], plans: list[Plan]) -> FrequencyRes
         deviation,
         radius,
         np.asarray(coherence.T),
-        periods,
+        averaged,
     )
 
 
@@ -112,11 +133,11 @@ class _Layout:
     experiments: int
 
 
-def _layout(plan: Plan, record: Record) -> _Layout:
+def _layout(plan: Plan, source: str) -> _Layout:
     summary = plan.summary
     if plan.method != EXCITATION.name or plan.request.get("signal") != "multisine":
         raise BadInput(
-            f"{record.source}: frequency responses need a multisine "
+            f"{source}: frequency responses need a multisine "
             "(plan: {method: excitation, signal: multisine})"
         )
     period = round(summary["period"] / plan.period)
@@ -125,7 +146,7 @@ def _layout(plan: Plan, record: Record) -> _Layout:
     lines = tuple(range(max(int(np.ceil(low / spacing - 1e-9)), 1), int(high / spacing + 1e-9) + 1))
     if summary["periods"] < 3:
         raise BadInput(
-            f"{record.source}: {summary['periods']} periods of an experiment are not enough: the "
+            f"{source}: {summary['periods']} periods of an experiment are not enough: the "
             "first holds the transient, and two tell noise from response; shake for longer"
         )
     start = round(plan.start / plan.period) + round(summary["taper"] / plan.period)
@@ -139,7 +160,9 @@ def _layout(plan: Plan, record: Record) -> _Layout:
     )
 
 
-def _spectra(record: Record, plan: Plan, layout: _Layout) -> tuple[Complex, Complex, Complex]:
+def _spectra(
+    record: Record, plan: Plan, layout: _Layout, periods: int
+) -> tuple[Complex, Complex, Complex]:
     """Return the spectra of efforts and outputs by experiment and period, and what was added."""
     columns = [plan.joint_names.index(name) for name in record.inputs]
     h, n = record.period, layout.period
@@ -147,7 +170,7 @@ def _spectra(record: Record, plan: Plan, layout: _Layout) -> tuple[Complex, Comp
     efforts, outputs, added = [], [], []
     for e in range(layout.experiments):
         of_effort, of_output = [], []
-        for p in range(1, layout.repeated):
+        for p in range(1, periods):
             first = layout.first + (e * layout.repeated + p) * n
             part = record.effort[first : first + n]
             of_effort.append(_lines(part, layout) * half_tick)

@@ -208,7 +208,7 @@ def prediction_error(record: Record, fit: ModalFit) -> Matrix:
     return left
 
 
-def modal_response(fit: ModalFit, groups: tuple[Group, ...], w: Vector) -> np.ndarray:
+def modal_response(fit: ModalFit, groups: tuple[ParameterGroup, ...], w: Vector) -> np.ndarray:
     """Return the frequency responses of a fit, (frequencies, displacements, inputs).
 
     G(jw) = -R0 / w^2 + sum of (R_i + j w S_i) / (w_i^2 - w^2 + 2 j zeta_i w_i w), R0 of the joints

@@ -27,8 +27,8 @@ def identification_page(found: Identification) -> str:
         verdict=verdict(found),
         modes=[
             [
-                _shown(mode.frequency),
-                _shown(mode.damping_ratio),
+                shown(mode.frequency),
+                shown(mode.damping_ratio),
                 f"{mode.periods:.0f}",
                 ", ".join(
                     f"{name} {value:+.2f}"
@@ -39,12 +39,12 @@ def identification_page(found: Identification) -> str:
         ],
         joints=model.record.inputs,
         inertia=[
-            (name, [_shown(entry) for entry in row])
+            (name, [shown(entry) for entry in row])
             for name, row in zip(model.record.inputs, model.inertia, strict=False)
         ],
         parameters=[]
         if found.physical is None
-        else [(p.key, _shown(p.value)) for p in found.physical.parameters],
+        else [(p.key, shown(p.value)) for p in found.physical.parameters],
         warnings=[] if found.physical is None else list(found.physical.warnings),
         without_response=found.without_response,
         whiteness=[
@@ -70,13 +70,13 @@ def summary_rows(found: Identification) -> list[tuple[str, str]]:
     model = found.model
     rows = []
     for k, mode in enumerate(model.modes, 1):
-        rows.append((f"mode {k}, frequency [rad/s]", _shown(mode.frequency)))
-        words = f"{_shown(mode.damping_ratio)} over {mode.periods:.0f} periods"
+        rows.append((f"mode {k}, frequency [rad/s]", shown(mode.frequency)))
+        words = f"{shown(mode.damping_ratio)} over {mode.periods:.0f} periods"
         rows.append((f"mode {k}, damping ratio", words))
     for k, (name, row) in enumerate(zip(model.record.inputs, model.inertia, strict=False)):
-        rows.append((f"inertia, {name}", _shown(row[k])))
+        rows.append((f"inertia, {name}", shown(row[k])))
     if found.physical is not None:
-        rows += [(p.key, _shown(p.value)) for p in found.physical.parameters]
+        rows += [(p.key, shown(p.value)) for p in found.physical.parameters]
         rows += [("warning", words) for words in found.physical.warnings]
     if found.without_response:
         rows.append(("no frequency responses", found.without_response))
@@ -178,6 +178,7 @@ def _autocorrelation(values: Vector, lags: Any) -> Vector:
     return np.array([float(centred[k:] @ centred[: len(centred) - k]) / size for k in lags])
 
 
-def _shown(one: Interval) -> str:
+def shown(one: Interval) -> str:
+    """Return an estimate with half of its interval, for people."""
     half = 0.5 * (one.high - one.low)
     return f"{one.value:.6g} ± {half:.2g}"

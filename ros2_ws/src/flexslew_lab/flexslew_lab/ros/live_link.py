@@ -99,6 +99,14 @@ class LiveLink:
         """Give up the plan that is being made."""
         self._client.cancel()
 
+    def measure(self, on: bool) -> None:
+        """Hear the sensors at every tick, or no longer."""
+        name = topics.MEASUREMENT
+        if on and name not in self._listener.subscriptions:
+            self._listener.listen(name, TOPICS[name])
+        elif not on and name in self._listener.subscriptions:
+            self._listener.ignore(name)
+
     def close(self) -> None:
         """Leave the graph."""
         self._listener.close()

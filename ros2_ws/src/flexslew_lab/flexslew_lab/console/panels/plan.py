@@ -19,6 +19,7 @@ from flexslew_plant.settings import yaml_text
 
 _GOAL = "goal of "
 _SHOWN = 8  # iterations
+_BELIEVE = "that was accepted under Experiment, instead of the bench's own testbed section"
 
 
 class PlanPanel:
@@ -34,6 +35,8 @@ class PlanPanel:
         slews = tuple(name for name, entry in PLANNERS.items() if entry.slews)
         self._method = gui.choice("Method", slews, value=OPTIMIZED.name)
         self._place = gui.folder("Manoeuvre")
+        self._believe = gui.check("Believe the identified model", True, hint=_BELIEVE)
+        self._believe.visible = False
         self._form: Form | None = None
         self._joints: Any = None
         desk.click(gui.button("Plan"), self._plan)
@@ -54,6 +57,7 @@ class PlanPanel:
     def refresh(self) -> None:
         """Make the form when the joints are known, and draw a plan that is new."""
         joints, plan = self._view.joints, self._view.plan
+        self._believe.visible = self._desk.identified is not None
         if joints is not None and joints != self._joints:
             self._joints = joints
             if self._form is not None:
@@ -134,6 +138,8 @@ class PlanPanel:
         values = {"method": self._method.value, "goal": goal, "start": start, **more}
         if "duration" in given:
             values["duration"] = given["duration"]
+        if self._desk.identified is not None and self._believe.value:
+            values.setdefault("model", self._desk.identified)
         if not is_own_code(str(values["method"])):  # no page runs a planner of the user's own
             plan_settings(values, "")
         return values

@@ -1,0 +1,286 @@
+"""Shake the bench, see its responses grow, identify it from them, and let plans believe that."""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexslew_control.message_fields import plan_of
+from flexslew_control.plan import Plan
+from flexslew_control.planners import plan_settings
+from flexslew_control.planners.excitation.excitation import EXCITATION, Excitation
+from flexslew_lab.console.charting import ChartData, logarithmic, news, options
+from flexslew_lab.console.desk import Desk, Reply, line
+from flexslew_lab.console.forms import Form, keys_of, moment, offer
+from flexslew_lab.console.history import Curve
+from flexslew_lab.console.link import RequestResult
+from flexslew_lab.console.shaking import LEAST, progress, record_so_far, response_so_far
+from flexslew_lab.identification.frequency_response import FrequencyResponse
+from flexslew_lab.identification.modal_fit import modal_response
+from flexslew_lab.identification.model_file import file_text, testbed_of, write_model
+from flexslew_lab.identification.modes import ModalModel, identify_modes
+from flexslew_lab.identification.page import shown
+from flexslew_lab.identification.record import Record
+from flexslew_lab.identification.separable import groups_of
+from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
+from flexslew_plant.own_code import one_line
+from flexslew_plant.settings import plain, yaml_text
+
+MODEL = "identified.yaml"
+_NONE = "no responses yet"
+_OTHERS = ("method", "goal", "model", "initial", "feedback")  # keys that the page does not ask for
+
+
+class ExperimentPanel:
+    """An excitation, the responses while it is flown, and the model that they give.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        gui = desk.gui
+        self._desk, self._view, self._link = desk, desk.view, desk.link
+        self._form = Form(desk, keys_of(Excitation, without=_OTHERS), gui.folder("Excitation"))
+        self._form.set("start", "")
+        desk.click(gui.button("Plan the experiment"), self._plan)
+        self._fly = gui.button("Fly the experiment", hint="from its start on", visible=False)
+        self._drop = gui.button("Drop the experiment", color="blue-grey", visible=False)
+        for button, word in ((self._fly, "adopt"), (self._drop, "refuse")):
+            desk.click(button, partial(self._decide, word))
+        self._reply, self._far = Reply(desk), gui.html()
+        desk.click(gui.button("Identify", hint="from what was measured so far"), self._identify)
+        self._accept = gui.button("Accept the model", hint="for plans to believe", visible=False)
+        desk.click(self._accept, self._accepted)
+        self._outcome, self._modes = Reply(desk), gui.html()
+        self._output = gui.choice("Response of", (_NONE,))
+        self._charts = gui.folder("Frequency responses", visible=False)
+        with self._charts:
+            nothing = ChartData(options([]), news(np.zeros(0), [], np.zeros(0)))
+            self._size = gui.add("chart", "magnitude", data=nothing)
+            self._coherence = gui.add("chart", "coherence", data=nothing)
+        self._draft: Any = None
+        self._shaking: tuple[str, Plan] | None = None  # hash and plan that shakes the bench
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="experiment")
+        self._responding: Future[FrequencyResponse] | None = None
+        self._identifying: Future[ModalModel] | None = None
+        self._record: Record | None = None  # of the whole experiment
+        self._periods = 0  # that the responses were asked for
+        self._response: FrequencyResponse | None = None
+        self._model: ModalModel | None = None
+        self._drawn: tuple[object, ...] = ()
+
+    def refresh(self) -> None:
+        """Follow the experiment in charge, and draw what is new."""
+        for button in (self._fly, self._drop):
+            button.visible = self._draft is not None
+        self._follow()
+        self._take()
+        if self._shaking is not None:
+            told = self._view.measured.time
+            far = progress(self._shaking[1], float(told[-1]) if told.size else self._view.time)
+            self._far.content = line(far.words)
+            if far.periods >= LEAST and far.periods > self._periods and self._responding is None:
+                self._ask_responses(self._shaking[1], far.periods)
+        self._accept.visible = self._model is not None
+        self._draw()
+
+    def _follow(self) -> None:
+        """Listen to the sensors while an experiment is the plan, or may become it."""
+        message = self._view.plan
+        shakes = message is not None and message.method == EXCITATION.name
+        self._link.measure(self._draft is not None or (shakes and self._record is None))
+        if not shakes or (self._shaking is not None and self._shaking[0] == message.hash):
+            return
+        self._shaking = message.hash, plan_of(message, "the experiment")
+        self._periods, self._response, self._model, self._record = 0, None, None, None
+        self._modes.content = ""
+
+    def _plan(self, who: str) -> None:
+        given = self._form.values()
+        if given is None:
+            return
+        try:
+            values = self._request(given)
+        except BadInput as error:
+            if not self._form.refuse(error.refusal):
+                self._reply.tell(RequestResult(False, str(error)))
+            return
+        self._reply.tell(RequestResult(True, "planning ..."))
+        self._link.draft(yaml_text(values, flow=True), who, lambda news: None, self._drafted)
+
+    def _request(self, given: dict[str, Any]) -> dict[str, Any]:
+        """Return the `plan` section.
+
+        Raises:
+            BadInput: beginning with the field.
+        """
+        now = f"the bench is at {self._view.time:.2f} s"
+        if "start" not in given:
+            raise BadInput(f"is missing; {now}", key="start")
+        if moment("start", given["start"]) <= self._view.time:
+            raise BadInput(f"{given['start']:g} is past: {now}", key="start")
+        values = {"method": EXCITATION.name, **given}
+        plan_settings(values, "")
+        return values
+
+    def _drafted(self, result: RequestResult, plan: Any) -> None:
+        self._draft = plan or self._draft
+        self._reply.tell(result)
+
+    def _decide(self, word: str, who: str) -> None:
+        draft = self._draft
+        if draft is None:
+            self._reply.tell(RequestResult(False, "there is no experiment to decide on"))
+            return
+
+        def decided(result: RequestResult) -> None:
+            if (result.ok or word == "refuse") and self._draft is draft:
+                self._draft = None
+
+        values = {"action": f"{word} {draft.hash}", "who": who}
+        self._reply.ask(topics.DECIDE_PLAN, values, decided)
+
+    def _ask_responses(self, plan: Plan, periods: int) -> None:
+        self._periods = periods
+        if (record := self._heard(plan)) is not None:
+            self._responding = self._worker.submit(response_so_far, record, plan, periods)
+
+    def _identify(self, who: str) -> None:
+        if self._shaking is None:
+            self._outcome.tell(RequestResult(False, "no experiment was flown yet"))
+            return
+        if self._identifying is not None:
+            return
+        plan = self._shaking[1]
+        if (record := self._heard(plan)) is None:
+            return
+        self._outcome.tell(RequestResult(True, f"identifying {record.duration:.0f} s ..."))
+        low, high = plan.summary["band"]
+        self._identifying = self._worker.submit(identify_modes, record, (low, high))
+
+    def _heard(self, plan: Plan) -> Record | None:
+        """Return what was measured so far; None: it is told why there is nothing."""
+        if self._record is not None:
+            return self._record
+        try:
+            record = record_so_far(self._view, plan)
+        except BadInput as error:
+            self._outcome.tell(RequestResult(False, str(error)))
+            return None
+        if record.ticks >= round(plan.summary["duration"] / plan.period):
+            self._record = record
+        return record
+
+    def _take(self) -> None:
+        """Take what the worker has done."""
+        if self._responding is not None and self._responding.done():
+            done, self._responding = self._responding, None
+            if (error := done.exception()) is None:
+                self._response = done.result()
+            else:
+                self._outcome.tell(_refusal(error))
+        if self._identifying is not None and self._identifying.done():
+            found, self._identifying = self._identifying, None
+            if (error := found.exception()) is None:
+                self._model = found.result()
+                self._outcome.tell(RequestResult(True, f"{len(self._model.modes)} modes found"))
+                self._modes.content = "".join(line(one) for one in _words(self._model))
+            else:
+                self._outcome.tell(_refusal(error))
+
+    def _accepted(self, who: str) -> None:
+        if self._model is None:
+            self._outcome.tell(RequestResult(False, "identify the bench first"))
+            return
+        try:
+            section = plain(testbed_of(self._model))
+            words = "plans believe it"
+            if self._link.folder:
+                path = Path(self._link.folder) / MODEL
+                write_model(path, file_text(self._model)[0])
+                words = f"{words}, and {path} holds it"
+        except BadInput as error:
+            self._outcome.tell(RequestResult(False, str(error)))
+            return
+        self._desk.identified = section
+        self._outcome.tell(RequestResult(True, words))
+
+    def _draw(self) -> None:
+        """Show the magnitudes of one output with their bands, the model over them."""
+        found = self._response
+        self._charts.visible = found is not None
+        if found is None:
+            offer(self._output, (), _NONE)
+            return
+        offer(self._output, tuple(o.name for o in found.outputs), _NONE)
+        state = (id(found), id(self._model), self._output.value)
+        if state == self._drawn:
+            return
+        self._drawn = state
+        row = next(k for k, o in enumerate(found.outputs) if o.name == self._output.value)
+        curves = _magnitudes(found, row) + _modelled(found, self._model, row)
+        title = f"|{self._output.value}| per effort, frequency [rad/s], {found.periods} periods"
+        self._size.data = ChartData(logarithmic(options(curves, title)), _rows(curves))
+        coherence = [Curve(self._output.value, found.frequency, found.coherence[:, row])]
+        looks = options(coherence, "coherence [-], frequency [rad/s]")
+        self._coherence.data = ChartData(looks, _rows(coherence))
+
+
+def _magnitudes(found: FrequencyResponse, row: int) -> list[Curve]:
+    """Return the magnitudes from every effort, each between the edges of its band."""
+    curves = []
+    for i, name in enumerate(found.inputs):
+        size, radius = np.abs(found.response[:, row, i]), found.radius[:, row, i]
+        curves.append(Curve(f"from {name}", found.frequency, size, color=i))
+        for word, edge in (("at most", size + radius), ("at least", size - radius)):
+            shown_edge = np.maximum(edge, 1e-3 * size)  # a logarithm has no 0
+            label = f"{word}, from {name}"
+            curves.append(Curve(label, found.frequency, shown_edge, dashed=True, color=i))
+    return curves
+
+
+def _modelled(found: FrequencyResponse, model: ModalModel | None, row: int) -> list[Curve]:
+    """Return the magnitudes of the model, where it has the output."""
+    if model is None:
+        return []
+    groups = groups_of(model.record)
+    displacements = [g for g in groups if g.position >= 0]
+    place = next((k for k, g in enumerate(displacements) if row in (g.position, g.rate)), None)
+    if place is None:
+        return []
+    response = modal_response(model.fit, groups, found.frequency)[:, place]
+    if row == displacements[place].rate:
+        response = 1j * found.frequency[:, None] * response
+    return [
+        Curve(f"model, from {name}", found.frequency, np.abs(response[:, i]), color=4 + i)
+        for i, name in enumerate(found.inputs)
+    ]
+
+
+def _rows(curves: list[Curve]) -> dict[str, Any]:
+    return news(curves[0].time, [c.value for c in curves], np.zeros(0))
+
+
+def _words(model: ModalModel) -> list[str]:
+    """Return modes and inertias, a line each."""
+    rows = [
+        f"mode {k}: {shown(m.frequency)} rad/s, damping ratio {shown(m.damping_ratio)}"
+        for k, m in enumerate(model.modes, 1)
+    ]
+    rows += [
+        f"inertia, {name}: {shown(row[k])}"
+        for k, (name, row) in enumerate(zip(model.record.inputs, model.inertia, strict=False))
+    ]
+    coloured = ", ".join(w.output for w in model.whiteness if not w.white)
+    return [*rows, f"the residual of {coloured} is not white"] if coloured else rows
+
+
+def _refusal(error: BaseException) -> RequestResult:
+    """Return why the worker has failed: of a log of any bench, which may hold anything."""
+    if isinstance(error, BadInput) or not isinstance(error, Exception):
+        return RequestResult(False, str(error))
+    return RequestResult(False, one_line(error))

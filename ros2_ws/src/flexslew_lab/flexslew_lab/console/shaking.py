@@ -1,0 +1,86 @@
+"""The record of an experiment while it is flown, and the responses that it tells so far."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_control.plan import Plan
+from flexslew_lab.console.view import BenchView
+from flexslew_lab.identification.frequency_response import (
+    FrequencyResponse,
+    frequency_response,
+    periods_told,
+)
+from flexslew_lab.identification.measurements import FIELDS, Channels, ticks_record
+from flexslew_lab.identification.record import Record
+from flexslew_plant.errors import BadInput
+
+LEAST = 3  # periods: the first holds the transient, and two tell noise from response
+
+
+class Progress(NamedTuple):
+    """How far an experiment is."""
+
+    periods: int  # of every one of its parts that are whole
+    words: str  # for people
+
+
+def progress(plan: Plan, time: float) -> Progress:
+    """Return how far an experiment is at a simulated time [s]."""
+    if time <= plan.start:
+        return Progress(0, f"begins at {plan.start:.2f} s")
+    done = min((time - plan.start) / plan.summary["duration"], 1.0)
+    words = f"{done:.0%} of {plan.summary['duration']:g} s shaken"
+    try:
+        periods = periods_told(plan, int((time - plan.start) / plan.period))
+    except BadInput as error:
+        return Progress(0, f"{words}; {error}")
+    if periods >= LEAST:
+        return Progress(periods, f"{words}; {periods} of {plan.summary['periods']} periods told")
+    parts = plan.summary["experiments"]
+    last = plan.summary["taper"]
+    last += ((parts - 1) * plan.summary["periods"] + LEAST) * plan.summary["period"]
+    return Progress(periods, f"{words}; responses show from {plan.start + last:.0f} s on")
+
+
+def record_so_far(view: BenchView, plan: Plan) -> Record:
+    """Return what was measured from the begin of an experiment until now, at most to its end.
+
+    Args:
+        view: of the bench, whose link listens to the sensors.
+        plan: that shakes it.
+
+    Raises:
+        BadInput: nothing is known yet, or not all of it was heard.
+    """
+    joints, track = view.joints, view.measured
+    if joints is None or not track.time.size or track.time[-1] <= plan.start:
+        raise BadInput(f"the experiment begins at {plan.start:.2f} s: nothing is measured yet")
+    end = plan.start + plan.summary["duration"]
+    first = int(np.searchsorted(track.time, plan.start - 0.5 * joints.period))
+    last = int(np.searchsorted(track.time, end + 0.5 * joints.period))
+    time = track.time[first:last]
+    whole = abs(time[0] - plan.start) < 0.5 * joints.period
+    if not whole or (np.abs(np.diff(time) - joints.period) > 0.5 * joints.period).any():
+        raise BadInput(
+            "this page has not heard every tick of the experiment: "
+            "./flexslew identify reads them from the run's log"
+        )
+    values = {name: track.column(name)[first:last].copy() for name in FIELDS}
+    sensors = view.testbed.model().appendages if view.testbed is not None else None
+    channels = Channels(
+        joints.names, joints.units, joints.appendages, np.array(joints.limit), sensors
+    )
+    return ticks_record(values, channels, joints.period, "the experiment")
+
+
+def response_so_far(record: Record, plan: Plan, periods: int) -> FrequencyResponse:
+    """Return the frequency responses that the first periods of an experiment tell.
+
+    Args:
+        record: from its begin on.
+        plan: that shakes it.
+        periods: of each of its parts, at least LEAST.
+    """
+    return frequency_response([record], [replace(plan, start=0.0)], periods)
