@@ -10,8 +10,8 @@ from flexslew_lab.identification.projection import Projection
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.separable import (
-    ParameterGroup,
     ModalLeastSquares,
+    ParameterGroup,
     Part,
     Solution,
     groups_of,

@@ -12,7 +12,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners import plan_settings
 from flexslew_control.planners.excitation.excitation import EXCITATION, Excitation
 from flexslew_lab.console.charting import ChartData, logarithmic, news, options
-from flexslew_lab.console.desk import Desk, Reply, line
+from flexslew_lab.console.desk import Desk, DeskReply, line
 from flexslew_lab.console.forms import Form, keys_of, moment, offer
 from flexslew_lab.console.history import Curve
 from flexslew_lab.console.link import RequestResult
@@ -51,11 +51,11 @@ class ExperimentPanel:
         self._drop = gui.button("Drop the experiment", color="blue-grey", visible=False)
         for button, word in ((self._fly, "adopt"), (self._drop, "refuse")):
             desk.click(button, partial(self._decide, word))
-        self._reply, self._far = Reply(desk), gui.html()
+        self._reply, self._far = DeskReply(desk), gui.html()
         desk.click(gui.button("Identify", hint="from what was measured so far"), self._identify)
         self._accept = gui.button("Accept the model", hint="for plans to believe", visible=False)
         desk.click(self._accept, self._accepted)
-        self._outcome, self._modes = Reply(desk), gui.html()
+        self._outcome, self._modes = DeskReply(desk), gui.html()
         self._output = gui.choice("Response of", (_NONE,))
         self._charts = gui.folder("Frequency responses", visible=False)
         with self._charts:
