@@ -7,7 +7,7 @@ from tests.lab.identification.shaken import bench, shaken, truth
 from flexslew_lab.identification.modal_fit import modal_fit, refined
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
-from flexslew_lab.identification.regressors import Signals, turned
+from flexslew_lab.identification.regressors import RegressorSignals, turned
 from flexslew_lab.identification.separable import ModalLeastSquares
 from flexslew_plant.arrays import Vector
 
@@ -28,7 +28,7 @@ def record(seed: int) -> Record:
 
 def deviations(seed: int, highest: float | None) -> Vector:
     """Return the errors of frequency, damping and inertia in standard deviations."""
-    signals = Signals(record(seed), highest)
+    signals = RegressorSignals(record(seed), highest)
     start = (Oscillator(float(W[0]), float(ZETA[0])),)
     fit = modal_fit(refined(signals, start, 0.5 * signals.record.measured.std(axis=0))[0])
     found = np.array([*fit.modes[0].__dict__.values(), fit.inverse_inertia[0, 0]])
@@ -51,7 +51,7 @@ def test_all_ticks_are_not_biased_where_the_low_end_of_the_band_is() -> None:
 
 
 def test_terms_keep_every_inner_product_when_they_are_turned() -> None:
-    signals = Signals(record(3), None)
+    signals = RegressorSignals(record(3), None)
     modes = Oscillator(1.3, 0.01), Oscillator(4.0, 0.02)
     for whole in signals.columns(modes, slopes=True):
         small = turned(whole)
@@ -69,7 +69,7 @@ def test_terms_keep_every_inner_product_when_they_are_turned() -> None:
 
 def test_the_cost_of_turned_terms_is_that_of_the_residual_in_time() -> None:
     told = record(4)
-    problem = ModalLeastSquares(Signals(told, None), told.measured.std(axis=0))
+    problem = ModalLeastSquares(RegressorSignals(told, None), told.measured.std(axis=0))
     modes = (Oscillator(float(W[0]), 0.03), Oscillator(4.0, 0.02))
     solution = problem.solve(modes)
     left = problem.residual_in_time(modes, solution.parts) / problem.noise
