@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_discrete_are
 from tests.plants import plant
 
 from flexslew_control.analysis.lti import Lti
@@ -68,15 +69,19 @@ def formula(found: LinearForm, stationary: Any, inputs: np.ndarray, m: int, peri
     return np.array(out)
 
 
-def settled_gain(it: Controller, rest: Any, ticks: int) -> Any:
-    """Return the gain of a filter that has rested; its covariance is predicted by a Taylor step."""
-    q, still = rest.model.joint_state(rest.state)
-    none = np.zeros(len(rest.model.appendages.names))
-    for tick in range(ticks):
-        it.observe(Measurement(tick, 0, 0.0, it.name, q, still, none, none, still))
+def settled_gain(it: Controller, rest: Any) -> Any:
+    """Return the gain of a filter that has rested for ever: of the algebraic Riccati equation.
+
+    The filter predicts its covariance by a Taylor step of second order.
+    """
     estimator: Any = it.estimator
-    c, r, p = estimator.matrices.c, estimator.matrices.r, estimator._prior
-    return np.linalg.solve(c @ p @ c.T + np.diag(r), c @ p).T
+    q, c, r = estimator._q, estimator.matrices.c, np.diag(estimator.matrices.r)
+    dx, du = estimator.model.jacobian(rest.state, np.zeros(rest.model.joints))
+    j = np.zeros_like(q)
+    j[: len(dx)] = np.hstack((dx, du))[:, : len(q)] * it.period
+    f = np.eye(len(q)) + j + 0.5 * j @ j
+    p = solve_discrete_are(f.T, c.T, q, r)
+    return np.linalg.solve(c @ p @ c.T + r, c @ p).T
 
 
 @pytest.mark.parametrize("testbed", [HUB, CSA], ids=["hub", "csa"])
@@ -102,7 +107,7 @@ def test_the_form_of_the_code_is_the_formula_s(testbed: Any, law: str, values: A
     assert linear is not None
     form = linear(it.estimator, it.law, [plan.reference(0)])
     assert form is not None
-    gain = settled_gain(it, rest, found.ticks) if isinstance(it.estimator, KalmanFilter) else None
+    gain = settled_gain(it, rest) if isinstance(it.estimator, KalmanFilter) else None
     rng, m = np.random.default_rng(4), rest.model.joints
     inputs = rng.standard_normal((80, len(found.form.inputs)))
     inputs[0], inputs[:, -m:] = 0.0, 0.0

@@ -194,7 +194,7 @@ def test_every_metric_is_a_metric() -> None:
 
 def test_the_wall_time_is_what_the_plant_says_at_its_end_or_else_the_recorded_one() -> None:
     setup, block = flown("m1", 30, np.random.default_rng(6))
-    metric = METRICS["Course"].metric(setup)
+    metric = METRICS["CourseMetric"].metric(setup)
     metric.add(block)
     assert metric.result(Ending(events(), [], True))["wall_time"] == 1.5
     assert metric.result(Ending([], [2.0], True))["wall_time"] == 2.0

@@ -4,8 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from tempfile import TemporaryFile
-from typing import Annotated, TextIO
+from typing import Annotated
 
 import typer
 
@@ -19,7 +18,7 @@ LONG = ("console", "day", "gains", "identification", "margins", "study_bad_days"
 OVER_ROS = ("tests/ros", "tests/campaigns/ros")
 # a long file at the end is shared; the benches of a file over ROS stay with one process
 _WITHOUT_ROS = ("-n", "2", "--dist", "worksteal", *(f"--ignore={part}" for part in OVER_ROS))
-_SIDE_BY_SIDE = ("-n", "3", "--dist", "loadfile", *OVER_ROS, "-m", "not alone")
+_WITH_ROS = ("-n", "2", "--dist", "loadfile", *OVER_ROS, "-m", "not alone")
 
 
 def bench(
@@ -79,21 +78,18 @@ def _figures_of(name: str, path: Path) -> dict[str, float]:
 def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
-    Without arguments five run side by side: three of those over ROS, a file at a time, which mostly
-    wait, and with less claim to the processors two of those that need no ROS. At last, alone, those
-    that hold a bench against the wall clock. A test that fails has failed: none runs twice.
+    Without arguments two run side by side: first those that need no ROS, then those over ROS, a
+    file at a time, and at last, alone, those that hold a bench against the wall clock. A test that
+    fails has failed: none runs twice.
 
     Example: `./flexslew test tests/plant -k energy`
     """
     _wait_for_machine_code()
     if context.args:
-        raise typer.Exit(_code(_pytest(*context.args)))
-    with TemporaryFile("w+") as output:  # of the shorter part, shown after the longer one
-        over_ros = _pytest(*_SIDE_BY_SIDE, stdout=output)
-        codes = [_code(_pytest(*_WITHOUT_ROS, behind=True)), _code(over_ros)]
-        output.seek(0)
-        print(output.read(), flush=True)
-    raise typer.Exit(max(*codes, _code(_pytest(*OVER_ROS, "-m", "alone"))))
+        raise typer.Exit(_pytest(*context.args))
+    code = _pytest(*_WITHOUT_ROS)
+    over_ros = max(_pytest(*_WITH_ROS), _pytest(*OVER_ROS, "-m", "alone"))
+    raise typer.Exit(max(code, over_ros))
 
 
 def _wait_for_machine_code() -> None:
@@ -102,24 +98,10 @@ def _wait_for_machine_code() -> None:
         wait_for(machine_code_log())
 
 
-def _pytest(
-    *arguments: str, stdout: TextIO | None = None, behind: bool = False
-) -> subprocess.Popen[bytes]:
-    """Return a pytest that runs.
-
-    Args:
-        arguments: of its command line.
-        stdout: for what it prints; None: as this process.
-        behind: those beside it go first, each with three times its claim to a processor.
-    """
-    first = ("nice", "-n", "5") if behind else ()
-    command = [*first, sys.executable, "-P", "-m", "pytest", *arguments]
-    return subprocess.Popen(command, cwd=_root(), stdout=stdout)
-
-
-def _code(run: subprocess.Popen[bytes]) -> int:
-    """Return the exit code of a run at its end; one that a signal ended has 128 and its number."""
-    code = run.wait()
+def _pytest(*arguments: str) -> int:
+    """Return the exit code of pytest; one that a signal ended has 128 and its number."""
+    command = [sys.executable, "-P", "-m", "pytest", *arguments]
+    code = subprocess.run(command, cwd=_root(), check=False).returncode
     return code if code >= 0 else 128 - code
 
 
