@@ -19,7 +19,6 @@ from flexslew_control.law import MeasuredJoints
 from flexslew_control.linear_form import KalmanForm, LinearForm
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput
-from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds import read_testbed
 
 HUB = read_testbed({"kind": "hub_with_appendages"}, "here")

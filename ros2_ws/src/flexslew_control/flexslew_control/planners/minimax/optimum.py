@@ -22,7 +22,7 @@ _UNSEEN = 1e-9  # residual that no bench sees [m]
 _CERTAIN = 1.01  # times the lower bound, up to which an optimum is one for certain
 _ROUNDS = 2  # in which members join
 _PARTS = 4  # into which the members between them cut the way from one level to the next
-_MORE = 0.08  # than the worst member, at which those between the members join them [-]
+_MORE = 0.03  # than the worst member, at which those between the members join them [-]
 _SAME = 0.999  # of a duration, from which on a shorter one is no other
 _LONGER = 2.0  # from one of the durations that are held to the next [-]
 
