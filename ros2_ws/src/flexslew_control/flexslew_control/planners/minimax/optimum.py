@@ -139,6 +139,7 @@ def _worse(question: Question, grid: Grid, best: Optimum, report: Report) -> tup
 
 def _local(question: Question, members: tuple[Member, ...], report: Report) -> Found:
     """Return the best local optimum that was found, with efforts as long as they are of use."""
+    members = (*members, *members_between(question.ensemble, question.slew, 2))
     asked = replace(question, duration=question.driven)
     grid, weights, merit = local_optimum(asked, members, report)
     words = "the best local optimum from 2 starts, not a bound: the plant is not linear"

@@ -32,15 +32,13 @@ _ANGLE = 0.4  # of the fastest pole in a coarse tick [rad]
 _PRICE = 10.0  # of missing the end or the limits by all of them, beside the way [m/rad or -]
 MET = 5e-4  # share of the end and the limits at which no member joins
 _MISSED = 2e-3  # share of the end and the limits that may be missed
-_WORSE = 0.04  # than the members that were counted with, for another one to join them [-]
+_WORSE = 0.02  # than the members that were counted with, for another one to join them [-]
 _A_START = 5  # steps, after which a start that is behind the best plan is given up
 _BEHIND = 1.3  # times its cost
-_WIDER = 2.0  # than the region of the last step is that of the first with more members [-]
+_WIDER = 4.0  # than the region of the last step is that of the first with more members [-]
 _NARROW = 0.02  # of the limits, the smallest first region with more members [-]
-_A_ROUND = 4  # steps, after which members may join
-_MORE = 3  # times the steps of one ensemble, for all rounds together
-_GAINED = 0.02  # in a round in which nobody joined, for another one [-]
-_AT_ONCE = 3  # members that join in a round
+_MORE = 6  # rounds in which members join
+_AT_ONCE = 2  # members that join in a round
 
 
 @dataclass
@@ -101,9 +99,9 @@ class Search:
 
         It is sought on some members; the worst of the others joins them until none is worse.
         """
-        radius, before = FIRST_RADIUS, np.inf
-        for _ in range(_MORE * self.question.steps // _A_ROUND):
-            local = self.of(used).run(start, _A_ROUND, radius)
+        radius = FIRST_RADIUS
+        for _ in range(_MORE):
+            local = self.of(used).run(start, self.question.steps, radius)
             start = local.weights
             radius = float(np.clip(_WIDER * local.radius, _NARROW, FIRST_RADIUS))
             merit = self.merit(start)
@@ -111,9 +109,8 @@ class Search:
             worse &= merit.residuals > NOTHING
             worse |= merit.misses > MET
             new = [int(i) for i in np.flatnonzero(worse) if i not in used]
-            if not new and (local.settled or local.merit.cost > (1.0 - _GAINED) * before):
+            if not new:
                 break
-            before = np.inf if new else local.merit.cost
             price = merit.residuals + self.price * merit.misses
             used = [*used, *sorted(new, key=lambda i: -float(price[i]))[:_AT_ONCE]]
         return local, used
@@ -145,7 +142,7 @@ def local_optimum(
     search = Search(question, members, grid, report)
     best, used = search.joined(first, used)
     for start in others if best.merit.residuals.max() > NOTHING else ():
-        local = search.of(_outermost(members)).run(start, _A_START)
+        local = search.of(used).run(start, _A_START)
         if local.merit.cost < _BEHIND * best.merit.cost:
             other, more = search.joined(local.weights, used)
             if other.merit.cost < best.merit.cost:
