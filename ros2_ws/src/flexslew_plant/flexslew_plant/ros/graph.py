@@ -74,14 +74,17 @@ def _listeners_here(node: Node, topic: str) -> set[str]:
     }
 
 
-def incompatible(node: Node, publishers: Sequence[Publisher[Any]]) -> list[str]:
-    """Return who asks for a QoS that is not offered, as `node on topic`."""
-    return sorted(
-        f"{info.node_name} on {publisher.topic_name}"
+UNNAMED = "_NODE_NAME_UNKNOWN_"  # a node whose subscription was heard of before its name
+
+
+def incompatible(node: Node, publishers: Sequence[Publisher[Any]]) -> set[tuple[str, str]]:
+    """Return who asks for a QoS that is not offered: node, which may be UNNAMED, and topic."""
+    return {
+        (info.node_name, publisher.topic_name)
         for publisher in publishers
         for info in node.get_subscriptions_info_by_topic(publisher.topic_name)
         if not _fits(publisher, info)
-    )
+    }
 
 
 def publishers_of(node: Node, subscription: Subscription[Any]) -> set[str]:

@@ -1,6 +1,7 @@
 """What the plant node prints: progress, which nodes are missing, which are duplicates."""
 
 from collections.abc import Sequence
+from math import inf
 from typing import Any
 
 from rclpy.node import Node
@@ -11,7 +12,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.events import SecondPlant
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.dead_nodes import DeadNodes
-from flexslew_plant.ros.graph import incompatible
+from flexslew_plant.ros.graph import UNNAMED, incompatible
 
 NOTICE = 1.0  # for an older plant to hear of a newer one [wall s]
 
@@ -42,6 +43,8 @@ class PlantReport:
         self._told: list[str] = []  # whom it waits for, as logged
         self._rivals: set[str] = set()  # younger plants
         self._met = 0.0  # an older plant [wall s]
+        self._next_qos = inf  # when to look who asks for another QoS [wall s]
+        self._warned: set[tuple[str, str]] = set()  # of whom: node and topic
 
     def is_duplicate(self, now: float) -> bool:
         """Return whether another plant was here before; leave as soon as it must have noticed.
@@ -71,5 +74,15 @@ class PlantReport:
             self._told = session.waiting_for
             if self._told:
                 self._node.get_logger().info(f"waiting for {', '.join(self._told)}")
-                for who in incompatible(self._node, self._heard):
-                    self._node.get_logger().warning(f"incompatible QoS requested: {who}")
+                self._next_qos = now
+        if now >= self._next_qos:
+            self._warn_of_qos(now)
+
+    def _warn_of_qos(self, now: float) -> None:
+        """Warn of everybody who asks for a QoS that is not offered, as soon as it has a name."""
+        found = incompatible(self._node, self._heard)
+        named = {(node, topic) for node, topic in found if node != UNNAMED}
+        for node, topic in sorted(named - self._warned):
+            self._node.get_logger().warning(f"incompatible QoS requested: {node} on {topic}")
+        self._warned |= named
+        self._next_qos = now + NOTICE if found - named else inf
