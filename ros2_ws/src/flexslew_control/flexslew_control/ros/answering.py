@@ -28,7 +28,7 @@ class Answering:
         period: of the bench [s].
         silent: observe only.
         heard: the questions; None: they come by calls.
-        said: the commands, then the states.
+        sent: the commands, then the states.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Answering:
     ) -> None:
         self._host, self._observed = host, observed
         self.period, self.silent = 0.01, False
-        self.said = [publisher(node, t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)]
+        self.sent = [publisher(node, t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)]
         self.heard: Subscription[Any] | None = None
         if not by_call:
             self.heard = subscription(node, topics.MEASUREMENT, self._hear, raw=True)
@@ -71,7 +71,7 @@ class Answering:
         answer, command = self._host.observe(question), None
         if answer is not None and not self.silent:
             command = answer.command
-            publish_if_heard(self.said[0], partial(command_bytes, command, at))
-            publish_if_heard(self.said[1], partial(state_bytes, answer, at))
+            publish_if_heard(self.sent[0], partial(command_bytes, command, at))
+            publish_if_heard(self.sent[1], partial(state_bytes, answer, at))
         self._observed(question.tick)
         return command

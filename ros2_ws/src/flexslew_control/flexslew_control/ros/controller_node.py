@@ -54,7 +54,7 @@ class ControllerNode:
             self._host,
             self._settings.law,
             self._alive,
-            self.answering.said,
+            self.answering.sent,
             self.answering.heard,
             self._settings.wait_for,
         )

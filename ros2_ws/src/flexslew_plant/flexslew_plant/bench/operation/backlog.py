@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 
 from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.topics import LOOP_DEPTH
 
 # How far ahead of the disk the plant may be, not paced: what the kill of a recorder may cost
 RECORDED_WITHIN = 100  # [ticks]; one second at the default period
-# The same, paced: a quarter of what DDS keeps for a recorder (topics.LOOP_DEPTH)
-HEARD_WITHIN = 1000  # [ticks]
+HEARD_WITHIN = LOOP_DEPTH // 4  # the same, paced: of what DDS keeps for a recorder [ticks]
 
 
 @dataclass

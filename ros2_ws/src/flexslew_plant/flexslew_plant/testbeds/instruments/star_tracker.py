@@ -20,11 +20,8 @@ class StarTrackerSettings:
     """A star tracker on the platform."""
 
     kind: Literal["star_tracker"]
-    boresight: tuple[float, float, float] = (
-        0.0,
-        0.0,
-        1.0,
-    )  # of a star tracker, in body axes, of any length
+    # of a star tracker, in body axes, of any length
+    boresight: tuple[float, float, float] = (0.0, 0.0, 1.0)
     across: NonNegative = 0.0  # standard deviation across its boresight [rad]
     about: NonNegative = 0.0  # and about it [rad]
     rate_noise: NonNegative = 0.0  # further noise of all its axes, per body rate [s]
@@ -32,9 +29,8 @@ class StarTrackerSettings:
     interval: NonNegative = 0.0  # between its readings [s]; 0: each tick
     delay: NonNegative = 0.0  # of its readings [s]
     dropout: Probability = 0.0  # probability that a reading is missing
-    blind: tuple[
-        tuple[NonNegative, NonNegative], ...
-    ] = ()  # spans without readings, from and until [s]
+    # spans without readings, from and until [s]
+    blind: tuple[tuple[NonNegative, NonNegative], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,8 @@ class SunSensorSettings:
     """A Sun sensor on the platform."""
 
     kind: Literal["sun_sensor"]
-    boresight: tuple[float, float, float] = (
-        0.0,
-        0.0,
-        1.0,
-    )  # of a Sun sensor, in body axes, of any length
+    # of a Sun sensor, in body axes, of any length
+    boresight: tuple[float, float, float] = (0.0, 0.0, 1.0)
     half_angle: Annotated[float, Field(gt=0.0, le=np.pi)] = 1.0  # of its field of view [rad]
     noise: NonNegative = 0.0  # standard deviation, in each direction across the Sun's [rad]
     # direction to the Sun in inertial space, of any length; null: that of `orbit`
