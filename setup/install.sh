@@ -132,9 +132,9 @@ build_workspace() {
   local paths=(src) options=(-DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$venv/bin/python" -GNinja)
   if [ -z "$installed_ros" ]; then
     paths+=("$root/setup/wheels_overlay")
-    options+=("-DCMAKE_PROJECT_INCLUDE=$root/setup/wheels_fix.cmake")
+    options+=("-DCMAKE_PROJECT_INCLUDE=$root/setup/wheels_fix.cmake" -DFLEXSLEW_MSGS_CPP=OFF)
   fi
-  say "[3/4] workspace (messages in C, about one minute)"
+  say "[3/4] workspace (messages in C, about half a minute)"
   . "$root/setup/environment.sh"
   run colcon_build --base-paths "${paths[@]}" --symlink-install \
     --event-handlers console_direct- console_start_end+ --cmake-args "${options[@]}" ||

@@ -21,6 +21,17 @@ _STILL = f"""
   if (place !== look.place) [look.place, look.since] = [place, performance.now()];
   return place !== undefined && performance.now() - look.since > 150
 """
+_FOCUSED = f"""
+  const field = {FOUND};
+  if (!field?.checkVisibility() || field.disabled) return false;
+  if (document.activeElement !== field || look.field !== field) {{
+    field.scrollIntoView({{block: 'nearest'}});
+    field.focus();
+    [look.field, look.since] = [field, performance.now()];
+  }}
+  field.select();
+  return document.activeElement === field && performance.now() - look.since > 150
+"""
 MISSING = (
     "needs Chromium and chromedriver: apt-get install chromium chromium-driver; FLEXSLEW_BROWSER=0 "
     "leaves out the tests that look at a page"
@@ -66,14 +77,11 @@ class Browser:
         self._act(path, "click", {})
 
     def write(self, path: str, text: str) -> None:
-        """Replace what stands in a field that a person could write into."""
-        focused = self.until(
-            f"const field = {FOUND}; if (!field?.checkVisibility() || field.disabled) return false;"
-            " field.scrollIntoView({block: 'nearest'}); field.focus(); field.select();"
-            " return document.activeElement === field",
-            path,
-        )
-        assert focused
+        """Replace what stands in a field that a person could write into, once it keeps the focus.
+
+        A choice that has just closed takes the focus back, which a person sees before he writes.
+        """
+        self.until(_FOCUSED, path)
         self.devtools("Input.insertText", {"text": text})
 
     def press(self, key: str, code: str) -> None:

@@ -55,11 +55,11 @@ class Bystander:
         self.heard += 1
         self.tick = max(self.tick, tick_and_epoch(data)[0])
 
-    def until(self, condition: Callable[[], bool]) -> None:
-        """Listen until something is true."""
+    def until(self, condition: Callable[[], bool], told: Callable[[], Any] = str) -> None:
+        """Listen until something is true; `told` returns what a failure shows."""
         end = monotonic() + PATIENCE
         while not condition():
-            assert monotonic() < end, "it never happened"
+            assert monotonic() < end, f"it never happened {told()}"
             self._executor.spin_once(timeout_sec=0.02)
 
     def listen(self, seconds: float) -> None:
@@ -85,11 +85,14 @@ class Bystander:
     def swap(self, controller: str) -> None:
         """Have another controller in charge, as soon as it is ready."""
 
+        answer: Any = None
+
         def swapped() -> bool:
+            nonlocal answer
             answer = self.ask(SwitchController, "switch_controller", controller=controller)
             return bool(answer.ok)
 
-        self.until(swapped)
+        self.until(swapped, lambda: answer)
 
     def close(self) -> None:
         self.node.destroy_node()

@@ -1,4 +1,4 @@
-"""Nodes that crash before the start of their trial."""
+"""Nodes that crash before the start of their trial, or stand still in DDS."""
 
 import os
 import signal
@@ -6,12 +6,14 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Event
 
+import pytest
+
 from flexslew_lab.run.domain import own_domain
 from flexslew_lab.run.processes import node_processes, parameter_file
 from flexslew_lab.run.supervisor import Outcome, Supervisor
 
 from .bystander import held
-from .flight import fork_server, slew
+from .flight import Flight, fork_server, slew
 
 
 def test_a_node_that_crashes_before_the_start_is_started_again_once(tmp_path: Path) -> None:
@@ -57,3 +59,39 @@ def crashing(name: str, after: float, times: int, folder: Path) -> tuple[Outcome
                 last = pid
             Event().wait(0.5)
         return outcome.result(), log.read_text()
+
+
+STUCK = """
+from pathlib import Path
+from threading import Event, Thread, get_native_id
+
+MARK = Path(__file__).with_name("stuck_once")
+LAW = "{root}/docs/examples/my_law.py"
+exec(Path(LAW).read_text())
+
+def stand_still():
+    Path(f"/proc/self/task/{{get_native_id()}}/comm").write_text("dds.ev.0")
+    Event().wait()
+
+class Stuck(MyLaw):
+    def __init__(self, *given):
+        super().__init__(*given)
+        if not MARK.exists():
+            MARK.touch()
+            Thread(target=stand_still, daemon=True).start()
+            Event().wait()
+"""
+
+
+def test_a_node_that_stands_still_in_dds_is_started_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The law stands still as a node does whose construction waits for DDS for ever."""
+    monkeypatch.setattr("flexslew_lab.run.standstill.PATIENCE", 4.0)  # those alive wake in 3 s
+    law = tmp_path / "stuck.py"
+    law.write_text(STUCK.format(root=Path(__file__).parents[2]))
+    flight = Flight(slew(0.5, more=f", stuck: {{law: '{law}:Stuck'}}"), tmp_path / "run")
+    assert flight.outcome.exit_code == 0, flight.log
+    assert flight.log.count("[stuck] stands still in DDS") == 1
+    assert flight.log.count("[stuck] killed: started again") == 1
+    assert flight.log.count("stands still") == 1

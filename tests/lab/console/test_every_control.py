@@ -150,7 +150,9 @@ class _Hands:
         """Wait until the console has heard of what was done with an element."""
         end = monotonic() + _WITHIN
         while not heard():
-            assert monotonic() < end, (self.name(element), element.value)
+            if monotonic() > end:
+                focus = self._browser.run("return document.activeElement.outerHTML.slice(0, 500)")
+                raise AssertionError((self.name(element), element.value, focus))
             threading.Event().wait(0.01)
 
 

@@ -45,7 +45,9 @@ class RunningBench(NamedTuple):
 def own_domain(what: str = "", folder: Path | None = None) -> Iterator[int]:
     """Yield a ROS_DOMAIN_ID that no other run of this machine holds; the user's, if set.
 
-    While it is held, `running_benches` lists it.
+    While it is held, `running_benches` lists it. The one that has rested longest is taken: where
+    the nodes of a run still leave, those of the next one may stand still at their start (Fast DDS
+    3.2, see standstill.py).
 
     Args:
         what: runs there, for those who look for a bench.
@@ -65,7 +67,7 @@ def own_domain(what: str = "", folder: Path | None = None) -> Iterator[int]:
         finally:
             _released(requested, handle)
         return
-    for number in range(1, _HIGHEST + 1):
+    for number in sorted(range(1, _HIGHEST + 1), key=_last_used):
         handle = _locked(number, what, folder)
         if handle is None:
             continue
@@ -161,7 +163,7 @@ def _described(number: int, path: Path) -> RunningBench:
 def _locked(number: int, what: str, folder: Path | None) -> int | None:
     """Return the open lock of a domain; None where another run holds it."""
     try:
-        handle = lock_file(_folder() / f"flexslew_domain_{number}.lock", 0o666)
+        handle = lock_file(_lock_path(number), 0o666)
     except OSError:
         return None  # another user's
     if handle is None:
@@ -182,7 +184,20 @@ def _describe(handle: int, what: str, folder: Path | None) -> None:
 def _released(number: int, handle: int | None) -> None:
     if handle is not None:
         del _held[number]
+        os.ftruncate(handle, 0)  # and so the file tells when
         os.close(handle)
+
+
+def _lock_path(number: int) -> Path:
+    return _folder() / f"flexslew_domain_{number}.lock"
+
+
+def _last_used(number: int) -> float:
+    """Return when a run has taken or left a domain; 0: never since the machine started."""
+    try:
+        return _lock_path(number).stat().st_mtime
+    except OSError:
+        return 0.0
 
 
 def _user() -> int:

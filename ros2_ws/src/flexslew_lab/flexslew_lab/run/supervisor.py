@@ -13,12 +13,14 @@ from time import monotonic
 from flexslew_lab.run.fork_server import BEFORE_FORK, ForkServer
 from flexslew_lab.run.outcome import Outcome as Outcome
 from flexslew_lab.run.processes import NodeProcess
+from flexslew_lab.run.standstill import Standstill
 
 _TICK = re.compile(rb"^tick (\d+) of (\d+)$")
 _LEAVES = re.compile(rb"^leaves with exit code (\d+)$")
 _ROOM = 1 << 20  # what a node may say while nobody reads it; Linux gives 64 KiB [bytes]
 _GRACE = 10.0  # from one signal to the next stronger one [wall s]
 _LEAVING = 90.0  # for those who leave after the plant [wall s]; see ros_node.DEPARTURE_TIMEOUT
+_LOOK = 5.0  # at whether the processes stand still, every so often [wall s]
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 # signals that end a crashed process
 _CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL)
@@ -27,8 +29,9 @@ _CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal
 class Supervisor:
     """The processes of one run.
 
-    A controller or planner that crashes before the start is started again, once. Plant and recorder
-    are not: others depend on the one, the other has begun its bag.
+    A controller or planner that crashes before the start, or stands still in DDS at any time, is
+    started again, once. Plant and recorder are not: others depend on the one, the other has begun
+    its bag. Whoever stands still is killed.
 
     Args:
         processes: what to start; the end of the last one, the plant, is the end of the run.
@@ -61,6 +64,8 @@ class Supervisor:
         self._told: dict[str, int] = {}  # exit codes, by those who leave
         self._selector = selectors.DefaultSelector()
         self._rest: dict[str, bytes] = {}
+        self._standstill, self._next_look = Standstill(), monotonic() + _LOOK
+        self._stuck: set[str] = set()  # killed for it
         self._parameters = parameters
         self._environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
         for process in processes:
@@ -76,6 +81,7 @@ class Supervisor:
         try:
             while self._plant in self._running:
                 self._serve(0.2)
+                self._kill_the_stuck()
                 dead = [n for n, code in self._codes.items() if n != self._plant and code]
                 if dead and self._tick < 0:
                     self._end()
@@ -123,12 +129,28 @@ class Supervisor:
             if code is None:
                 continue
             del self._running[name]
-            if self._tick < 0 and -code in _CRASHES and name in self._again:
-                word = f"crashed ({signal.Signals(-code).name}) before the start: started again\n"
-                self._take(name, b"\n" * bool(self._rest[name]) + word.encode())
+            crashed = self._tick < 0 and -code in _CRASHES
+            if (crashed or name in self._stuck) and name in self._again:
+                why = f"crashed ({signal.Signals(-code).name}) before the start"
+                self._note(name, f"{why if crashed else 'killed'}: started again")
+                self._stuck.discard(name)
                 self._start(self._again.pop(name))
             else:
                 self._codes[name] = self._told.get(name, code) if code == -signal.SIGALRM else code
+
+    def _kill_the_stuck(self) -> None:
+        if monotonic() < self._next_look:
+            return
+        self._next_look = monotonic() + _LOOK
+        for name, pid in self._running.items():
+            if name not in self._stuck and self._standstill.of(pid):
+                self._note(name, "stands still in DDS: its timers have not run for a while")
+                self._stuck.add(name)
+                os.kill(pid, signal.SIGKILL)
+
+    def _note(self, name: str, words: str) -> None:
+        """Write into the log what the supervisor itself has to say of a process."""
+        self._take(name, b"\n" * bool(self._rest[name]) + words.encode() + b"\n")
 
     def _take(self, name: str, data: bytes) -> None:
         *lines, self._rest[name] = (self._rest[name] + data).split(b"\n")

@@ -1,0 +1,53 @@
+"""Tells a node that stands still inside Fast DDS 3.2 from one that only waits or is stopped.
+
+One thread holds the lock of the discovery and waits for the thread of the timers (a remote writer
+leaves: PDP::removeWriterProxyData), which waits for that lock to announce the node
+(PDP::set_next_announcement_interval): eProsima/Fast-DDS issue 6502. From then on the node hears of
+nobody new and may never end its own construction. The thread of the timers wakes at least every 3 s
+(leaseAnnouncement) wherever DDS is alive, so one that does not wake is the sign.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from time import monotonic
+
+PATIENCE = 30.0  # with a thread of timers that does not wake: ten announcements [wall s]
+_TIMERS = "dds.ev."  # what Fast DDS calls the threads
+
+
+class Standstill:
+    """Looks at the processes of a run from time to time.
+
+    Args:
+        clock: wall seconds.
+        processes: where the kernel shows them.
+    """
+
+    def __init__(
+        self, clock: Callable[[], float] = monotonic, processes: Path = Path("/proc")
+    ) -> None:
+        self._clock, self._processes = clock, processes
+        self._woken: dict[Path, tuple[str, float]] = {}  # how often, since when
+
+    def of(self, pid: int) -> bool:
+        """Return whether a thread of timers of a process has not woken for PATIENCE."""
+        now, found = self._clock(), False
+        for thread in (self._processes / str(pid) / "task").glob("*"):
+            try:
+                if not (thread / "comm").read_text().startswith(_TIMERS):
+                    continue
+                status = (thread / "status").read_text()
+            except OSError:  # it has just ended
+                continue
+            woken, sleeps = _field(status, "voluntary_ctxt_switches"), _field(status, "State")
+            before, since = self._woken.get(thread, ("", now))
+            if woken != before or not sleeps.startswith("S"):  # stopped by somebody, or at work
+                since = now
+            self._woken[thread] = woken, since
+            found = found or now - since > PATIENCE
+        return found
+
+
+def _field(status: str, name: str) -> str:
+    lines = (line.partition(":") for line in status.splitlines())
+    return next((value.strip() for key, _, value in lines if key == name), "")
