@@ -14,7 +14,9 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.from_bag import metrics_of
+from flexslew_lab.metrics.jitter import Jitter
 from flexslew_lab.metrics.line_of_sight import LineOfSightMetric
+from flexslew_lab.metrics.momentum import Momentum
 from flexslew_lab.metrics.performance_errors import PerformanceErrors
 from flexslew_lab.metrics.platform_error import PlatformError
 from flexslew_lab.metrics.pointing import PointingMetric
@@ -28,7 +30,10 @@ Message = tuple[str, bytes, int]
 
 def test_the_keys_are_those_of_the_schema(bag: Path) -> None:
     metrics = metrics_of(bag)
-    of_platforms = (PointingMetric, PlatformError, PerformanceErrors, LineOfSightMetric, Vibration)
+    of_platforms = (
+        PointingMetric, PlatformError, PerformanceErrors, Jitter, Momentum, LineOfSightMetric,
+        Vibration,
+    )  # fmt: skip
     elsewhere = {key for kind in of_platforms for key in kind.KEYS} - set(TipDeflection.KEYS)
     assert [key for key in KEYS if key not in elsewhere] == list(metrics)
     json.dumps(metrics, allow_nan=False)

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexslew_control.allocation import Allocation
 from flexslew_control.controllers.entry import LawEntry
-from flexslew_control.controllers.gyroscopic import gyroscopic
 from flexslew_control.controllers.integral_action import Action, IntegralLaw
-from flexslew_control.controllers.sampled_loop import require_sampled_pd
+from flexslew_control.controllers.three_axes import controlled
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
     joint_estimator,
@@ -15,6 +15,7 @@ from flexslew_control.estimators.attitude_estimator import (
 from flexslew_control.law import (
     Estimate,
     Estimator,
+    Law,
     MeasuredJoints,
     PlantDescription,
     Reference,
@@ -46,6 +47,9 @@ class CollocatedPid:
     gyroscopic: bool = False  # add w x J w, beyond that of the plan, of a craft in three axes
     # attitude and rates by gyro and star tracker; null: as the joints read them
     attitude: AttitudeFilterSettings | None = None
+    # share the torque about the body axes, which the gains are then of, out among thrusters or
+    # wheels; null: every joint has its own gains
+    allocation: Allocation | None = None
 
 
 @dataclass(frozen=True)
@@ -81,7 +85,7 @@ def closed_loop(linear: Linearisation, kp: Vector, ki: Vector, kd: Vector) -> Ma
     return np.vstack((top, np.hstack((integral, np.zeros((count, n + count))))))
 
 
-def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, IntegralLaw]:
+def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, Law]:
     """Return the estimator of the joints and the law.
 
     Raises:
@@ -89,29 +93,27 @@ def build(settings: CollocatedPid, plant: PlantDescription) -> tuple[Estimator, 
             point, or a testbed that lacks the sensors of an attitude or turns in fewer axes.
     """
     model = plant.believed(settings.model)
+    what = controlled(plant, settings.allocation, settings.gyroscopic)
     given = (("kp", settings.kp), ("ki", settings.ki), ("kd", settings.kd))
-    kp, ki, kd = (per_joint(name, gains, model.joint_names) for name, gains in given)
+    kp, ki, kd = (per_joint(name, gains, what.names) for name, gains in given)
     linear = model.linearise(operating_point_of(plant, model, settings.operating_point))
-    integrals = [
-        f"integral of {name}" for name, k in zip(model.joint_names, ki, strict=True) if k > 0.0
-    ]
-    names = (*state_names(model), *integrals)
     if model.leading is None:  # else motions that no effort reaches are at rest for ever
+        integrals = [
+            f"integral of {name}" for name, k in zip(what.names, ki, strict=True) if k > 0.0
+        ]
+        names = (*state_names(model), *integrals)
         require_stable(closed_loop(linear, kp, ki, kd), names, "collocated_pid with these gains")
-    bench = plant.testbed.model()
-    require_sampled_pd(bench, bench.rest({}), kp, kd, plant.period, "collocated_pid", ki)
-    limit = plant.effort_limit
-    turning = gyroscopic(plant.testbed, "gyroscopic") if settings.gyroscopic else None
+    what.require_stable(kp, kd, "collocated_pid", ki)
     deviation = JointDeviation(kp, ki, kd)
-    law = IntegralLaw(deviation, limit, settings.tracking_time, plant.period, turning)
-    return joint_estimator(plant, settings.attitude), law
+    law = IntegralLaw(deviation, what.limit, settings.tracking_time, plant.period, what.turning)
+    return joint_estimator(plant, settings.attitude), what.finished(law)
 
 
-def linear(
-    estimator: Estimator, law: IntegralLaw, references: list[Reference]
-) -> LinearForm | None:
+def linear(estimator: Estimator, law: Law, references: list[Reference]) -> LinearForm | None:
     """Return the law as matrices; see LawEntry."""
-    if law.turning is not None or not isinstance(estimator, MeasuredJoints):
+    if not (isinstance(law, IntegralLaw) and isinstance(estimator, MeasuredJoints)):
+        return None
+    if law.turning is not None:
         return None
     gains = law.deviation
     assert isinstance(gains, JointDeviation)

@@ -5,9 +5,10 @@ Gorinevsky and Vukovich 1998, eqs 12-13.
 
 import numpy as np
 
+from flexslew_control.allocation import Allocation
 from flexslew_control.controllers.entry import LawEntry
-from flexslew_control.controllers.gyroscopic import Gyroscopic, gyroscopic
-from flexslew_control.controllers.sampled_loop import require_sampled_pd
+from flexslew_control.controllers.gyroscopic import Gyroscopic
+from flexslew_control.controllers.three_axes import controlled
 from flexslew_control.estimators.attitude_estimator import (
     AttitudeFilterSettings,
     joint_estimator,
@@ -37,6 +38,9 @@ class PdFeedforwardSettings:
     gyroscopic: bool = False
     # attitude and rates by gyro and star tracker; null: as the joints read them
     attitude: AttitudeFilterSettings | None = None
+    # share the torque about the body axes, which the gains are then of, out among thrusters or
+    # wheels; null: every joint has its own gains
+    allocation: Allocation | None = None
 
 
 class PdFeedforward:
@@ -77,22 +81,22 @@ def build(settings: PdFeedforwardSettings, plant: PlantDescription) -> tuple[Est
         plant: what the law is for.
 
     Raises:
-        BadInput: neither one gain nor one per joint, not stable at this period, or gyroscopic on
-            a testbed that does not turn in three axes, or lacks the sensors of an attitude.
+        BadInput: neither one gain nor one per joint, not stable at this period, or gyroscopic or
+            with an allocation on a testbed that does not turn in three axes, or without the
+            sensors of an attitude.
     """
-    joints = plant.joint_names
-    kp, kd = per_joint("kp", settings.kp, joints), per_joint("kd", settings.kd, joints)
-    model = plant.testbed.model()
-    require_sampled_pd(model, model.rest({}), kp, kd, plant.period, "pd_feedforward")
-    turning = gyroscopic(plant.testbed, "gyroscopic") if settings.gyroscopic else None
-    return joint_estimator(plant, settings.attitude), PdFeedforward(kp, kd, turning)
+    what = controlled(plant, settings.allocation, settings.gyroscopic)
+    kp, kd = per_joint("kp", settings.kp, what.names), per_joint("kd", settings.kd, what.names)
+    what.require_stable(kp, kd, "pd_feedforward")
+    law = what.finished(PdFeedforward(kp, kd, what.turning))
+    return joint_estimator(plant, settings.attitude), law
 
 
-def linear(
-    estimator: Estimator, law: PdFeedforward, references: list[Reference]
-) -> LinearForm | None:
+def linear(estimator: Estimator, law: Law, references: list[Reference]) -> LinearForm | None:
     """Return the law as matrices; see LawEntry."""
-    if law.turning is not None or not isinstance(estimator, MeasuredJoints):
+    if not (isinstance(law, PdFeedforward) and isinstance(estimator, MeasuredJoints)):
+        return None
+    if law.turning is not None:
         return None
     none = np.zeros(law.kp.size)
     return collocated_form(law.kp, none, law.kd, references, no_integral(law.kp.size))

@@ -1,6 +1,7 @@
 """Whether a law stays stable when it is asked once per tick, on all modes of the bench."""
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 from scipy.linalg import expm
@@ -27,6 +28,21 @@ def _held(a: Matrix, b: Matrix, period: float) -> tuple[Matrix, Matrix]:
     return both[:k, :k], both[:k, k:]
 
 
+class SmallMotions(Protocol):
+    """The small motions of a plant about a rest, and what a collocated law sees of them."""
+
+    @property
+    def position(self) -> Matrix:
+        """From the state to what the law takes for its joints' positions."""
+
+    @property
+    def velocity(self) -> Matrix:
+        """From the state to their rates."""
+
+    def step(self, period: float) -> tuple[Matrix, Matrix]:
+        """Return F and G of x+ = F x + G u over a tick with u held."""
+
+
 class LinearPlant:
     """The small motions of a model about a rest, with the joints' and tips' readings.
 
@@ -40,8 +56,8 @@ class LinearPlant:
         n, modes = model.coordinates, model.modes
         self._a, self._b = linear.state_matrix, linear.state_input_matrix
         readings, still = rate_readings(model, rest), np.zeros((model.joints, n))
-        self.position = np.hstack((readings, still))
-        self.velocity = np.hstack((still, readings))
+        self.position: Matrix = np.hstack((readings, still))
+        self.velocity: Matrix = np.hstack((still, readings))
         tips = model.appendages
         self.tip = np.zeros((len(tips.names), 2 * n))
         self.tip[:, n - modes : n] = tips.tip
@@ -54,7 +70,7 @@ class LinearPlant:
 
 
 def collocated_loop(
-    plant: LinearPlant, kp: Vector, kd: Vector, period: float, ki: Vector | None = None
+    plant: SmallMotions, kp: Vector, kd: Vector, period: float, ki: Vector | None = None
 ) -> Matrix:
     """Return the map of one tick under u = s - kp position - kd velocity.
 
@@ -111,15 +127,26 @@ def require_sampled_pd(
     period: float,
     what: str,
     ki: Vector | None = None,
+    seen: Callable[[SmallMotions], SmallMotions] = lambda plant: plant,
 ) -> None:
     """Check a collocated law on a free platform, whose modes are fast beside a tick.
+
+    Args:
+        model: of the bench.
+        rest: q about which it is looked at.
+        kp: one gain per joint that is seen, shape (joints,).
+        kd: of the same shape.
+        period: one tick [s].
+        what: is checked, for the message.
+        ki: of the same shape; none: no integral.
+        seen: what the law sees of the small motions of the joints; itself: all of them.
 
     Raises:
         BadInput: see require_sampled_stability.
     """
     if model.leading is None or not (kp.any() or kd.any()):
         return
-    plant = LinearPlant(model, rest)
+    plant = seen(LinearPlant(model, rest))
     require_sampled_stability(lambda h: collocated_loop(plant, kp, kd, h, ki), period, what)
 
 

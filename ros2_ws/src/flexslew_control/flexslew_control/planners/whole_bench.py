@@ -148,6 +148,8 @@ def flown_on_bench(
         return None
     model = plant.testbed.model() if model is None else model
     names, limit, tip = plant.joint_names, plant.effort_limit, model.appendages.tip
+    least = -limit
+    least[list(model.one_way)] = 0.0
     rest = model.rest(dict(zip(names, plan.position[0].tolist(), strict=True)))
     x = np.concatenate((rest, np.zeros(model.coordinates)))
     sensors = exact_sensors(model, plan.period)
@@ -168,7 +170,7 @@ def flown_on_bench(
         answer = controller.observe(Measurement(k, 0, now, _NAME, *seen, kept(effort)))
         if answer is None:  # it has failed on the way
             return None
-        effort = np.clip(answer.command.effort, -limit, limit)
+        effort = np.clip(answer.command.effort, least, limit)
         x = model.advance(x, effort, plan.period, t=now)
     return Prediction(swing, away, peak)
 

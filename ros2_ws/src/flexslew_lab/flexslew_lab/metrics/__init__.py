@@ -23,6 +23,8 @@ from flexslew_lab.metrics.trajectory import TRAJECTORY as TRAJECTORY
 from flexslew_lab.metrics.pointing import POINTING as POINTING  # after what it says by appendage
 from flexslew_lab.metrics.platform_error import PLATFORM_ERROR as PLATFORM_ERROR
 from flexslew_lab.metrics.performance_errors import PERFORMANCE_ERRORS as PERFORMANCE_ERRORS
+from flexslew_lab.metrics.jitter import JITTER as JITTER
+from flexslew_lab.metrics.momentum import MOMENTUM as MOMENTUM
 from flexslew_lab.metrics.line_of_sight import LINE_OF_SIGHT as LINE_OF_SIGHT
 from flexslew_lab.metrics.vibration import VIBRATION as VIBRATION
 # isort: on

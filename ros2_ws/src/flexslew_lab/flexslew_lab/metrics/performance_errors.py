@@ -14,7 +14,8 @@ class PerformanceErrors:
     """Implements Metric; says nothing of a testbed without a platform that points.
 
     With e(t) the rotation from the goal's attitude, in body axes, and windows of `pointing_window`
-    laid end to end from the end of the manoeuvre on (ECSS-E-ST-60-10C, section 3.2):
+    laid end to end from the end of the manoeuvre on, or from `pointing_from` (ECSS-E-ST-60-10C,
+    section 3.2):
         APE  e(t),    MPE  the mean of e over a window,    RPE  e(t) less the mean of its window.
     Each is the largest of its absolute values; a last window that is cut short does not count.
     """
@@ -41,16 +42,19 @@ class PerformanceErrors:
         testbed = setup.testbed
         self._testbed = testbed if isinstance(testbed, PointingTestbed) else None
         self._goal, self._end = goal_by_joint(setup), setup.manoeuvre.end
+        if self._testbed is not None:
+            self._end = max(self._end, self._testbed.pointing_from)
         self._largest: dict[str, Vector] = {}
         self._window, self._sum, self._count = 0, np.zeros(3), 0
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
 
     def add(self, block: Block) -> None:
         """Take the next ticks."""
-        if self._testbed is None or not block.over.any():
+        counts = block.time >= self._end - 1e-9
+        if self._testbed is None or not counts.any():
             return
         error = self._testbed.motions(block.position, block.velocity, self._goal).attitude
-        error, time = error[block.over], block.time[block.over]
+        error, time = error[counts], block.time[counts]
         self._grow("absolute", abs(error).max(axis=0))
         since = (time - self._end) / self._testbed.pointing_window
         windows = np.floor(since + 1e-9).astype(int)

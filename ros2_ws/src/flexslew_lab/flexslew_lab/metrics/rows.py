@@ -44,9 +44,11 @@ def _rows(name: str, value: Any) -> Iterator[tuple[str, Any]]:
                 yield f"{name}.{part}", inner
             else:
                 yield from _rows(f"{name}.{part}", inner)
-    elif isinstance(value, list) and value and isinstance(value[0], float):
+    elif isinstance(value, list) and len(value) == len(_AXES) and not isinstance(value[0], str):
         for axis, inner in zip(_AXES, value, strict=True):
-            yield f"{name}.{axis}", inner
+            yield from _rows(f"{name}.{axis}", inner)
+    elif isinstance(value, list) and value and isinstance(value[0], float):
+        yield name, "; ".join(f"{number:.3g}" for number in value)
     elif isinstance(value, list):
         yield name, "; ".join(map(str, value))
     else:

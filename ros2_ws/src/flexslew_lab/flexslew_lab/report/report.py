@@ -176,7 +176,13 @@ def _groups(runs: Sequence[RunData], other: RunData | None) -> Iterator[Group]:
     modes = figures.modes(runs)
     if modes is not None:
         yield modes
-    for draw in (figures.platform, figures.estimation, figures.effort_terms):
+    for draw in (
+        figures.platform,
+        figures.momentum,
+        figures.jitter,
+        figures.estimation,
+        figures.effort_terms,
+    ):
         for number, run in enumerate(runs):
             group = draw(run)
             if group is None:

@@ -16,6 +16,7 @@ from flexslew_lab.report.thinning import Thinner, Trace
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model, Testbed, read_testbed
+from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
 BUCKETS = 800  # of which each keeps its smallest and its largest value
 FRAMES = 500  # of the animation
@@ -66,10 +67,12 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
     metrics = metrics_from(bag)
     trial = logged_yaml(bag.trial_text, f"{bag.path}: trial")
     testbed = overview.testbed
+    flown = _testbed(trial, bag)
     collector = _Collector(
         overview.counts,
         len(testbed.joint_names) if testbed is not None else None,
         _model_with_readings(trial, bag),
+        flown if isinstance(flown, Pointing) else None,
     )
     for block in bag.blocks(["/truth", "/controller_state", "/measurement"]):
         collector.take(block.topic, block.columns)
@@ -95,7 +98,7 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
         tuple(collector.phases),
         np.array(collector.frame_time),
         np.array(collector.frame_position),
-        _testbed(trial, bag),
+        flown,
     )
 
 
@@ -141,8 +144,13 @@ class _Collector:
     """Takes blocks in the order of the bag; joins estimate and truth by epoch and tick."""
 
     def __init__(
-        self, counts: Mapping[str, int], joints: int | None, model: Model | None = None
+        self,
+        counts: Mapping[str, int],
+        joints: int | None,
+        model: Model | None = None,
+        pointing: Pointing | None = None,
     ) -> None:
+        self._pointing = pointing  # whose wheels are shown
         self.joints = joints  # None: as many as efforts
         self._model = model  # None: the joints are the first entries of the state
         ticks = counts.get("/truth", 0)
@@ -182,6 +190,13 @@ class _Collector:
         self._put("effort", time, columns["applied_effort"])
         self._put("disturbance", time, columns["disturbance"])
         self._put("energy", time, columns["energy"][:, None])
+        rates = columns["velocity"]
+        model = self._model
+        if self._pointing is not None and model and rates.shape[1] == model.coordinates:
+            spins = self._pointing.spins(rates)
+            if spins.speeds:
+                self._put("wheel_speed", time, np.column_stack([*spins.speeds.values()]))
+                self._put("stored_momentum", time, spins.stored)
         self._truth.add(keys_of(columns), position)
         self._join()
         rows = np.arange(-self._seen % self._frame_step, len(time), self._frame_step)

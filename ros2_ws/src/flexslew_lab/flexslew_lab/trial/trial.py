@@ -7,6 +7,7 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
+from flexslew_control.allocation import joint_gains
 from flexslew_control.controllers import (
     CONTROLLERS,
     DEFAULT,
@@ -264,4 +265,12 @@ def feedback_of(trial: Trial) -> Feedback | None:
         return None
     settings = validated(CONTROLLERS[law].settings, law_values(own), f"controllers.{trial.active}")
     kp, kd = getattr(settings, "kp", None), getattr(settings, "kd", None)
-    return None if kp is None or kd is None else Feedback(kp=kp, kd=kd)
+    if kp is None or kd is None:
+        return None
+    allocation, attitude = getattr(settings, "allocation", None), trial.testbed.model().attitude
+    if attitude is not None:
+        kp, kd = (
+            joint_gains(allocation, f"controllers.{trial.active}.{key}", gains, attitude.axes)
+            for key, gains in (("kp", kp), ("kd", kd))
+        )
+    return Feedback(kp=kp, kd=kd)

@@ -75,7 +75,9 @@ class Bench:
         self.handover = Handover(self.drive, settings.fallback, self.tell)
         names, pulse = self.model.joint_names, settings.actuator.shortest_pulse
         thrusters = thrusters_of(pulse, names, self.limit, settings.period)
-        self.actuator = Actuator(settings.actuator, self.limit, settings.period, thrusters)
+        self.actuator = Actuator(
+            settings.actuator, self.limit, settings.period, thrusters, self.model.one_way
+        )
         chosen = settings.plausibility
         self._plausibility = Plausibility(chosen, settings.period) if chosen else None
         self._friction = friction_of(settings.actuator, self.model, settings.period)

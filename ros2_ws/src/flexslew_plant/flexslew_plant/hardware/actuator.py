@@ -1,5 +1,6 @@
 """The motors: torque limit, quantisation, slew rate, lag; see friction and thrusters, too."""
 
+from collections.abc import Sequence
 from math import expm1
 from typing import Annotated, TypeAlias
 
@@ -50,6 +51,7 @@ class Actuator:
         limit: largest |effort|, shape (joints,) [N m or N].
         period: one tick [s].
         thrusters: those that are on or off; None: all push continuously.
+        one_way: which ones give nothing but a positive effort.
     """
 
     def __init__(
@@ -58,10 +60,15 @@ class Actuator:
         limit: Vector,
         period: float,
         thrusters: Thrusters | None = None,
+        one_way: Sequence[int] = (),
     ) -> None:
         self._thrusters = thrusters
         self._settings, self._limit = settings, limit
-        self._bounds: list[float] = limit.tolist()
+        self._least = -limit
+        self._least[list(one_way)] = 0.0
+        self._bounds: list[tuple[float, float]] = list(
+            zip(self._least.tolist(), limit.tolist(), strict=True)
+        )
         self._period = period
         ratio = period / settings.lag if settings.lag else 0.0
         self._rise = -expm1(-ratio)  # of z over a tick, in parts of demand - z
@@ -95,8 +102,8 @@ class Actuator:
         s = self._settings
         # a Python loop over one or two joints takes a third of the time of NumPy's calls
         within = zip(demand.tolist(), self._bounds, strict=True)
-        self.saturated = not all(-most <= value <= most for value, most in within)
-        effort = np.clip(demand, -self._limit, self._limit) if self.saturated else demand
+        self.saturated = not all(least <= value <= most for value, (least, most) in within)
+        effort = np.clip(demand, self._least, self._limit) if self.saturated else demand
         if s.quantisation:
             most = np.floor(self._limit / s.quantisation)
             effort = s.quantisation * np.clip(np.round(effort / s.quantisation), -most, most)

@@ -194,6 +194,30 @@ class ThreeAxes(Turning, Protocol):
         """Return the testbed without modes, its sensors besides those of the joints left out."""
 
 
+class DriveMap(NamedTuple):
+    """What each joint's effort does to the turn of a free platform.
+
+    Args:
+        torque: about the centre of mass, of a unit effort, in body axes, shape (3, joints).
+        one_way: which joints push in their positive direction alone, in order.
+        wheels: which are reaction wheels, in order.
+        inertia: of these wheels, shape (wheels,) [kg m^2].
+    """
+
+    torque: Matrix
+    one_way: tuple[int, ...]
+    wheels: tuple[int, ...]
+    inertia: Vector
+
+
+@runtime_checkable
+class TurnedByDrives(Protocol):
+    """A testbed whose torque can be shared out among its drives."""
+
+    def drive_map(self) -> DriveMap:
+        """Return what its drives do to its turn."""
+
+
 @runtime_checkable
 class Symbolic(Protocol):
     """A testbed that gives its energies in symbols, for planners by collocation."""

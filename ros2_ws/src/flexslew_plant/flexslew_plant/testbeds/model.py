@@ -50,6 +50,7 @@ class Model:
         attitude: the joints that read a platform's attitude; None: all errors are differences.
         outside: from a state and a time to generalised forces of the world outside, shape (n,),
             which only the bench applies; None: there are none.
+        one_way: which actuators push in their positive direction alone.
     """
 
     kernels: Kernels
@@ -67,6 +68,7 @@ class Model:
     motors: Motors | None = None
     attitude: AttitudeJoints | None = None
     outside: Callable[[Vector, float], Vector] | None = None
+    one_way: tuple[int, ...] = ()
 
     @cached_property
     def joints(self) -> int:

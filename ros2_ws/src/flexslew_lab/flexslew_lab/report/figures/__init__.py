@@ -5,6 +5,8 @@ from flexslew_lab.report.figures.controller import estimation as estimation
 from flexslew_lab.report.figures.course import compared as compared
 from flexslew_lab.report.figures.course import manoeuvre as manoeuvre
 from flexslew_lab.report.figures.course import planned as planned
+from flexslew_lab.report.figures.momentum import jitter as jitter
+from flexslew_lab.report.figures.momentum import momentum as momentum
 from flexslew_lab.report.figures.pointing import platform as platform
 from flexslew_lab.report.figures.vibration import modes as modes
 from flexslew_lab.report.figures.vibration import residual as residual

@@ -1,4 +1,4 @@
-"""Sensors with a memory of their own: what tells a platform's attitude, rate or the Sun."""
+"""Sensors with a memory of their own: what tells attitude, rates, wheels' speeds or the Sun."""
 
 from flexslew_plant.testbeds.instruments.gyro import Gyro as Gyro
 from flexslew_plant.testbeds.instruments.gyro import GyroSettings as GyroSettings
@@ -11,3 +11,5 @@ from flexslew_plant.testbeds.instruments.star_tracker import (
 )
 from flexslew_plant.testbeds.instruments.sun_sensor import SunSensor as SunSensor
 from flexslew_plant.testbeds.instruments.sun_sensor import SunSensorSettings as SunSensorSettings
+from flexslew_plant.testbeds.instruments.tachometer import Tachometer as Tachometer
+from flexslew_plant.testbeds.instruments.tachometer import TachometerSettings as TachometerSettings

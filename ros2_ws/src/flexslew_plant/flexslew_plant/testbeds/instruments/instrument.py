@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import NOTHING, Vector
 
 
 class MovingBody(NamedTuple):
@@ -13,6 +13,7 @@ class MovingBody(NamedTuple):
 
     attitude: Vector  # unit quaternion from body to inertial axes, x y z w, shape (4,)
     rate: Vector  # in body axes, shape (3,) [rad/s]
+    wheels: Vector = NOTHING  # speeds of its wheels relative to it, shape (wheels,) [rad/s]
 
 
 # from the platform at a tick to the reading; called once a tick, in order

@@ -64,7 +64,7 @@ def platform_inputs(craft: Spacecraft) -> tuple[Matrix, Matrix]:
     """Return the force and the torque of every joint's effort on the platform, (3, joints)."""
     force, torque = np.zeros((3, len(craft.drives))), np.zeros((3, len(craft.drives)))
     for k, d in enumerate(craft.drives):
-        if d.what == at.FORCE:
+        if d.what in (at.FORCE, at.THRUSTER):
             force[:, k] = d.direction
             torque[:, k] = 0.0 if d.spot is None else np.cross(d.spot.place, d.direction)
         elif d.what == at.TORQUE:

@@ -1,4 +1,4 @@
-"""Gyros, star trackers and Sun sensors of a spacecraft."""
+"""Gyros, star trackers, Sun sensors and tachometers of a spacecraft."""
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -11,6 +11,8 @@ from flexslew_plant.testbeds.instruments import (
     StarTrackerSettings,
     SunSensor,
     SunSensorSettings,
+    Tachometer,
+    TachometerSettings,
 )
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
@@ -24,7 +26,7 @@ _RATE = slice(3, 6)  # of the body rate in its v
 def instrument_of(
     craft: Spacecraft,
     name: str,
-    settings: GyroSettings | StarTrackerSettings | SunSensorSettings,
+    settings: GyroSettings | StarTrackerSettings | SunSensorSettings | TachometerSettings,
     first: int,
     sun: Triple | None,
 ) -> Instrument:
@@ -46,6 +48,10 @@ def instrument_of(
         raise BadInput(f"{key}: only a free platform has an attitude; use motion: free")
     if isinstance(settings, GyroSettings):
         return Gyro(name, first, settings)
+    if isinstance(settings, TachometerSettings):
+        if not craft.wheels:
+            raise BadInput(f"{key}: the platform has no wheels; give `wheels`")
+        return Tachometer(name, first, tuple(w.name for w in craft.wheels), settings)
     unit_direction(settings.boresight, f"{key}.boresight")
     if isinstance(settings, StarTrackerSettings):
         for i, (start, end) in enumerate(settings.blind):
@@ -61,4 +67,5 @@ def instrument_of(
 def body_of(craft: Spacecraft, x: Vector) -> MovingBody:
     """Return how a free platform stands and turns."""
     v = x[craft.sizes[0] :]
-    return MovingBody(x[_ATTITUDE], v[_RATE])
+    end = v.size - craft.modes
+    return MovingBody(x[_ATTITUDE], v[_RATE], v[end - len(craft.wheels) : end])

@@ -31,6 +31,18 @@ class Motions(NamedTuple):
     wheels: dict[str, Vector]
 
 
+class Spins(NamedTuple):
+    """What wheels store at k times, relative to the platform.
+
+    Args:
+        speeds: of each wheel, by name, shape (k,) [rad/s].
+        stored: momentum of all, in body axes, shape (k, 3) [N m s].
+    """
+
+    speeds: dict[str, Vector]
+    stored: Matrix
+
+
 @runtime_checkable
 class Pointing(Protocol):
     """A testbed whose platform and appendages point somewhere."""
@@ -43,6 +55,10 @@ class Pointing(Protocol):
     def pointing_window(self) -> float:
         """Window of the mean and relative performance errors [s]."""
 
+    @property
+    def pointing_from(self) -> float:
+        """From when on they count, if that is after the manoeuvre [s]."""
+
     def motions(self, position: Matrix, velocity: Matrix, goal: dict[str, float]) -> Motions:
         """Return the motions of logged states.
 
@@ -51,6 +67,9 @@ class Pointing(Protocol):
             velocity: v, shape (k, n).
             goal: where the joints go, by name; empty: nowhere.
         """
+
+    def spins(self, velocity: Matrix) -> Spins:
+        """Return what its wheels store at logged rates v, shape (k, n)."""
 
 
 def _turns(q: Matrix) -> Matrix:
@@ -99,7 +118,20 @@ def motions(craft: Spacecraft, position: Matrix, velocity: Matrix, goal: Vector)
         own_q = q[:, craft.first_mode(index) :][:, : a.modes]
         tips[a.name] = own_q @ (a.axes.T @ a.shape.tip.displacement).T
         turns[a.name] = own_q @ (a.axes.T @ a.shape.tip.turn).T
-    rates = velocity[:, velocity.shape[1] - modes - len(craft.wheels) :]
+    rates = _wheel_rates(craft, velocity)
     wheels = {w.name: w.inertia * rates[:, i] for i, w in enumerate(craft.wheels)}
     assert own + hinges + len(wheels) + modes == position.shape[1]
     return Motions(attitude, turned, place, away, tips, turns, wheels)
+
+
+def spins(craft: Spacecraft, velocity: Matrix) -> Spins:
+    """Return what wheels store; see Pointing."""
+    rates = _wheel_rates(craft, velocity)
+    axes = np.array([w.inertia * w.axis for w in craft.wheels]).reshape(-1, 3)
+    return Spins({w.name: rates[:, i] for i, w in enumerate(craft.wheels)}, rates @ axes)
+
+
+def _wheel_rates(craft: Spacecraft, velocity: Matrix) -> Matrix:
+    """Return the speeds of the wheels, shape (k, wheels) [rad/s]."""
+    end = velocity.shape[1] - craft.modes
+    return velocity[:, end - len(craft.wheels) : end]

@@ -9,6 +9,8 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.assembly.craft import CraftDrive, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 
+_TURNING = (at.TORQUE, at.WHEEL, at.THRUSTER)  # what reads the platform's turn
+
 
 def position_unit(drive: CraftDrive) -> str:
     """Return the unit of the collocated position."""
@@ -23,18 +25,17 @@ def placed(craft: Spacecraft, positions: Mapping[str, float]) -> Vector:
         positions: along the actuators, by name [rad or m].
     """
     q = np.zeros(craft.sizes[0])
-    place, turn = np.zeros(3), np.zeros(3)
+    place = np.zeros(3)
+    turn = _turn(craft, positions)
     own = {at.FREE: 7, at.HELD: 0, at.PIVOT: 1}[craft.motion]
     hinge = 0
     for d in craft.drives:
         value = positions.get(d.name, 0.0)
         if d.what == at.FORCE:
             place += value * d.direction
-        elif d.what in (at.TORQUE, at.WHEEL):
-            turn += value * (craft.wheels[d.owner].axis if d.what == at.WHEEL else d.direction)
         elif d.what == at.HINGE:
             q[own + hinge] = value
-        elif value:
+        elif value and d.what not in _TURNING:
             raise BadInput("appendages start at rest", "initial", d.name, value)
         hinge += d.what == at.HINGE
     if craft.motion == at.PIVOT:
@@ -49,8 +50,27 @@ def placed(craft: Spacecraft, positions: Mapping[str, float]) -> Vector:
     return q
 
 
+def _turn(craft: Spacecraft, positions: Mapping[str, float]) -> Vector:
+    """Return the rotation vector whose parts along the named actuators are these, shape (3,) [rad].
+
+    Along axes that are no orthonormal ones it is found by least squares.
+    """
+    axes = turning_axes(craft)
+    named = np.array([d.name in positions for d in craft.drives], dtype=bool) & axes.any(axis=1)
+    axes = axes[named]
+    asked = np.array([positions[d.name] for d, on in zip(craft.drives, named, strict=True) if on])
+    if abs(axes @ axes.T - np.eye(len(axes))).max(initial=0.0) > 1e-12:
+        return np.asarray(np.linalg.pinv(axes) @ asked)
+    turn = np.zeros(3)
+    for axis, value in zip(axes, asked, strict=True):
+        turn += value * axis
+    return turn
+
+
 def turning_axes(craft: Spacecraft) -> Matrix:
     """Return the body axis along which each actuator reads the platform's turn, else zeros.
+
+    Of a thruster it is the lever of its push about the body origin [m].
 
     Args:
         craft: the spacecraft.
@@ -60,6 +80,10 @@ def turning_axes(craft: Spacecraft) -> Matrix:
     """
     axes = np.zeros((len(craft.drives), 3))
     for row, d in zip(axes, craft.drives, strict=True):
-        if d.what in (at.TORQUE, at.WHEEL):
-            row[:] = craft.wheels[d.owner].axis if d.what == at.WHEEL else d.direction
+        if d.what == at.WHEEL:
+            row[:] = craft.wheels[d.owner].axis
+        elif d.what == at.TORQUE:
+            row[:] = d.direction
+        elif d.what == at.THRUSTER and d.spot is not None:
+            row[:] = np.cross(d.spot.place, d.direction)
     return axes

@@ -10,6 +10,7 @@ from flexslew_plant.testbeds.instruments import (
     GyroSettings,
     StarTrackerSettings,
     SunSensorSettings,
+    TachometerSettings,
 )
 
 Triple: TypeAlias = tuple[float, float, float]
@@ -187,14 +188,15 @@ class WheelSettings:
 
 @section
 class ActuatorPlace:
-    """A force or a torque on the platform or on an appendage, or a modal force.
+    """A force or a torque on the platform or on an appendage, a thruster, or a modal force.
 
     A modal force is spread over an appendage as its mass times a mode: it drives that mode and no
-    other, and acts on the platform by its resultant.
+    other, and acts on the platform by its resultant. A thruster pushes the platform one way.
     """
 
-    kind: Literal["force", "torque", "modal"]  # what it gives
-    direction: Triple = (0.0, 0.0, 0.0)  # of a force or a torque, in the axes of what it acts on
+    kind: Literal["force", "torque", "thruster", "modal"]  # what it gives
+    # of a force, a torque or a thruster's push, in the axes of what it acts on
+    direction: Triple = (0.0, 0.0, 0.0)
     limit: Positive  # largest effort
     appendage: str | None = None  # on which an actuator acts; null: on the platform
     # of a modal force, from 1; it is spread over the appendage as its mass times that mode
@@ -221,6 +223,6 @@ class SensorPlace:
 
 
 AnySensor: TypeAlias = Annotated[
-    SensorPlace | GyroSettings | StarTrackerSettings | SunSensorSettings,
+    SensorPlace | GyroSettings | StarTrackerSettings | SunSensorSettings | TachometerSettings,
     Field(discriminator="kind"),
 ]

@@ -12,10 +12,10 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import Placed, Positive, section
+from flexslew_plant.settings import NonNegative, Placed, Positive, section
 from flexslew_plant.testbeds.appendages import Appendages
 from flexslew_plant.testbeds.attitude import attitude_joints
-from flexslew_plant.testbeds.contract import HingeTurn, RigidTurn, UnitSizes
+from flexslew_plant.testbeds.contract import DriveMap, HingeTurn, RigidTurn, UnitSizes
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.floating import Floating
 from flexslew_plant.testbeds.kernels import Kernels
@@ -36,7 +36,7 @@ from flexslew_plant.testbeds.spacecraft.equations.readings import read
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
 from flexslew_plant.testbeds.spacecraft.floating import floating
 from flexslew_plant.testbeds.spacecraft.lines_of_sight import LineOfSight, lines_of_sight
-from flexslew_plant.testbeds.spacecraft.motions import Motions, motions
+from flexslew_plant.testbeds.spacecraft.motions import Motions, Spins, motions, spins
 from flexslew_plant.testbeds.spacecraft.orbit import Orbit, outside_forces
 from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit, turning_axes
 from flexslew_plant.testbeds.spacecraft.retargeting import hinge_turns, retargeted, section_units
@@ -51,7 +51,12 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     Platform,
     WheelSettings,
 )
-from flexslew_plant.testbeds.spacecraft.turning import driven_most, rigid_turn, turning_point
+from flexslew_plant.testbeds.spacecraft.turning import (
+    drive_map,
+    driven_most,
+    rigid_turn,
+    turning_point,
+)
 from flexslew_plant.testbeds.spacecraft.units import UNITS, UnitSystem
 
 FLOATING = Kernels(
@@ -90,6 +95,8 @@ class SpacecraftTestbed:
     # angle below which the line of sight counts as settled [rad]
     pointing_tolerance: Positive = 3.490658503988659e-4
     pointing_window: Positive = 10.0  # window of the mean and relative performance errors [s]
+    # from when on performance errors and jitter count, if that is after the manoeuvre [s]
+    pointing_from: NonNegative = 0.0
     orbit: Orbit | None = None  # a circular orbit whose torques turn a free platform; null: none
 
     operating_point: ClassVar[dict[str, float]] = {}
@@ -256,6 +263,14 @@ class SpacecraftTestbed:
         """Return what platform and tips do; see motions.Pointing."""
         return motions(self.craft, position, velocity, self.model().rest(goal))
 
+    def drive_map(self) -> DriveMap:
+        """Return what its drives do to its turn; see contract.TurnedByDrives."""
+        return drive_map(self.craft)
+
+    def spins(self, velocity: Matrix) -> Spins:
+        """Return what its wheels store; see motions.Pointing."""
+        return spins(self.craft, velocity)
+
     def lines_of_sight(
         self, time: Vector, position: Matrix, goal: dict[str, float]
     ) -> dict[str, LineOfSight]:
@@ -337,6 +352,7 @@ def _model(same: _Same) -> Model:
         motors=motors_of(craft),
         attitude=attitude_joints(turning_axes(craft)) if free else None,
         outside=None if orbit is None else outside_forces(craft, orbit),
+        one_way=tuple(k for k, d in enumerate(drives) if d.what == at.THRUSTER),
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexslew_plant.arrays import Vector
-from flexslew_plant.testbeds.contract import RigidTurn
+from flexslew_plant.testbeds.contract import DriveMap, RigidTurn
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.clamped import platform_inputs
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
@@ -22,6 +22,20 @@ def turning_point(craft: Spacecraft) -> Vector:
     return first / mass
 
 
+def drive_map(craft: Spacecraft) -> DriveMap:
+    """Return what the drives do to the turn of a free platform; see contract.TurnedByDrives."""
+    mass, first, _ = craft.rigid()
+    force, torque = platform_inputs(craft)
+    kinds = [d.what for d in craft.drives]
+    wheels = tuple(k for k, what in enumerate(kinds) if what == at.WHEEL)
+    return DriveMap(
+        torque - np.cross(first / mass, force, axisb=0, axisc=0),
+        tuple(k for k, what in enumerate(kinds) if what == at.THRUSTER),
+        wheels,
+        np.array([craft.wheels[craft.drives[k].owner].inertia for k in wheels]),
+    )
+
+
 def rigid_turn(craft: Spacecraft, axis: Vector) -> RigidTurn:
     """Return what every joint does while the rigid spacecraft turns about an axis.
 
@@ -33,7 +47,9 @@ def rigid_turn(craft: Spacecraft, axis: Vector) -> RigidTurn:
     about = inertia - mass * (_square(first / mass) - _square(first / mass - centre))
     offset = first - mass * centre
     force, torque = platform_inputs(craft)
-    held = bool((force != 0.0).any())
+    held = any(d.what == at.FORCE for d in craft.drives)
+    if not held:  # thrusters push a free craft off, so their torque is about its centre of mass
+        torque = drive_map(craft).torque
     rows = np.vstack((force, torque)) if held else torque
     inverse = np.linalg.pinv(rows)
 

@@ -94,7 +94,7 @@ class CraftDrive(NamedTuple):
     @property
     def unit(self) -> str:
         """N or N m."""
-        return "N" if self.what in (at.FORCE, at.POINT_FORCE, at.MODAL) else "N m"
+        return "N" if self.what in (at.FORCE, at.POINT_FORCE, at.MODAL, at.THRUSTER) else "N m"
 
 
 @dataclass(frozen=True)

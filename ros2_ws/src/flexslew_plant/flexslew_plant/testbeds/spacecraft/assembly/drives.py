@@ -15,6 +15,8 @@ from flexslew_plant.testbeds.spacecraft.settings import (
 from flexslew_plant.testbeds.spacecraft.shapes.shape import Spot
 from flexslew_plant.testbeds.spacecraft.units import Units
 
+_ON_PLATFORM = {"force": at.FORCE, "torque": at.TORQUE, "thruster": at.THRUSTER}
+
 
 def drives_of(
     described: Described, parts: tuple[Appendage, ...], units: Units
@@ -30,9 +32,13 @@ def drives_of(
         if d.mode is not None:
             raise BadInput("kind modal alone has a mode", key=f"{key}.mode", value=d.mode)
         direction = unit_direction(d.direction, f"{key}.direction")
-        limit = d.limit * (units.force if d.kind == "force" else units.torque)
+        limit = d.limit * (units.torque if d.kind == "torque" else units.force)
+        if d.kind == "thruster" and d.appendage is not None:
+            raise BadInput(
+                "a thruster sits on the platform", key=f"{key}.appendage", value=d.appendage
+            )
         if d.appendage is None:
-            what = at.FORCE if d.kind == "force" else at.TORQUE
+            what = _ON_PLATFORM[d.kind]
             empty = np.zeros((3, 0))
             spot = Spot(np.array(d.place) * units.length, empty, empty, empty)
             found.append(CraftDrive(name, what, -1, direction, spot, limit))

@@ -41,7 +41,7 @@ def _platform_force(
     direction, place = scaled(u, triple(p, d + at.DIRECTION)), triple(p, d + at.AT)
     what, b = p[d + at.WHAT], int(p[d + at.WHOSE])
     none = (0.0, 0.0, 0.0)
-    if what == at.FORCE:
+    if what == at.FORCE or what == at.THRUSTER:
         return direction, cross(place, direction), 0.0
     if what == at.TORQUE:
         return none, direction, 0.0

@@ -10,7 +10,7 @@ them; a pivoted one has its angle and rate instead.
 FREE, HELD, PIVOT = 0, 1, 2  # motion of the platform
 FIXED, PRESCRIBED, DRIVEN = 0, 1, 2  # motion of a hinge
 SMOOTH, BANG_BANG, TABLE = 0, 1, 2  # profile of a manoeuvre
-FORCE, TORQUE, POINT_FORCE, TIP_TORQUE, HINGE, WHEEL, MODAL = 0, 1, 2, 3, 4, 5, 6  # actuators
+FORCE, TORQUE, POINT_FORCE, TIP_TORQUE, HINGE, WHEEL, MODAL, THRUSTER = range(8)  # actuators
 
 # head
 MOTION, HINGES, WHEELS, MODES, APPENDAGES, ACTUATORS = 0, 1, 2, 3, 4, 5

@@ -59,7 +59,8 @@ def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
     """Write where each actuator stands and how fast it moves, both along its effort.
 
     A force on the platform: place and velocity along it [m, m/s]; a torque or a wheel: the
-    platform's turn and rate [rad, rad/s]; a hinge: its angle and rate; a force or a torque on an
+    platform's turn and rate [rad, rad/s]; a thruster: these times its lever r x d about the body
+    origin [m, m/s]; a hinge: its angle and rate; a force or a torque on an
     appendage: its elastic displacement or turn there and its rate.
 
     Args:
@@ -80,6 +81,10 @@ def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
             arm = triple(p, d + at.AT)
             position[k] = dot(direction, place)
             velocity[k] = dot(direction, plus(speed, cross(spin, arm)))
+        elif what == at.THRUSTER:
+            lever = cross(triple(p, d + at.AT), direction)
+            position[k] = dot(lever, turn)
+            velocity[k] = dot(lever, spin)
         elif what == at.TORQUE or what == at.WHEEL:
             position[k] = dot(direction, turn)
             velocity[k] = dot(direction, spin)

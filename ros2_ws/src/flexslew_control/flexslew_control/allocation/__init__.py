@@ -1,0 +1,9 @@
+"""How the torque that a law asks for becomes efforts of thrusters and wheels."""
+
+from flexslew_control.allocation.allocated_law import AllocatedLaw as AllocatedLaw
+from flexslew_control.allocation.allocation import Allocation as Allocation
+from flexslew_control.allocation.allocation import Allocator as Allocator
+from flexslew_control.allocation.allocation import ThrusterAllocation as ThrusterAllocation
+from flexslew_control.allocation.allocation import WheelAllocation as WheelAllocation
+from flexslew_control.allocation.allocation import allocator_of as allocator_of
+from flexslew_control.allocation.joint_gains import joint_gains as joint_gains

@@ -1,0 +1,59 @@
+"""A law of joints that works on the turn of a craft instead, its torque shared out among drives."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexslew_control.allocation.allocation import Allocator
+from flexslew_control.law import Estimate, Law, Reference
+from flexslew_plant.arrays import Vector
+from flexslew_plant.measurement import Measurement
+from flexslew_plant.testbeds.attitude import AttitudeJoints
+
+
+@dataclass
+class AllocatedLaw:
+    """Asks a law for the torque about the body axes, and an allocator for the efforts.
+
+    What the law sees as joints are the body axes: the rotation vector and rates that the joints
+    tell, and the torque of the plan's efforts, whichever drives the plan meant.
+
+    Args:
+        law: from three joints to three torques.
+        allocator: shares them out.
+        attitude: the joints that tell the turn.
+    """
+
+    law: Law
+    allocator: Allocator
+    attitude: AttitudeJoints
+    terms: dict[str, Vector] = field(init=False, default_factory=dict)
+
+    def reset(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
+    ) -> None:
+        """Take charge with the torque that these efforts have given; see law.Law."""
+        seen, wanted = self._turn(estimate, reference)
+        self.law.reset(measurement, seen, wanted, self.allocator.torque @ effort)
+
+    def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
+        """Return the efforts of all joints, shape (joints,) [N m or N]."""
+        seen, wanted = self._turn(estimate, reference)
+        effort = self.allocator.efforts(self.law.update(measurement, seen, wanted), measurement)
+        spread = self.allocator.spread
+        self.terms = {name: spread @ torque for name, torque in self.law.terms.items()}
+        self.terms["allocation"] = effort - sum(self.terms.values(), np.zeros(effort.size))
+        return effort
+
+    def _turn(self, estimate: Estimate, reference: Reference) -> tuple[Estimate, Reference]:
+        """Return estimate and reference as the law sees them."""
+        n, turn = len(self.attitude.axes), self.attitude.turn_of
+        seen = estimate._replace(
+            position=turn(estimate.position[:n]), velocity=turn(estimate.velocity[:n])
+        )
+        wanted = reference._replace(
+            position=turn(reference.position),
+            velocity=turn(reference.velocity),
+            effort=self.allocator.torque @ reference.effort,
+        )
+        return seen, wanted

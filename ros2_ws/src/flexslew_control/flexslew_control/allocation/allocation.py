@@ -1,0 +1,177 @@
+"""How a torque in three axes is shared out among drives: the `allocation` section of a law."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from pydantic import Field
+
+from flexslew_control.allocation.thruster_set import ThrusterSet
+from flexslew_control.allocation.wheel_set import WheelSet
+from flexslew_control.law import PlantDescription, per_joint
+from flexslew_plant.arrays import Indices, Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
+from flexslew_plant.settings import NonNegative, section
+from flexslew_plant.testbeds.contract import TurnedByDrives
+from flexslew_plant.testbeds.instruments import Tachometer
+from flexslew_plant.testbeds.instruments.instrument import channels
+
+
+@section
+class ThrusterAllocation:
+    """The torque as pushes of thrusters that burn the least; their valves make pulses of them."""
+
+    kind: Literal["thrusters"]
+    drives: tuple[str, ...] | None = None  # by name; null: all thrusters
+
+
+@section
+class WheelAllocation:
+    """The torque by the pseudo-inverse of the wheels' axes, null motion, and unloading."""
+
+    kind: Literal["wheels"]
+    drives: tuple[str, ...] | None = None  # by name; null: all wheels
+    # rate at which null motion brings the wheels to their bias; needs a tachometer [1/s]
+    null_motion: NonNegative = 0.0
+    # of each wheel, or one for all; what of it stores momentum is left out [rad/s]
+    bias_speed: tuple[float, ...] = (0.0,)
+    # rate at which thrusters take the stored momentum; needs a tachometer; 0: they do not [1/s]
+    unloading: NonNegative = 0.0
+    thrusters: tuple[str, ...] | None = None  # that unload, by name; null: all
+
+
+Allocation: TypeAlias = Annotated[ThrusterAllocation | WheelAllocation, Field(discriminator="kind")]
+
+
+@dataclass(frozen=True)
+class Allocator:
+    """Shares a torque out among the joints' drives.
+
+    Args:
+        joints: how many there are.
+        torque: of a unit effort of each joint about the centre of mass, shape (3, joints).
+        wheels: with which joints they are; None: no wheel takes part.
+        thrusters: with which joints they are; None: none takes part.
+        unloading: rate at which thrusters take what the wheels store [1/s].
+        speeds: where the tachometer's channels stand; None: nobody tells the wheels' speeds.
+    """
+
+    joints: int
+    torque: Matrix
+    wheels: tuple[Indices, WheelSet] | None
+    thrusters: tuple[Indices, ThrusterSet] | None
+    unloading: float = 0.0
+    speeds: Indices | None = None
+
+    @property
+    def limit(self) -> Vector:
+        """Largest torque about each body axis alone, of those that share it, shape (3,) [N m]."""
+        return np.array([min(self._most(axis), self._most(-axis)) for axis in np.eye(3)])
+
+    def _most(self, axis: Vector) -> float:
+        huge = 1e9 * axis
+        if self.wheels is not None:
+            where, wheels = self.wheels
+            return float(axis @ self.torque[:, where] @ wheels.efforts(huge, None))
+        assert self.thrusters is not None
+        where, thrusters = self.thrusters
+        return float(axis @ self.torque[:, where] @ thrusters.pushes(huge))
+
+    def efforts(self, torque: Vector, measurement: Measurement) -> Vector:
+        """Return the efforts of all joints that give a torque, shape (joints,) [N m or N].
+
+        Args:
+            torque: about the centre of mass, in body axes, shape (3,) [N m].
+            measurement: of this tick.
+        """
+        out = np.zeros(self.joints)
+        if self.wheels is None:
+            assert self.thrusters is not None
+            where, thrusters = self.thrusters
+            out[where] = thrusters.pushes(torque)
+            return out
+        where, wheels = self.wheels
+        speeds = None if self.speeds is None else measurement.tip_deflection[self.speeds]
+        if self.thrusters is not None and speeds is not None:
+            jets, thrusters = self.thrusters
+            out[jets] = thrusters.pushes(-self.unloading * wheels.stored(speeds))
+            torque = torque - self.torque[:, jets] @ out[jets]
+        out[where] = wheels.efforts(torque, speeds)
+        return out
+
+    @cached_property
+    def spread(self) -> Matrix:
+        """Return efforts per torque as small motions see them, shape (joints, 3).
+
+        Wheels give it; of thrusters it is the pseudo-inverse, which has the same torque.
+        """
+        out = np.zeros((self.joints, 3))
+        where = (self.wheels or self.thrusters or (np.zeros(0, dtype=np.int64),))[0]
+        out[where] = np.linalg.pinv(self.torque[:, where])
+        return out
+
+
+def allocator_of(
+    settings: ThrusterAllocation | WheelAllocation, plant: PlantDescription
+) -> Allocator:
+    """Return what shares a torque out among the drives of a testbed.
+
+    Raises:
+        BadInput: it does not turn in three axes, a name is no such drive, the drives cannot give
+            every torque, or nobody tells the speeds that are asked for.
+    """
+    testbed, names = plant.testbed, plant.joint_names
+    if testbed.model().attitude is None or not isinstance(testbed, TurnedByDrives):
+        words = "the joints of this testbed do not turn it in three axes"
+        raise BadInput(words, key="allocation")
+    found, limit = testbed.drive_map(), plant.effort_limit
+
+    def thrusters(key: str, given: tuple[str, ...] | None) -> tuple[Indices, ThrusterSet]:
+        where = _chosen(f"allocation.{key}", given, found.one_way, names, "thrusters")
+        called = tuple(names[k] for k in where)
+        return where, ThrusterSet.of(found.torque[:, where], limit[where], called)
+
+    if isinstance(settings, ThrusterAllocation):
+        return Allocator(len(names), found.torque, None, thrusters("drives", settings.drives))
+    where = _chosen("allocation.drives", settings.drives, found.wheels, names, "wheels")
+    called = tuple(names[k] for k in where)
+    inertia = found.inertia[[found.wheels.index(k) for k in where]]
+    bias = inertia * per_joint("allocation.bias_speed", settings.bias_speed, called)
+    wheels = WheelSet(found.torque[:, where], limit[where], inertia, settings.null_motion, bias)
+    speeds = _speeds(plant, called)
+    for key in ("null_motion", "unloading"):
+        if getattr(settings, key) and speeds is None:
+            words = "needs the wheels' speeds: give the testbed a sensor of kind tachometer"
+            raise BadInput(words, key=f"allocation.{key}", value=getattr(settings, key))
+    jets = thrusters("thrusters", settings.thrusters) if settings.unloading else None
+    return Allocator(len(names), found.torque, (where, wheels), jets, settings.unloading, speeds)
+
+
+def _chosen(
+    key: str,
+    given: tuple[str, ...] | None,
+    known: tuple[int, ...],
+    names: tuple[str, ...],
+    what: str,
+) -> Indices:
+    """Return which joints are meant."""
+    allowed = [names[k] for k in known]
+    if not allowed:
+        raise BadInput(f"the testbed has no {what}", key=key)
+    for name in given or ():
+        if name not in allowed:
+            raise BadInput(f"names of {what}: {', '.join(allowed)}", key=key, value=name)
+    return np.array([k for k in known if given is None or names[k] in given], dtype=np.int64)
+
+
+def _speeds(plant: PlantDescription, wheels: tuple[str, ...]) -> Indices | None:
+    """Return where the speeds of these wheels are read; None: nowhere."""
+    for instrument in plant.testbed.model().appendages.instruments:
+        if isinstance(instrument, Tachometer):
+            first = channels(instrument).start
+            return np.array(
+                [first + instrument.axes.index(name) for name in wheels], dtype=np.int64
+            )
+    return None

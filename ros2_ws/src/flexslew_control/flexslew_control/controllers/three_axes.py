@@ -1,0 +1,113 @@
+"""What a collocated law controls: the joints one by one, or the turn in three axes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexslew_control.allocation import (
+    AllocatedLaw,
+    Allocator,
+    ThrusterAllocation,
+    WheelAllocation,
+    allocator_of,
+)
+from flexslew_control.controllers.gyroscopic import Gyroscopic, gyroscopic
+from flexslew_control.controllers.sampled_loop import SmallMotions, require_sampled_pd
+from flexslew_control.law import Law, PlantDescription
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.attitude import AttitudeJoints
+
+_AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class TurnedByTorque:
+    """The small motions of a craft whose joints are its body axes, and efforts torques.
+
+    Args:
+        motions: with the joints as they are.
+        allocator: shares the torques out.
+        attitude: the joints that tell the turn.
+    """
+
+    motions: SmallMotions
+    allocator: Allocator
+    attitude: AttitudeJoints
+
+    @property
+    def position(self) -> Matrix:
+        """From the state to the turn, shape (3, states)."""
+        return self.attitude.turn_of(self.motions.position.T).T
+
+    @property
+    def velocity(self) -> Matrix:
+        """From the state to the body rates, shape (3, states)."""
+        return self.attitude.turn_of(self.motions.velocity.T).T
+
+    def step(self, period: float) -> tuple[Matrix, Matrix]:
+        """Return F and G of x+ = F x + G T over a tick with the torque T held."""
+        f, g = self.motions.step(period)
+        return f, g @ self.allocator.spread
+
+
+@dataclass(frozen=True)
+class Controlled:
+    """What a collocated law has gains for.
+
+    Args:
+        names: of these, for errors.
+        limit: largest effort along each [N m or N].
+        turning: their w x J w; None: it is not asked for.
+        allocator: shares torques about the body axes out; None: the efforts are those of joints.
+        plant: what the law is for.
+    """
+
+    names: tuple[str, ...]
+    limit: Vector
+    turning: Gyroscopic | None
+    allocator: Allocator | None
+    plant: PlantDescription
+
+    def require_stable(self, kp: Vector, kd: Vector, what: str, ki: Vector | None = None) -> None:
+        """Check the sampled loop of these gains; see require_sampled_pd.
+
+        Raises:
+            BadInput: it is not stable at this period.
+        """
+        model = self.plant.testbed.model()
+        require_sampled_pd(model, model.rest({}), kp, kd, self.plant.period, what, ki, self._seen())
+
+    def _seen(self) -> Callable[[SmallMotions], SmallMotions]:
+        allocator, attitude = self.allocator, self.plant.testbed.model().attitude
+        if allocator is None or attitude is None:
+            return lambda motions: motions
+        return lambda motions: TurnedByTorque(motions, allocator, attitude)
+
+    def finished(self, law: Law) -> Law:
+        """Return a law of these as one of the joints."""
+        attitude = self.plant.testbed.model().attitude
+        if self.allocator is None or attitude is None:
+            return law
+        return AllocatedLaw(law, self.allocator, attitude)
+
+
+def controlled(
+    plant: PlantDescription,
+    allocation: ThrusterAllocation | WheelAllocation | None,
+    with_gyroscopic: bool,
+) -> Controlled:
+    """Return what a law has gains for: the joints, or with an allocation the body axes.
+
+    Raises:
+        BadInput: the torque cannot be shared out so, or w x J w is asked for where nothing turns
+            in three axes.
+    """
+    turning = gyroscopic(plant.testbed, "gyroscopic") if with_gyroscopic else None
+    if allocation is None:
+        return Controlled(plant.joint_names, plant.effort_limit, turning, None, plant)
+    allocator = allocator_of(allocation, plant)
+    if turning is not None:
+        torque = np.tensordot(allocator.torque, turning.quadratic, axes=1)
+        turning = replace(turning, attitude=AttitudeJoints(np.eye(3)), quadratic=torque)
+    return Controlled(_AXES, allocator.limit, turning, allocator, plant)

@@ -1,0 +1,51 @@
+"""Tachometers: the speeds of all wheels of a platform."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from flexslew_plant.arrays import Vector
+from flexslew_plant.settings import NonNegative, section
+from flexslew_plant.testbeds.instruments.instrument import MovingBody, Reader
+
+
+@section
+class TachometerSettings:
+    """One tachometer in each wheel of the platform."""
+
+    kind: Literal["tachometer"]
+    noise: NonNegative = 0.0  # standard deviation of a speed, each tick [rad/s]
+
+
+@dataclass(frozen=True)
+class Tachometer:
+    """s + n, s the speed of each wheel's spin relative to the platform.
+
+    Args:
+        name: of its section.
+        first: its first channel.
+        axes: the wheels, by name.
+        settings: its errors.
+    """
+
+    name: str
+    first: int
+    axes: tuple[str, ...]
+    settings: TachometerSettings
+
+    def exact(self, body: MovingBody) -> Vector:
+        """Return the speeds, shape (wheels,) [rad/s]."""
+        return body.wheels
+
+    def begin(self, period: float, rng: np.random.Generator | None) -> Reader:
+        """Return what reads it; see Instrument."""
+        noise = self.settings.noise
+
+        def read(body: MovingBody) -> Vector:
+            if rng is None or not noise:
+                return body.wheels
+            reading: Vector = body.wheels + noise * rng.standard_normal(body.wheels.size)
+            return reading
+
+        return read
