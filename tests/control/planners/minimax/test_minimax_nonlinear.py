@@ -1,5 +1,6 @@
 """Plants that are not linear: exact derivatives, promises kept, local optima."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +15,7 @@ from flexslew_control.planners.minimax.nonlinear_path import channels, flight, t
 from flexslew_control.planners.minimax.search import search_of
 from flexslew_control.planners.prediction import predicted
 from flexslew_control.planners.slew import Feedback, slew_of
-from flexslew_plant.errors import PlanFailed
+from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import read_testbed
 
 QUICK = PLANNERS["minimax_feedforward"].example
@@ -126,6 +127,20 @@ def test_more_time_is_never_worse() -> None:
     for plan in plans[-2:]:
         flown = max(left("csa", plan, error) for error in (-0.2, -0.07, 0.0, 0.13, 0.2))
         assert flown <= 1.1 * plan.summary["worst_residual"]
+
+
+@pytest.mark.parametrize("goal", [0.25, 1.0])
+def test_a_goal_at_which_nothing_rests_without_an_effort_is_refused(goal: float) -> None:
+    """A load of 100 N against a spring of 100 + 10 sin(2 pi t) N/m, looked at 8 times in 25 s."""
+    swing = 10.0 * np.sin(2.0 * np.pi * np.linspace(0.0, 25.0, 8))
+    force = np.abs((100.0 + swing) * goal - 100.0).max()
+    testbed = read_testbed({"kind": "varying_oscillator"}, "t")
+    section = plan_settings({"method": "minimax_feedforward", "goal": {"mass": goal}}, "t")
+    with pytest.raises(BadInput, match="use method reference_only") as caught:
+        make_plan(section, plant(0.05, testbed.effort_limit, testbed))
+    said = re.search(r"goal: .*\(up to mass ([\d.]+) \[N", str(caught.value))
+    assert float(said[1]) == pytest.approx(force, rel=5e-3)  # three digits
+    assert "\n" not in str(caught.value)
 
 
 def test_too_short_a_slew_says_how_long_one_takes() -> None:

@@ -27,6 +27,9 @@ from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
 
+_NO_FORCE = 1e-6  # of a drive's limit, that counts as none at the goal [-]
+_LOOKS = 8  # at forces that vary with time
+
 
 @section
 class MinimaxFeedforward:
@@ -85,8 +88,10 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
     """Return what a section asks for.
 
     Raises:
-        BadInput: a range or a limit is of no joint, or does not hold start and goal.
+        BadInput: a range or a limit is of no joint, or does not hold start and goal; or nothing
+            rests at the goal without an effort.
     """
+    _require_rest(slew, settings.start + settings.duration)
     names = slew.model.joint_names
     joint = np.tile([[-np.inf], [np.inf]], len(names))
     for name, (low, high) in (settings.joint_range or {}).items():
@@ -115,6 +120,31 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
         settings.rho,
         settings.max_steps,
     )
+
+
+def _require_rest(slew: Slew, end: float) -> None:
+    """Check that the testbed rests at the goal by itself: efforts end when the slew does.
+
+    Args:
+        slew: what is asked for.
+        end: of the slew; where time matters, some times up to it are looked at [s].
+
+    Raises:
+        BadInput: springs or loads move it from there.
+    """
+    goal = slew.model.rest(slew.named(slew.goal))
+    still, joints = np.zeros(slew.model.coordinates), slew.goal.size
+    bias = [slew.model.bias(goal, still, t)[:joints] for t in np.linspace(0.0, end, _LOOKS)]
+    force = np.abs(bias).max(axis=0)
+    if (force > _NO_FORCE * slew.effort_limit).any():
+        forces = ", ".join(f"{name} {value:.3g}" for name, value in slew.named(force).items())
+        raise BadInput(
+            f"efforts end with the slew, but springs or loads push the joints away from there "
+            f"(up to {forces} [N or N m]); use method reference_only, whose controller holds them",
+            "plan",
+            "goal",
+            slew.named(slew.goal),
+        )
 
 
 def _joint(name: str, names: tuple[str, ...], key: str) -> int:

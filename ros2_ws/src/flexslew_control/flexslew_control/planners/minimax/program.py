@@ -91,7 +91,7 @@ class ConeProgram:
         Args:
             end: of the nominal member, shape (2 n,) or (2 n, k).
         """
-        rows, n = self.end_rows, len(self.end_rows[0]) // 2
+        rows, n = self.end_rows, self.end_rows.shape[1] // 2
         lasts = self.grid.ticks * self.grid.period
         bent, rate = (np.linalg.norm(half, axis=1) for half in (rows[:, :n], rows[:, n:]))
         missed: Vector = ((rows @ end).T / (self.span * (bent + rate / lasts))).T
