@@ -6,6 +6,7 @@ every planner leaves on the worst of 11 plants, over the duration. Then M1 by bo
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -26,6 +27,7 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 
 DURATIONS = (6.0, 8.0, 10.0, 12.0, 15.0, 20.0)  # of planners that take one [s]
+M1_DURATIONS = (25.0, 30.0, 40.0, 60.0)  # [s]
 ERRORS = np.linspace(-0.2, 0.2, 11)  # of the stiffness
 
 
@@ -83,11 +85,11 @@ def main() -> None:
     axes.set(xlabel="duration [s]", ylabel="worst residual tip deflection [m]", ylim=(1e-8, 2.0))
     axes.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.savefig(Path(__file__).parent / "planners.png", dpi=110)
-    for method in ("robust_feedforward", "minimax_feedforward"):
+    for method, duration in product(("robust_feedforward", "minimax_feedforward"), M1_DURATIONS):
         goal = {"base_yaw": 1.0, "hub_pitch": 0.5}
-        keys = {"method": method, "duration": 25.0, "model": {"modes": 3}}
+        keys = {"method": method, "duration": duration, "model": {"modes": 3}}
         _, left, took = flown("m1", goal, **keys)
-        print(f"M1, {method:24} 25 s {left:10.3g} m {took:8.2f} s to plan", flush=True)
+        print(f"M1, {method:24} {duration:g} s {left:10.3g} m {took:8.2f} s to plan", flush=True)
 
 
 if __name__ == "__main__":

@@ -33,7 +33,8 @@ from flexslew_plant.errors import PlanFailed
 _CLOSE = 1e-3  # relative distance of residual and bound at which the program is solved
 _ROUNDING = 1e-6  # of a limit [-]
 _ACCURACY = 1e-4  # of each round's solution, beside that of the last [-]
-_NEAR = 0.4  # of the worst residual, and off a limit, at which a peak may come to hold the step up
+_HIGH = 0.7  # of the worst residual, at which a peak may come to hold a step up [-]
+_NEAR = 0.4  # of a limit, off which a peak may come to reach it [-]
 NOTHING_SEEN = 1e-8  # of the way, by which residual and bound may differ whatever they are [m/rad]
 _LITTLE, _LATE = 1e-6, 10  # what they may differ by from this round on: what rounding leaves
 _ROUNDS = 40
@@ -127,7 +128,7 @@ def _near_rows(cones: Cones, trust: TrustRegion) -> None:
         if cones.ticks_count:
             for tip in range(tips):
                 for side in (1.0, -1.0):
-                    beyond = side * flown[ticks:, tip] - _NEAR * worst
+                    beyond = side * flown[ticks:, tip] - _HIGH * worst
                     cones.add_residual(i, tip, ticks + _peaks(beyond), (side,))
 
 

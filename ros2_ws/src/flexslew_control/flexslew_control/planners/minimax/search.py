@@ -13,7 +13,7 @@ import numpy as np
 from flexslew_control.planners.minimax.members import Member, members_of
 from flexslew_control.planners.minimax.program import ConeProgram
 from flexslew_control.planners.minimax.question import Question, program_of, rests_of
-from flexslew_control.planners.minimax.response import Grid, Response
+from flexslew_control.planners.minimax.response import AtRest, Grid, Response
 from flexslew_control.planners.minimax.successive import (
     FIRST_RADIUS,
     Local,
@@ -38,7 +38,7 @@ _BEHIND = 1.3  # times its cost
 _WIDER = 4.0  # than the region of the last step is that of the first with more members [-]
 _NARROW = 0.02  # of the limits, the smallest first region with more members [-]
 _MORE = 6  # rounds in which members join
-_AT_ONCE = 2  # members that join in a round
+_AT_ONCE = 6  # members that join in a round
 
 
 @dataclass
@@ -64,12 +64,13 @@ class Search:
     members: tuple[Member, ...]
     grid: Grid
     report: Report
+    known_rests: tuple[AtRest, ...] = ()  # of the members; empty: to be computed
 
     @cached_property
     def ensemble(self) -> Flown:
         """The members as they are flown."""
         q = self.question
-        rests = rests_of(q, self.members, self.grid)
+        rests = self.known_rests or rests_of(q, self.members, self.grid)
         ends = q.slew.start, q.slew.goal
         return Flown(self.members, rests, ends, q.gains, self.grid, q.limits)
 
@@ -92,7 +93,8 @@ class Search:
 
     def of(self, used: Sequence[int]) -> "Search":
         """Return the search on some of the members."""
-        return replace(self, members=tuple(self.members[i] for i in used))
+        rests = tuple(self.ensemble.rests[i] for i in used)
+        return replace(self, members=tuple(self.members[i] for i in used), known_rests=rests)
 
     def joined(self, start: Vector, used: list[int]) -> tuple[Local, list[int]]:
         """Return the optimum for all members near some weights, and those that decide it.
@@ -142,7 +144,7 @@ def local_optimum(
     search = Search(question, members, grid, report)
     best, used = search.joined(first, used)
     for start in others if best.merit.residuals.max() > NOTHING else ():
-        local = search.of(used).run(start, _A_START)
+        local = search.of(_outermost(members)).run(start, _A_START)
         if local.merit.cost < _BEHIND * best.merit.cost:
             other, more = search.joined(local.weights, used)
             if other.merit.cost < best.merit.cost:

@@ -92,15 +92,16 @@ class EnsembleProblem:
 
     def responses(self, weights: Vector, flights: Sequence[MemberFlight]) -> list[Response]:
         """Return the answers of all members about their flights."""
-        found, nominal = list[Response](), None
         goal, requested = self.ends[1], self.limited
-        for member, rest, flown in zip(self.members, self.rests, flights, strict=True):
-            derived = tabled(
-                member.model, flown, nominal, self.gains, goal, self.grid, weights, requested
-            )
-            nominal = derived.states if nominal is None else nominal
-            found.append(Response(derived.path, rest, self.grid, goal))
-        return found
+        fixed = self.gains, goal, self.grid, weights, requested
+        nominal = tabled(self.members[0].model, flights[0], None, *fixed)
+        paths = [nominal.path]  # the other members' derivatives of all states are not kept
+        for member, flown in zip(self.members[1:], flights[1:], strict=True):
+            paths.append(tabled(member.model, flown, nominal.states, *fixed).path)
+        return [
+            Response(path, rest, self.grid, goal)
+            for path, rest in zip(paths, self.rests, strict=True)
+        ]
 
     def fixed(self, weights: Vector, flights: Sequence[MemberFlight]) -> list[Response]:
         """Return what was flown as responses that know no other weights."""
@@ -248,8 +249,10 @@ def improved(
         step = found.weights
         if predicted_decrease > 0.0 and merit.cost - new.cost < _GOOD * predicted_decrease:
             # the same derivatives about what was flown: a correction of second order
-            corrected = replace(asked, responses=ensemble.moved(asked, found.weights, flights))
-            again = solved(replace(corrected, trust=trust), goal=_GOAL, known=known)
+            moved = ensemble.moved(asked, found.weights, flights)
+            corrected = replace(asked, responses=moved, trust=trust)
+            again = solved(corrected, goal=_GOAL, known=known)
+            del moved, corrected
             others = ensemble.flown(again.weights)
             other = merit_of(program, ensemble, again.weights, others, price)
             if other.cost < new.cost:
@@ -271,6 +274,7 @@ def improved(
         if gain > 0.0:
             listener(k + 1, weights, merit, found.bound)
             if not settled:
+                del asked  # never the derivatives of two flights at once
                 asked = program(ensemble.responses(weights, flights))
         if settled:
             return Local(weights, merit, k + 1, True, radius)
