@@ -5,10 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_control.free_platform import LinearModel, joints_first
+from flexslew_control.free_platform import (
+    LinearModel,
+    joints_first,
+    nominal,
+    nominal_states,
+)
+from flexslew_control.law import Reference
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.testbeds.csa import CsaTestbed
 
 WHEELS = {"axis": [0.0, 0.0, 1.0], "inertia": 0.02, "limit": 0.5}
 
@@ -42,6 +49,31 @@ def test_a_turned_platform_is_not_pulled_back() -> None:
     away = found.rest({"roll": 0.5, "y": 2.0, "yaw": -0.3})
     force = found.linearise(away).stiffness @ away
     assert abs(force).max() < 1e-9 * abs(found.linearise(away).stiffness).max()
+
+
+def test_a_path_is_one_hold_after_the_other() -> None:
+    spacecraft = shipped("scole_s_a").testbed.model()
+    model = joints_first(spacecraft, spacecraft.rest({}))
+    rng = np.random.default_rng(3)
+    x, efforts = rng.normal(size=2 * model.coordinates), rng.normal(size=(4, model.joints))
+    for held, after in zip(efforts, model.path(x, efforts, 0.05), strict=True):
+        x = model.advance(x, held, 0.05)
+        np.testing.assert_array_equal(after, x)
+
+
+@pytest.mark.parametrize("modes", [1, 3])
+@pytest.mark.parametrize("free", [True, False])
+def test_nominal_states_of_many_references_are_those_of_each(modes: int, free: bool) -> None:
+    csa = CsaTestbed(modes=modes).model()
+    linear = csa.linearise(csa.rest({}))
+    model = LinearModel(csa.joint_names, linear, csa.appendages) if free else csa
+    rng = np.random.default_rng(modes)
+    references = [
+        Reference(rng.normal(size=2), rng.normal(size=2), rng.normal(size=2), rng.normal(size=n))
+        for n in (6, 0, 6, 10, 8, 0)
+    ]
+    found = nominal_states(model, references)
+    np.testing.assert_array_equal(found, [nominal(model, one) for one in references])
 
 
 def test_joints_that_move_together_are_refused() -> None:

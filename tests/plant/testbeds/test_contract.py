@@ -139,6 +139,17 @@ def test_the_linear_model_is_the_derivative_at_rest(kind: Any) -> None:
     np.testing.assert_allclose(linear.state_input_matrix, du, atol=1e-12)
 
 
+@every_kind
+def test_a_path_is_one_hold_after_the_other(kind: Any) -> None:
+    model = damped(kind, 0.02).model()
+    (x, effort), *_ = states(model)
+    efforts = effort * np.array([[1.0], [-0.5], [0.0]])
+    found = model.path(x, efforts, 0.02, 2, 1.5)
+    for k, (held, after) in enumerate(zip(efforts, found, strict=True)):
+        x = model.advance(x, held, 0.02, 2, 1.5 + k * 0.02)
+        np.testing.assert_array_equal(after, x)
+
+
 @same_lengths
 def test_stiffness_scales_the_squares_of_the_clamped_frequencies(kind: Any) -> None:
     testbed = damped(kind, 0.02)

@@ -14,7 +14,7 @@ from scipy.linalg import eigh, expm, null_space
 
 from flexslew_control.law import Reference, nominal_state
 from flexslew_control.linear_design import Designed
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.model import Appendages, Model
@@ -90,6 +90,14 @@ class LinearModel:
             self._steps[dt] = both[:k, :k], both[:k, k:]
         f, g = self._steps[dt]
         return np.asarray(f @ x + g @ effort)
+
+    def path(self, x: Vector, efforts: Matrix, dt: float, steps: int = 1, t: float = 0.0) -> Matrix:
+        """Return the states after each of the efforts, held for dt each; see Model.path."""
+        found = []
+        for effort in efforts:
+            x = self.advance(x, effort, dt)
+            found.append(x)
+        return np.array(found)
 
 
 def joints_first(model: Model, rest: Vector) -> Designed:
@@ -174,11 +182,25 @@ def _reached(linear: Linearisation) -> tuple[Matrix, Vector]:
     return np.hstack(kept), np.array(rigid)
 
 
+def nominal_states(model: Designed, references: list[Reference]) -> Matrix:
+    """Return the nominal states at N references, shape (N, 2 n); see nominal."""
+    positions = np.array([one.position for one in references])
+    velocities = np.array([one.velocity for one in references])
+    sizes = np.array([one.state.size for one in references])
+    found = np.empty((len(references), 2 * model.coordinates))
+    for size in set(sizes.tolist()):
+        rows = np.flatnonzero(sizes == size)
+        state = np.array([references[k].state for k in rows])
+        some = Reference(positions[rows], velocities[rows], NOTHING, state)
+        found[rows] = nominal(model, some)
+    return found
+
+
 def nominal(model: Designed, reference: Reference) -> Vector:
     """Return the nominal state as a law with this model sees it, shape (2 n,).
 
     About a free platform it is that of the joints: a plan about one axis says nothing else that
     these coordinates know.
     """
-    state = np.zeros(0) if isinstance(model, LinearModel) else reference.state
+    state = NOTHING if isinstance(model, LinearModel) else reference.state
     return nominal_state(state, reference, model.joints, model.modes)

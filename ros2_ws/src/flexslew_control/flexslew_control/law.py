@@ -167,27 +167,31 @@ class Law(Protocol):
 
 
 def nominal_state(state: Vector, reference: Reference, joints: int, modes: int) -> Vector:
-    """Return a nominal state as a law with `modes` modes sees it, shape (2 (joints + modes),).
+    """Return a nominal state as a law with `modes` modes sees it, shape (..., 2 (joints + modes)).
 
     Modes that the planner lacks are straight and at rest, modes that the law lacks are left out.
     Without a nominal state the joint references stand for it.
 
     Args:
-        state: reference.state or reference.next_state.
-        reference: of this tick.
+        state: reference.state or reference.next_state, shape (..., size).
+        reference: of this tick, or of many in rows.
         joints: how many joints.
         modes: how many modes the law has.
     """
     n = joints + modes
-    if state.size == 2 * n:
+    if state.shape[-1] == 2 * n:
         return state
-    nominal = np.zeros(2 * n)
-    if state.size == 0:
-        nominal[:joints], nominal[n : n + joints] = reference.position, reference.velocity
+    nominal = np.zeros((*reference.position.shape[:-1], 2 * n))
+    if state.shape[-1] == 0:
+        nominal[..., :joints] = reference.position
+        nominal[..., n : n + joints] = reference.velocity
         return nominal
-    given = state.size // 2
+    given = state.shape[-1] // 2
     kept = min(n, given)
-    nominal[:kept], nominal[n : n + kept] = state[:kept], state[given : given + kept]
+    nominal[..., :kept], nominal[..., n : n + kept] = (
+        state[..., :kept],
+        state[..., given : given + kept],
+    )
     return nominal
 
 

@@ -59,6 +59,9 @@ class Designed(Protocol):
     ) -> Vector:
         """Return the state dt after t with the effort held."""
 
+    def path(self, x: Vector, efforts: Matrix, dt: float, steps: int = 1, t: float = 0.0) -> Matrix:
+        """Return the states after each of the efforts, held for dt each."""
+
 
 OperatingPoint = Annotated[
     dict[str, float] | None,

@@ -216,6 +216,26 @@ class Model:
         self.integrate(self.packed, t, effort, dt, steps, self.before_modes, after)
         return after
 
+    def path(self, x: Vector, efforts: Matrix, dt: float, steps: int = 1, t: float = 0.0) -> Matrix:
+        """Return where each of the efforts leads, held for dt one after the other; see advance.
+
+        Args:
+            x: the state at t.
+            efforts: shape (N, actuators).
+            dt: of each [s].
+            steps: of each, equal.
+            t: at the start [s].
+
+        Returns:
+            The states at t + dt ... t + N dt, a row each.
+        """
+        self._require(x, efforts[0])
+        now, found = np.array(x, dtype=np.float64), np.empty((len(efforts), x.size))
+        for k, effort in enumerate(efforts):
+            self.integrate(self.packed, t + k * dt, effort, dt, steps, self.before_modes, now)
+            found[k] = now
+        return found
+
     def pushed(self, x: Vector, dt: float, t: float) -> Vector:
         """Return the state after the impulse of the world outside during dt, at time t."""
         if self.outside is None:

@@ -21,7 +21,7 @@ from flexslew_control.controllers.model_predictive.prediction import (
     horizon,
 )
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, discretised
-from flexslew_control.free_platform import joints_first, nominal
+from flexslew_control.free_platform import joints_first, nominal_states
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.linear_design import (
     Designed,
@@ -116,7 +116,11 @@ class ModelPredictiveLaw:
     def __init__(self, predicted: Predicted, on_the_way: float, iterations: int) -> None:
         self._p = p = predicted
         n, m = p.steps, p.limits.effort.size
-        hard = _differences(n, m) if p.limits.rate is not None else np.zeros((0, n * m))
+        rate = p.limits.rate
+        hard = np.zeros((0, n * m)) if rate is None else _differences(n, m)
+        between = np.full(len(hard), (rate or 0.0) * p.ticks * p.period)
+        self._widest = np.concatenate((np.tile(p.limits.effort, n), between))
+        self._soft = np.tile(p.limits.lower, n), np.tile(p.limits.upper, n)
         soft = np.asarray(np.kron(np.eye(n), p.limits.rows), dtype=np.float64)
         self._programs = [
             Program(p.forced, p.costs, np.where(np.arange(n) < moving, on_the_way, 1.0),
@@ -150,10 +154,11 @@ class ModelPredictiveLaw:
         """
         p, d = self._p, estimate.disturbance
         ahead, self._ahead = self._ahead or [reference] * p.steps, []
-        moving = max((i + 1 for i, one in enumerate(ahead) if one.velocity.any()), default=0)
+        velocities = np.array([one.velocity for one in ahead])
+        moving = int(np.flatnonzero(velocities.any(axis=1)).max(initial=-1)) + 1
         x = np.concatenate((estimate.position, estimate.velocity))
         free = self._without_efforts(x, measurement.time)
-        target = np.array([nominal(p.model, one) for one in ahead]) - p.rest
+        target = nominal_states(p.model, ahead) - p.rest
         requested = np.array([reference.effort, *(one.effort for one in ahead[:-1])])
         lower, upper = self._bounds(measurement.applied_effort, d, (free @ p.limits.rows.T).ravel())
         program = self._programs[min(moving, len(self._programs) - 1)]
@@ -175,29 +180,27 @@ class ModelPredictiveLaw:
         The model itself is followed under the last answer's efforts; so what is predicted of the
         answer is right to the first order about it, and exact where the answers settle.
         """
-        p, found = self._p, []
-        dt = p.ticks * p.period
-        for i, effort in enumerate(self._last):
-            x = p.model.advance(x, effort, dt, p.substeps, t + i * dt)
-            found.append(x)
-        forced = p.forced @ self._last.ravel()
-        return np.array(found) - p.rest - forced.reshape(p.steps, -1)
+        p = self._p
+        found = p.model.path(x, self._last, p.ticks * p.period, p.substeps, t) - p.rest
+        return found - (p.forced @ self._last.ravel()).reshape(found.shape)
 
     def _bounds(self, applied: Vector, d: Vector, free: Vector) -> tuple[Vector, Vector]:
         """Return the limits of V, of its differences, and of the soft rows less their free part."""
         p = self._p
-        limits, n = p.limits, p.steps
-        lower, upper = np.tile(d - limits.effort, n), np.tile(d + limits.effort, n)
+        limits, m = p.limits, len(d)
+        lower, upper = -self._widest, self._widest.copy()
+        for bound in (lower, upper):
+            bound[: p.steps * m].reshape(-1, m)[:] += d
         if limits.rate is not None:
             # the next effort is one tick away, whatever the step
             near = limits.rate * p.period
             now = np.clip(applied, -limits.effort, limits.effort) + d
-            lower[: len(d)] = np.maximum(lower[: len(d)], now - near)
-            upper[: len(d)] = np.minimum(upper[: len(d)], now + near)
-            between = np.full((n - 1) * len(d), limits.rate * p.ticks * p.period)
-            lower, upper = np.append(lower, -between), np.append(upper, between)
-        below, above = np.tile(limits.lower, n), np.tile(limits.upper, n)
-        return np.append(lower, below - free), np.append(upper, above - free)
+            lower[:m] = np.maximum(lower[:m], now - near)
+            upper[:m] = np.minimum(upper[:m], now + near)
+        return (
+            np.concatenate((lower, self._soft[0] - free)),
+            np.concatenate((upper, self._soft[1] - free)),
+        )
 
     def _passed(self, free: Matrix, efforts: Matrix) -> LimitSoftened:
         """Return which limit the prediction passes, and by how much."""

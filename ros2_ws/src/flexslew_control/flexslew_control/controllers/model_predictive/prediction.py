@@ -92,20 +92,21 @@ class Program:
         iterations: int,
     ) -> None:
         n, k = len(shares), len(costs.state)
-        self._forced, self._n, self._k = forced, n, k
+        self._n = n
         self._size = np.tile(size, n)
-        self._state = shares[:, None, None] * np.array([costs.state] * (n - 1) + [costs.last])
-        weighted = np.einsum("nij,njv->niv", self._state, self._forced.reshape(n, k, -1))
-        self._r = costs.effort
-        hessian = self._forced.T @ weighted.reshape(n * k, -1) + np.kron(np.eye(n), self._r)
+        state = shares[:, None, None] * np.array([costs.state] * (n - 1) + [costs.last])
+        weighted = np.einsum("nij,njv->niv", state, forced.reshape(n, k, -1))
+        self._weighted, self._r = weighted.reshape(n * k, -1), costs.effort  # Q Forced, R
+        hessian = forced.T @ self._weighted + np.kron(np.eye(n), self._r)
         hessian = self._size[:, None] * (0.5 * (hessian + hessian.T)) * self._size
         self._scale = float(np.abs(hessian).max())
-        self._rows = np.vstack((hard, soft @ self._forced)) * self._size
+        self._rows = np.vstack((hard, soft @ forced)) * self._size
         # rows of one size, as the solver's tolerance is absolute
-        self._row_size = np.abs(self._rows).max(axis=1, initial=0.0)
-        self._row_size[self._row_size == 0.0] = 1.0
+        row_size = np.abs(self._rows).max(axis=1, initial=0.0)
+        row_size[row_size == 0.0] = 1.0
         self._hessian = hessian / self._scale
-        self._rows = self._rows / self._row_size[:, None]
+        self._rows = self._rows / row_size[:, None]
+        self._limit_size = np.concatenate((self._size, row_size))
         self._sense = np.zeros(n * len(size) + len(self._rows), dtype=np.int32)
         self._sense[len(self._sense) - len(soft) :] = _SOFT
         self._iterations = iterations
@@ -147,11 +148,10 @@ class Program:
             active: of the limits at the start: 1 at the upper, -1 at the lower, else 0.
         """
         self.prepare()
-        pull = np.einsum("nij,nj->ni", self._state, ahead).ravel() @ self._forced
+        pull = ahead.ravel() @ self._weighted
         pull -= (requested @ self._r).ravel()
         if not (np.isfinite(pull).all() and np.isfinite(lower).all() and np.isfinite(upper).all()):
             return Solved(np.zeros_like(requested), 0, False, False), active  # it has run away
-        size = np.concatenate((self._size, self._row_size))
         start = (
             self._sense
             | np.where(active > 0, _ACTIVE, 0)
@@ -159,8 +159,8 @@ class Program:
         )
         self._model.update(
             f=self._size * pull / self._scale,
-            bupper=upper / size,
-            blower=lower / size,
+            bupper=upper / self._limit_size,
+            blower=lower / self._limit_size,
             sense=start.astype(np.int32),
         )
         found, _, flag, info = self._model.solve()
