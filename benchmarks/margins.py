@@ -23,6 +23,13 @@ BEDS: dict[str, tuple[str, dict[str, float]]] = {
     "scole_s": ("scole_s_a", {}),
 }
 
+# where a law's own defaults, for a csa, are none: joints x to yaw, then the three of the mast's tip
+_JOINT_GAINS = {"kp": 6 * [460.0] + 3 * [0.5], "kd": 6 * [920.0] + 3 * [1.0]}
+SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
+    ("scole_s", "pd_feedforward"): _JOINT_GAINS,
+    ("scole_s", "collocated_pid"): {**_JOINT_GAINS, "ki": 6 * [15.0] + 3 * [0.05]},
+}
+
 
 def figures() -> dict[str, float]:
     """Return counts and largest differences, relative, by testbed and law.
@@ -47,7 +54,7 @@ def _flights() -> Iterator[tuple[str, str, Proof]]:
         shipped, joints = BEDS[bed]
         own = trial(shipped).controllers
         for law in laws:
-            values: dict[str, Any] = own.get(law) or {}
+            values = own.get(law) or SETTINGS.get((bed, law), {})
             keys = {"plan": None, "controllers": {law: values}, "active": law}
             try:
                 what = trial(shipped, keys)

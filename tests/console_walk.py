@@ -15,7 +15,7 @@ from tests.browser import Browser
 from tests.fake_bench import FakeLink
 
 SIZES = {1440: 900, 1024: 768, 390: 844}
-TABS = ("Run", "Swap", "Tune", "Experiment", "Plan", "Break", "Log", "View", "End")
+TABS = ("Run", "Swap", "Tune", "Experiment", "Plan", "Break", "Analyse", "Log", "View", "End")
 # what stands on the page that a person can press, write into or choose from
 CONTROLS = """
 const seen = e => e.checkVisibility() && e.getBoundingClientRect().width > 0;

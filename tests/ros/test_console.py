@@ -3,8 +3,10 @@
 A browser that draws in software takes all of the machine: no other test runs beside it.
 """
 
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexslew_lab.log.bag_reader import BagReader
@@ -20,20 +22,26 @@ pytest.importorskip("nicegui")
 @pytest.mark.timeout(1200)
 def test_a_session_worked_by_hand_flies_again_with_the_same_bits(tmp_path: Path) -> None:
     run = tmp_path / "run"
-    trial = str(trial_file(tmp_path, 30.0))
-    with chromium() as browser, console(trial, "--out", str(run), "--rate", "0.1") as (_, address):
+    trial = trial_file(tmp_path, 30.0)
+    trial.write_text(trial.read_text().replace("lqr: {}", "lqr: {}, linear: {}"))
+    law = tmp_path / "law.npz"
+    np.savez(law, D=[[400.0, 0.0, 900.0, 0.0], [0.0, 400.0, 0.0, 900.0]])
+    bench = console(str(trial), "--out", str(run), "--rate", "0.1")
+    with chromium() as browser, bench as (_, address):
         browser.open(address, 1300, 1000, scale=0.25)
         page = Page(browser)
         page.state("paused")
-        for work in (step, swap, brake, tune, disturb, plan, note, look, fly):
+        for work in (step, swap, brake, tune, partial(load, law), disturb, plan):
+            work(page)
+        for work in (analyse, note, look, fly):
             work(page)
         another_page(page, address)
         end(page, run)
         assert not [c for c in browser.complaints() if "Refused" in c]
     assert asked(run) == [
         "step", "started", "resumed", "switch_requested", "brake_requested", "brake_requested",
-        "switch_requested", "tuned", "injected", "fault_ended", "plan_drafted", "plan_refused",
-        "plan_drafted", "planned", "note", "rate",
+        "switch_requested", "tuned", "tuned", "injected", "fault_ended", "plan_drafted",
+        "plan_refused", "plan_drafted", "planned", "note", "rate",
     ]  # fmt: skip
     assert resim(run / "bag").identical
 
@@ -92,6 +100,17 @@ def tune(page: Page) -> None:
     page.says("kp: [500.0, 500.0] from tick")
 
 
+def load(law: Path, page: Page) -> None:
+    page.choose("Tuned controller", "linear")
+    page.write("file", str(law.with_name("nowhere.npz")))
+    page.click("Tune")
+    page.says("nowhere.npz: cannot be read")
+    page.write("file", str(law))
+    page.click("Tune")
+    page.says("[400.0, 0.0, 900.0, 0.0]")
+    page.says("from tick")
+
+
 def disturb(page: Page) -> None:
     page.tab("Break")
     page.write("constant effort", "much")
@@ -124,6 +143,17 @@ def plan(page: Page) -> None:
         page.click(decision)
         page.says(answer)
     page.says("plan: reference_only, from 20 s on")
+
+
+def analyse(page: Page) -> None:
+    page.tab("Analyse")
+    page.choose("Analysed controller", "linear")
+    page.click("Analyse")
+    page.says("disk margin, input")
+    page.browser.until(
+        "return fetch(document.querySelector('a[href$=\"analysis.html\"]').href)"
+        ".then(answer => answer.ok && answer.text()).then(text => text.includes('Nichols'))"
+    )
 
 
 def note(page: Page) -> None:
@@ -170,6 +200,6 @@ def end(page: Page, run: Path) -> None:
     page.click("Overlay it")
     page.says("largest difference: position 0")
     page.browser.until(
-        "return fetch(document.querySelector('a[target=_blank]').href)"
+        "return fetch(document.querySelector('a[href$=\"report.html\"]').href)"
         ".then(answer => answer.ok && answer.text()).then(text => text && text.includes('<html'))"
     )

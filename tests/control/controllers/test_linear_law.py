@@ -1,5 +1,6 @@
 """Law `linear`: from every kind of file, checked, flown as what it is, in lanes."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,14 @@ from tests.plants import plant
 
 from flexslew_control.analysis.save_law import save_law
 from flexslew_control.controllers import CONTROLLERS, build_controller, with_file
-from flexslew_control.controllers.linear_law import LinearSettings, discretised
+from flexslew_control.controllers.host import merged
+from flexslew_control.controllers.linear_law import LinearSettings, StateSpace, discretised
 from flexslew_control.law import Reference
 from flexslew_lab.notebook import fly, trial
 from flexslew_lab.replay.resim import resim
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
+from flexslew_plant.settings import validated
 
 D = np.array([[460.0, 0.0, 920.0, 0.0], [0.0, 460.0, 0.0, 920.0]])
 PD = {"d": D.tolist()}
@@ -62,6 +65,22 @@ def test_every_kind_of_file_holds_the_same_law(tmp_path: Path) -> None:
         assert values["system"]["d"] == D.tolist()
         assert list(values["system"]["inputs"]) == cells.tolist()
         built(**values)
+
+
+def test_a_file_leaves_nothing_of_the_system_that_it_replaces(tmp_path: Path) -> None:
+    before = {"system": {"a": [[-1.0]], "b": [[1.0] * 4], "c": [[1.0], [2.0]], "d": D.tolist(),
+                         "outputs": ["effort.hub_pitch", "effort.base_yaw"]}}  # fmt: skip
+    np.savez(tmp_path / "gains.npz", D=D)
+    file = with_file("linear", {"file": str(tmp_path / "gains.npz")}, "here")
+    assert validated(LinearSettings, merged(before, file), "") == LinearSettings(
+        system=StateSpace(d=tuple(map(tuple, D.tolist())))
+    )
+
+
+def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(pipe := tmp_path / "law.yaml")
+    with pytest.raises(BadInput, match=r"law\.yaml: is no file"):
+        with_file("linear", {"file": str(pipe)}, "here")
 
 
 def test_a_bag_is_flown_again_without_the_file(tmp_path: Path) -> None:

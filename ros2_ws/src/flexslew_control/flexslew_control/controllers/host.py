@@ -8,6 +8,7 @@ import json
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
+from textwrap import shorten
 from typing import Any, NamedTuple
 
 from flexslew_control.controllers.controller import Answer, Controller
@@ -26,6 +27,8 @@ from flexslew_plant.events import (
 )
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.refusal import Cause, Refusal
+
+_LONGEST = 200  # characters of a value in an answer
 
 Build = Callable[[dict[str, Any]], Controller]  # from the settings of the law
 
@@ -227,7 +230,10 @@ class ControllerHost:
         earlier = [tuning for tuning in self._tunings if tuning.tick <= tick]
         self._tunings = earlier + [each._replace(tick=max(each.tick, now)) for each in made]
         tick = max(tick, now)
-        words = ", ".join(f"{key}: {value}" for key, value in changes.items())
+        words = ", ".join(
+            f"{key}: {shorten(str(value), _LONGEST, placeholder=' ...')}"
+            for key, value in changes.items()
+        )
         return Tuned(tick, f"{words} from tick {tick} on")
 
     def _designed(

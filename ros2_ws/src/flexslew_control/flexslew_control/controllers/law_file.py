@@ -27,19 +27,23 @@ def law_from_file(path: str, source: str) -> dict[str, Any]:
     place = Path(path)
     if place.suffix not in _ENDINGS:
         raise BadInput(f"{source}: file: {path}: give a file that ends in {', '.join(_ENDINGS)}")
+    if place.exists() and not place.is_file():  # a pipe would be waited for
+        raise BadInput(f"{source}: file: {path}: is no file")
     try:
         values = _read(place)
     except OSError as error:
         raise BadInput(f"{source}: file: {path}: cannot be read: {error.strerror}") from None
     except (ValueError, NotImplementedError, TypeError, EOFError) as error:
         raise BadInput(f"{source}: file: {path}: cannot be read: {error}") from None
-    system: dict[str, Any] = {}
+    # every key, so that nothing is left of a system that this one replaces
+    system: dict[str, Any] = {"a": [], "b": [], "c": [], "d": None, "inputs": [], "outputs": []}
     for key, name in _KEYS.items():
         if (value := values.get(key, values.get(name))) is not None:
             system[name] = _numbers(value, key, f"{source}: file: {path}")
-    if "d" not in system and "b" not in system:
+    if system["d"] is None and not np.size(system["b"]):
         raise BadInput(f"{source}: file: {path}: holds no A, B, C, D")
-    rows = {name: np.atleast_2d(system[name]).tolist() for name in "abcd" if name in system}
+    given = {name: value for name in "abcd" if (value := system[name]) is not None}
+    rows = {name: np.atleast_2d(value).tolist() for name, value in given.items()}
     system |= {name: [] if not np.size(value) else value for name, value in rows.items()}
     system["period"] = float(np.ravel(system.get("period", 0.0))[0])
     if system["period"] < 0.0:

@@ -115,6 +115,7 @@ def analysed(
     controller: str | None = None,
     at: float | None = None,
     joints: Mapping[str, float] | None = None,
+    plan: Plan | None = None,
 ) -> Analysis:
     """Return what a controller of a trial does about a rest.
 
@@ -124,6 +125,7 @@ def analysed(
         controller: which one; None: the one in charge at the start.
         at: simulated time [s], see point_of.
         joints: where they rest instead [rad or m].
+        plan: that is flown; None: the trial's own.
 
     Raises:
         BadInput: no such controller, or it has no linear form there.
@@ -133,7 +135,7 @@ def analysed(
     if name not in trial.controllers:
         known = ", ".join(trial.controllers)
         raise BadInput(f"{source}: --controller: {name} is not in controllers; allowed: {known}")
-    plan = plan_of_trial(trial)
+    plan = plan or plan_of_trial(trial)
     point = point_of(trial, at, joints, plan)
     law, values = law_of(name, trial.controllers[name] or {})
     plant = plant_of(trial)

@@ -8,6 +8,7 @@ from flexslew_lab.console.desk import Desk, DeskPanel
 from flexslew_lab.console.gui import Element
 from flexslew_lab.console.layouts import layout_file
 from flexslew_lab.console.link import BenchLink
+from flexslew_lab.console.panels.analyse import AnalysePanel
 from flexslew_lab.console.panels.charts import ChartsPanel
 from flexslew_lab.console.panels.compare import ComparePanel
 from flexslew_lab.console.panels.end import EndPanel
@@ -108,12 +109,14 @@ class Page:
             "Break": (ActivePanel, DisturbPanel, FaultPanel),
         }
         work = {} if recording else live
-        names = (*work, "Log", "View", "End")
+        names = (*work, "Analyse", "Log", "View", "End")
         places = dict(zip(names, gui.tabs(names), strict=True))
         for name, makes in work.items():
             with places[name]:
                 panels += [make(desk) for make in makes]
         self._working = tuple(places[name] for name in work if name != "Experiment")
+        with places["Analyse"]:
+            panels.append(AnalysePanel(desk, self.server.gate.files))
         with places["View"]:
             charts = ChartsPanel(desk, layouts)
             panels += [charts, ScenePanel(desk)]

@@ -82,10 +82,11 @@ class BenchView:
     """
 
     def __init__(self, trust: Trust = NO_CODE) -> None:
-        self._trust = trust
+        self.trust = trust
         self.now = Now()
         self.joints: Joints | None = None
         self.testbed: Testbed | None = None  # None also where it may not be loaded
+        self.bench_settings = ""  # as it announced them, YAML
         self.controllers: dict[str, ControllerView] = {}
         self.events: deque[Event] = deque(maxlen=EVENTS)
         self.heard = 0  # events so far
@@ -167,8 +168,9 @@ class BenchView:
             m.kind, tuple(m.joint_names), tuple(m.joint_units), tuple(m.appendage_names),
             tuple(float(limit) for limit in m.effort_limit), m.period,
         )  # fmt: skip
+        self.bench_settings = m.settings
         try:
-            self.testbed = described(m.settings, "the bench", self._trust).testbed
+            self.testbed = described(m.settings, "the bench", self.trust).testbed
         except BadInput:
             self.testbed = None
 

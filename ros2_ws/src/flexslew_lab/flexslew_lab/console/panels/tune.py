@@ -1,16 +1,18 @@
 """Change the gains of a controller while it works."""
 
-from flexslew_control.controllers import CONTROLLERS, DERIVED
+from flexslew_control.controllers import CONTROLLERS, with_file
 from flexslew_lab.console.desk import Desk, DeskReply
+from flexslew_lab.console.flown_trial import settings_of
 from flexslew_lab.console.forms import Form, FormKey, OpenedOn, moment, number_of, text_of
 from flexslew_lab.console.link import RequestResult
 from flexslew_lab.console.panels.swap import NOBODY
 from flexslew_lab.trial.overrides import overridden
 from flexslew_plant.errors import BadInput
-from flexslew_plant.settings import flat, load_yaml, validated, yaml_text
+from flexslew_plant.settings import flat, validated, yaml_text
 from flexslew_plant.settings_fields import meanings
 
-_HANDOVER, _FROM = "handover_time", "tuned from"
+_HANDOVER, _FROM, _FILE = "handover_time", "tuned from", "file"
+_READ_HERE = "law to load: .mat, .npz, .yaml or .json, read where the console runs"
 
 
 class TunePanel:
@@ -61,6 +63,7 @@ class TunePanel:
             when = moment(_FROM, at.get(_FROM, 0.0))
             if not changes:
                 raise BadInput("nothing has changed; write another value into a field")
+            changes = with_file(known.law, changes, known.name)
             nested = overridden({}, changes)
             _check(known.law, known.settings, changes)
         except BadInput as error:
@@ -73,21 +76,17 @@ class TunePanel:
         self._reply.ask(f"{known.name}/tune", values)
 
 
-def _settings(text: str) -> dict[str, object]:
-    found = load_yaml(text, "settings") or {}
-    return {key: value for key, value in found.items() if key not in DERIVED}
-
-
 def _keys(name: str, text: str, law: str) -> list[FormKey]:
     """Return a field for each setting that is no section of its own."""
-    settings = _settings(text)
+    settings = settings_of(text)
     own = {key: value for key, value in settings.items() if key != _HANDOVER}
     words = {_HANDOVER: "blends in from the last effort [s]; at least 0"}
     if law in CONTROLLERS:
         section = validated(CONTROLLERS[law].settings, own, name)
         words |= {key: meaning.told for key, meaning in meanings(section).items()}
         unset = {key: None for key, value in own.items() if value is None}
-        return [
+        file = [FormKey(_FILE, _READ_HERE)] if CONTROLLERS[law].from_file else []
+        return file + [
             FormKey(k, words.get(k, ""), text_of(v)) for k, v in {**flat(settings), **unset}.items()
         ]
     return [FormKey(k, words.get(k, ""), text_of(v)) for k, v in flat(settings).items()]
@@ -101,7 +100,7 @@ def _check(law: str, text: str, changes: dict[str, object]) -> None:
     """
     if law not in CONTROLLERS:
         return
-    values = overridden(_settings(text), changes)
+    values = overridden(settings_of(text), changes)
     handover = values.pop(_HANDOVER, 1.0)
     if number_of(_HANDOVER, handover) < 0.0:
         raise BadInput("at least 0", key=_HANDOVER, value=handover)

@@ -1,0 +1,49 @@
+"""The trial that a bench flies now, from what it and its controllers say of themselves."""
+
+from dataclasses import fields
+from typing import Any
+
+from flexslew_control.controllers import DERIVED
+from flexslew_lab.console.view import BenchView
+from flexslew_lab.trial.trial import Trial, trial_of_values
+from flexslew_plant.bench.records import BenchSettings
+from flexslew_plant.errors import BadInput
+from flexslew_plant.settings import load_yaml
+
+
+def flown_trial(view: BenchView, controller: str) -> Trial:
+    """Return the trial of one controller of a bench, tuned as it is, without a plan.
+
+    What was injected by hand is not in it; the schedule's disturbances and faults are.
+
+    Args:
+        view: of the bench.
+        controller: that is in charge of it.
+
+    Raises:
+        BadInput: the bench or the controller has not said what it is, or is code of the user's own
+            that this process may not load.
+    """
+    known = view.controllers.get(controller)
+    if known is None or not view.bench_settings:
+        raise BadInput("the bench has not said yet what stands on it and who flies it")
+    record = load_yaml(view.bench_settings, "the bench")
+    bench = record.get("bench", record)
+    kept = {item.name for item in fields(BenchSettings)}
+    values = {key: value for key, value in bench.items() if key in kept}
+    schedule = [entry for entry in values.get("schedule") or () if not entry.get("switch")]
+    own = settings_of(known.settings)
+    values |= {
+        "schedule": schedule,
+        "fallback": [],
+        "controllers": {controller: {"law": known.law, **own}},
+        "active": controller,
+    }
+    duration = values.get("duration") or Trial.duration
+    return trial_of_values({**values, "duration": duration}, "the bench", view.trust)
+
+
+def settings_of(text: str) -> dict[str, Any]:
+    """Return the settings that a controller announces, without what was computed from them."""
+    found = load_yaml(text, "settings") or {}
+    return {key: value for key, value in found.items() if key not in DERIVED}

@@ -1,0 +1,99 @@
+"""The page's analysis: of what flies, tuned as it is; and a law that is loaded from a file."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.fake_bench import FakeLink
+from tests.lab.console.test_page import Hands
+
+from flexslew_control.controllers import build_controller, settings_text
+from flexslew_lab.analysis.analysis import analysed
+from flexslew_lab.analysis.page import summary_rows
+from flexslew_lab.console.page import Page
+from flexslew_lab.console.view import ControllerView
+from flexslew_lab.notebook import trial
+from flexslew_lab.trial.trial import bench_settings, plant_of
+from flexslew_plant.settings import load_yaml, plain, yaml_text
+
+FLOWN = trial("m1", {"plan": None, "testbed.modes": 1, "testbed.initial": {"hub_pitch": 0.5}})
+TUNED = {"kp": [300.0, 500.0], "kd": [800.0, 950.0]}
+
+
+def announced(link: FakeLink, name: str, law: str, values: dict[str, Any]) -> None:
+    """Let a controller say what it is, as its node does."""
+    built = build_controller(name, law, values, plant_of(FLOWN), "here")
+    text = settings_text(built, law, values)
+    link.view.controllers[name] = ControllerView(name, law, True, "", text)
+
+
+@pytest.fixture(params=[True, False])
+def hands(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Hands]:
+    """Yield a page over a bench whose run has a folder, or none that the page knows."""
+    link = FakeLink(str(tmp_path) if request.param else "")
+    link.view.bench_settings = yaml_text({"bench": plain(bench_settings(FLOWN))})
+    link.view.now = link.view.now._replace(state="running", active="pd")
+    announced(link, "pd", "pd_feedforward", TUNED)
+    announced(link, "linear", "linear", {})
+    page = Page(link, "127.0.0.1", 0, print, layouts=tmp_path / "layouts.json")
+    found = Hands(page, link)
+    found.refresh()
+    yield found
+    page.close()
+
+
+def analyse(hands: Hands) -> str:
+    """Return what stands on the page after a click and all that it began."""
+    assert hands.click("Analyse") == []
+    panel: Any = next(p for p in hands.page._panels if type(p).__name__ == "AnalysePanel")
+    panel._worker.submit(lambda: None).result()
+    hands.refresh()
+    return hands.texts()
+
+
+def test_the_page_shows_what_the_command_says_of_the_gains_that_fly(hands: Hands) -> None:
+    expected = analysed(replace(FLOWN, controllers={"pd_feedforward": TUNED}), "here", at=0.0)
+    texts = analyse(hands)
+    for what, value in summary_rows(expected):
+        assert f"{what}: {value}" in texts
+    assert 'href="/run/analysis.html"' in texts
+    page = hands.page.server.gate.files["analysis.html"].read_text().replace("<wbr>", "")
+    assert "Nichols" in page
+    assert f"{np.degrees(expected.efforts[0].phase):.5g}" in page
+
+
+def test_what_cannot_be_analysed_is_refused_in_words(hands: Hands) -> None:
+    hands.set("analysed at", "-1")
+    assert "refused: analysed at: -1.0 is not allowed" in analyse(hands)
+    hands.set("analysed at", "")
+    hands.set("Analysed controller", "linear")
+    assert "refused: the bench: linear listens to no sensor there" in analyse(hands)
+    hands.link.view.bench_settings = ""
+    assert "refused: the bench has not said yet" in analyse(hands)
+
+
+def test_a_law_is_loaded_from_a_file_and_its_content_is_sent(hands: Hands, tmp_path: Path) -> None:
+    hands.set("Tuned controller", "linear")
+    hands.refresh()
+    gains = [[400.0, 0.0, 900.0, 0.0], [0.0, 400.0, 0.0, 900.0]]
+    np.savez(tmp_path / "law.npz", D=gains)
+    for wrong, words in (("nowhere.npz", "cannot be read"), ("law.py", "give a file that ends in")):
+        hands.set("file", str(tmp_path / wrong))
+        assert hands.click("Tune") == []
+        assert words in hands.texts()
+    hands.set("file", str(tmp_path / "law.npz"))
+    [(service, values)] = hands.click("Tune")
+    assert service == "linear/tune"
+    sent = load_yaml(values["settings"], "")
+    assert set(sent) == {"system"}
+    assert sent["system"]["d"] == gains
+    assert str(tmp_path) not in values["settings"]
+
+
+def test_a_law_without_files_has_no_field_for_one(hands: Hands) -> None:
+    hands.set("Tuned controller", "pd")
+    hands.refresh()
+    assert hands.elements("file") == []
