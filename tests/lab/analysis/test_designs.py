@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_discrete_lyapunov
 
 from flexslew_control.controllers.law_file import law_from_file
 from flexslew_control.controllers.linear_law import LinearSettings, discretised
@@ -90,6 +91,28 @@ def test_the_benchmark_settles_within_15_s_with_little_effort() -> None:
     assert abs(x2[~late]).max() > 1.0  # the impulse threw it
     assert abs(x2[late]).max() < 0.1
     assert abs(flight["effort.mass"]).max() < 1.0
+
+
+def test_the_benchmark_answers_noise_with_what_its_linear_loop_does() -> None:
+    """The variances of a loop z+ = A z + B n with white n: P = A P A' + B B' s^2."""
+    what = trial("acc_benchmark", {"testbed.initial": {}, "duration": 600.0})
+    flight, s = fly(what), what.sensors.tip_deflection.noise
+    plant, system = linear_model(what, sampled=True), what.controllers["robust"]["system"]
+    a, b, c = (np.array(system[key]) for key in "abc")
+    a, b, c, d = discretised(LinearSettings(), a, b, c, np.zeros((1, 2)), what.period)
+    rows = [plant.output_labels.index(n) for n in ("position:mass", "tip:spring")]
+    y = plant.C[rows]
+    loop = np.block([[plant.A + plant.B @ d @ y, plant.B @ c], [b @ y, a]])
+    noise = np.vstack((plant.B @ d[:, 1:], b[:, 1:]))  # of the tip sensor
+    p = solve_discrete_lyapunov(loop, s**2 * noise @ noise.T)
+    x2 = np.append(y.sum(axis=0), np.zeros(len(a)))
+    u = np.concatenate(((d @ y)[0], c[0]))
+    rms_u = np.sqrt(u @ p @ u + float(d[0, 1]) ** 2 * s**2)
+    found = flight["position.mass"] + flight["tip.spring"]
+    # 600 s of a loop that forgets within 2 s are 300 samples: 4 % of a standard deviation
+    assert found.std() == pytest.approx(np.sqrt(x2 @ p @ x2), rel=0.1)
+    assert flight["effort.mass"].std() == pytest.approx(rms_u, rel=0.1)
+    assert rms_u < 2e-4
 
 
 @pytest.mark.parametrize("name", [n for n, (of, _) in DESIGNS.items() if of == "designs"])
