@@ -24,9 +24,11 @@ def figures() -> dict[str, float]:
     a, _ = np.linalg.qr(rng.standard_normal((_STATES, _STATES)))
     raw = 5 * m + 2 * s
     b, c, d = (rng.standard_normal(of) for of in ((_STATES, raw), (m, _STATES), (m, raw)))
-    names = [tuple(f"{kind}.{k}" for k in range(count)) for kind, count in
-             (("input", raw), ("output", m), ("state", _STATES))]  # fmt: skip
-    system = Lti(0.9 * a, b, c, d, *names, 0.01)
+    inputs, outputs, states = (
+        tuple(f"{kind}.{k}" for k in range(count))
+        for kind, count in (("input", raw), ("output", m), ("state", _STATES))
+    )
+    system = Lti(0.9 * a, b, c, d, inputs, outputs, states, 0.01)
     law = LinearLaw(system, np.full(m, 1e9), np.zeros((_STATES, m)), True)
     q, tip, none = rng.standard_normal(m), rng.standard_normal(s), np.zeros(0)
     measured = Measurement(1, 0, 0.01, "it", q, q, tip, tip, q)
