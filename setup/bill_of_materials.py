@@ -15,7 +15,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parents[1]
-LOCKS = ("requirements.lock.txt", "requirements.source.txt")
+LOCKS = ("requirements.lock.txt", "requirements.extra.lock.txt", "requirements.source.txt")
 _PIN = re.compile(r"^([A-Za-z0-9._-]+)==([^ ;]+)")
 _HASH = re.compile(r"--hash=sha256:([0-9a-f]{64})")
 _CLASSIFIER = "License :: OSI Approved :: "

@@ -10,6 +10,7 @@ python=${FLEXSLEW_PYTHON:-python3}
 installed_ros=${FLEXSLEW_INSTALLED_ROS:-}
 wheels=${FLEXSLEW_WHEELS:-kilted}
 lock=$root/setup/requirements.lock.txt
+extra_lock=$root/setup/requirements.extra.lock.txt
 jazzy=$root/setup/requirements.jazzy.lock.txt
 sources=$root/setup/requirements.source.txt
 all=$([ "${BASH_SOURCE[0]}" != "$0" ] || echo --wait) # an image is whole when this script ends
@@ -68,32 +69,59 @@ system_packages() {
 
 # 2. Python packages. An interrupted installation of the same list goes on, another one begins anew.
 python_packages() {
-  local count list=$lock isolation=()
+  local list isolation=()
   [ -z "$installed_ros" ] || isolation=(--system-site-packages)
   if [ ! -e "$packages.begun" ]; then
     rm -rf "$venv" "$root/ros2_ws/build" "$root/ros2_ws/install"
     run "$python" -m venv "${isolation[@]}" "$venv" || fail "$python could not make $venv"
     touch "$venv/COLCON_IGNORE" "$packages.begun"
   fi
+  list=$venv/requirements.txt
   if [ -n "$installed_ros" ]; then
-    list=$venv/requirements.txt
     beside_installed_ros <"$lock" >"$list"
   elif [ "$wheels" = jazzy ]; then
-    list=$venv/requirements.txt
     { without_wheels_of_ros <"$lock" && cat "$jazzy"; } >"$list"
+  else
+    cp "$lock" "$list"
   fi
-  count=$(grep -c '^[A-Za-z0-9]' "$list")
-  say "[2/4] Python packages into .venv ($count distributions, about $size)"
+  install_wheels "$list" "[2/4] Python packages into .venv" "$size"
+  if [ -z "$installed_ros" ]; then
+    run pip_install 1 --require-hashes --no-deps --no-build-isolation --use-pep517 -r "$sources" || pip_failed "$sources"
+  fi
+  links_for_copies
+  rm -f "$packages.begun"
+  touch "$packages"
+}
+
+# A wheel holds no links: a library with three names stands in it three times.
+links_for_copies() {
+  local library short
+  for library in "$venv"/lib/lib*.so.*.*.*; do
+    for short in "${library%.*}" "${library%%.so.*}.so"; do
+      ! cmp -s "$library" "$short" || ln -sf "${library##*/}" "$short"
+    done
+  done
+}
+
+# What tests, benchmarks and further commands need: `./flexslew extras`, and before `test` and `bench`.
+extra_packages() {
+  local list=$venv/requirements.extra.txt
+  if [ -n "$installed_ros" ]; then beside_installed_ros <"$extra_lock" >"$list"; else cp "$extra_lock" "$list"; fi
+  install_wheels "$list" "extras: Python packages into .venv" "$extra_size"
+  touch "$extras"
+  [ ! -e "$workspace" ] || machine_code --studies
+}
+
+# install_wheels LIST WORDS SIZE
+install_wheels() {
+  local count
+  count=$(grep -c '^[A-Za-z0-9]' "$1")
+  say "$2 ($count distributions, about $3)"
   # a package cut off while it was unpacked has no list of its files
   for unpacked in "$venv"/lib/python3*/site-packages/*.dist-info; do
     [ ! -d "$unpacked" ] || [ -e "$unpacked/RECORD" ] || rm -rf "$unpacked"
   done
-  run pip_install "$count" --require-hashes --only-binary ':all:' --no-deps -r "$list" || pip_failed
-  if [ -z "$installed_ros" ]; then
-    run pip_install 1 --require-hashes --no-deps --no-build-isolation --use-pep517 -r "$sources" || pip_failed
-  fi
-  rm -f "$packages.begun"
-  touch "$packages"
+  run pip_install "$count" --require-hashes --only-binary ':all:' --no-deps -r "$1" || pip_failed "$1"
 }
 
 # The lock without what an installed ROS 2 brings: its packages, their parsers, and the NumPy that they are built for (1.26
@@ -109,7 +137,7 @@ without_wheels_of_ros() {
 
 pip_failed() {
   grep -v WARNING "$venv/pip.log" | tail -5 >&2
-  fail "pip could not install $lock; all it said is in $venv/pip.log"
+  fail "pip could not install $1; all it said is in $venv/pip.log"
 }
 
 # A terminal gets one line that changes, a file one line per 25 distributions.
@@ -141,10 +169,14 @@ build_workspace() {
     fail "the workspace does not build; what the compiler said is in ros2_ws/log/latest_build"
   workspace_environment
   say "[4/4] machine code of the $([ -n "$all" ] && echo models || echo 'default trial; the rest follows in the background')"
-  . "$root/setup/environment.sh"
-  run "$venv/bin/python" -P -m flexslew_lab.compile_kernels $all || fail "the models do not compile"
+  machine_code $all
   rm -f "$root"/ros2_ws/install/flexslew.*
   echo "$root" >"$workspace"
+}
+
+machine_code() {
+  . "$root/setup/environment.sh"
+  run "$venv/bin/python" -P -m flexslew_lab.compile_kernels "$@" || fail "the models do not compile"
 }
 
 # What local_setup.bash sets, as plain lines: asking it takes longer than all the rest of ./flexslew --help
@@ -169,7 +201,8 @@ case $root in
   *[[:space:]\"\'\\\$\`:\;\&\(\)\<\>\|\*\?\[\]\{\}\#%!]*)
     fail "the checkout lies in '$root', and the ROS 2 build tools take no spaces, quotes or signs in a path; move it" ;;
 esac
-size="1.2 GB"
+size="700 MB"
+extra_size="750 MB"
 # each process started here delays every command
 case $wheels in
   kilted) locks=("$lock" "$sources") ;;
@@ -178,6 +211,8 @@ case $wheels in
 esac
 packages_digest=$(cat "${locks[@]}" <(printf %s "$installed_ros") | sha256sum)
 packages=$venv/flexslew.${packages_digest:0:16}
+extra_digest=$(sha256sum <"$extra_lock")
+extras=$venv/flexslew.extras.${extra_digest:0:16}
 workspace_lines=$root/ros2_ws/install/environment.sh
 workspace_digest=$({
   echo "${packages_digest:0:16}"
@@ -188,7 +223,8 @@ workspace_digest=$({
     LC_ALL=C sort -z | xargs -0 sha256sum
 } | sha256sum)
 workspace=$root/ros2_ws/install/flexslew.${workspace_digest:0:16}
-if [ ! -e "$packages" ] || [ ! -e "$workspace" ] || [ "$(<"$workspace")" != "$root" ]; then
+case ${all:-${1:-}} in --wait | bench | extras | test) ;; *) extras=$packages ;; esac # .venv is enough for the others
+if [ ! -e "$packages" ] || [ ! -e "$extras" ] || [ ! -e "$workspace" ] || [ "$(<"$workspace")" != "$root" ]; then
   trap 'interrupted 130' INT
   trap 'interrupted 143' TERM
   machine=$(uname -m)
@@ -198,7 +234,8 @@ if [ ! -e "$packages" ] || [ ! -e "$workspace" ] || [ "$(<"$workspace")" != "$ro
   esac
   system_packages
   if [ ! -e "$packages" ]; then python_packages; fi
-  build_workspace
+  if [ ! -e "$extras" ]; then extra_packages; fi
+  if [ ! -e "$workspace" ] || [ "$(<"$workspace")" != "$root" ]; then build_workspace; fi
   trap - INT TERM
   say "ready after $((SECONDS - started)) s"
 fi

@@ -33,7 +33,11 @@ def locked() -> dict[str, tuple[str, list[str]]]:
     """Return version and hashes of all that the locks of ./flexslew pin, by name."""
     return {
         pin.name: (str(pin.specifier)[2:], hashes)
-        for lock in ("requirements.lock.txt", "requirements.source.txt")
+        for lock in (
+            "requirements.lock.txt",
+            "requirements.extra.lock.txt",
+            "requirements.source.txt",
+        )
         for pin, hashes in pins(lock)
     }
 

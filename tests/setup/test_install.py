@@ -58,9 +58,9 @@ class Checkout:
             "STUB_FOLDER": str(folder),
         }
 
-    def start(self, script: Path | None = None) -> subprocess.Popen[str]:
+    def start(self, script: Path | None = None, command: str = "trial") -> subprocess.Popen[str]:
         return subprocess.Popen(
-            [script or self.root / "flexslew", "trial"],
+            [script or self.root / "flexslew", command],
             env=self.environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -68,10 +68,10 @@ class Checkout:
             start_new_session=True,
         )
 
-    def call(self, script: Path | None = None) -> tuple[int, str]:
+    def call(self, script: Path | None = None, command: str = "trial") -> tuple[int, str]:
         """Return the exit code and what stood on standard error; forget the log of before."""
         self.log.write_text("")
-        process = self.start(script)
+        process = self.start(script, command)
         output, errors = process.communicate(timeout=60)
         assert (process.returncode == 0) == (output == "here is the command line\n")
         return process.returncode, errors
@@ -99,8 +99,33 @@ def test_the_first_call_sets_up_and_the_second_one_does_nothing(checkout: Checko
     assert checkout.steps == []
 
 
+@pytest.mark.parametrize("command", ["extras", "test", "bench"])
+def test_who_needs_the_extras_gets_them_once(checkout: Checkout, command: str) -> None:
+    assert checkout.call()[0] == 0
+    code, errors = checkout.call(command=command)
+    assert code == 0
+    assert "extras: Python packages" in errors
+    assert checkout.steps == ["pip", ALL[-1]]
+    for again in (command, "trial"):
+        assert checkout.call(command=again) == (0, "")
+        assert checkout.steps == []
+
+
+def test_extras_of_another_list_are_installed_anew_and_those_of_another_base_with_it(
+    checkout: Checkout,
+) -> None:
+    assert checkout.call(command="test")[0] == 0
+    assert checkout.steps == [*ALL[:3], "pip", *ALL[3:]]
+    for lock, steps in (("extra.", ["pip", ALL[-1]]), ("", [*ALL[:3], "pip", *ALL[3:]])):
+        path = checkout.root / "setup" / f"requirements.{lock}lock.txt"
+        path.write_text(path.read_text() + "# another\n")
+        assert checkout.call(command="test")[0] == 0
+        assert checkout.steps == steps
+
+
 def test_who_builds_an_image_waits_for_all_machine_code(checkout: Checkout) -> None:
     checkout.start(checkout.root / "setup" / "install.sh").communicate(timeout=60)
+    assert checkout.steps == [*ALL[:3], "pip", *ALL[3:]]
     assert checkout.log.read_text().splitlines()[-1].endswith("compile_kernels --wait")
     (checkout.root / "ros2_ws" / "src" / "msgs" / "A.msg").write_text("float64 b\n")
     checkout.call()

@@ -12,7 +12,10 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
-LOCKS = ("requirements.lock.txt", "requirements.develop.lock.txt", "requirements.source.txt")
+LOCKS = (
+    "requirements.lock.txt", "requirements.extra.lock.txt", "requirements.develop.lock.txt",
+    "requirements.source.txt",
+)  # fmt: skip
 JAZZY = "requirements.jazzy.lock.txt"  # in the place of what LOCKS[0] has of ROS
 
 
@@ -50,7 +53,7 @@ def test_no_lock_says_where_to_fetch_from(name: str) -> None:
 def test_the_lock_satisfies_the_project_and_its_extras() -> None:
     versions = {
         canonicalize_name(pin.name): str(pin.specifier)[2:]
-        for name in LOCKS[:2]
+        for name in LOCKS[:3]
         for pin, _ in pins(name)
     }
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -75,21 +78,22 @@ def test_beside_an_installed_ros_the_rest_of_the_lock_fits_its_numpy() -> None:
 
 
 def test_beside_an_installed_ros_everything_but_what_it_brings_is_pinned_with_hashes() -> None:
-    left = {pin.name for pin, _ in pins(LOCKS[0])} - {pin.name for pin, _ in beside_installed_ros()}
+    kept = beside_installed_ros()
+    left = {pin.name for name in LOCKS[:2] for pin, _ in pins(name)} - {pin.name for pin, _ in kept}
     assert {name for name in left if not name.startswith("ros-")} == {
         "catkin-pkg", "ctrlsys", "lark-parser", "numpy",
     }  # fmt: skip
     assert "ros-parser" not in left
-    assert all(hashes for _, hashes in beside_installed_ros())
+    assert all(hashes for _, hashes in kept)
 
 
 def beside_installed_ros() -> list[tuple[Requirement, list[str]]]:
-    """Return what setup/install.sh takes of the lock there."""
+    """Return what setup/install.sh takes of the locks there."""
     script = (ROOT / "setup" / "install.sh").read_text()
     function = re.search(r"^beside_installed_ros\(\) \{\n.*?^\}", script, re.MULTILINE | re.DOTALL)
     text = subprocess.run(
         ["bash", "-euc", f"{function[0]}\nbeside_installed_ros"],
-        input=(ROOT / "setup" / LOCKS[0]).read_text(),
+        input="".join((ROOT / "setup" / name).read_text() for name in LOCKS[:2]),
         capture_output=True,
         text=True,
         check=True,

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from flexslew_lab.cli.missing import EXTRAS, remedy
+from flexslew_lab.cli.missing import remedy
+from flexslew_plant import extras
+from flexslew_plant.extras import EXTRAS, how_to_install
 
 ROOT = Path(__file__).parents[3]
 
@@ -36,17 +38,30 @@ def test_without_ros_one_line_says_what_to_do(arguments: list[str]) -> None:
     ]
 
 
-def test_an_extra_that_is_missing_is_named_as_pip_takes_it() -> None:
+def test_an_extra_that_is_missing_is_named_with_the_command_that_installs_it() -> None:
     done = without("pyarrow", "log", "export", str(ROOT))
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
-        "error: the package pyarrow is missing; pip install 'flexslew[export]'"
+        "error: this needs the package pyarrow, which is not installed: ./flexslew extras"
     ]
+
+
+def test_outside_of_a_checkout_it_is_the_command_of_pip(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(extras, "_LOCK", "nowhere")
+    assert how_to_install("pyarrow") == "pip install 'flexslew[export]'"
+    assert how_to_install("control") == "pip install control"
+
+
+def test_every_extra_is_in_the_lock_or_comes_by_pip_alone() -> None:
+    by_pip = {package for package in EXTRAS if how_to_install(package) != "./flexslew extras"}
+    assert by_pip == {"pandas", "xarray"}
 
 
 def test_every_extra_named_is_one_of_the_project() -> None:
     extras = (ROOT / "pyproject.toml").read_text().partition("[project.optional-dependencies]")[2]
     for package, extra in EXTRAS.items():
+        if not extra:
+            continue
         assert f"\n{extra} = [" in extras.partition("\n[")[0], package
 
 

@@ -1,7 +1,8 @@
 """Compile the kernels of everything that is shipped, so that no run pays for it.
 
-Those of the default trial first; the others in the background, unless it is told to --wait. A run
-that needs one of them earlier compiles it itself, before its tick 0.
+Those of the default trial first; the others in the background, unless it is told to --wait. With
+--studies those of the studies alone: what they need has been installed since. A run that needs one
+of them earlier compiles it itself, before its tick 0.
 """
 
 import os
@@ -11,6 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 from multiprocessing import get_context
 from typing import Any
 
@@ -21,10 +23,6 @@ from flexslew_control.planners import make_plan
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_lab.background import in_background, machine_code_log
 from flexslew_lab.run.in_process import fly
-from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.lanes.fleet import Lanes
-from flexslew_lab.studies.run import prepare
-from flexslew_lab.studies.study import load_study, shipped_names, study_path
 from flexslew_lab.trial.sources import DEFAULT, read_trial, shipped_trials
 from flexslew_lab.trial.trial import (
     Trial,
@@ -64,10 +62,24 @@ def shipped_trial(name: str) -> None:
 
 def shipped_study(name: str) -> None:
     """Plan a shipped study and fly its first sample in lanes where it can."""
+    from flexslew_lab.studies.cases import case_of
+    from flexslew_lab.studies.lanes.fleet import Lanes
+    from flexslew_lab.studies.run import prepare
+    from flexslew_lab.studies.study import load_study, study_path
+
     ready = prepare(load_study(study_path(name)))
     cases = [case_of(ready.study, ready.samples, k) for k in range(len(ready.study.variants))]
     for _ in Lanes(ready.study, ready.plans).fly(cases):
         pass
+
+
+def shipped_studies() -> list[Callable[[], None]]:
+    """Return what compiles the studies; nothing where what they need is not installed yet."""
+    if find_spec("pyarrow") is None:
+        return []
+    from flexslew_lab.studies.study import shipped_names
+
+    return [partial(shipped_study, name) for name in shipped_names()]
 
 
 def _fly(trial: Trial, plan: Any) -> None:
@@ -103,12 +115,10 @@ def _compile(tasks: list[Callable[[], None]]) -> None:
 
 if __name__ == "__main__":
     _endable()
-    shipped_trial(DEFAULT)
+    tasks = shipped_studies()
+    if "--studies" not in sys.argv:
+        shipped_trial(DEFAULT)
+        tasks += [partial(default_bench, modes) for modes in (3, 1)]
+        tasks += [partial(shipped_trial, trial.name) for trial in reversed(shipped_trials())]
     if "--wait" in sys.argv or in_background(machine_code_log()):
-        _compile(
-            [
-                *(partial(shipped_study, name) for name in shipped_names()),
-                *(partial(default_bench, modes) for modes in (3, 1)),
-                *(partial(shipped_trial, trial.name) for trial in reversed(shipped_trials())),
-            ]
-        )
+        _compile(tasks)

@@ -75,6 +75,17 @@ def _figures_of(name: str, path: Path) -> dict[str, float]:
     return figures
 
 
+def extras() -> None:
+    """Install what tests, benchmarks and further commands need: about 750 MB, once.
+
+    Without it `console`, `gains`, `live`, `log export` and `study` name the package that they lack,
+    and so do a subspace identification and slews of `csa` by all drives.
+    """
+    if not (_root() / "setup" / "requirements.extra.lock.txt").is_file():
+        raise BadInput("extras come with ./flexslew of a checkout; by pip: flexslew[...]")
+    say("all packages are installed")  # ./flexslew has done it before this was called
+
+
 def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 

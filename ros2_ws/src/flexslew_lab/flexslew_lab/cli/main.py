@@ -12,7 +12,7 @@ import typer
 from typer.main import get_command
 
 from flexslew_lab.cli.analyse import analyse
-from flexslew_lab.cli.checkout import bench, test
+from flexslew_lab.cli.checkout import bench, extras, test
 from flexslew_lab.cli.compare import Sets, TrialFile, compare
 from flexslew_lab.cli.compiling import say_when_compiling
 from flexslew_lab.cli.completion import completion
@@ -278,7 +278,7 @@ _GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Operate a running bench": (*COMMANDS, live),
     "Logs and replay": (resim, check, play, recover),
     "Analyse and identify": (analyse, gains, model, identify, reproduce),
-    "The bench itself": (bench, completion),
+    "The bench itself": (bench, extras, completion),
 }
 for _group, _commands in _GROUPS.items():
     for _command in _commands:

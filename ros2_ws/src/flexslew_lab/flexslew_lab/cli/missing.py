@@ -3,6 +3,7 @@
 from importlib.util import find_spec
 
 from flexslew_plant.errors import BadInput
+from flexslew_plant.extras import EXTRAS, how_to_install
 from flexslew_plant.network import tell
 
 ROS = frozenset(
@@ -11,16 +12,6 @@ ROS = frozenset(
         *("rosgraph_msgs", "sensor_msgs", "std_msgs", "std_srvs", "tf2_msgs", "visualization_msgs"),
     }
 )
-EXTRAS = {
-    "casadi": "casadi",
-    "distributed": "dask",
-    "foxglove": "foxglove",
-    "nicegui": "console",
-    "optuna": "gains",
-    "pandas": "pandas",
-    "pyarrow": "export",
-    "xarray": "xarray",
-}
 WITHOUT_ROS = (
     "ROS 2 is not installed here: fly with --in-process, or use ./flexslew of a checkout, which "
     "sets ROS 2 up"
@@ -33,7 +24,9 @@ def remedy(error: ModuleNotFoundError) -> str:
     if package in ROS:
         return WITHOUT_ROS
     if package in EXTRAS:
-        return f"the package {package} is missing; pip install 'flexslew[{EXTRAS[package]}]'"
+        return (
+            f"this needs the package {package}, which is not installed: {how_to_install(package)}"
+        )
     return ""
 
 

@@ -15,6 +15,7 @@ from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Quantity, Record
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
+from flexslew_plant.extras import how_to_install
 
 _SAMPLES = 5.0  # per period of the highest frequency of the band, at least
 _BLOCK_ROWS = 30
@@ -91,7 +92,7 @@ def moesp(record: Slowed, orders: tuple[int, ...]) -> Poles:
         import ctrlsys
     except ModuleNotFoundError:
         raise BadInput(
-            "subspace identification needs ctrlsys; install it with: pip install ctrlsys"
+            f"subspace identification needs the package ctrlsys: {how_to_install('ctrlsys')}"
         ) from None
     inputs, outputs = record.effort.shape[1], record.measured.shape[1]
     rows = min(_BLOCK_ROWS, len(record.effort) // (4 * (inputs + outputs + 1)))

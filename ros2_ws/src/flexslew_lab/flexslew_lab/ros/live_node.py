@@ -14,6 +14,7 @@ from flexslew_lab.ros.live_listener import LiveListener
 from flexslew_lab.ros.live_parameters import LiveParameters
 from flexslew_lab.ros.live_services import LiveServices
 from flexslew_plant.errors import BadInput
+from flexslew_plant.extras import how_to_install
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.node_process import run_node, within
 from flexslew_plant.ros.parameters import new_node, settings_of
@@ -49,7 +50,8 @@ class LiveNode:
         try:
             import foxglove
         except ImportError:
-            raise BadInput("live: needs the package foxglove-sdk; pip install it") from None
+            needed = f"live needs the package foxglove-sdk: {how_to_install('foxglove')}"
+            raise BadInput(needed) from None
         self.node = node = new_node("live")
         loop.live(node, "live")
         chosen: LiveSettings = settings or settings_of(node, LiveSettings)

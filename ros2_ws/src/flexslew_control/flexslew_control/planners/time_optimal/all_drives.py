@@ -23,6 +23,7 @@ from flexslew_control.planners.time_optimal.optimal_switching import (
 from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.extras import how_to_install
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.contract import Symbolic
 from flexslew_plant.testbeds.kernels import Kernels
@@ -165,7 +166,7 @@ def _transcription(
         import casadi as ca
     except ImportError:
         raise BadInput(
-            "plan: goal: slews by all drives need the package casadi; pip install casadi"
+            f"plan: goal: slews by all drives need the package casadi: {how_to_install('casadi')}"
         ) from None
     if not isinstance(testbed, Symbolic):
         raise BadInput(
