@@ -38,6 +38,25 @@ def test_without_ros_one_line_says_what_to_do(arguments: list[str]) -> None:
     ]
 
 
+def test_a_trial_and_its_nodes_need_no_extra(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    program = f"""
+import sys
+for package in {sorted(EXTRAS)!r}:
+    sys.modules[package] = None
+import flexslew_lab.compile_kernels
+from flexslew_control.ros import controller_node, planner_node
+from flexslew_lab.cli.main import main
+from flexslew_lab.ros import play_node, recorder_node
+from flexslew_plant.ros import plant_node
+sys.argv = ["", "trial", "m1", "--in-process", "--set", "duration=0.1", "--out", {str(out)!r}]
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (out / "report.html").is_file()
+
+
 def test_an_extra_that_is_missing_is_named_with_the_command_that_installs_it() -> None:
     done = without("pyarrow", "log", "export", str(ROOT))
     assert done.returncode == 2
