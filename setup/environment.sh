@@ -10,25 +10,26 @@ fi
 # itself: flexslew_plant/network.py, which also says why
 flexslew_profiles=$flexslew_root/ros2_ws/src/flexslew_plant/flexslew_plant/profiles
 case ${ROS_DISTRO:-} in
-  jazzy) flexslew_profile=FASTRTPS_DEFAULT_PROFILES_FILE flexslew_other=FASTDDS_DEFAULT_PROFILES_FILE ;;
-  *) flexslew_profile=FASTDDS_DEFAULT_PROFILES_FILE flexslew_other=FASTRTPS_DEFAULT_PROFILES_FILE ;;
+  jazzy)
+    flexslew_profile=FASTRTPS_DEFAULT_PROFILES_FILE flexslew_other=FASTDDS_DEFAULT_PROFILES_FILE flexslew_kind=jazzy.xml ;;
+  *) flexslew_profile=FASTDDS_DEFAULT_PROFILES_FILE flexslew_other=FASTRTPS_DEFAULT_PROFILES_FILE flexslew_kind=xml ;;
 esac
 case ${FLEXSLEW_NETWORK:-0} in
   0)
-    [ -f "$flexslew_profiles/loopback.xml" ] || {
-      echo "flexslew: $flexslew_profiles/loopback.xml is missing; without it DDS would use every network" >&2
+    [ -f "$flexslew_profiles/loopback.$flexslew_kind" ] || {
+      echo "flexslew: $flexslew_profiles/loopback.$flexslew_kind is missing; without it DDS would use every network" >&2
       return 2
     }
     unset FASTDDS_BUILTIN_TRANSPORTS FASTDDS_ENVIRONMENT_FILE ROS2_EASY_MODE ROS_DISCOVERY_SERVER ROS_LOCALHOST_ONLY \
       ROS_STATIC_PEERS ROS_SUPER_CLIENT "$flexslew_other"
     export ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT SKIP_DEFAULT_XML_FILE=1
-    export "$flexslew_profile=$flexslew_profiles/loopback.xml"
+    export "$flexslew_profile=$flexslew_profiles/loopback.$flexslew_kind"
     ;;
   1)
-    if [ "${!flexslew_profile:-}" -ef "$flexslew_profiles/loopback.xml" ]; then # an installed one may be a link
+    if [ "${!flexslew_profile:-}" -ef "$flexslew_profiles/loopback.$flexslew_kind" ]; then # an installed one may be a link
       unset "$flexslew_profile" ROS_AUTOMATIC_DISCOVERY_RANGE SKIP_DEFAULT_XML_FILE
     fi
-    export "$flexslew_profile=${!flexslew_profile:-$flexslew_profiles/network.xml}"
+    export "$flexslew_profile=${!flexslew_profile:-$flexslew_profiles/network.$flexslew_kind}"
     ;;
   *)
     echo "flexslew: FLEXSLEW_NETWORK: '$FLEXSLEW_NETWORK' is not allowed: 0 (this machine alone) or 1" >&2

@@ -46,6 +46,35 @@ def test_ros_is_imported_only_below_ros() -> None:
     assert not wrong
 
 
+def test_signatures_name_generic_classes_of_ros_in_quotes() -> None:
+    """`Publisher[Any]` is an error where it is evaluated with the rclpy of Jazzy."""
+    wrong = []
+    for path in FILES:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        of_ros = {
+            alias.asname or alias.name
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rclpy")
+            for alias in node.names
+        }
+        signatures = [
+            part
+            for node in ast.walk(tree)
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+            for part in (node.args, node.returns)
+            if part is not None
+        ]
+        wrong += [
+            f"{path.relative_to(SOURCE)}:{node.lineno}: {node.value.id}"
+            for part in signatures
+            for node in ast.walk(part)
+            if isinstance(node, ast.Subscript)
+            and isinstance(node.value, ast.Name)
+            and node.value.id in of_ros
+        ]
+    assert not wrong
+
+
 @pytest.mark.parametrize("package", ORDER)
 def test_imports_go_one_way(package: Any) -> None:
     later = ORDER[ORDER.index(package) + 1 :]

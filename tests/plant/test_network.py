@@ -10,7 +10,7 @@ import pytest
 
 from flexslew_plant import network
 from flexslew_plant.errors import BadInput, RunFault
-from flexslew_plant.network import ELSEWHERE, LOOPBACK, NETWORK, NEWER, OLDER, RANGE, SKIP
+from flexslew_plant.network import ELSEWHERE, LOOPBACK, NETWORK, NEWER, OLDER, RANGE, SKIP, of_jazzy
 
 ROOT = Path(__file__).parents[2]
 READ = (NEWER, OLDER, RANGE, SKIP, *ELSEWHERE)
@@ -24,7 +24,7 @@ OUTER = [
     {"ROS_DISCOVERY_SERVER": "192.0.2.1:11811", "ROS_SUPER_CLIENT": "TRUE"},
     {"ROS2_EASY_MODE": "192.0.2.1", "FASTDDS_ENVIRONMENT_FILE": "/mine.json"},
     {NEWER: str(LOOPBACK), RANGE: "SYSTEM_DEFAULT", SKIP: "1"},
-    {OLDER: str(LOOPBACK), RANGE: "SYSTEM_DEFAULT", SKIP: "1"},
+    {OLDER: str(of_jazzy(LOOPBACK)), RANGE: "SYSTEM_DEFAULT", SKIP: "1"},
 ]
 
 
@@ -72,11 +72,19 @@ def test_nothing_in_the_environment_leads_elsewhere_unless_the_setting_says_so(
     network.prepare(environment)
     name, other = (NEWER, OLDER) if distribution == "kilted" else (OLDER, NEWER)
     assert {key: environment.get(key) for key in (*READ,)} == dict.fromkeys(ELSEWHERE) | {
-        name: str(LOOPBACK),
+        name: str(LOOPBACK if distribution == "kilted" else of_jazzy(LOOPBACK)),
         other: None,
         RANGE: "SYSTEM_DEFAULT",
         SKIP: "1",
     }
+
+
+@pytest.mark.parametrize("profile", [LOOPBACK, NETWORK])
+def test_the_profiles_of_jazzy_say_the_same_in_the_words_of_its_fast_dds(profile: Path) -> None:
+    """Fast DDS 2 throws a file away that has a word of Fast DDS 3; .ci/jazzy flies with it."""
+    text = profile.read_text()
+    assert text.count("heartbeat_period") == 2
+    assert of_jazzy(profile).read_text() == text.replace("heartbeat_period", "heartbeatPeriod")
 
 
 def test_the_network_is_what_the_user_has_set_up_or_the_profile_of_the_bench() -> None:

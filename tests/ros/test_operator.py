@@ -322,15 +322,22 @@ def test_gains_change_as_parameters_and_by_service_alike(operator):
     done = operator.call(srv.Tune, "second/tune", settings="{kd: [900.0, 900.0]}", who="ann")
     assert done.ok, done.message
     assert list(get("kd")) == [900.0, 900.0]
+    typed = [Parameter("kd", value=[910.0, 910.0]).to_parameter_msg()]
+    done = operator.call(srv.Tune, "second/tune", values=typed, who="bob")
+    assert done.ok, done.message
+    assert list(get("kd")) == [910.0, 910.0]
+    both = operator.call(srv.Tune, "second/tune", settings="{kd: [1.0, 1.0]}", values=typed)
+    assert not both.ok
+    assert "give settings or values, not both" in both.message
     bad = operator.call(srv.Tune, "second/tune", settings="{kd: [-1.0, 0.0]}")
     assert not bad.ok
     assert "kd" in bad.message
     assert not set_one("kp", [1.0, 2.0, 3.0])[0]
     assert list(get("kp")) == [500.0, 500.0]
     operator.call(Trigger, "start")
-    operator.until(lambda: len([e for e in operator.events if e.kind == "tuned"]) == before + 2)
-    tuned = [json.loads(e.data) for e in operator.events if e.kind == "tuned"][-2:]
-    assert [t["who"] for t in tuned] == ["a ROS parameter", "ann"]
+    operator.until(lambda: len([e for e in operator.events if e.kind == "tuned"]) == before + 3)
+    tuned = [json.loads(e.data) for e in operator.events if e.kind == "tuned"][-3:]
+    assert [t["who"] for t in tuned] == ["a ROS parameter", "ann", "bob"]
 
 
 def test_a_switch_in_a_pause_is_answered_by_the_timeout_and_dropped_by_a_reset(operator):

@@ -7,10 +7,12 @@ from typing import Any
 import pytest
 import rclpy
 import yaml
+from rclpy.parameter import Parameter
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.run.domain import own_domain
-from flexslew_plant.ros.parameters import declare, settings_of
+from flexslew_plant.errors import BadInput
+from flexslew_plant.ros.parameters import declare, requested_text, settings_of
 from flexslew_plant.ros.plant.settings import PlantSettings
 from flexslew_plant.settings import plain
 
@@ -85,3 +87,40 @@ def test_what_param_dump_writes_is_read_again_to_the_same_settings(
         again.destroy_node()
         context.shutdown()
     assert plain(read) == plain(section)
+
+
+class Named:
+    """All that a request needs of its node."""
+
+    def get_name(self) -> str:
+        return "plant"
+
+
+def typed(**values: Any) -> list[Any]:
+    return [Parameter(k.replace("__", "."), value=v).to_parameter_msg() for k, v in values.items()]
+
+
+def test_typed_values_are_the_yaml_that_they_stand_for() -> None:
+    node: Any = Named()
+    assert requested_text(node, "fault", "{kind: command_lost}", []) == "{kind: command_lost}"
+    values = typed(kind="actuator_gain", joint="base_yaw", gain=0.1, until=2.0, names=["a", "b"])
+    text = requested_text(node, "fault", "", [*values, *typed(disturbance__base_yaw=[1.0, 2.0])])
+    assert yaml.safe_load(text) == {
+        "kind": "actuator_gain", "joint": "base_yaw", "gain": 0.1, "until": 2.0,
+        "names": ["a", "b"], "disturbance": {"base_yaw": [1.0, 2.0]},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "values", "words"),
+    [
+        ("{kp: 1.0}", typed(kp=1.0), "give settings or values, not both"),
+        ("", typed(kp=1.0) * 2, "kp stands twice"),
+        ("", typed(a__b=1.0, a=2.0), "a.b stands twice"),
+        ("", typed(a=1.0, a__b=2.0), "a.b stands twice"),
+    ],
+)
+def test_values_that_contradict_each_other_are_refused(text: str, values: Any, words: str) -> None:
+    node: Any = Named()
+    with pytest.raises(BadInput, match=words):
+        requested_text(node, "settings", text, values)

@@ -21,6 +21,7 @@ from flexslew_msgs.srv import (
     SwitchController,
     Tune,
 )
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from flexslew_lab.log.bag_reader import BagReader
@@ -99,8 +100,8 @@ def swap(name: Any, at: float = 0.0, **more: Any) -> tuple[Any, str, Any]:
     return SwitchController, "switch_controller", {"controller": name, "at": stamp(at), **more}
 
 
-def fault(text: Any, at: float = 0.0) -> tuple[Any, str, Any]:
-    return InjectFault, "inject_fault", {"fault": text, "at": stamp(at), "who": "ann"}
+def fault(text: Any, at: float = 0.0, **more: Any) -> tuple[Any, str, Any]:
+    return InjectFault, "inject_fault", {"fault": text, "at": stamp(at), "who": "ann", **more}
 
 
 def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -> None:
@@ -109,7 +110,7 @@ def test_a_session_worked_by_hand_flies_again_to_the_same_hash(tmp_path: Path) -
             ask(
                 domain,
                 swap("output_feedback", who="ann"),
-                fault("{disturbance: {base_yaw: 3.0}}"),
+                fault("", values=[Parameter("disturbance.base_yaw", value=3.0).to_parameter_msg()]),
                 (Tune, "output_feedback/tune", {"settings": "{reaching_rate: 3.0}", "who": "bob"}),
                 swap("pd_feedforward"),
                 (Tune, "pd_feedforward/tune", {"settings": "{kp: [500.0], kd: [950.0]}"}),

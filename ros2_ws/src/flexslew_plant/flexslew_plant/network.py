@@ -42,19 +42,26 @@ def prepare(environment: MutableMapping[str, str]) -> None:
         BadInput: FLEXSLEW_NETWORK has a wrong value, or the profile is missing: Fast DDS would say
             nothing, and use every network.
     """
-    name, other = (OLDER, NEWER) if environment.get("ROS_DISTRO") == "jazzy" else (NEWER, OLDER)
+    jazzy = environment.get("ROS_DISTRO") == "jazzy"
+    name, other = (OLDER, NEWER) if jazzy else (NEWER, OLDER)
+    loopback, network = (of_jazzy(p) if jazzy else p for p in (LOOPBACK, NETWORK))
     if on_network(environment):
         # of a shell that stayed on the loopback, by whichever link
-        if os.path.realpath(environment.get(name, "")) == os.path.realpath(LOOPBACK):
+        if os.path.realpath(environment.get(name, "")) == os.path.realpath(loopback):
             for own in (name, RANGE, SKIP):
                 environment.pop(own, None)
-        environment.setdefault(name, str(NETWORK))
+        environment.setdefault(name, str(network))
         return
-    if not LOOPBACK.is_file():
-        raise BadInput(f"{LOOPBACK}: is missing; without it DDS would use every network")
+    if not loopback.is_file():
+        raise BadInput(f"{loopback}: is missing; without it DDS would use every network")
     for leading in (*ELSEWHERE, other):
         environment.pop(leading, None)
-    environment.update({name: str(LOOPBACK), RANGE: "SYSTEM_DEFAULT", SKIP: "1"})
+    environment.update({name: str(loopback), RANGE: "SYSTEM_DEFAULT", SKIP: "1"})
+
+
+def of_jazzy(profile: Path) -> Path:
+    """Return the same profile in the words of Fast DDS 2, which Jazzy has."""
+    return profile.with_suffix(".jazzy.xml")
 
 
 def demand_loopback() -> None:

@@ -39,8 +39,8 @@ class Announcer:
         host: ControllerHost,
         law: str,
         alive: Alive,
-        sent: Sequence[Publisher[Any]],
-        heard: Subscription[Any] | None,
+        sent: Sequence["Publisher[Any]"],
+        heard: "Subscription[Any] | None",
         listeners: Sequence[str],
     ) -> None:
         self._node, self._host, self._law, self._alive = node, host, law, alive

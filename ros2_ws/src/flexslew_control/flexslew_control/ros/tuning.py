@@ -14,7 +14,7 @@ from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.messages import seconds_of
-from flexslew_plant.ros.parameters import declare, serve_changes
+from flexslew_plant.ros.parameters import declare, requested_text, serve_changes
 from flexslew_plant.settings import flat, load_yaml, validated
 from flexslew_plant.settings_fields import meanings
 
@@ -60,7 +60,8 @@ class Tuning:
     def _on_tune(self, request: Any, reply: Any) -> Any:
         controller = self._host.controller
         try:
-            changes = load_yaml(request.settings, "settings") or {}
+            text = requested_text(self._node, "settings", request.settings, request.values)
+            changes = load_yaml(text, "settings") or {}
             if isinstance(changes, dict):
                 changes = with_file(self._law, changes, "settings")
         except BadInput as error:

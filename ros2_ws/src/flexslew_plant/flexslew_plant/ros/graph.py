@@ -11,7 +11,7 @@ from rclpy.subscription import Subscription
 from flexslew_plant.policies import HIDDEN
 
 
-def listeners_of(node: Node, publisher: Publisher[Any]) -> set[str]:
+def listeners_of(node: Node, publisher: "Publisher[Any]") -> set[str]:
     """Return the names of all nodes that listen, those of another namespace with it."""
     names = set()
     for info in node.get_subscriptions_info_by_topic(publisher.topic_name):
@@ -22,7 +22,7 @@ def listeners_of(node: Node, publisher: Publisher[Any]) -> set[str]:
 
 
 def unmatched(
-    node: Node, publishers: Sequence[Publisher[Any]], listeners: Sequence[str]
+    node: Node, publishers: Sequence["Publisher[Any]"], listeners: Sequence[str]
 ) -> list[str]:
     """Return whom a sample published now would not reach, of those that must be there, and why.
 
@@ -48,7 +48,7 @@ def unmatched(
     return sorted(missing.values())
 
 
-def _why_deaf(node: Node, publisher: Publisher[Any], listener: str) -> str:
+def _why_deaf(node: Node, publisher: "Publisher[Any]", listener: str) -> str:
     """Return why a listener does not hear a topic, and what to change."""
     topic, here = publisher.topic_name, node.get_namespace()
     nodes = node.get_node_names_and_namespaces()
@@ -77,7 +77,7 @@ def _listeners_here(node: Node, topic: str) -> set[str]:
 UNNAMED = "_NODE_NAME_UNKNOWN_"  # a node whose subscription was heard of before its name
 
 
-def incompatible(node: Node, publishers: Sequence[Publisher[Any]]) -> set[tuple[str, str]]:
+def incompatible(node: Node, publishers: Sequence["Publisher[Any]"]) -> set[tuple[str, str]]:
     """Return who asks for a QoS that is not offered: node, which may be UNNAMED, and topic."""
     return {
         (info.node_name, publisher.topic_name)
@@ -87,7 +87,7 @@ def incompatible(node: Node, publishers: Sequence[Publisher[Any]]) -> set[tuple[
     }
 
 
-def publishers_of(node: Node, subscription: Subscription[Any]) -> set[str]:
+def publishers_of(node: Node, subscription: "Subscription[Any]") -> set[str]:
     """Return the names of the nodes of this namespace that publish what the node hears here."""
     return {
         info.node_name
@@ -96,7 +96,7 @@ def publishers_of(node: Node, subscription: Subscription[Any]) -> set[str]:
     }
 
 
-def _fits(publisher: Publisher[Any], info: Any) -> bool:
+def _fits(publisher: "Publisher[Any]", info: Any) -> bool:
     """Return whether a subscription asks for no more than is offered."""
     offered, asked = publisher.qos_profile, info.qos_profile
     reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
@@ -122,7 +122,7 @@ class PlantWatch:
         seen: it was there; set by who hears it, since it may come and go between two polls.
     """
 
-    def __init__(self, loop: _Stops, subscription: Subscription[Any], enabled: bool) -> None:
+    def __init__(self, loop: _Stops, subscription: "Subscription[Any]", enabled: bool) -> None:
         self._loop, self._subscription, self._enabled = loop, subscription, enabled
         self.seen = False
 

@@ -41,13 +41,13 @@ def qos(topic: Topic, at_least: int = 0) -> QoSProfile:
     )
 
 
-def publisher(node: Node, name: str) -> Publisher[Any]:
+def publisher(node: Node, name: str) -> "Publisher[Any]":
     """Return a publisher of a topic of the table."""
     topic = TOPICS[name]
     return node.create_publisher(message_class(topic.type), name, qos(topic))
 
 
-def publish_if_heard(publisher: Publisher[Any], message: Callable[[], Any]) -> None:
+def publish_if_heard(publisher: "Publisher[Any]", message: Callable[[], Any]) -> None:
     """Write and publish a message where somebody listens; nothing else is kept for later ones.
 
     Args:
@@ -60,7 +60,7 @@ def publish_if_heard(publisher: Publisher[Any], message: Callable[[], Any]) -> N
 
 def subscription(
     node: Node, name: str, callback: Callable[[Any], None], raw: bool = False, at: str = ""
-) -> Subscription[Any]:
+) -> "Subscription[Any]":
     """Return a subscription to a topic of the table.
 
     Args:

@@ -2,6 +2,7 @@
 
 from array import array
 from collections.abc import Callable, Iterable
+from itertools import permutations
 from math import ceil, inf, isfinite, nextafter
 from typing import Any
 
@@ -14,8 +15,9 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE
-from flexslew_plant.settings import flat, load_yaml, plain, validated
+from flexslew_plant.settings import flat, load_yaml, plain, validated, yaml_text
 from flexslew_plant.settings_fields import FieldMeaning, meanings
 
 _ROS = ("use_sim_time", "qos_overrides", "start_type_description")  # parameters of ROS itself
@@ -46,7 +48,7 @@ def parameters_of(node: Node) -> dict[str, Any]:
     )
 
 
-def nested(node: Node, parameters: Iterable[Parameter[Any]]) -> dict[str, Any]:
+def nested(node: Node, parameters: Iterable["Parameter[Any]"]) -> dict[str, Any]:
     """Return parameters as plain data, nested by the dots of their names."""
     given: dict[str, Any] = {}
     for parameter in parameters:
@@ -59,6 +61,30 @@ def nested(node: Node, parameters: Iterable[Parameter[Any]]) -> dict[str, Any]:
             value = load_yaml(value, f"node {node.get_name()}: {parameter.name}")
         place[last] = value.tolist() if isinstance(value, array) else value
     return given
+
+
+def requested_text(node: Node, key: str, text: str, values: Iterable[Any]) -> str:
+    """Return the YAML of a request: as it was given, or of its typed values.
+
+    Args:
+        node: that serves it.
+        key: of the text in the request.
+        text: YAML; empty where there are typed values.
+        values: rcl_interfaces/Parameter, nested by the dots of their names.
+
+    Raises:
+        BadInput: both are given, or a name stands twice.
+    """
+    given = [Parameter.from_parameter_msg(value) for value in values]
+    if not given:
+        return text
+    if text:
+        raise BadInput(f"give {key} or values, not both", "values")
+    names = [parameter.name for parameter in given]
+    for name, other in permutations(names, 2):
+        if f"{name}.".startswith(f"{other}."):
+            raise BadInput(f"{name} stands twice", "values")
+    return yaml_text(nested(node, given))
 
 
 def declared(node: Node, kind: Any, given: dict[str, Any], changeable: Iterable[str] = ()) -> Any:
@@ -99,7 +125,7 @@ def declare(node: Node, settings: Any, changeable: Iterable[str] = ()) -> None:
 def serve_changes(node: Node, change: Change) -> None:
     """Pass on what is set in flight; unknown names are refused, read-only ones by ROS itself."""
 
-    def on_set(parameters: list[Parameter[Any]]) -> SetParametersResult:
+    def on_set(parameters: list["Parameter[Any]"]) -> SetParametersResult:
         unknown = [p.name for p in parameters if not node.has_parameter(p.name)]
         if unknown:
             known = ", ".join(sorted(node.get_parameters_by_prefix("")))

@@ -63,7 +63,7 @@ class Display:
         self._every = max(1, round(1.0 / (rate * self._bench.settings.period))) if rate else 0
 
     @property
-    def publishers(self) -> list[Publisher[Any]]:
+    def publishers(self) -> list["Publisher[Any]"]:
         """What is published at this rate."""
         samples = [self._clock, self._joints, self._appendages, self._tf, self._markers]
         return [*samples, *self._platform.publishers] if self._every else []

@@ -34,7 +34,7 @@ class PlantReport:
         session: Session,
         alive: Alive,
         progress: bool,
-        heard: Sequence[Publisher[Any]],
+        heard: Sequence["Publisher[Any]"],
     ) -> None:
         self._node, self._session, self._alive = node, session, alive
         self._progress, self._heard = progress, heard

@@ -13,10 +13,12 @@ from std_srvs.srv import Trigger
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import WAITING, Reply
 from flexslew_plant.bench.operation.session import Session
+from flexslew_plant.errors import BadInput
 from flexslew_plant.refusal import Refusal
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.parameters import requested_text
 from flexslew_plant.ros.plant.switch_service import SwitchService
 
 _START = 2.0  # until somebody who starts the bench hears whom it waits for [wall s]
@@ -184,7 +186,12 @@ class Services:
 
     def _on_inject(self, request: Any, reply: Any) -> Any:
         tick = round(seconds_of(request.at) / self._bench.settings.period)
-        result = self._bench.inject(request.fault, tick, request.who)
+        try:
+            text = requested_text(self._node, "fault", request.fault, request.values)
+        except BadInput as error:
+            reply.message, reply.tick, reply.number = str(error), self._bench.tick, -1
+            return reply
+        result = self._bench.inject(text, tick, request.who)
         self._loop.hurry()
         reply.ok, reply.message, reply.tick = result.ok, result.message, result.tick
         reply.number = result.number
