@@ -119,7 +119,22 @@ def test_parameters_of_the_equations_are_found_from_a_start_that_is_20_percent_o
     assert fit.changes["parameters"]["bending_stiffness"] == found_stiffness.value
 
 
-def test_parameters_that_act_alike_are_named_and_a_wrong_key_lists_the_right_ones() -> None:
+def test_parameters_that_act_alike_are_named_and_no_interval_pretends_to_know_them() -> None:
+    """At rest the base feels the sum of both inertias alone, whose interval is narrow."""
+    true, _ = csa(3)
+    keys = ("parameters.base_inertia", "parameters.hub_inertia_1")
+    start = varied(true, {"parameters": {"base_inertia": 2300.0}}, "here")
+    fit = fit_parameters(found_csa(3), start, keys)
+    assert f"{keys[0]} and {keys[1]} cannot be told apart" in " ".join(fit.warnings)
+    assert all(f"{key} is not known from this record" in " ".join(fit.warnings) for key in keys)
+    together = sum(p.value.value for p in fit.parameters)
+    real = true.parameters.base_inertia + true.parameters.hub_inertia_1
+    assert together == pytest.approx(real, rel=1e-3)
+    for parameter, key in zip(fit.parameters, ("base_inertia", "hub_inertia_1"), strict=True):
+        assert parameter.value.low < getattr(true.parameters, key) < parameter.value.high
+
+
+def test_a_wrong_key_lists_the_right_ones_and_no_start_is_refused() -> None:
     true, _ = oscillator(2)
     with pytest.raises(BadInput, match=r"--fit: parameters.mas is not a number .*driven_mass"):
         fit_parameters(found(2), true, ("testbed.parameters.mas",))

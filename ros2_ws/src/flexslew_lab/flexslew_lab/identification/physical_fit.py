@@ -26,6 +26,7 @@ _STEP = 1e-5  # relative, of the central differences
 _ROUNDS = 12
 _CONVERGED = 1e-2  # of a step, in standard deviations; flights round at some 5e-3 of them
 _ALIKE = 0.99  # correlation from which two parameters cannot be told apart
+_UNTOLD = 1e-12  # eigenvalue of the scaled information below which rounding speaks
 _UNKNOWN = 0.5  # relative standard deviation from which a parameter is not known at all
 _LIGHT = 0.1  # weight of damping and inertia beside the frequencies, for a start
 _PREFIX = "testbed."
@@ -104,7 +105,7 @@ def fit_parameters(
         tell(f"flight {problem.flights}, round {number}: {_words(names, now)}")
         if deviations < _CONVERGED:
             break
-    covariance = np.linalg.pinv(information, hermitian=True)
+    covariance = _covariance(information)
     spread = np.sqrt(np.diag(covariance))
     safe = np.where(spread > 0.0, spread, 1.0)
     correlation = covariance / np.outer(safe, safe)
@@ -114,6 +115,15 @@ def fit_parameters(
     )
     warnings = _warnings(names, correlation, spread)
     return PhysicalFit(parameters, correlation, warnings, noise, problem.flights)
+
+
+def _covariance(information: Matrix) -> Matrix:
+    """Return the inverse; a direction that no flight tells gets a variance that says so."""
+    size = np.sqrt(np.diag(information))
+    size = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    scaled = (vectors / np.maximum(values, _UNTOLD)) @ vectors.T
+    return np.asarray(scaled / np.outer(size, size))
 
 
 def _values(testbed: Testbed, names: tuple[str, ...]) -> Vector:
