@@ -128,9 +128,9 @@ def identify_modes(
     low, high = 0.5 * band[0], min(1.05 * band[1], 0.8 * np.pi / slow.period)
     candidates = _merged([mode for poles in starts for mode in stable(poles, low, high)])
     tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
-    chosen = selected(RegressorSignals(record, band[1]), candidates, (low, high))
+    modes, noise = _chosen(record, band, candidates, (low, high))
     # of all ticks: the low end of a band alone would tie the noise to the efforts fed back from it
-    solution, _ = refined(RegressorSignals(record, None), chosen.modes, noise_of(chosen))
+    solution, _ = refined(RegressorSignals(record, None), modes, noise)
     fit = modal_fit(solution)
     return ModalModel(
         record,
@@ -141,6 +141,17 @@ def identify_modes(
         tuple(starts),
         tuple(_whiteness(o.name, fit.residual[:, k]) for k, o in enumerate(record.outputs)),
     )
+
+
+def _chosen(
+    record: Record,
+    band: tuple[float, float],
+    candidates: tuple[Oscillator, ...],
+    edges: tuple[float, float],
+) -> tuple[tuple[Oscillator, ...], Vector]:
+    """Return the candidates that are modes and the noise; the signals of the search are freed."""
+    chosen = selected(RegressorSignals(record, band[1]), candidates, edges)
+    return chosen.modes, noise_of(chosen)
 
 
 def power_band(record: Record) -> tuple[float, float]:
