@@ -126,7 +126,7 @@ def identify(
     """
     first = experiments[0]
     if band is None:
-        band = _band(first)
+        band = band_of(first.plan or first.flown, first.record.source)
     model = identify_modes(first.record, band, tell)
     response, why = _response(experiments)
     return Identification(
@@ -138,15 +138,20 @@ def identify(
     )
 
 
-def _band(experiment: Experiment) -> tuple[float, float] | None:
-    """Return the frequencies that a plan shook, or believed the modes in; None: nobody says."""
-    if experiment.plan is not None:
-        low, high = experiment.plan.summary["band"]
+def band_of(plan: Plan | None, source: str) -> tuple[float, float] | None:
+    """Return the frequencies that a plan shook, or believed the modes in; None: nobody says.
+
+    Args:
+        plan: that was flown.
+        source: of it, for messages.
+    """
+    if plan is not None and plan.method == EXCITATION.name:
+        low, high = plan.summary["band"]
         return float(low), float(high)
-    believed = experiment.flown.request.get("model") if experiment.flown is not None else None
+    believed = plan.request.get("model") if plan is not None else None
     if not isinstance(believed, dict) or "kind" not in believed:
         return None
-    testbed = read_testbed(believed, f"{experiment.record.source}: plan")
+    testbed = read_testbed(believed, f"{source}: plan")
     model = testbed.model()
     frequencies = model.linearise(model.rest(initial_positions(testbed))).frequencies
     if not frequencies.size:

@@ -8,9 +8,9 @@ import numpy as np
 import pyarrow as pa
 
 from flexslew_control.controllers import CONTROLLERS
-from flexslew_lab.studies.experiment import found_by_shaking
+from flexslew_lab.studies.experiment import found_by_flying
 from flexslew_lab.studies.sampling.methods import Samples, drawn
-from flexslew_lab.studies.study import EXPERIMENT, Nominal, Study
+from flexslew_lab.studies.study import EXPERIMENT, MANOEUVRE, Nominal, Study
 from flexslew_lab.trial.overrides import overridden, value_at
 from flexslew_lab.trial.trial import Trial, feedback_of, law_of, trial_of_values
 from flexslew_plant.errors import BadInput
@@ -115,7 +115,8 @@ def case_trial(study: Study, case: Case) -> Trial:
 
     Controllers that never take charge are left out: they change nothing. Without `replan`, what
     planner and controllers believe of the bench is written out, so it stays the nominal one; with
-    `replan: experiment` the sampled bench is shaken, and they believe what that has found.
+    `replan: experiment` the sampled bench is shaken, with `manoeuvre` it flies the trial once
+    before, and they believe what that has found.
     Sections that no sample changes are those of the nominal trial, which was checked already.
 
     Raises:
@@ -138,19 +139,25 @@ def case_trial(study: Study, case: Case) -> Trial:
     name = f"{study.settings.study}-{max(case.number, 0)}"
     own = {"seed": case.seed, "name": name, "rate_factor": 0.0}
     trial = trial_of_values(alike | changed | own, source, study.trust)
-    if study.variants[case.variant].replan != EXPERIMENT:
+    knows = study.variants[case.variant].replan
+    if knows not in (EXPERIMENT, MANOEUVRE):
         return trial
-    experiment, believed_before = _experiment(study, case, changes), nominal.trial.testbed
-    found = found_by_shaking(experiment, believed_before, study.settings.fit)
+    shake = study.settings.shake if knows == EXPERIMENT else {}
+    found = found_by_flying(
+        _experiment(study, case, changes, shake),
+        nominal.trial.testbed,
+        study.settings.fit,
+        shakes=knows == EXPERIMENT,
+    )
     asked = overridden(study.base, study.variants[case.variant].changes)
     values = believing(_flying(overridden(asked, changes)), source, study.trust, found)
     return trial_of_values(values | own, source, study.trust)
 
 
-def _experiment(study: Study, case: Case, changes: dict[str, Any]) -> Trial:
-    """Return the trial that shakes a sampled bench; its plan believes the nominal one."""
+def _experiment(study: Study, case: Case, changes: dict[str, Any], shake: dict[str, Any]) -> Trial:
+    """Return the trial that a sampled bench flies first; its plan believes the nominal one."""
     source = f"{study.source}: shake"
-    asked = overridden(study.base, study.variants[case.variant].changes | study.settings.shake)
+    asked = overridden(study.base, study.variants[case.variant].changes | shake)
     nominal = believing(_flying(asked), source, study.trust)
     own = {"seed": trial_seed(case.seed, 0), "name": "shake", "rate_factor": 0.0}
     return trial_of_values(overridden(nominal, changes) | own, source, study.trust)

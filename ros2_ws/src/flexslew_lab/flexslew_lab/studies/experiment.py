@@ -1,11 +1,14 @@
-"""What the experiment of a study finds out about a sampled bench."""
+"""What the experiment of a study, or its own manoeuvre, finds out about a sampled bench."""
 
 from typing import Any
 
+from flexslew_control.planners.excitation.excitation import EXCITATION
+from flexslew_lab.identification.identification import band_of
 from flexslew_lab.identification.measurements import Listener
 from flexslew_lab.identification.model_file import testbed_of
 from flexslew_lab.identification.modes import identify_modes
 from flexslew_lab.identification.physical_fit import fit_parameters
+from flexslew_lab.identification.record import Record
 from flexslew_lab.run.in_process import fly
 from flexslew_lab.trial.trial import (
     Trial,
@@ -20,24 +23,46 @@ from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, varied
 
 
-def found_by_shaking(
-    experiment: Trial, nominal: Testbed, fit: tuple[str, ...] = ()
+def found_by_flying(
+    experiment: Trial, nominal: Testbed, fit: tuple[str, ...] = (), shakes: bool = True
 ) -> dict[str, Any]:
     """Return the `testbed` section of the bench of a trial as its measurements identify it.
 
     Args:
-        experiment: with a plan of method excitation.
+        experiment: an experiment, or a manoeuvre whose plan believes a model.
         nominal: the bench that is believed before, where a fit begins.
         fit: paths of numbers in its section that are fitted; none: modes and inertias are found.
+        shakes: whether its plan must be of method excitation.
 
     Raises:
         BadInput: it cannot be flown, or cannot tell; with the numbers.
+    """
+    record, band = heard_in(experiment, shakes)
+    model = identify_modes(record, band)
+    if fit:
+        changes = fit_parameters(model, nominal, fit).changes
+        section: dict[str, Any] = plain(varied(nominal, changes, f"{experiment.name}: fit"))
+    else:
+        section = plain(testbed_of(model))
+    return section
+
+
+def heard_in(experiment: Trial, shakes: bool = True) -> tuple[Record, tuple[float, float]]:
+    """Return what the sensors say in a flight, and the band [rad/s] that it shakes.
+
+    Args:
+        experiment: see found_by_flying.
+        shakes: whether its plan must be of method excitation.
+
+    Raises:
+        BadInput: it cannot be flown, or shakes nothing.
     """
     place = f"{experiment.name}: plan"
     bench = Bench(bench_settings(experiment))
     controllers = build_controllers(experiment, bench, experiment.name)
     plan = plan_of_trial(experiment)
-    if plan is None or "band" not in plan.summary:
+    band = band_of(plan, experiment.name)
+    if plan is None or band is None or (shakes and plan.method != EXCITATION.name):
         raise BadInput("it shakes nothing; give a plan of method excitation", place)
     if (refused := follow(controllers, experiment.active, plan)) is not None:
         raise BadInput(str(refused), place)
@@ -45,11 +70,4 @@ def found_by_shaking(
     fly(bench, controllers, heard)
     if bench.failure:
         raise BadInput(bench.failure, place)
-    low, high = plan.summary["band"]
-    model = identify_modes(heard.record(experiment.name), (float(low), float(high)))
-    if fit:
-        changes = fit_parameters(model, nominal, fit).changes
-        section: dict[str, Any] = plain(varied(nominal, changes, f"{experiment.name}: fit"))
-    else:
-        section = plain(testbed_of(model))
-    return section
+    return heard.record(experiment.name), band

@@ -12,7 +12,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import plan_hash
 from flexslew_control.planners.slew import software_versions
 from flexslew_lab.studies.flight import Plans
-from flexslew_lab.studies.study import EXPERIMENT, Study
+from flexslew_lab.studies.study import EXPERIMENT, MANOEUVRE, Study
 from flexslew_lab.trial.trial import law_of
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
@@ -98,7 +98,7 @@ def _law_files(study: Study) -> dict[str, str]:
 
 def _versions(study: Study) -> dict[str, str]:
     found = software_versions() | {name: metadata.version(name) for name in _LIBRARIES}
-    shakes = any(variant.replan == EXPERIMENT for variant in study.variants)
+    shakes = any(variant.replan in (EXPERIMENT, MANOEUVRE) for variant in study.variants)
     for folder in (*_CODE, *([_IDENTIFICATION] if shakes else [])):
         package, _, inside = folder.partition("/")
         root = Path(str(resources.files(package))) / inside

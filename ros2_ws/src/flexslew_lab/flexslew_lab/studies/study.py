@@ -23,8 +23,8 @@ SHIPPED = Path(str(resources.files("flexslew_lab"))) / "studies" / "shipped"
 
 _TAKEN = ("index", "sample", "variant", "replicate", "seed", "status", "reason", "way")
 
-Knowledge: TypeAlias = Literal["experiment"] | bool
-REPLAN, EXPERIMENT = "replan", "experiment"
+Knowledge: TypeAlias = Literal["experiment", "manoeuvre"] | bool
+REPLAN, EXPERIMENT, MANOEUVRE = "replan", "experiment", "manoeuvre"
 
 Confidence = Annotated[float, Field(gt=0.5, lt=1.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
@@ -73,8 +73,9 @@ class StudySettings:
     # names several that follow one draw
     vary: dict[str, dict[str, Any]] = Field(default_factory=dict)
     # whether planner and controllers know the sampled bench; false: they believe in the nominal
-    # one; `experiment`: what an experiment on the sampled bench finds. `compare: {replan: {nominal:
-    # false, identified: experiment, truth: true}}` flies all three
+    # one; `experiment`: what an experiment on the sampled bench finds; `manoeuvre`: what the log of
+    # the manoeuvre finds that was planned for the nominal one. `compare: {replan: {nominal: false,
+    # identified: experiment, truth: true}}` flies all three
     replan: Knowledge = False
     # keys that make the trial that experiment, with a `plan` of method excitation; its plan
     # believes the nominal bench
@@ -340,8 +341,9 @@ def _variants(
 
 def _require_knowledge(given: list[Any] | dict[str, Any], source: str) -> None:
     for value in given.values() if isinstance(given, dict) else given:
-        if value not in (False, True, EXPERIMENT):
-            raise BadInput(f"false, true or {EXPERIMENT}", f"{source}: compare", REPLAN, value)
+        if value not in (False, True, EXPERIMENT, MANOEUVRE):
+            allowed = f"false, true, {EXPERIMENT} or {MANOEUVRE}"
+            raise BadInput(allowed, f"{source}: compare", REPLAN, value)
 
 
 def _label(value: Any) -> str:
