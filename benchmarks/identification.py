@@ -2,10 +2,11 @@
 
 FLEXSLEW_BENCH_SEEDS=200 ./flexslew bench identification shakes 200 benches of each kind (200 is
 what it takes without the variable), drawn at +-20 % stiffness and payload, .5 % damping, in closed
-loop under a PD law, with white noise of a tenth of each signal (20 dB). FLEXSLEW_BENCH_KINDS names
-those to shake alone; with FLEXSLEW_BENCH_KEEP=FILE every bench is kept in a line of that file, and
-a later call goes on from there (delete it when the code has changed). The modes that count lie
-below half of the excited band; damping counts where the record holds 60 periods.
+loop under a PD law, with white noise of a tenth of each signal (20 dB); SCOLE-S as shake_scole
+does, for five minutes and with its own damping. FLEXSLEW_BENCH_KINDS names those to shake alone;
+with FLEXSLEW_BENCH_KEEP=FILE every bench is kept in a line of that file, and a later call goes on
+from there (delete it when the code has changed). The modes that count lie below half of the
+excited band; damping counts where the record holds 60 periods.
 """
 
 import json
@@ -23,6 +24,12 @@ from tests.lab.identification.shaken import bench, shaken, truth
 
 from flexslew_lab.identification.modes import Interval, ModalModel, identify_modes
 from flexslew_lab.identification.physical_fit import fit_parameters
+from flexslew_lab.identification.record import Record
+from flexslew_lab.studies.experiment import heard_in
+from flexslew_lab.trial.overrides import overridden
+from flexslew_lab.trial.sources import read_trial
+from flexslew_lab.trial.trial import trial_of_values
+from flexslew_plant.settings import plain
 
 SEEDS, CHOSEN = "FLEXSLEW_BENCH_SEEDS", "FLEXSLEW_BENCH_KINDS"
 KEPT = "FLEXSLEW_BENCH_KEEP"
@@ -46,6 +53,7 @@ KINDS: dict[str, dict[str, Any]] = {
         "payload": True,
         "fitted": _FITTED,
     },
+    "scole": {"trial": "shake_scole", "payload": True, "fitted": ()},
 }
 
 
@@ -135,19 +143,33 @@ def _campaign(kind: str, count: int) -> list[Identified]:
 def _bench(kind: dict[str, Any], seed: int) -> Identified:
     """Return what the record of a drawn bench told."""
     rng = np.random.default_rng(seed)
-    nominal = bench(**kind["keys"])
-    true = nominal.scaled(*[rng.uniform(0.8, 1.2) for _ in range(1 + kind["payload"])])
-    experiment = shaken(true, kind["plan"], kind["gains"], rng, believed=nominal)
-    low, high = kind["plan"]["band"]
+    factors = [rng.uniform(0.8, 1.2) for _ in range(1 + kind["payload"])]
+    if "trial" in kind:
+        nominal, true, record, band = _flown(kind["trial"], factors, seed)
+    else:
+        nominal = bench(**kind["keys"])
+        true, band = nominal.scaled(*factors), kind["plan"]["band"]
+        record = shaken(true, kind["plan"], kind["gains"], rng, believed=nominal).record
     begin = time.process_time()
-    model = identify_modes(experiment.record, (low, high))
+    model = identify_modes(record, band)
     seconds = time.process_time() - begin
-    estimates, missed, extra = _modes(model, true, high)
+    estimates, missed, extra = _modes(model, true, band[1])
     if kind["fitted"]:
         fit = fit_parameters(model, nominal, kind["fitted"])
         stiffness = true.parameters.bending_stiffness
         estimates.append(Estimate("stiffness", fit.parameters[0].value, stiffness, True))
     return Identified(estimates, missed, extra, seconds)
+
+
+def _flown(
+    name: str, factors: list[float], seed: int
+) -> tuple[Any, Any, Record, tuple[float, float]]:
+    """Return the bench of a shipped trial, the drawn one, its record and the band shaken."""
+    shipped = read_trial(name, None)[0]
+    true = shipped.testbed.scaled(*factors)
+    own = {"testbed": plain(true), "seed": seed}
+    values = overridden(plain(shipped) | own, {"plan.model": plain(shipped.testbed)})
+    return shipped.testbed, true, *heard_in(trial_of_values(values, name))
 
 
 def _modes(model: ModalModel, true: Any, high: float) -> tuple[list[Estimate], int, int]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numba import types
 
+from flexslew_control.free_platform import rate_readings
 from flexslew_control.law import PlantDescription
 from flexslew_control.planners.excitation.excitation import Excitation, plan_excitation
 from flexslew_control.planners.slew import Feedback
@@ -30,14 +31,19 @@ def plant_of(testbed: Any, period: float = PERIOD) -> PlantDescription:
 
 
 def truth(testbed: Any) -> tuple[Vector, Vector, Matrix]:
-    """Return frequencies [rad/s] and damping ratios of the free modes, rising, and the inertia."""
+    """Return frequencies [rad/s] and damping ratios of the free modes, rising, and the inertia.
+
+    The inertia is what the efforts of the joints feel where their positions are read.
+    """
     model = testbed.model()
-    linear = model.linearise(model.rest({}))
+    rest = model.rest({})
+    linear, rigid = model.linearise(rest), slice(model.before_modes)
     poles = linear.eigenvalues
     poles = poles[poles.imag > 1e-6]
     poles = poles[np.argsort(np.abs(poles))]
-    rigid = linear.mass[: model.joints, : model.joints]
-    return np.abs(poles), -poles.real / np.abs(poles), rigid
+    moved = np.linalg.solve(linear.mass[rigid, rigid], linear.input_matrix[rigid])
+    inertia = np.linalg.inv(rate_readings(model, rest)[:, rigid] @ moved)
+    return np.abs(poles), -poles.real / np.abs(poles), inertia
 
 
 @lru_cache
