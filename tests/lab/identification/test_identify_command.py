@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 from rosbags.rosbag2 import Writer
@@ -63,7 +64,7 @@ def test_a_run_gives_a_model_that_is_believed_a_page_and_numbers(
     system = tmp_path / "bench.json"
     code, printed, _ = call(
         "identify", run, run, "--out", out, "--json", "--system", system,
-        "--fit", "parameters.stiffness",
+        "--fit", "parameters.stiffness", "--appendage", "mass=x",
     )  # fmt: skip
     assert code == 0
     numbers = json.loads(printed[: printed.rindex("}") + 1])
@@ -76,7 +77,10 @@ def test_a_run_gives_a_model_that_is_believed_a_page_and_numbers(
     assert "Modes of the free bench" in page
     assert "https://" not in page.split("<body")[1].split("<script")[0]
     assert load_yaml((out / "identified.yaml").read_text(), "file")["model"]
-    assert system.stat().st_size > 0
+    assert load_yaml((out / "appendage.yaml").read_text(), "file")["frequencies_hz"]
+    linear = json.loads(system.read_text())
+    poles = control.poles(control.ss(*(linear[key] for key in "ABCD")))
+    assert np.abs(poles).max() == pytest.approx(mode["frequency"]["value"], rel=1e-6)
 
 
 def written_bag(folder: Path, record: Record) -> Path:
@@ -147,6 +151,7 @@ def test_a_file_says_when_its_efforts_end_and_where_they_look_limited(tmp_path: 
     [
         (("nowhere",), "nowhere: no such run"),
         (("RUN", "--band", "3,1"), "--band: '3,1' is not allowed: two numbers, low,high"),
+        (("RUN", "--appendage", "mass"), "--appendage: {'mass': ''} is not allowed: an axis x, y"),
         (("RUN", "--start", "mass"), "--start: 'mass' is not allowed: key=value with a number"),
         (("RUN", "--fit", "parameters.mas"), "--fit: parameters.mas is not a number"),
         (("RUN", "--inputs", "/a.b"), "--inputs and --outputs belong together"),

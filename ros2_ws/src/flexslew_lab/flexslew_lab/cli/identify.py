@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flexslew_lab.identification.modes import ModalModel
     from flexslew_lab.identification.next_plan import NextPlan
 
-MODEL, PAGE = "identified.yaml", "identification.html"
+MODEL, PAGE, APPENDAGE = "identified.yaml", "identification.html", "appendage.yaml"
 
 
 def identify(
@@ -47,6 +47,10 @@ def identify(
     system: Annotated[
         Path | None, typer.Option(help="Also a linear system: .mat, .npz or .json.")
     ] = None,
+    appendage: Annotated[
+        str | None,
+        typer.Option(help="joint=axis,...: also modal data for a spacecraft."),
+    ] = None,
     replan: Annotated[
         bool, typer.Option(help="Of a slew: what its plan leaves on what was found, and a new one.")
     ] = False,
@@ -62,7 +66,12 @@ def identify(
     """
     from flexslew_lab.identification.identification import identify as identified
     from flexslew_lab.identification.identification import summary
-    from flexslew_lab.identification.model_file import file_text, save_system, write_model
+    from flexslew_lab.identification.model_file import (
+        appendage_file_text,
+        file_text,
+        save_system,
+        write_model,
+    )
     from flexslew_lab.identification.page import identification_page, summary_rows, verdict
     from flexslew_lab.report.page import write_page
 
@@ -84,7 +93,10 @@ def identify(
     text, without_model = file_text(
         found.model, None if found.physical is None else found.physical.changes
     )
+    modal = None if appendage is None else appendage_file_text(found.model, _axes(appendage))
     write_model(folder / MODEL, text)
+    if modal is not None:
+        write_model(folder / APPENDAGE, modal)
     page = write_page(identification_page(found), folder / PAGE)
     if system is not None:
         save_system(found.model, system)
@@ -163,6 +175,11 @@ def _band(text: str | None) -> tuple[float, float] | None:
     if not 0.0 < low < high < float("inf"):
         raise BadInput("two numbers, low,high [rad/s]", key="--band", value=text)
     return low, high
+
+
+def _axes(text: str) -> dict[str, str]:
+    pairs = [part.partition("=") for part in _names(text)]
+    return {name.strip(): axis.strip() for name, _, axis in pairs}
 
 
 def _starts(assignments: list[str] | None) -> dict[str, float]:

@@ -15,6 +15,9 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain, yaml_text
 from flexslew_plant.testbeds.identified import FreeMode, IdentifiedTestbed
 
+_AXES = "xyz"
+_LIGHT = 1e-6  # mass of an appendage whose modes push nothing along [kg]
+
 
 def testbed_of(found: ModalModel) -> IdentifiedTestbed:
     """Return the bench that was found, as a testbed of kind identified.
@@ -144,6 +147,43 @@ def modal_data(testbed: IdentifiedTestbed) -> dict[str, Any]:
             name: model.appendages.tip[j].tolist() for j, name in enumerate(testbed.appendages)
         },
     }
+
+
+def appendage_file_text(found: ModalModel, axes: dict[str, str]) -> str:
+    """Return the modes with the joints held as modal data of a `spacecraft`'s appendage, as YAML.
+
+    Its rigid sums are the least that the modes need; the rest of what was found is the platform's.
+
+    Args:
+        found: modes and inertias.
+        axes: x, y or z of the appendage about or along which each joint moves, by joint.
+
+    Raises:
+        BadInput: a joint without an axis, or see testbed_of.
+    """
+    testbed = testbed_of(found)
+    if set(axes) != set(testbed.joints) or not set(axes.values()) <= set(_AXES):
+        words = f"an axis x, y or z of each of {', '.join(testbed.joints)}, as in hub=z"
+        raise BadInput(words, key="--appendage", value=axes)
+    data = modal_data(testbed)
+    modes = len(data["frequencies"])
+    translation, rotation = np.zeros((2, 3, modes))
+    for name, unit in zip(testbed.joints, testbed.joint_units, strict=True):
+        part = translation if unit == "m" else rotation
+        part[_AXES.index(axes[name])] += data["coupling"][name]
+    mass = max(float(np.linalg.eigvalsh(translation @ translation.T)[-1]), _LIGHT)
+    content = {
+        "frequencies_hz": (np.array(data["frequencies"]) / (2.0 * np.pi)).tolist(),
+        "damping_ratios": data["damping_ratios"],
+        "translation": translation.tolist(),
+        "rotation": rotation.tolist(),
+        "rigid": {
+            "mass": mass,
+            "first_moment": [0.0, 0.0, 0.0],
+            "inertia": (rotation @ rotation.T).tolist(),
+        },
+    }
+    return yaml_text(content)
 
 
 def _interval(one: Interval) -> dict[str, float]:
