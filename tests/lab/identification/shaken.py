@@ -42,7 +42,8 @@ def truth(testbed: Any) -> tuple[Vector, Vector, Matrix]:
     poles = poles[poles.imag > 1e-6]
     poles = poles[np.argsort(np.abs(poles))]
     moved = np.linalg.solve(linear.mass[rigid, rigid], linear.input_matrix[rigid])
-    inertia = np.linalg.inv(rate_readings(model, rest)[:, rigid] @ moved)
+    felt = np.linalg.inv(rate_readings(model, rest)[:, rigid] @ moved)
+    inertia: Matrix = np.asarray(felt, dtype=np.float64)
     return np.abs(poles), -poles.real / np.abs(poles), inertia
 
 
