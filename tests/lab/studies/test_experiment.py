@@ -98,6 +98,12 @@ def test_what_a_fit_cannot_find_is_refused(study_of: Callable[..., Study]) -> No
         case_trial(study, case_of(study, sample_table(study), 0))
 
 
+def test_a_manoeuvre_that_believes_no_model_tells_nothing(study_of: Callable[..., Study]) -> None:
+    study = study_of(replan="manoeuvre", compare={"plan.method": ["none"]})
+    with pytest.raises(BadInput, match="believes no model with modes; give a manoeuvre"):
+        case_trial(study, case_of(study, sample_table(study), 0))
+
+
 @pytest.mark.parametrize(
     ("keys", "words"),
     [

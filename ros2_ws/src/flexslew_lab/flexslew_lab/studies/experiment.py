@@ -62,8 +62,10 @@ def heard_in(experiment: Trial, shakes: bool = True) -> tuple[Record, tuple[floa
     controllers = build_controllers(experiment, bench, experiment.name)
     plan = plan_of_trial(experiment)
     band = band_of(plan, experiment.name)
-    if plan is None or band is None or (shakes and plan.method != EXCITATION.name):
+    if shakes and (plan is None or plan.method != EXCITATION.name):
         raise BadInput("it shakes nothing; give a plan of method excitation", place)
+    if plan is None or band is None:
+        raise BadInput("believes no model with modes; give a manoeuvre that is planned", place)
     if (refused := follow(controllers, experiment.active, plan)) is not None:
         raise BadInput(str(refused), place)
     heard = Listener(bench)
