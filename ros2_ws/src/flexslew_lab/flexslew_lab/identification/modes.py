@@ -11,7 +11,7 @@ from flexslew_lab.identification.modal_fit import ModalFit, modal_fit, noise_of,
 from flexslew_lab.identification.oscillators import Oscillator
 from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.regressors import RegressorSignals
-from flexslew_lab.identification.selection import selected
+from flexslew_lab.identification.selection import pruned, selected
 from flexslew_lab.identification.subspace import METHODS, Poles, slowed, stable
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -130,7 +130,11 @@ def identify_modes(
     tell(f"{len(candidates)} candidates, refined on {record.ticks} ticks")
     modes, noise = _chosen(record, band, candidates, (low, high))
     # of all ticks: the low end of a band alone would tie the noise to the efforts fed back from it
-    solution, _ = refined(RegressorSignals(record, None), modes, noise)
+    whole = RegressorSignals(record, None)
+    solution, noise = refined(whole, modes, noise)
+    paying = pruned(whole, solution.modes, noise)
+    if len(paying) < len(solution.modes):  # one stood for what complex shapes explain now
+        solution, _ = refined(whole, paying, noise)
     fit = modal_fit(solution)
     return ModalModel(
         record,

@@ -30,11 +30,11 @@ def selected(
     first = noise_of(ModalLeastSquares(signals, rough).solve(modes, slopes=False))
     # a start that is out of phase explains little: no candidate goes before it has moved
     solution, noise = refined(signals, modes, first, _FIRST_ROUNDS)
-    solution, noise = _kept(signals, _pruned(signals, solution.modes, noise), noise)
+    solution, noise = _kept(signals, pruned(signals, solution.modes, noise), noise)
     while (missed := missed_mode(signals, solution, noise, band)) is not None:
         more = tuple(sorted((*solution.modes, missed), key=lambda mode: mode.frequency))
         tried, found = refined(signals, more, noise, _FIRST_ROUNDS)
-        tried, found = _kept(signals, _pruned(signals, tried.modes, found), found)
+        tried, found = _kept(signals, pruned(signals, tried.modes, found), found)
         if len(tried.modes) <= len(solution.modes):
             break
         solution, noise = tried, found
@@ -47,7 +47,7 @@ def _kept(
     """Return the refined modes when none is left that must go, and the noise."""
     solution, noise = refined(signals, modes, noise)
     while True:
-        fewer = _passive(solution, _pruned(signals, solution.modes, noise))
+        fewer = _passive(solution, pruned(signals, solution.modes, noise))
         if len(fewer) == len(solution.modes):
             return solution, noise
         solution, noise = refined(signals, fewer, noise)
@@ -77,7 +77,7 @@ def _rough_noise(record: Record) -> Vector:
     return np.asarray(np.maximum(jumps, FLOOR * np.maximum(spread, 1e-300)))
 
 
-def _pruned(
+def pruned(
     signals: RegressorSignals, modes: tuple[Oscillator, ...], noise: Vector
 ) -> tuple[Oscillator, ...]:
     """Return the modes without those whose absence costs less than their parameters."""
