@@ -27,7 +27,7 @@ from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
 
-_NO_FORCE = 1e-6  # of a drive's limit, that counts as none at the goal [-]
+_NO_FORCE = 1e-3  # of a drive's limit, that feedback holds at the goal, as a gravity gradient [-]
 _LOOKS = 8  # at forces that vary with time
 
 
