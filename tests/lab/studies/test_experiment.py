@@ -59,6 +59,18 @@ def test_a_changed_payload_is_told_by_the_last_manoeuvre() -> None:
     assert frequency(believed.model) == pytest.approx(frequency(plain(true)), rel=2e-3)
 
 
+@pytest.mark.parametrize("sample", [7, 16, 25, 45])
+def test_where_the_poles_of_a_short_record_lead_astray_the_search_begins_without_them(
+    sample: int,
+) -> None:
+    """Of the 200 payloads 38 got a mode with a damping ratio of .9, and plans that rang."""
+    study = load_study(SHIPPED / "identify_from_manoeuvre.yaml")
+    samples = sample_table(study)
+    believed: Any = case_trial(study, case_of(study, samples, 3 * sample + 1)).plan
+    true = case_trial(study, case_of(study, samples, 3 * sample + 2)).testbed
+    assert frequency(believed.model) == pytest.approx(frequency(plain(true)), rel=2e-3)
+
+
 def test_planner_and_laws_believe_what_was_found_and_the_bench_stays_the_sampled_one(
     shipped: Study,
 ) -> None:

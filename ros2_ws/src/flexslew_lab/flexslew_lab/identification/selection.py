@@ -11,6 +11,7 @@ from flexslew_lab.identification.separable import ModalLeastSquares, Solution
 from flexslew_plant.arrays import Vector
 
 _BACKWARD = 2.0  # times that a mode must push forward more than back
+_UNEXPLAINED = 2.0  # times the noise that a record shows by itself
 _FIRST_ROUNDS = 10  # candidates that are no modes hardly converge
 
 
@@ -20,6 +21,7 @@ def selected(
     """Return the refined modes that pay for their parameters and can be modes of a bench.
 
     A start that was too far away is lost on the way: what the kept modes leave is searched for it.
+    Where more than noise is left then, a start has led astray, and the search begins without any.
 
     Args:
         signals: of the experiment.
@@ -27,6 +29,21 @@ def selected(
         band: lowest and highest frequency that a mode may have [rad/s].
     """
     rough = _rough_noise(signals.record)
+    solution = _searched(signals, modes, band, rough)
+    if modes and (noise_of(solution) > _UNEXPLAINED * rough).any():
+        other = _searched(signals, (), band, rough)
+        if np.log(noise_of(other)).sum() < np.log(noise_of(solution)).sum():
+            return other
+    return solution
+
+
+def _searched(
+    signals: RegressorSignals,
+    modes: tuple[Oscillator, ...],
+    band: tuple[float, float],
+    rough: Vector,
+) -> Solution:
+    """Return what is found from these candidates on; see selected."""
     first = noise_of(ModalLeastSquares(signals, rough).solve(modes, slopes=False))
     # a start that is out of phase explains little: no candidate goes before it has moved
     solution, noise = refined(signals, modes, first, _FIRST_ROUNDS)
