@@ -7,12 +7,20 @@ import pytest
 
 from flexslew_lab.studies.cases import case_of, case_trial, sample_table, trial_seed
 from flexslew_lab.studies.run import prepare
-from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.study import Study, load_study, shipped_names, study_path
 from flexslew_plant.errors import BadInput
 
 STIFFNESS = "testbed.parameters.bending_stiffness"
 SPREAD = {"uniform": [0.0, 1.0]}
 MANY = {f"v{k}": {"keys": [STIFFNESS], "offset": SPREAD} for k in range(65)}
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_every_shipped_study_can_be_flown(name: str) -> None:
+    """Its sampling, its criteria and what it varies are those of its trial."""
+    ready = prepare(load_study(study_path(name)))
+    last = len(ready.study.variants) * ready.samples.num_rows - 1
+    assert case_of(ready.study, ready.samples, last).sample == ready.samples.num_rows - 1
 
 
 @pytest.mark.parametrize(
