@@ -109,7 +109,7 @@ extra_packages() {
   if [ -n "$installed_ros" ]; then beside_installed_ros <"$extra_lock" >"$list"; else cp "$extra_lock" "$list"; fi
   install_wheels "$list" "extras: Python packages into .venv" "$extra_size"
   touch "$extras"
-  [ ! -e "$workspace" ] || machine_code --studies
+  ! workspace_built || machine_code --studies
 }
 
 # install_wheels LIST WORDS SIZE
@@ -224,7 +224,8 @@ workspace_digest=$({
 } | sha256sum)
 workspace=$root/ros2_ws/install/flexslew.${workspace_digest:0:16}
 case ${all:-${1:-}} in --wait | bench | extras | test) ;; *) extras=$packages ;; esac # .venv is enough for the others
-if [ ! -e "$packages" ] || [ ! -e "$extras" ] || [ ! -e "$workspace" ] || [ "$(<"$workspace")" != "$root" ]; then
+workspace_built() { [ -e "$workspace" ] && [ "$(<"$workspace")" = "$root" ]; }
+if [ ! -e "$packages" ] || [ ! -e "$extras" ] || ! workspace_built; then
   trap 'interrupted 130' INT
   trap 'interrupted 143' TERM
   machine=$(uname -m)
@@ -235,7 +236,7 @@ if [ ! -e "$packages" ] || [ ! -e "$extras" ] || [ ! -e "$workspace" ] || [ "$(<
   system_packages
   if [ ! -e "$packages" ]; then python_packages; fi
   if [ ! -e "$extras" ]; then extra_packages; fi
-  if [ ! -e "$workspace" ] || [ "$(<"$workspace")" != "$root" ]; then build_workspace; fi
+  workspace_built || build_workspace
   trap - INT TERM
   say "ready after $((SECONDS - started)) s"
 fi

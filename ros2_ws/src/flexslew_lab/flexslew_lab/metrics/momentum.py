@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, larger
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
 
 
@@ -53,7 +53,8 @@ class Momentum:
         for name, speed in spins.speeds.items():
             self._speed[name] = max(self._speed.get(name, 0.0), float(abs(speed).max()))
             self._count(name, np.sign(speed[block.over]))
-        self._take(spins.stored)
+        self._stored = larger(self._stored, spins.stored)
+        self._last = spins.stored[-1]
 
     def _count(self, name: str, signs: Vector) -> None:
         """Count the changes of sign from one tick to a later one; zeros have none."""
@@ -63,10 +64,6 @@ class Momentum:
         self._crossings[name] = self._crossings.get(name, 0) + int((np.diff(course) != 0.0).sum())
         if signs.size:
             self._sign[name] = float(signs[-1])
-
-    def _take(self, stored: Matrix) -> None:
-        self._stored = larger(self._stored, stored)
-        self._last = stored[-1]
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the values by wheel and by body axis."""
