@@ -15,6 +15,7 @@ from flexslew_lab.log.messages.cdr import decode, encode
 from flexslew_lab.metrics import KEYS
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.metrics.jitter import Jitter
+from flexslew_lab.metrics.keep_out import KeepOutMetric
 from flexslew_lab.metrics.line_of_sight import LineOfSightMetric
 from flexslew_lab.metrics.momentum import Momentum
 from flexslew_lab.metrics.performance_errors import PerformanceErrors
@@ -31,8 +32,8 @@ Message = tuple[str, bytes, int]
 def test_the_keys_are_those_of_the_schema(bag: Path) -> None:
     metrics = metrics_of(bag)
     of_platforms = (
-        PointingMetric, PlatformError, PerformanceErrors, Jitter, Momentum, LineOfSightMetric,
-        Vibration,
+        PointingMetric, PlatformError, PerformanceErrors, Jitter, Momentum, KeepOutMetric,
+        LineOfSightMetric, Vibration,
     )  # fmt: skip
     elsewhere = {key for kind in of_platforms for key in kind.KEYS} - set(TipDeflection.KEYS)
     assert [key for key in KEYS if key not in elsewhere] == list(metrics)

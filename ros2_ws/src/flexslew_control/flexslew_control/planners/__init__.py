@@ -16,6 +16,7 @@ from flexslew_control.planners.attitude_goal import AttitudeGoal, joint_goal
 from flexslew_control.planners.entry import PlannerEntry as PlannerEntry
 from flexslew_control.planners.entry import PlanSection as PlanSection
 from flexslew_control.planners.entry import Variant as Variant
+from flexslew_control.planners.keep_out import require_clear
 from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback, Slew, software_versions, tick_times
 from flexslew_control.planners.slewing import Slewing
@@ -193,8 +194,8 @@ def make_plan(
         law: of the controller in charge; None: a PD with its gains, or not known.
 
     Raises:
-        PlanFailed: no such manoeuvre, or one whose numbers are beyond those of a computer; the
-            message carries the numbers.
+        PlanFailed: no such manoeuvre, one whose numbers are beyond those of a computer, or one that
+            looks into a cone of `keep_out`; the message carries the numbers.
         BadInput: period, limit, start or a joint cannot be used.
     """
     period, limit = plant.period, plant.effort_limit
@@ -210,4 +211,5 @@ def make_plan(
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         words = f"{settings.method}: its numbers are out of range ({error}); take another goal"
         raise PlanFailed(words) from error
+    require_clear(plan, plant.testbed)
     return replace(plan, versions=software_versions())

@@ -19,6 +19,7 @@ from flexslew_lab.console.panels.plan import PlanPanel
 from flexslew_lab.console.panels.replay import RecordingPanel, ReplayPanel
 from flexslew_lab.console.panels.run import FINISHED, HeaderPanel, RunPanel
 from flexslew_lab.console.panels.scene import ScenePanel
+from flexslew_lab.console.panels.sky import SkyPanel
 from flexslew_lab.console.panels.state import StatePanel
 from flexslew_lab.console.panels.swap import SwapPanel
 from flexslew_lab.console.panels.tune import TunePanel
@@ -119,7 +120,7 @@ class Page:
             panels.append(AnalysePanel(desk, self.server.gate.files))
         with places["View"]:
             charts = ChartsPanel(desk, layouts)
-            panels += [charts, ScenePanel(desk)]
+            panels += [charts, ScenePanel(desk), SkyPanel(desk)]
         with places["Log"]:
             panels += [] if recording else [NotePanel(desk)]
             panels.append(EventsPanel(desk, charts.jump))

@@ -26,6 +26,7 @@ from flexslew_lab.metrics.performance_errors import PERFORMANCE_ERRORS as PERFOR
 from flexslew_lab.metrics.jitter import JITTER as JITTER
 from flexslew_lab.metrics.momentum import MOMENTUM as MOMENTUM
 from flexslew_lab.metrics.line_of_sight import LINE_OF_SIGHT as LINE_OF_SIGHT
+from flexslew_lab.metrics.keep_out import KEEP_OUT as KEEP_OUT
 from flexslew_lab.metrics.vibration import VIBRATION as VIBRATION
 # isort: on
 

@@ -20,6 +20,7 @@ from flexslew_lab.report.page import embedded, render
 from flexslew_lab.report.panels import COLOURS, PALE, Group
 from flexslew_lab.report.run_data import RunData, read_run
 from flexslew_lab.report.scene_data import scene_of
+from flexslew_lab.report.sky_map import drawn_sky
 from flexslew_lab.report.story import Line, story_of
 from flexslew_lab.report.verdict import told_to_move, verdict
 from flexslew_lab.trial.outputs import WITHOUT
@@ -143,6 +144,11 @@ def page_of(runs: Sequence[RunData], other: RunData | None = None) -> str:
         headlines=[_Headline(run.label, _cards(run)) for run in shown],
         groups=groups,
         charges=[_charge(run) for run in runs if len(run.phases) > 1],
+        skies=[
+            (run.label, drawn)
+            for run in shown
+            if (drawn := drawn_sky(run.testbed, run.frame_position))
+        ],
         scenes=embedded(scenes) if scenes else "",
         aims=any(scene["aims"] for scene in scenes),
         first_look=0.5 * first.metrics["manoeuvre_start"] + 0.5 * first.metrics["manoeuvre_end"],

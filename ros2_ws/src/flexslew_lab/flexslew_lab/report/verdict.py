@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from flexslew_lab.metrics.goal import missed_goal
+from flexslew_lab.metrics.keep_out import looked_inside
 
 _SAME = 1.05  # ratios of the vibration below this are called equal
 _NOTHING = 1e-9  # tip deflections below this are rounding [m]
@@ -22,6 +23,7 @@ def verdict(
     """
     parts = [
         missed_goal(metrics, tolerance),
+        looked_inside(metrics),
         f"changed by an operator {_times(changes)}" if changes else "",
         _vibration(metrics, {} if changes else bare),
         _settled(metrics),

@@ -17,6 +17,7 @@ from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter, RecordingStopped
 from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.metrics.goal import missed_goal
+from flexslew_lab.metrics.keep_out import looked_inside
 from flexslew_lab.metrics.operator_changes import changes_of
 from flexslew_lab.metrics.own import own_metrics
 from flexslew_lab.report.report import write_report
@@ -40,7 +41,7 @@ from flexslew_plant.events import BecameUnready, BrakeTookOver, Event, FallbackT
 from flexslew_plant.own_code import Trust
 
 Progress = Callable[[int, int], None]  # tick, last tick
-CHECK_FAILED = 1  # exit code of a run that is done and has missed its goal
+CHECK_FAILED = 1  # exit code of a run that is done and has failed one of its checks
 
 
 class Result(NamedTuple):
@@ -121,9 +122,10 @@ def run_trial(
     words = prediction_gap(trial, prepared.plan, result.metrics)
     if words:
         say(words)
-    missed = missed_goal(result.metrics, trial.goal_tolerance)
-    if missed and not result.exit_code:
-        result = result._replace(exit_code=CHECK_FAILED, message=missed)
+    failed = (missed_goal(result.metrics, trial.goal_tolerance), looked_inside(result.metrics))
+    if any(failed) and not result.exit_code:
+        words = "; ".join(filter(None, failed))
+        result = result._replace(exit_code=CHECK_FAILED, message=words)
     if report and reader is not None and result.metrics and outcome.exit_code != 130:
         try:
             bare = None if result.changes else _without_feedforward(trial, source, folder)

@@ -45,6 +45,18 @@ def to_body(turned: Vector) -> Matrix:
     return rotation
 
 
+def to_inertial(turned: Matrix, along: Vector) -> Matrix:
+    """Return vectors given along turned axes, along inertial ones, shape (k, 3).
+
+    Args:
+        turned: quaternions x y z w, shape (k, 4) or (1, 4).
+        along: in body axes, shape (3,) or (k, 3).
+    """
+    across = np.cross(turned[:, :3], along)
+    found: Matrix = along + 2.0 * (turned[:, 3:] * across + np.cross(turned[:, :3], across))
+    return found
+
+
 def skew(a: Vector) -> Matrix:
     """Return the matrix of a x, shape (3, 3)."""
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.attitude import to_inertial
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, PrescribedTurn, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
@@ -90,8 +91,8 @@ def lines_of_sight(
         if a.shape is not None:
             bent = modes[:, craft.first_mode(index) :][:, : a.modes] @ a.shape.tip.turn.T
             look = look + np.cross(bent, look)
-        look = _rotated(attitude, np.einsum("kji,kj->ki", axes, look))
-        aim = _rotated(requested, target_directions(a, time))
+        look = to_inertial(attitude, np.einsum("kji,kj->ki", axes, look))
+        aim = to_inertial(requested, target_directions(a, time))
         across = np.linalg.norm(np.cross(look, aim), axis=1)
         error = np.arctan2(across, np.einsum("ki,ki->k", look, aim))
         rests = np.zeros(len(time), dtype=bool)
@@ -128,11 +129,3 @@ def _attitude(craft: Spacecraft, position: Matrix) -> Matrix:
         return np.tile(_STILL, (len(position), 1))
     half = 0.5 * position[:, :1]
     return np.hstack((np.sin(half) * craft.pivot_axis, np.cos(half)))
-
-
-def _rotated(q: Matrix, v: Matrix) -> Matrix:
-    """Return vectors turned by quaternions (x, y, z, w), shape (k, 3)."""
-    u, w = np.broadcast_to(q[:, :3], v.shape), q[:, 3:]
-    across = np.cross(u, v)
-    turned: Matrix = v + 2.0 * (w * across + np.cross(u, across))
-    return turned

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
+import numpy as np
 from pydantic import Field
 
 from flexslew_plant.settings import NonNegative, Positive, section
@@ -203,6 +204,17 @@ class ActuatorPlace:
     mode: Annotated[int, Field(ge=1)] | None = None
     at: float | None = None  # its place along the beam; null: the tip
     place: Triple = (0.0, 0.0, 0.0)  # on the platform
+
+
+@section
+class KeepOut:
+    """A cone in the sky that an axis of the platform must not look into."""
+
+    # which must keep out of it, in body axes, of any length
+    boresight: Triple = (0.0, 0.0, 1.0)
+    # of the cone's axis, in inertial space, of any length; null: to the Sun of `orbit`
+    direction: Triple | None = None
+    half_angle: Annotated[float, Field(gt=0.0, lt=np.pi)]  # of the cone [rad]
 
 
 @section

@@ -48,9 +48,12 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     Beam,
     Body,
     Inertia,
+    KeepOut,
     Platform,
+    Triple,
     WheelSettings,
 )
+from flexslew_plant.testbeds.spacecraft.sky import Sky, sky_of
 from flexslew_plant.testbeds.spacecraft.turning import (
     drive_map,
     driven_most,
@@ -97,6 +100,8 @@ class SpacecraftTestbed:
     pointing_window: Positive = 10.0  # window of the mean and relative performance errors [s]
     # from when on performance errors and jitter count, if that is after the manoeuvre [s]
     pointing_from: NonNegative = 0.0
+    # cones in the sky that an axis of the platform must not look into, by name
+    keep_out: dict[str, KeepOut] = field(default_factory=dict)
     orbit: Orbit | None = None  # a circular orbit whose torques turn a free platform; null: none
 
     operating_point: ClassVar[dict[str, float]] = {}
@@ -112,6 +117,7 @@ class SpacecraftTestbed:
         try:
             craft = self.craft
             self.channels(craft)
+            self.sky()
         except BadInput as error:
             raise Placed(str(error)) from None
         if self.orbit is not None and craft.motion != at.FREE:
@@ -140,8 +146,19 @@ class SpacecraftTestbed:
         Raises:
             BadInput: a sensor sits where it cannot, by its key.
         """
-        sun = None if self.orbit is None else self.orbit.sun
-        return channels(craft, self.sensors, UNITS[self.units], sun)
+        return channels(craft, self.sensors, UNITS[self.units], self._sun)
+
+    def sky(self) -> Sky | None:
+        """Return where its axes look, and the cones; see sky.HasSky."""
+        return sky_of(self.craft, self.sensors, self.keep_out, self._sun)
+
+    def attitudes(self, position: Matrix) -> Matrix:
+        """Return the quaternions of positions q; see sky.HasSky."""
+        return position[:, 3:7]
+
+    @property
+    def _sun(self) -> Triple | None:
+        return None if self.orbit is None else self.orbit.sun
 
     def model(self) -> Model:
         """Return the equations of motion."""
@@ -223,6 +240,7 @@ class SpacecraftTestbed:
             appendages=parts,
             wheels={},
             sensors={},
+            keep_out={},
             orbit=None,
             actuators={
                 joint: ActuatorPlace(

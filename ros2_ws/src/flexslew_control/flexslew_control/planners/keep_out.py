@@ -1,0 +1,37 @@
+"""Whether a plan keeps out of the cones in the sky that axes of the platform must not look into."""
+
+import numpy as np
+
+from flexslew_control.plan import Plan
+from flexslew_plant.errors import PlanFailed
+from flexslew_plant.testbeds import Testbed
+from flexslew_plant.testbeds.attitude import quaternion
+from flexslew_plant.testbeds.spacecraft.sky import HasSky
+
+_TOUCHES = 1e-9  # rounding [rad]
+
+
+def require_clear(plan: Plan, testbed: Testbed) -> None:
+    """Refuse a plan whose reference looks into a cone.
+
+    Args:
+        plan: of the joints of the testbed.
+        testbed: that flies it; only a free platform has cones.
+
+    Raises:
+        PlanFailed: it does, and when, and by how much.
+    """
+    sky = testbed.sky() if isinstance(testbed, HasSky) else None
+    joints = testbed.model().attitude
+    if sky is None or joints is None or not sky.cones or not len(plan.position):
+        return
+    attitude = quaternion(joints.turn_of(plan.position))
+    for cone in sky.cones:
+        margin = cone.margin(attitude)
+        inside = np.flatnonzero(margin < -_TOUCHES)
+        if inside.size:
+            begin = plan.start + plan.period * inside[0]
+            raise PlanFailed(
+                f"the plan looks into keep_out {cone.name} from {begin:g} s on, by "
+                f"{-margin.min():.3g} rad at most; go round it in several plans, or change the goal"
+            )

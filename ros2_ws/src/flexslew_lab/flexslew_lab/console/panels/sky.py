@@ -1,0 +1,38 @@
+"""The sky: where axes of a platform look, and the cones that they must keep out of."""
+
+from time import monotonic
+
+import numpy as np
+
+from flexslew_lab.console.desk import Desk
+from flexslew_lab.report.sky_map import drawn_sky
+
+_PERIOD = 1.0  # between two drawings [wall s]
+_POINTS = 200  # of a track
+
+
+class SkyPanel:
+    """Draws the sphere of boresights of a testbed that has some.
+
+    Args:
+        desk: of the page.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        self._view = desk.view
+        with desk.gui.middle:
+            self._drawn = desk.gui.html(visible=False)
+        self._next = 0.0
+
+    def refresh(self) -> None:
+        """Draw what has been flown since the last time."""
+        now = monotonic()
+        if now < self._next:
+            return
+        self._next = now + _PERIOD
+        rows = self._view.truth.column("position")
+        if len(rows):
+            rows = rows[np.unique(np.linspace(0, len(rows) - 1, _POINTS).astype(int))]
+        drawn = drawn_sky(self._view.testbed, rows)
+        self._drawn.visible = bool(drawn)
+        self._drawn.content = drawn

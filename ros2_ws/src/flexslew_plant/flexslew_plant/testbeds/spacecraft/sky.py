@@ -1,0 +1,103 @@
+"""Where the axes of a free platform look in the sky, and the cones that they must keep out of."""
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.attitude import to_inertial
+from flexslew_plant.testbeds.instruments import StarTrackerSettings, SunSensorSettings
+from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
+from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
+from flexslew_plant.testbeds.spacecraft.equations import layout as at
+from flexslew_plant.testbeds.spacecraft.settings import AnySensor, KeepOut, Triple
+
+MAIN = "z axis"  # that a goal turns `to` a direction
+_ALIKE = 1e-9  # of two unit vectors
+
+
+class Cone(NamedTuple):
+    """A cone in the sky, and the axis of the platform that must not look into it."""
+
+    name: str
+    boresight: Vector  # in body axes, a unit vector, (3,)
+    axis: Vector  # in inertial space, a unit vector, (3,)
+    half_angle: float  # [rad]
+
+    def margin(self, attitude: Matrix) -> Vector:
+        """Return the angle by which the boresight stays outside; negative: inside, (k,) [rad].
+
+        Args:
+            attitude: quaternions x y z w from inertial to body axes, shape (k, 4).
+        """
+        look = to_inertial(attitude, self.boresight)
+        across = np.linalg.norm(np.cross(look, self.axis), axis=1)
+        angle: Vector = np.arctan2(across, look @ self.axis)
+        return angle - self.half_angle
+
+
+class Sky(NamedTuple):
+    """What a platform looks at with which of its axes.
+
+    Args:
+        boresights: unit vectors in body axes, by name.
+        cones: that they must keep out of.
+    """
+
+    boresights: dict[str, Vector]
+    cones: tuple[Cone, ...]
+
+
+@runtime_checkable
+class HasSky(Protocol):
+    """A testbed with axes that look somewhere in inertial space."""
+
+    def sky(self) -> Sky | None:
+        """Return its axes and cones; None: its platform is not free."""
+
+    def attitudes(self, position: Matrix) -> Matrix:
+        """Return the quaternions of positions q, shape (k, positions), as shape (k, 4)."""
+
+
+def sky_of(
+    craft: Spacecraft,
+    sensors: Mapping[str, AnySensor],
+    keep_out: Mapping[str, KeepOut],
+    sun: Triple | None,
+) -> Sky | None:
+    """Return where the axes of a craft look, and the cones; None: its platform is not free.
+
+    Args:
+        craft: the spacecraft.
+        sensors: of its section.
+        keep_out: of its section.
+        sun: direction to the Sun where the orbit says it; None: it does not.
+
+    Raises:
+        BadInput: by key, a direction is none, nobody says where the Sun is, or the platform is not
+            free.
+    """
+    if craft.motion != at.FREE:
+        if keep_out:
+            words = "only a free platform looks around; use motion: free"
+            raise BadInput(f"testbed.keep_out: {words}")
+        return None
+    boresights = {MAIN: np.array([0.0, 0.0, 1.0])}
+    for name, sensor in sensors.items():
+        if isinstance(sensor, StarTrackerSettings | SunSensorSettings):
+            key = f"testbed.sensors.{name}.boresight"
+            boresights[name] = unit_direction(sensor.boresight, key)
+    cones = []
+    for name, settings in keep_out.items():
+        key = f"testbed.keep_out.{name}"
+        towards = settings.direction or sun
+        if towards is None:
+            raise BadInput(f"{key}.direction: is required where there is no orbit")
+        boresight = unit_direction(settings.boresight, f"{key}.boresight")
+        axis = unit_direction(towards, f"{key}.direction")
+        cones.append(Cone(name, boresight, axis, settings.half_angle))
+        if all(np.abs(other - boresight).max() > _ALIKE for other in boresights.values()):
+            boresights[f"boresight of {name}"] = boresight
+    return Sky(boresights, tuple(cones))
