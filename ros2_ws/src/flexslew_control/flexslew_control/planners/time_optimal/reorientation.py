@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.free_platform import rate_readings
-from flexslew_control.planners.time_optimal.held_pieces import flown_pieces
+from flexslew_control.planners.time_optimal.held_pieces import Pieces, flown_pieces
+from flexslew_control.planners.time_optimal.path_limits import FREE, PathLimits
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.model import Model
@@ -15,7 +16,16 @@ from flexslew_plant.testbeds.model import Model
 _CHANGE = 1e-6  # of a state, for the slopes of the end conditions
 _ANGLE = 1.0  # of the fastest mode in a step of the integration [rad]
 _RIGID_STEPS = 40  # of a slew, at least
+_NEAR = 0.5  # of the turn: limits that are farther away are not looked at
 _MATTERS = 1e-8  # slope of an entry of the state that matters
+
+
+class Along(NamedTuple):
+    """How far a flight is beyond the limits of its path, where it is near them, and the slopes."""
+
+    excess: Vector  # of PathLimits, scaled as the end conditions, (rows,)
+    by_effort: Tensor  # (rows, pieces, efforts)
+    by_duration: Matrix  # (rows, pieces)
 
 
 class End(NamedTuple):
@@ -25,6 +35,7 @@ class End(NamedTuple):
     by_effort: Tensor  # (conditions, pieces, efforts)
     by_duration: Matrix  # (conditions, pieces)
     states: Matrix  # at the ends of the pieces, (pieces + 1, size)
+    along: Along  # without limits: no rows
 
 
 @dataclass(frozen=True)
@@ -36,12 +47,14 @@ class Reorientation:
         first: where the joints rest, shape (joints,) [rad].
         last: where they go, shape (joints,) [rad].
         amplitude: of the efforts, shape (joints,) [N m].
+        limits: that hold all along it.
     """
 
     model: Model
     first: Vector
     last: Vector
     amplitude: Vector
+    limits: PathLimits = FREE
 
     @property
     def attitude(self) -> AttitudeJoints:
@@ -52,7 +65,15 @@ class Reorientation:
     @cached_property
     def start(self) -> Vector:
         """State at rest."""
-        rest = self.model.rest(dict(zip(self.model.joint_names, self.first.tolist(), strict=True)))
+        return self._at(self.first)
+
+    @property
+    def rest(self) -> Vector:
+        """State at rest at the goal."""
+        return self._at(self.last)
+
+    def _at(self, position: Vector) -> Vector:
+        rest = self.model.rest(dict(zip(self.model.joint_names, position.tolist(), strict=True)))
         return np.concatenate((rest, np.zeros(self.model.coordinates)))
 
     @cached_property
@@ -129,7 +150,37 @@ class Reorientation:
             by_effort[:, k] = slopes @ flown.by_effort[k]
             by_duration[:, k] = slopes @ self.model.derivative(flown.states[k + 1], efforts[k])
             slopes = slopes @ flown.by_state[k]
-        return End(self.missed(flown.states[-1]), by_effort, by_duration, flown.states)
+        along = self._along(flown, efforts)
+        return End(self.missed(flown.states[-1]), by_effort, by_duration, flown.states, along)
+
+    def beyond(self, states: Matrix) -> Matrix:
+        """Return the excess of states, scaled as the end conditions, shape (k, limits)."""
+        if not self.limits.names:
+            return np.zeros((len(states), 0))
+        units = np.full(len(self.limits.names), self.scale[0])
+        units[len(self.limits.cones) :] = self.scale[3]
+        scaled: Matrix = self.limits.excess(self.model, states) / units
+        return scaled
+
+    def _along(self, flown: Pieces, efforts: Matrix) -> Along:
+        """Return the excess at the ends of the pieces, the last ones first, and its slopes."""
+        pieces, size = len(efforts), self.start.size
+        excess = self.beyond(flown.states[1:])
+        near = excess > -_NEAR
+        rows, held = int(near.sum()), np.zeros((0, size))
+        by_effort, by_duration = np.zeros((rows, *efforts.shape)), np.zeros((rows, pieces))
+        for k in range(pieces - 1, -1, -1):
+            if near[k].any():
+                x = flown.states[k + 1]
+                slopes = self.limits.slopes(self.model, x, self._columns)[near[k]]
+                units = np.where(np.flatnonzero(near[k]) < len(self.limits.cones), 0, 3)
+                held = np.vstack((held, slopes / self.scale[units][:, None]))
+            if len(held):
+                by_effort[: len(held), k] = held @ flown.by_effort[k]
+                rate = self.model.derivative(flown.states[k + 1], efforts[k])
+                by_duration[: len(held), k] = held @ rate
+                held = held @ flown.by_state[k]
+        return Along(excess[::-1][near[::-1]], by_effort, by_duration)
 
     def _slopes(self, x: Vector) -> Matrix:
         """Return the derivatives of the end conditions by a state, (conditions, size)."""

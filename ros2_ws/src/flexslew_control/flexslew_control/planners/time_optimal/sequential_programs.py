@@ -2,9 +2,10 @@
 
 About the present flight the end conditions r are linear in the efforts' shares s and the duration:
     min T + dT + mu |r + (dr/ds) ds + (dr/dT) dT|_1,    |s + ds| <= 1,    |ds| <= radius.
-The step is taken if the true merit T + mu |r|_1 falls, and the radius grows or shrinks by how well
-the program predicted the gain (Nocedal and Wright, chapter 18). Its solutions are vertices, so the
-efforts become those of arcs at their limits.
+Limits of the path g <= 0 are linearised at the ends of the pieces, their excess at the same price.
+The step is taken if the true merit T + mu (|r|_1 + |max(g, 0)|_1) falls, and the radius grows or
+shrinks by how well the program predicted the gain (Nocedal and Wright, chapter 18). Its solutions
+are vertices, so the efforts become those of arcs at their limits.
 """
 
 from typing import Any, NamedTuple
@@ -29,7 +30,7 @@ class LocalArcs(NamedTuple):
 
     duration: float  # [s]
     shares: Matrix  # of the amplitude, (pieces, joints)
-    missed: float  # largest end condition, of Reorientation.scale [-]
+    missed: float  # largest end condition or excess, of Reorientation.scale [-]
 
 
 class _About(NamedTuple):
@@ -40,10 +41,14 @@ class _About(NamedTuple):
     missed: Vector  # (conditions,)
     by_share: Matrix  # (conditions, pieces joints)
     by_duration: Vector  # (conditions,)
+    excess: Vector  # beyond the limits of the path, (rows,)
+    excess_by_share: Matrix  # (rows, pieces joints)
+    excess_by_duration: Vector  # (rows,)
 
     def merit(self, price: float) -> float:
-        """Return T + mu |r|_1."""
-        merit = self.duration + price * float(np.abs(self.missed).sum())
+        """Return T + mu (|r|_1 + |max(g, 0)|_1)."""
+        beyond = np.abs(self.missed).sum() + np.maximum(self.excess, 0.0).sum()
+        merit = self.duration + price * float(beyond)
         return merit if np.isfinite(merit) else np.inf
 
 
@@ -73,7 +78,8 @@ def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: in
             radius *= 0.5 if gain > 0.0 else 0.3
         if predicted < _SETTLED * here.duration or radius < _SMALLEST_RADIUS:
             break
-    return LocalArcs(here.duration, here.shares, float(np.abs(here.missed).max()))
+    missed = max(float(np.abs(here.missed).max()), float(here.excess.max(initial=0.0)))
+    return LocalArcs(here.duration, here.shares, missed)
 
 
 def settled_arcs(slew: Reorientation, signs: Matrix, guess: Vector) -> tuple[Matrix, Vector]:
@@ -141,21 +147,30 @@ def _flown(slew: Reorientation, shares: Matrix, duration: float) -> _About:
         end.missed / scale,
         by_share.reshape(scale.size, -1),
         end.by_duration.mean(axis=1) / scale,
+        end.along.excess,
+        (end.along.by_effort * slew.amplitude).reshape(end.along.excess.size, shares.size),
+        end.along.by_duration.mean(axis=1),
     )
 
 
 def _step(here: _About, price: float, radius: float) -> tuple[Matrix, float, float] | None:
     """Return shares, duration and predicted merit of the program's solution; None: it has none."""
     r, count, now = here.missed.size, here.shares.size, here.shares.ravel()
-    cost = np.concatenate((np.zeros(count), [1.0], np.full(2 * r, price)))
-    rows = np.hstack((here.by_share, here.by_duration[:, None], -np.eye(r), np.eye(r)))
+    g = here.excess.size
+    cost = np.concatenate((np.zeros(count), [1.0], np.full(2 * r + g, price)))
+    rows = np.hstack(
+        (here.by_share, here.by_duration[:, None], -np.eye(r), np.eye(r), np.zeros((r, g)))
+    )
+    below = np.hstack(
+        (here.excess_by_share, here.excess_by_duration[:, None], np.zeros((g, 2 * r)), -np.eye(g))
+    )
     low, high = np.maximum(-1.0, now - radius), np.minimum(1.0, now + radius)
     longer = _OF_DURATION * min(radius, 1.0) * here.duration
     bounds: Any = np.vstack(
-        (np.column_stack((low, high)), [[-longer, longer]], np.tile([0.0, np.inf], (2 * r, 1)))
+        (np.column_stack((low, high)), [[-longer, longer]], np.tile([0.0, np.inf], (2 * r + g, 1)))
     )
-    right = here.by_share @ now - here.missed
-    found = linprog(cost, A_eq=rows, b_eq=right, bounds=bounds, method="highs-ds")
+    right, most = here.by_share @ now - here.missed, here.excess_by_share @ now - here.excess
+    found = linprog(cost, below, most, rows, right, bounds, method="highs-ds")
     if found.x is None or found.fun is None:
         return None
     shares = found.x[:count].reshape(here.shares.shape)

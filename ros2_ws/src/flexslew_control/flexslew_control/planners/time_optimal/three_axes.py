@@ -4,9 +4,13 @@ About the eigenaxis only the drives that push along it work, and those across it
 push at their limits, a sphere that turns by 180 deg takes 3.2431 instead of 3.5449 (Bilimoria and
 Wie 1993). From several starts successive programs find the efforts' arcs, and Newton's method on
 the conditions of Karush, Kuhn and Tucker makes those of a rigid craft exact. A flexible craft
-starts from the rigid one's efforts, and ends with its modes at rest.
+starts from the rigid one's efforts, and ends with its modes at rest. Where that slew looks into a
+cone of `keep_out` or is faster than the rate limit, the programs go round it, on pieces.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +24,7 @@ from flexslew_control.planners.time_optimal.optimal_switching import (
     nearest_durations,
     shortest_durations,
 )
+from flexslew_control.planners.time_optimal.path_limits import PathLimits
 from flexslew_control.planners.time_optimal.reorientation import Arcs, Reorientation
 from flexslew_control.planners.time_optimal.sequential_programs import (
     LocalArcs,
@@ -28,6 +33,7 @@ from flexslew_control.planners.time_optimal.sequential_programs import (
 )
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.testbeds.spacecraft.sky import HasSky
 
 _PIECES, _FLEXIBLE_PIECES = 60, 120
 _STARTS, _SEED = 6, 1
@@ -42,6 +48,7 @@ _ALLOWED = 1e-4  # wrong-signed part of a switching function
 _ROUNDS = 6  # of the efforts on ticks
 _CLOSE = 1e-10  # of the end conditions
 _SPARE = (0, 1, 2, 5)  # ticks after the end that may be needed to come to rest on ticks
+_WIDER, _WIDENINGS = 1e-3, 4  # spare of the path's limits [rad, -], and how often it may grow
 
 
 class Fastest(NamedTuple):
@@ -68,7 +75,8 @@ def plan_three_axes(
 
     Raises:
         BadInput: nothing turns, or a joint does not turn the craft.
-        PlanFailed: no start leads to a slew, or it takes longer than allowed.
+        PlanFailed: no start leads to a slew, it takes longer than allowed, or none keeps out of the
+            cones.
     """
     slew = Reorientation(asked.model, asked.start, asked.goal, amplitude)
     for name, axis in zip(asked.model.joint_names, slew.attitude.axes, strict=True):
@@ -77,18 +85,26 @@ def plan_three_axes(
             raise BadInput(words, "plan", "drives", "all")
     if not np.linalg.norm(slew.turn) > 0.0:
         raise BadInput("plan: goal: the craft is there already; give another goal")
+    sky = rigid.sky() if isinstance(rigid, HasSky) else None
+    limits = PathLimits(() if sky is None else sky.cones, settings.rate_limit)
+    if limits.names:
+        _require_free_ends(limits, slew)
     stiff = slew if not asked.model.modes else Reorientation(rigid.model(), *_ends(slew))
     best = fastest_rigid(stiff, progress)
     rigid_duration = float(best.durations.sum())
     if asked.model.modes:
         best = fastest_flexible(slew, best)
+    states, effort = _on_ticks(slew, best, settings.start, asked.period)
+    limited = limits.names and (limits.excess(slew.model, states) > 0.0).any()
+    if limited:
+        on_ticks = partial(_on_ticks, slew, start=settings.start, period=asked.period)
+        best, states, effort = _within(limits, slew, stiff, on_ticks, progress)
     duration = float(best.durations.sum())
     if settings.longest is not None and duration > settings.longest:
         raise PlanFailed(
             f"the slew takes {duration:.4f} s, {settings.longest:g} s allowed; a rigid craft takes "
             f"{rigid_duration:.4f} s; use a higher effort_limit"
         )
-    states, effort = _on_ticks(slew, best, settings.start, asked.period)
     position, velocity = _read(slew, states)
     summary: dict[str, Any] = {
         "duration": duration,
@@ -99,6 +115,7 @@ def plan_three_axes(
         "terminal_error": slew.missed(states[-1]).tolist(),
         "rigid_duration": rigid_duration,
         "later_than_rigid": duration - rigid_duration,
+        "path_limits": [*limits.names] if limited else [],
         "eigenaxis_duration": stiff.duration,
         "optimal": bool(best.violation <= _ALLOWED),
         "switching_function_violation": best.violation,
@@ -125,6 +142,23 @@ def fastest_rigid(slew: Reorientation, progress: Progress) -> Fastest:
     Raises:
         PlanFailed: none leads to one.
     """
+    found = _from_starts(slew, progress)
+    near = [one for one in found if one.duration < (1.0 + _SAME) * found[0].duration]
+    for local in near[:_SETTLED_AT_MOST]:
+        exact = _exact(slew, local)
+        if exact is not None:
+            efforts = exact[0] * slew.amplitude
+            wrong = _violation(slew, efforts, exact[1])
+            return Fastest(efforts, exact[1], True, wrong, len(found))
+    return _transcribed(slew, found[0], len(found))
+
+
+def _from_starts(slew: Reorientation, progress: Progress) -> list[LocalArcs]:
+    """Return the slews that starts beside the eigenaxis lead to, the fastest first.
+
+    Raises:
+        PlanFailed: none leads to one.
+    """
     rng, found = np.random.default_rng(_SEED), list[LocalArcs]()
     half = np.where(np.arange(_PIECES) < _PIECES // 2, 1.0, -1.0)
     for k in range(_STARTS):
@@ -138,15 +172,49 @@ def fastest_rigid(slew: Reorientation, progress: Progress) -> Fastest:
         progress(Update(k + 1, least, np.nan, np.nan, np.nan, True))
     if not found:
         raise PlanFailed(f"none of {_STARTS} starts led to a slew; use another goal or limits")
-    found.sort(key=lambda one: one.duration)
-    near = [one for one in found if one.duration < (1.0 + _SAME) * found[0].duration]
-    for local in near[:_SETTLED_AT_MOST]:
-        exact = _exact(slew, local)
-        if exact is not None:
-            efforts = exact[0] * slew.amplitude
-            wrong = _violation(slew, efforts, exact[1])
-            return Fastest(efforts, exact[1], True, wrong, len(found))
-    return _transcribed(slew, found[0], len(found))
+    return sorted(found, key=lambda one: one.duration)
+
+
+def _require_free_ends(limits: PathLimits, slew: Reorientation) -> None:
+    ends = limits.excess(slew.model, np.array([slew.start, slew.rest]))
+    for name, (first, last) in zip(limits.names, ends.T, strict=True):
+        if max(first, last) > 0.0:
+            where = "start" if first > 0.0 else "goal"
+            raise PlanFailed(f"the {where} looks into {name}, by {max(first, last):.3g} rad")
+
+
+def _within(
+    limits: PathLimits,
+    slew: Reorientation,
+    stiff: Reorientation,
+    on_ticks: Callable[[Fastest], tuple[Matrix, Matrix]],
+    progress: Progress,
+) -> tuple[Fastest, Matrix, Matrix]:
+    """Return the fastest slew that keeps to the limits at all ticks, and its states and efforts.
+
+    The programs look at the ends of the pieces; what lies beyond between them is spared there.
+
+    Raises:
+        PlanFailed: no slew does.
+    """
+    spare, local = _WIDER, None
+    for _ in range(_WIDENINGS):
+        held = replace(limits, spare=spare)
+        body = replace(stiff, limits=held)
+        if local is None:
+            found = _from_starts(body, progress)
+            local = LocalArcs(found[0].duration, np.repeat(found[0].shares, 2, axis=0), np.inf)
+        local = fastest_near(body, local.shares, local.duration, _STEPS)
+        best = _transcribed(body, local, len(found))
+        if slew.model.modes:
+            best = fastest_flexible(replace(slew, limits=held), best)
+        states, effort = on_ticks(best)
+        beyond = float(limits.excess(slew.model, states).max())
+        if beyond <= 0.0:
+            return best, states, effort
+        spare += 2.0 * beyond
+    names = ", ".join(limits.names)
+    raise PlanFailed(f"no slew keeps to {names}: {beyond:.2g} beyond is left; change the goal")
 
 
 def _exact(slew: Reorientation, local: LocalArcs) -> tuple[Matrix, Vector] | None:

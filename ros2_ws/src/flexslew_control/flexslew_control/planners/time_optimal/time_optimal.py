@@ -65,6 +65,8 @@ class TimeOptimal:
     amplitude: Positive | None = None
     # fraction of the limit left to the feedback [-]; null: 0.2 with feedback, else 0
     reserve: Share | None = None
+    # largest body rate of a slew in three axes by all drives, of its length [rad/s]; null: any
+    rate_limit: Positive | None = None
     longest: Positive | None = None  # longest duration that is accepted [s]
 
 
@@ -79,6 +81,9 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
     """
     if asked.model.attitude is not None:
         return _in_three_axes(settings, asked, progress)
+    if settings.rate_limit is not None:
+        words = "null; slews in three axes with drives: all keep to one"
+        raise BadInput(words, "plan", "rate_limit", settings.rate_limit)
     slew, durations = found_slew(settings, asked, progress)
     duration = float(durations.sum())
     efforts = slew.efforts(durations.size)

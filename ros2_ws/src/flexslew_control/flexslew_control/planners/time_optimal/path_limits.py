@@ -1,0 +1,68 @@
+"""What holds all along a reorientation: cones that boresights keep out of, and a largest rate."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexslew_plant.arrays import Indices, Matrix, Vector
+from flexslew_plant.testbeds.attitude import quaternion
+from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.spacecraft.sky import Cone
+
+_CHANGE = 1e-6  # of a state
+
+
+@dataclass(frozen=True)
+class PathLimits:
+    """Inequalities of the states of a craft whose joints tell its attitude; see `excess`.
+
+    Args:
+        cones: that its boresights keep out of.
+        rate_limit: largest body rate, of its length [rad/s]; None: any.
+        spare: by how much more, for what lies between the states that are looked at: half angles
+            that are wider [rad], and the share of the rate that is left [-].
+    """
+
+    cones: tuple[Cone, ...] = ()
+    rate_limit: float | None = None
+    spare: float = 0.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the inequalities, for messages."""
+        cones = tuple(f"keep_out {cone.name}" for cone in self.cones)
+        return cones + (("rate_limit",) if self.rate_limit is not None else ())
+
+    def excess(self, model: Model, states: Matrix) -> Matrix:
+        """Return by how much states are beyond the limits, shape (k, limits) [rad, rad/s].
+
+        Args:
+            model: whose joints tell an attitude.
+            states: shape (k, size).
+        """
+        assert model.attitude is not None
+        rows = [model.joint_state(x) for x in states]
+        turned = quaternion(model.attitude.turn_of(np.array([position for position, _ in rows])))
+        beyond = [self.spare - cone.margin(turned) for cone in self.cones]
+        if self.rate_limit is not None:
+            rate = model.attitude.turn_of(np.array([rate for _, rate in rows]))
+            beyond.append(np.linalg.norm(rate, axis=1) - (1.0 - self.spare) * self.rate_limit)
+        return np.column_stack(beyond)
+
+    def slopes(self, model: Model, x: Vector, columns: Indices) -> Matrix:
+        """Return the derivatives of `excess` by a state, shape (limits, size).
+
+        Args:
+            model: as above.
+            x: state, shape (size,).
+            columns: entries of the state that matter; the others' columns are zero.
+        """
+        found = np.zeros((len(self.names), x.size))
+        change = np.zeros((columns.size, x.size))
+        change[np.arange(columns.size), columns] = _CHANGE
+        ahead, back = self.excess(model, x + change), self.excess(model, x - change)
+        found[:, columns] = (ahead - back).T / (2.0 * _CHANGE)
+        return found
+
+
+FREE = PathLimits()  # of a path that only its ends bind

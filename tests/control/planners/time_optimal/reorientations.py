@@ -1,0 +1,106 @@
+"""Reorientations of a rigid craft by the planner, and by a transcription with CasADi."""
+
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from flexslew_control.law import ActiveLaw, PlantDescription
+from flexslew_control.plan import Plan
+from flexslew_control.planners import make_plan, plan_settings
+from flexslew_plant.arrays import Vector
+from flexslew_plant.testbeds import read_testbed
+
+NAMES = ("roll", "pitch", "yaw")
+SPHERE, UNIT = (1.0, 1.0, 1.0), (1.0, 1.0, 1.0)
+HALF_ROUND = (0.0, 0.0, np.pi)
+ASKEW = (10.0, 14.0, 18.0), (1.0, 0.7, 1.2), (0.9, 1.4, -0.5)
+PERIOD = 0.02  # [s]
+Triple = tuple[float, float, float]
+
+
+def craft(
+    inertia: Triple, limit: Triple, start: Vector | None = None, keep_out: Any = None
+) -> PlantDescription:
+    """Return a rigid craft with a torque about each axis."""
+    torques = {
+        name: {"kind": "torque", "direction": axis.tolist(), "limit": most}
+        for name, axis, most in zip(NAMES, np.eye(3), limit, strict=True)
+    }
+    at = np.zeros(3) if start is None else start
+    testbed = read_testbed(
+        {
+            "kind": "spacecraft",
+            "platform": {"inertia": dict(zip(("xx", "yy", "zz"), inertia, strict=True))},
+            "appendages": {},
+            "actuators": torques,
+            "initial": dict(zip(NAMES, at.tolist(), strict=True)),
+            "keep_out": keep_out or {},
+        },
+        "here",
+    )
+    return PlantDescription(testbed, PERIOD, np.array(limit))
+
+
+@lru_cache
+def planned(inertia: Triple, limit: Triple, turn: Triple, **keys: Any) -> Plan:
+    """Return the fastest slew by a rotation vector."""
+    values = {"method": "time_optimal", "drives": "all", **keys}
+    values["goal"] = dict(zip(NAMES, turn, strict=True))
+    law = ActiveLaw("pd_feedforward", {"kp": [1.0], "kd": [2.0]})
+    return make_plan(plan_settings(values, "here"), craft(inertia, limit), law=law)
+
+
+def transcribed(
+    inertia: Triple,
+    limit: Triple,
+    turn: Triple,
+    guess: Plan,
+    cone: tuple[Vector, float] | None = None,
+    rate_limit: float | None = None,
+) -> float:
+    """Return the least duration of efforts on 120 pieces, by IPOPT from another slew's [s].
+
+    With a cone (direction, half angle [rad]) the body's z axis keeps out of it at the pieces' ends.
+    """
+    q, w, u, h = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("u", 3), ca.SX.sym("h")
+    x, moment = ca.vertcat(q, w), ca.DM(inertia)
+    turned = 0.5 * ca.vertcat(q[3] * w + ca.cross(q[:3], w), -ca.dot(q[:3], w))
+    pushed = (ca.DM(limit) * u - ca.cross(w, moment * w)) / moment
+    rate = ca.Function("rate", [x, u], [ca.vertcat(turned, pushed)])
+    k1 = rate(x, u)
+    k2 = rate(x + h / 2.0 * k1, u)
+    k3 = rate(x + h / 2.0 * k2, u)
+    k4 = rate(x + h * k3, u)
+    step = ca.Function("step", [x, u, h], [x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)])
+    pieces, problem = 120, ca.Opti()
+    states, shares = problem.variable(7, pieces + 1), problem.variable(3, pieces)
+    duration = problem.variable()
+    held = ca.repmat(duration / pieces, 1, pieces)
+    problem.subject_to(states[:, 1:] == step.map(pieces)(states[:, :-1], shares, held))
+    problem.subject_to(problem.bounded(-1.0, shares, 1.0))
+    problem.subject_to(states[:, 0] == ca.DM([0, 0, 0, 1, 0, 0, 0]))
+    goal = Rotation.from_rotvec(turn).as_quat()
+    problem.subject_to(states[:3, -1] == ca.DM(goal[:3]))
+    problem.subject_to(states[4:, -1] == 0.0)
+    problem.subject_to(duration >= 0.1)
+    if cone is not None:
+        x1, y1, z1, w1 = (states[k, :] for k in range(4))
+        look = ca.vertcat(
+            2.0 * (x1 * z1 + w1 * y1), 2.0 * (y1 * z1 - w1 * x1), 1.0 - 2.0 * (x1**2 + y1**2)
+        )
+        problem.subject_to(ca.DM(cone[0]).T @ look <= np.cos(cone[1]))
+    if rate_limit is not None:
+        problem.subject_to(ca.sum1(states[4:, :] ** 2) <= rate_limit**2)
+    problem.minimize(duration)
+    share = np.linspace(0.0, 1.0, pieces + 1)
+    ticks = np.minimum((share * (len(guess.position) - 1)).astype(int), len(guess.effort) - 1)
+    attitude = Rotation.from_rotvec(guess.position[ticks]).as_quat()
+    attitude *= np.sign(attitude[:, 3:] + 1e-300)
+    problem.set_initial(states, np.hstack((attitude, guess.velocity[ticks])).T)
+    problem.set_initial(shares, (guess.effort[ticks[:-1]] / np.array(limit)).T)
+    problem.set_initial(duration, guess.duration)
+    problem.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes"})
+    return float(problem.solve().value(duration))
