@@ -9,21 +9,10 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 
 from flexslew_lab.console.link import Drafted, Iterate, RequestResult, Then
-from flexslew_lab.ros.service_request import request_of
+from flexslew_lab.ros.service_request import SERVICES, granted, request_of
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 
-SERVICES: dict[str, Any] = {
-    topics.OPERATE: srv.Operate,
-    topics.STEP: srv.Step,
-    topics.SET_RATE: srv.SetRate,
-    topics.NOTE: srv.Note,
-    topics.SWITCH_CONTROLLER: srv.SwitchController,
-    topics.INJECT_FAULT: srv.InjectFault,
-    topics.END_FAULT: srv.EndFault,
-    topics.DECIDE_PLAN: srv.Operate,
-    topics.RETARGET: srv.Retarget,
-}
 TUNE = topics.TUNE.removeprefix("~")  # behind the name of a controller
 PATIENCE = 10.0  # with a service that does not answer [wall s]
 
@@ -80,8 +69,8 @@ class BenchClient:
             if asked.future is not None and asked.future.done():
                 self._asked.remove(asked)
                 reply = asked.future.result()
-                ok = bool(reply.ok or getattr(reply, "scheduled", False))
-                asked.then(RequestResult(ok, str(reply.message), int(getattr(reply, "tick", 0))))
+                tick = int(getattr(reply, "tick", 0))
+                asked.then(RequestResult(granted(reply), str(reply.message), tick))
             elif now > asked.deadline:
                 self._asked.remove(asked)
                 if asked.future is not None:

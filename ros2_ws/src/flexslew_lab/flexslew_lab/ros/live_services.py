@@ -11,8 +11,8 @@ from flexslew_msgs import action, msg, srv
 from rclpy.node import Node
 
 from flexslew_lab.console.link import RequestResult
-from flexslew_lab.ros.bench_client import PATIENCE, SERVICES, TUNE, BenchClient
-from flexslew_lab.ros.service_request import request_of
+from flexslew_lab.ros.bench_client import PATIENCE, TUNE, BenchClient
+from flexslew_lab.ros.service_request import SERVICES, request_of
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.offers import subscription

@@ -11,11 +11,11 @@ from time import monotonic, sleep
 from typing import Any
 
 import rclpy
-from builtin_interfaces.msg import Time
 from flexslew_msgs import srv
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from flexslew_lab.ros.service_request import SERVICES, granted, request_of
 from flexslew_plant import topics
 from flexslew_plant.bench.operation.run_state import Reply
 from flexslew_plant.errors import FlexslewError
@@ -45,23 +45,19 @@ class Operator:
 
     def act(self, action: str) -> Reply:
         """Start, pause, reset, brake or release the brake."""
-        request = srv.Operate.Request(action=action, who=self._who)
-        return _reply(self._call(srv.Operate, topics.OPERATE, request))
+        return self._ask(topics.OPERATE, action=action)
 
     def step(self, ticks: int) -> Reply:
         """Advance a paused bench by some ticks."""
-        request = srv.Step.Request(ticks=ticks, who=self._who)
-        return _reply(self._call(srv.Step, topics.STEP, request))
+        return self._ask(topics.STEP, ticks=ticks)
 
     def inject(self, fault: str, at: float) -> Reply:
         """Break or disturb something, as YAML in a schedule has it, at a simulated time [s]."""
-        request = srv.InjectFault.Request(fault=fault, at=_stamp(at), who=self._who)
-        return _reply(self._call(srv.InjectFault, topics.INJECT_FAULT, request))
+        return self._ask(topics.INJECT_FAULT, fault=fault, at=at)
 
     def retarget(self, target: str, at: float) -> Reply:
         """Give an appendage a new target, as YAML in a schedule has it, at a simulated time [s]."""
-        request = srv.Retarget.Request(target=target, at=_stamp(at), who=self._who)
-        return _reply(self._call(srv.Retarget, topics.RETARGET, request))
+        return self._ask(topics.RETARGET, target=target, at=at)
 
     def controllers(self) -> tuple[str, list[dict[str, Any]]]:
         """Return who is in charge and the status of every controller."""
@@ -80,20 +76,26 @@ class Operator:
             strict: refuse a step of the effort above max_effort_step.
             max_effort_step: [N m or N].
         """
-        request = srv.SwitchController.Request(
+        return self._ask(
+            topics.SWITCH_CONTROLLER,
             controller=controller,
-            at=_stamp(at),
+            at=at,
             strict=strict,
             max_effort_step=max_effort_step,
             timeout=self._patience / 10.0,
-            who=self._who,
         )
-        reply = self._call(srv.SwitchController, topics.SWITCH_CONTROLLER, request)
-        return _reply(reply, reply.ok or reply.scheduled)
 
     def close(self) -> None:
         """Leave the graph."""
         _leave(self.nodes)
+
+    def _ask(self, service: str, **values: Any) -> Reply:
+        """Call a service with plain values; return its answer."""
+        kind = SERVICES[service]
+        request = request_of(kind.Request, {**values, "who": self._who})
+        reply = self._call(kind, service, request)
+        words = str(reply.message)
+        return Reply(words) if granted(reply) else Reply(refused=Refusal(words))
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         node, client = self._found(kind, name)
@@ -176,16 +178,6 @@ def connected(domain: int, namespace: str = "", patience: float = PATIENCE) -> I
         yield operator
     finally:
         operator.close()
-
-
-def _reply(reply: Any, granted: bool | None = None) -> Reply:
-    ok = reply.ok if granted is None else granted
-    return Reply(reply.message) if ok else Reply(refused=Refusal(reply.message))
-
-
-def _stamp(seconds: float) -> Time:
-    nanoseconds = round(seconds * 1e9)
-    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
 def _user() -> str:

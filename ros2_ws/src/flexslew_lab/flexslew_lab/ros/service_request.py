@@ -1,12 +1,29 @@
-"""Plain values as the request of a service: rclpy itself does not check what it is given."""
+"""The services of a bench, and plain values as their requests: rclpy does not check them.
+
+Only messages are imported here: a command that operates a bench starts in a moment.
+"""
 
 from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-from flexslew_plant.errors import BadInput
-from flexslew_plant.ros.messages import stamp
+from builtin_interfaces.msg import Time
+from flexslew_msgs import srv
 
+from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
+
+SERVICES: dict[str, Any] = {  # that answer ok and a message
+    topics.OPERATE: srv.Operate,
+    topics.STEP: srv.Step,
+    topics.SET_RATE: srv.SetRate,
+    topics.NOTE: srv.Note,
+    topics.SWITCH_CONTROLLER: srv.SwitchController,
+    topics.INJECT_FAULT: srv.InjectFault,
+    topics.END_FAULT: srv.EndFault,
+    topics.DECIDE_PLAN: srv.Operate,
+    topics.RETARGET: srv.Retarget,
+}
 _LATEST = 1e9  # of a simulated time [s]
 _TIME = "builtin_interfaces/Time"
 
@@ -30,6 +47,11 @@ def request_of(kind: Any, values: Mapping[str, Any]) -> Any:
     return kind(**fields)
 
 
+def granted(response: Any) -> bool:
+    """Return whether a service has done what it was asked for, or will at its time."""
+    return bool(response.ok or getattr(response, "scheduled", False))
+
+
 def _field(key: str, of: str, value: Any) -> Any:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if of == "string" and isinstance(value, str) and "\0" not in value:
@@ -39,7 +61,8 @@ def _field(key: str, of: str, value: Any) -> Any:
     if of == "double" and number:
         return float(value)
     if of == _TIME and number and isfinite(value) and 0.0 <= value < _LATEST:
-        return stamp(float(value))
+        seconds, nanoseconds = divmod(round(value * 1e9), 10**9)
+        return Time(sec=seconds, nanosec=nanoseconds)
     if (
         of.startswith("uint")
         and number
