@@ -1,6 +1,7 @@
 """The tables of keys in the pages, made from the fields of the sections.
 
-A line `<!-- keys: MODULE.CLASS -->` stands above each. After a change of a section
+A line `<!-- keys: MODULE.CLASS -->` stands above each, `<!-- kinds: MODULE.TABLE -->` above one of
+entries with their keys. After a change of a section
 `. setup/environment.sh; python docs/key_tables.py` writes them anew;
 tests/lab/trial/test_trial_reference.py holds that they are current.
 """
@@ -8,7 +9,7 @@ tests/lab/trial/test_trial_reference.py holds that they are current.
 import importlib
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,10 @@ from flexslew_plant.settings import yaml_text
 from flexslew_plant.settings_fields import FieldMeaning, own_meanings
 
 DOCS = Path(__file__).parent
-PAGES = tuple(DOCS / name for name in ("trial.md", "spacecraft.md", "studies.md"))
+PAGES = tuple(DOCS / name for name in ("trial.md", "spacecraft.md", "studies.md", "faults.md"))
 MARK = re.compile(r"^<!-- keys: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*", re.MULTILINE)
+KINDS = re.compile(r"^<!-- kinds: ([\w.]+)\.(\w+) -->\n+(?:\|[^\n]*\n)*", re.MULTILINE)
+KINDS_HEAD = "| kind | what happens | keys |\n|---|---|---|\n"
 HEAD = "| key | default | meaning |\n|---|---|---|\n"
 _LONGEST = 60  # characters of a default
 
@@ -40,6 +43,18 @@ def table(kind: type[Any]) -> str:
     meanings = own_meanings(kind)
     rows = [f"| {f.name} | {default(f)} | {told(f, meanings[f.name])} |\n" for f in items]
     return HEAD + "".join(rows)
+
+
+def kinds_table(entries: Mapping[str, Any]) -> str:
+    """Return the table of the kinds of a table of entries: what each is, and its keys."""
+    rows = []
+    for name, entry in entries.items():
+        meanings = own_meanings(entry.settings)
+        own = [f for f in fields(entry.settings) if f.repr and f.name != "kind"]
+        keys = "; ".join(f"`{f.name}`: {told(f, meanings[f.name])}" for f in own)
+        words = " ".join((entry.settings.__doc__ or "").split())
+        rows.append(f"| {name} | {words} | {keys} |\n")
+    return KINDS_HEAD + "".join(rows)
 
 
 def told(item: Field[Any], meaning: FieldMeaning) -> str:
@@ -78,7 +93,11 @@ def current(text: str, made: Callable[[type[Any]], str] = table) -> str:
         mark = f"<!-- keys: {match[1]}.{match[2]} -->\n"
         return f"{mark}\n{made(section_of(match[1], match[2]))}"
 
-    return MARK.sub(filled, text)
+    def listed(match: re.Match[str]) -> str:
+        entries = getattr(importlib.import_module(match[1]), match[2])
+        return f"<!-- kinds: {match[1]}.{match[2]} -->\n\n{kinds_table(entries)}"
+
+    return KINDS.sub(listed, MARK.sub(filled, text))
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ from flexslew_plant.settings import section
 
 @section
 class ActuatorStuck:
-    """A motor holds one effort whatever it is asked for."""
+    """A motor holds one effort whatever it is asked for, within its limit."""
 
     kind: Literal["actuator_stuck"] = "actuator_stuck"
     joint: str  # whose motor
@@ -62,7 +62,7 @@ class ActuatorGain:
 
 @section
 class CommandDelay:
-    """Efforts reach the motors some ticks after the drive has let them go.
+    """Efforts reach the motors some ticks after the drive has let them go; it does not notice.
 
     Within a tick the motors hold one effort: a delay by a part of a tick gives its exact mean.
     """

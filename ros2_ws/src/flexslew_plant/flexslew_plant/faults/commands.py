@@ -35,9 +35,9 @@ class CommandLate(OnAnyTestbed):
     """Answers reach the drive after their tick is over: a missed tick and a stale answer each."""
 
     kind: Literal["command_late"] = "command_late"
-    probability: Probability = 1.0
+    probability: Probability = 1.0  # of each tick
     ticks: Ticks = 1  # how late
-    seed: Seed = 0
+    seed: Seed = 0  # beside the trial's
 
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
@@ -53,11 +53,11 @@ class CommandLate(OnAnyTestbed):
 
 @section
 class CommandDuplicated(OnAnyTestbed):
-    """Answers arrive in time, and a copy of each a tick later."""
+    """Answers arrive in time, and a copy of each a tick later, which is rejected as stale."""
 
     kind: Literal["command_duplicated"] = "command_duplicated"
-    probability: Probability = 1.0
-    seed: Seed = 0
+    probability: Probability = 1.0  # of each tick
+    seed: Seed = 0  # beside the trial's
 
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""
@@ -75,8 +75,8 @@ class CommandReordered(OnAnyTestbed):
     """Answers are overtaken by their successor: a missed tick, then a stale answer after it."""
 
     kind: Literal["command_reordered"] = "command_reordered"
-    probability: Probability = 1.0
-    seed: Seed = 0
+    probability: Probability = 1.0  # of each tick
+    seed: Seed = 0  # beside the trial's
 
     def begin(self, context: FaultContext) -> Effect:
         """Return the effect on an answer."""

@@ -50,10 +50,10 @@ class SensorDropout:
     """Sensors read zero, each tick with a probability."""
 
     kind: Literal["sensor_dropout"] = "sensor_dropout"
-    channel: ChannelName
+    channel: ChannelName  # which sensors
     of: str | None = None  # joint or appendage; null: every one of the channel
-    probability: Probability = 1.0
-    seed: Seed = 0
+    probability: Probability = 1.0  # of each tick
+    seed: Seed = 0  # beside the trial's
 
     def subject(self, names: Names) -> Subject | None:
         """Return the joint or appendage."""
@@ -73,7 +73,7 @@ class SensorBias:
     """Sensor readings have a constant bias."""
 
     kind: Literal["sensor_bias"] = "sensor_bias"
-    channel: ChannelName
+    channel: ChannelName  # which sensors
     of: str | None = None  # joint or appendage; null: every one of the channel
     bias: float  # in the unit of the channel
 
@@ -91,7 +91,7 @@ class SensorFreeze:
     """Sensors repeat what they read when the fault set in."""
 
     kind: Literal["sensor_freeze"] = "sensor_freeze"
-    channel: ChannelName
+    channel: ChannelName  # which sensors
     of: str | None = None  # joint or appendage; null: every one of the channel
 
     def subject(self, names: Names) -> Subject | None:
@@ -115,7 +115,7 @@ class SensorNan:
     """Sensors read NaN."""
 
     kind: Literal["sensor_nan"] = "sensor_nan"
-    channel: ChannelName
+    channel: ChannelName  # which sensors
     of: str | None = None  # joint or appendage; null: every one of the channel
 
     def subject(self, names: Names) -> Subject | None:
