@@ -58,6 +58,15 @@ def test_a_plan_that_was_made_elsewhere_is_flown(flight: fs.Flight) -> None:
     assert np.array_equal(flown["reference"][50:151], rows)
 
 
+def test_positions_of_a_spacecraft_are_the_reference_of_all_its_joints() -> None:
+    keys = {"name": "craft", "duration": 2.0, "testbed": {"kind": "spacecraft"}}
+    rows = cubic(100, 0.02, -0.01, 0.03)
+    flown = fs.fly(fs.trial(keys, {"controllers": {"pd_feedforward": {"kp": [50.0], "kd": [70.0]}}},
+                            plan=rows))  # fmt: skip
+    assert np.array_equal(flown["reference"][:101], rows)
+    assert flown.names("reference") == ("reference.roll", "reference.pitch", "reference.yaw")
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [

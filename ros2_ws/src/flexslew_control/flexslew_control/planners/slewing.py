@@ -87,7 +87,9 @@ class Slewing:
         """
         if self.whole is not None and self.whole(settings) and in_three_axes(plant):
             return self._as_whole(settings, plant, feedback, progress, law)
-        if self.one_axis and turns(plant):
+        # a plan of one's own that is there already has no goal, and is of all joints
+        planned = getattr(settings, "goal", {}) is not None
+        if self.one_axis and planned and turns(plant):
             return self._turned(settings, plant, feedback, progress, law)
         slew = slew_of(settings, plant, feedback)
         limit = plant.effort_limit
