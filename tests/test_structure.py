@@ -233,7 +233,7 @@ def test_no_key_of_a_table_stands_as_a_string_outside_of_its_file() -> None:
     assert stated == set(STATED)
 
 
-def compared_kinds(tree: ast.AST) -> Iterator[ast.AST]:
+def compared_kinds(tree: ast.AST) -> Iterator[ast.expr]:
     """Yield where the kind of an event is compared with a text."""
     for node in ast.walk(tree):
         if (
@@ -247,7 +247,7 @@ def compared_kinds(tree: ast.AST) -> Iterator[ast.AST]:
 SENTENCES = {"message", "reason", "words", "why"}  # names of what people read
 
 
-def read_sentences(tree: ast.AST) -> Iterator[ast.AST]:
+def read_sentences(tree: ast.AST) -> Iterator[ast.expr]:
     """Yield where code reading into a sentence: a part of it, its beginning or its end."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn):

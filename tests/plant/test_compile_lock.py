@@ -54,7 +54,8 @@ def test_the_lock_is_held_from_the_miss_in_the_cache_to_the_last_file(
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
     nested = importlib.import_module("nested")
-    nested.inner = one_at_a_time(numba.njit(nested.inner, cache=True), lock)
+    inner = one_at_a_time(numba.njit(nested.inner, cache=True), lock)
+    monkeypatch.setattr(nested, "inner", inner)
     outer = one_at_a_time(numba.njit(nested.outer, cache=True), lock)
     assert outer(3.0) == 8.0
     # looked for without the lock, then with it; the inner one within that of the outer one
@@ -106,7 +107,8 @@ def test_an_index_names_only_files_that_are_whole_and_stay_as_they_are(
 
 def test_what_is_compiled_for_later_runs_is_compiled_under_the_lock() -> None:
     for kept in (compiled, vectorised):
-        assert kept(is_free).compile.__qualname__.startswith("one_at_a_time.")
+        function: Any = kept(is_free)
+        assert function.compile.__qualname__.startswith("one_at_a_time.")
 
 
 def test_a_failed_compilation_lets_go_of_the_lock(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.present import present
 
 from .test_lock import ROOT, pins
 
@@ -16,10 +17,9 @@ SCRIPT = ROOT / "setup" / "bill_of_materials.py"
 
 @pytest.fixture(scope="module")
 def bill() -> Any:
-    spec = importlib.util.spec_from_file_location("bill_of_materials", SCRIPT)
-    assert spec is not None
+    spec = present(importlib.util.spec_from_file_location("bill_of_materials", SCRIPT))
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    present(spec.loader).exec_module(module)
     return module
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from tests.present import present
 
 ROOT = Path(__file__).parents[2]
 LOCKS = (
@@ -90,7 +91,8 @@ def test_beside_an_installed_ros_everything_but_what_it_brings_is_pinned_with_ha
 def beside_installed_ros() -> list[tuple[Requirement, list[str]]]:
     """Return what setup/install.sh takes of the locks there."""
     script = (ROOT / "setup" / "install.sh").read_text()
-    function = re.search(r"^beside_installed_ros\(\) \{\n.*?^\}", script, re.MULTILINE | re.DOTALL)
+    body = r"^beside_installed_ros\(\) \{\n.*?^\}"
+    function = present(re.search(body, script, re.MULTILINE | re.DOTALL))
     text = subprocess.run(
         ["bash", "-euc", f"{function[0]}\nbeside_installed_ros"],
         input="".join((ROOT / "setup" / name).read_text() for name in LOCKS[:2]),

@@ -2,6 +2,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.present import present
 
 from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
 from flexslew_plant.bench.handover import RUN_OVER
@@ -155,7 +156,7 @@ def test_the_latched_brake_holds_until_it_is_released_on_purpose() -> None:
     assert bed.brake(True, "me") is None
     assert str(bed.brake(True)) == "the brake is latched already"
     assert asked(bed, 3) == ["a", "", ""]  # from the next tick on
-    refused = bed.request_switch(SwitchRequest("b", 9))
+    refused = present(bed.request_switch(SwitchRequest("b", 9)))
     assert refused.cause is Cause.LATCHED
     assert str(refused) == "the brake is latched; release it first"
     assert [r.ok for r in bed.switch_results] == [False]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.present import present
 
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.hardware.plausibility import Plausibility, PlausibilitySettings
@@ -49,7 +50,7 @@ def test_a_jump_of_an_encoder_is_found_at_once_and_what_follows_is_plausible() -
 def test_what_is_not_a_number_is_not_plausible() -> None:
     check, ones = Plausibility(SETTINGS, PERIOD), np.ones(2)
     assert check.look(ones, ones * 0.0) is None
-    found = check.look(ones, np.array([0.0, np.nan]))
+    found = present(check.look(ones, np.array([0.0, np.nan])))
     assert found.joint == 1
     assert np.isfinite(found.difference)
 

@@ -20,7 +20,7 @@ class Lab:
     """A session, controllers that answer at once or not at all, and the time."""
 
     def __init__(self, rate: float = 0.0, controllers: Any = ("a", "b"), **settings: Any) -> None:
-        values = {"active": "a", "testbed": CsaTestbed(modes=1)} | settings
+        values: dict[str, Any] = {"active": "a", "testbed": CsaTestbed(modes=1)} | settings
         self.now = 100.0
         self.dead: set[Any] = set()
         self.stopped: set[Any] = set()
