@@ -3,10 +3,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.present import present
 
 from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.pd_feedforward import PdFeedforward
-from flexslew_control.law import MeasuredJoints
+from flexslew_control.law import Law, MeasuredJoints
 from flexslew_control.plan import Plan
 from flexslew_plant.measurement import Measurement
 
@@ -56,10 +57,14 @@ class Integrating:
 
 
 def controller(
-    law: Any = None, handover_time: float = 1.0, requires_plan: bool = False, name: str = "a"
+    law: Law | None = None,
+    handover_time: float = 1.0,
+    requires_plan: bool = False,
+    estimator: Counting | None = None,
 ) -> Controller:
     law = law or PdFeedforward(np.full(2, 460.0), np.full(2, 920.0))
-    return Controller(name, Counting(), law, JOINTS, PERIOD, handover_time, requires_plan)
+    estimator = estimator or Counting()
+    return Controller("a", estimator, law, JOINTS, PERIOD, handover_time, requires_plan)
 
 
 def question(
@@ -73,16 +78,17 @@ def question(
 
 
 def test_the_answer_carries_the_question_and_the_name() -> None:
-    command = controller().observe(question(0)).command
+    command = present(controller().observe(question(0))).command
     assert (command.tick, command.epoch, command.controller) == (0, 0, "a")
     assert command.effort.shape == (2,)
 
 
 def test_a_repeated_question_gets_the_same_answer() -> None:
-    one = controller(Integrating())
+    law = Integrating()
+    one = controller(law)
     first = one.observe(question(3))
     assert one.observe(question(3)) is first
-    assert one._law.updates == 1
+    assert law.updates == 1
 
 
 def test_an_old_question_gets_none() -> None:
@@ -98,29 +104,32 @@ def test_a_question_to_somebody_else_gets_none() -> None:
 
 
 def test_the_estimator_sees_every_tick_once_in_charge_or_not() -> None:
-    one = controller()
+    estimator = Counting()
+    one = controller(estimator=estimator)
     for tick in range(10):
         who = "a" if tick in (4, 5) else "b"
         one.observe(question(tick, who))
         one.observe(question(tick, who))
-    assert one._estimator.seen == [(0, tick) for tick in range(10)]
-    assert one._estimator.resets == [(0, 0)]
+    assert estimator.seen == [(0, tick) for tick in range(10)]
+    assert estimator.resets == [(0, 0)]
     assert one.last_tick == 9
 
 
 def test_a_gap_and_a_new_epoch_start_the_estimator_again() -> None:
-    one = controller()
+    estimator = Counting()
+    one = controller(estimator=estimator)
     for tick in (0, 1, 5, 6):
         one.observe(question(tick))
     one.observe(question(0, epoch=1))
-    assert one._estimator.resets == [(0, 0), (0, 5), (1, 0)]
+    assert estimator.resets == [(0, 0), (0, 5), (1, 0)]
 
 
 def test_asked_again_about_the_same_tick_under_its_own_name_it_answers() -> None:
-    one = controller()
+    estimator = Counting()
+    one = controller(estimator=estimator)
     assert one.observe(question(7, "b")) is None
     assert one.observe(question(7, "a")) is not None
-    assert one._estimator.seen == [(0, 7)]
+    assert estimator.seen == [(0, 7)]
 
 
 def takeover(one: Any, applied: Any) -> Any:
@@ -157,7 +166,7 @@ def test_the_handover_takes_its_time() -> None:
 def test_the_blend_is_one_of_the_terms() -> None:
     one = controller()
     one.observe(question(0, "b"))
-    answer = one.observe(question(1, applied=(30.0, 0.0)))
+    answer = present(one.observe(question(1, applied=(30.0, 0.0))))
     np.testing.assert_allclose(sum(answer.terms.values()), answer.command.effort)
     assert "handover" in answer.terms
 
@@ -165,7 +174,7 @@ def test_the_blend_is_one_of_the_terms() -> None:
 def test_at_the_first_tick_there_is_no_predecessor() -> None:
     one = controller()
     one.adopt(replace(PLAN, start=0.0))
-    answer = one.observe(question(0))
+    answer = present(one.observe(question(0)))
     np.testing.assert_allclose(answer.command.effort, 3.0 + 920.0)
 
 
@@ -173,14 +182,14 @@ def test_after_a_plan_of_another_it_is_in_charge_again_without_a_step() -> None:
     one = controller()
     one.observe(question(0))
     one.observe(question(1, "b", applied=(5.0, 5.0)))
-    answer = one.observe(question(2, applied=(9.0, 9.0), position=(0.2, 0.2)))
+    answer = present(one.observe(question(2, applied=(9.0, 9.0), position=(0.2, 0.2))))
     np.testing.assert_allclose(answer.command.effort, 9.0)
 
 
 def test_without_a_plan_it_holds_the_first_position() -> None:
     one = controller()
     one.observe(question(0, position=(0.3, -0.1)))
-    answer = one.observe(question(1, position=(0.4, -0.1)))
+    answer = present(one.observe(question(1, position=(0.4, -0.1))))
     np.testing.assert_array_equal(answer.reference.position, [0.3, -0.1])
     np.testing.assert_allclose(answer.command.effort, [-46.0, 0.0])
 
@@ -188,7 +197,7 @@ def test_without_a_plan_it_holds_the_first_position() -> None:
 def test_a_plan_is_followed_from_its_start() -> None:
     one = controller()
     assert one.adopt(PLAN) is None
-    references = [one.observe(question(tick)).reference for tick in range(200)]
+    references = [present(one.observe(question(tick))).reference for tick in range(200)]
     for tick in (0, 49):
         np.testing.assert_array_equal(references[tick].position, 0.0)
         np.testing.assert_array_equal(references[tick].effort, 0.0)
@@ -201,10 +210,11 @@ def test_a_plan_is_followed_from_its_start() -> None:
 
 
 def test_one_that_needs_a_plan_is_not_ready_and_silent_without() -> None:
-    one = controller(requires_plan=True)
+    estimator = Counting()
+    one = controller(requires_plan=True, estimator=estimator)
     assert one.reason
     assert one.observe(question(0)) is None
-    assert one._estimator.seen == [(0, 0)]
+    assert estimator.seen == [(0, 0)]
     one.adopt(PLAN)
     assert one.reason is None
     assert one.observe(question(0)) is not None

@@ -143,7 +143,8 @@ def test_a_law_of_ones_own_is_not_tuned_to_what_no_log_can_hold(kp: Any) -> None
 @pytest.mark.parametrize("size", [0, 1, 3])
 def test_a_question_of_another_size_is_not_heard(field: str, size: int) -> None:
     host = standing("output_feedback")
-    assert host.observe(question(0)._replace(**{field: np.zeros(size)})) is None
+    wrong: dict[str, Any] = {field: np.zeros(size)}
+    assert host.observe(question(0)._replace(**wrong)) is None
     assert host.controller is not None
     assert host.controller.last_tick == -1
     assert effort(host, 0).size == 2

@@ -15,6 +15,7 @@ from flexslew_control.controllers import CONTROLLERS, build_controller, with_fil
 from flexslew_control.controllers.host import merged
 from flexslew_control.controllers.linear_law import LinearSettings, StateSpace, discretised
 from flexslew_control.law import Reference
+from flexslew_control.linear_form import LinearObserver
 from flexslew_lab.notebook import fly, trial
 from flexslew_lab.replay.resim import resim
 from flexslew_plant.errors import BadInput
@@ -142,6 +143,7 @@ def test_its_form_for_lanes_gives_its_own_efforts() -> None:
     assert linear is not None
     form = linear(it.estimator, it.law, [reference for _, reference in pairs])
     assert form is not None
+    assert isinstance(form.observer, LinearObserver)
     z, before, effort = np.zeros(3), None, np.zeros(2)
     for k, (measurement, reference) in enumerate(pairs):
         y = np.concatenate((measurement.joint_position, measurement.joint_velocity,

@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from tests.plants import plant as on_bench
 
-from flexslew_control.controllers.output_feedback import (
-    OutputFeedback,
-    build,
-    testbed_system,
-    testbed_weight,
-)
+from flexslew_control.controllers import output_feedback
+from flexslew_control.controllers.output_feedback import OutputFeedback, build
+from flexslew_control.controllers.sliding_law import SampledObserver
 from flexslew_control.controllers.sliding_surface import (
     LinearSystem,
     closed_loop_matrix,
@@ -21,8 +18,6 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.csa import CsaTestbed
 
 PERIOD = 0.01
-testbed_system.__test__ = False
-testbed_weight.__test__ = False
 
 
 def two_masses(**changes: Any) -> LinearSystem:
@@ -43,8 +38,8 @@ def two_masses(**changes: Any) -> LinearSystem:
 def on_testbed(pitch: float = 0.25) -> tuple[Any, Any]:
     settings, model = OutputFeedback(), CsaTestbed(modes=1).model()
     rest = model.rest({"hub_pitch": pitch})
-    system = testbed_system(model, rest, settings, PERIOD)
-    return system, design(system, testbed_weight(model, rest, settings), 2.0)
+    system = output_feedback.testbed_system(model, rest, settings, PERIOD)
+    return system, design(system, output_feedback.testbed_weight(model, rest, settings), 2.0)
 
 
 def nearest(found: Any, expected: Any) -> Any:
@@ -144,4 +139,5 @@ def test_the_testbed_design_exists_for_more_modes(modes: int) -> None:
     settings = OutputFeedback(model={"modes": modes}, observer="steady")
     observer, law = build(settings, on_bench())
     assert law.found.sliding_poles.real.max() < 0.0
+    assert isinstance(observer, SampledObserver)
     assert observer.found.covariance.shape == (2 * (2 + modes),) * 2

@@ -3,6 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.plants import plant
+from tests.present import present
 
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.pd_feedforward import PdFeedforwardSettings, build
@@ -91,7 +92,7 @@ def test_a_step_settles_on_the_bench_as_in_figure_5() -> None:
     assert pd.adopt(step) is None
     tips, yaw = [], []
     while not bed.done:
-        bed.offer(pd.observe(bed.question).command)
+        bed.offer(present(pd.observe(bed.question)).command)
         bed.advance()
         tips.append(bed.question.tip_deflection[0])
         yaw.append(bed.question.joint_position[0])

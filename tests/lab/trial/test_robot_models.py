@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.present import present
 
 from flexslew_lab.trial.sources import shipped_trials
 from flexslew_lab.trial.trial import load_trial
@@ -82,8 +83,8 @@ def test_walking_the_description_ends_where_the_frames_are(name: str) -> None:
     links = {link.get("name") for link in robot.findall("link")}
     assert links == {*told, "world"}
     for joint in robot.findall("joint"):
-        frame = told[joint.find("child").get("link")]
-        assert frame.parent == joint.find("parent").get("link")
+        frame = told[present(joint.find("child")).attrib["link"]]
+        assert frame.parent == present(joint.find("parent")).attrib["link"]
         if joint.get("type") != "floating":
             walked = _walked(joint, positions)
             np.testing.assert_allclose(_told(frame), walked, atol=1e-12, err_msg=frame.child)
@@ -97,7 +98,7 @@ def test_what_never_moves_is_static_and_what_moves_is_named_by_the_joint_states(
     robot = ElementTree.fromstring(scene.robot_description)
     still = {frame.child for frame in scene.fixed}
     for joint in robot.findall("joint"):
-        child = joint.find("child").get("link")
+        child = present(joint.find("child")).attrib["link"]
         assert (child in still) == (joint.get("type") == "fixed")
         assert joint.get("type") not in MOVING or joint.get("name") in names
 
@@ -108,10 +109,10 @@ def test_bodies_have_a_mass_and_an_inertia_that_a_body_can_have(name: str) -> No
     found = robot.findall("link/inertial")
     assert found
     for body in found:
-        assert float(body.find("mass").get("value")) > 0.0
+        assert float(present(body.find("mass")).attrib["value"]) > 0.0
+        inertia = present(body.find("inertia"))
         xx, xy, xz, yy, yz, zz = (
-            float(body.find("inertia").get(f"i{axes}"))
-            for axes in ("xx", "xy", "xz", "yy", "yz", "zz")
+            float(inertia.attrib[f"i{axes}"]) for axes in ("xx", "xy", "xz", "yy", "yz", "zz")
         )
         least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         assert least >= -1e-9 * most  # none at all: a point

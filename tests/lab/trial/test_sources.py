@@ -5,8 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.present import present
 
 from flexslew_control.plan_file import save_plan
+from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import read_trial, shipped_trials, trial_path
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial, trial_text
@@ -40,6 +42,7 @@ def test_values_are_changed_by_their_path_and_read_as_yaml() -> None:
     changes = ["testbed.modes=5", "plan.goal.hub_pitch=0.8", "controllers.pd_feedforward.kp=[1, 2]"]
     trial, source = read_trial("m1", changes)
     assert trial.testbed.modes == 5
+    assert isinstance(trial.plan, OptimizedFeedforward)
     assert trial.plan.goal == {"base_yaw": 1.0, "hub_pitch": 0.8}
     assert trial.controllers["pd_feedforward"]["kp"] == [1, 2]
     assert source == ("m1 --set " + " --set ".join(changes))
@@ -65,7 +68,7 @@ def test_a_wrong_change_is_refused_in_one_line(change: str, words: str) -> None:
 
 def test_a_saved_plan_flies_as_the_plan_it_was_saved_from(tmp_path: Path) -> None:
     trial = read_trial("m1", ["duration=30.0", "testbed.modes=1"])[0]
-    save_plan(plan_of_trial(trial), tmp_path / "my.plan")
+    save_plan(present(plan_of_trial(trial)), tmp_path / "my.plan")
     changed = [f"plan={json.dumps({'file': str(tmp_path / 'my.plan')})}"]
     saved = read_trial("m1", ["duration=30.0", "testbed.modes=1", *changed])[0]
     hashes = [
@@ -77,7 +80,7 @@ def test_a_saved_plan_flies_as_the_plan_it_was_saved_from(tmp_path: Path) -> Non
 
 def test_a_saved_plan_for_another_bench_is_refused(tmp_path: Path) -> None:
     trial = read_trial("m1")[0]
-    save_plan(plan_of_trial(trial), tmp_path / "my.plan")
+    save_plan(present(plan_of_trial(trial)), tmp_path / "my.plan")
     plan = f"plan={json.dumps({'file': str(tmp_path / 'my.plan')})}"
     for change, words in (
         ("period=0.02", "the period of the plan is"),

@@ -2,6 +2,7 @@ from math import pi
 from pathlib import Path
 
 import pytest
+from tests.present import present
 
 from flexslew_lab.trial.sources import read_trial, trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial, plan_of_trial
@@ -15,10 +16,10 @@ plan: {method: time_optimal, goal: {hub: 1.0}, robust: false}
 
 
 def test_a_plan_starts_where_the_testbed_rests() -> None:
-    plan = plan_of_trial(parse_trial(HUB, "hub.yaml"))
+    plan = present(plan_of_trial(parse_trial(HUB, "hub.yaml")))
     assert plan.duration == pytest.approx(6.01986708, abs=1e-6)  # physics/time_optimal
     turned = HUB.replace("appendages}", "appendages, initial: {hub: 0.5}}").replace("1.0}", "1.5}")
-    again = plan_of_trial(parse_trial(turned, "hub.yaml"))
+    again = present(plan_of_trial(parse_trial(turned, "hub.yaml")))
     assert again.position[0, 0] == 0.5
     assert again.duration == pytest.approx(plan.duration, abs=1e-9)
 
@@ -29,7 +30,7 @@ def test_a_plan_believes_in_the_bench_unless_it_says_otherwise() -> None:
     plan: {method: optimized_feedforward, goal: {base_yaw: 0.5}, duration: 30.0}
     controllers: {pd_feedforward: {kp: 500.0, kd: [900.0, 950.0]}}
     """
-    plan = plan_of_trial(parse_trial(text, "csa.yaml"))
+    plan = present(plan_of_trial(parse_trial(text, "csa.yaml")))
     asked = plan.request
     assert asked["model"]["parameters"]["bending_stiffness"] == 1200.0
     assert asked["initial"] == {"base_yaw": 0.0, "hub_pitch": 0.2}
@@ -52,7 +53,7 @@ def test_a_plan_believes_in_the_bench_unless_it_says_otherwise() -> None:
 )
 def test_a_plan_says_what_it_believes_differently_from_the_bench(plan: str, words: str) -> None:
     text = f"plan: {{method: optimized_feedforward, duration: 40.0, {plan}}}"
-    assert plan_of_trial(parse_trial(text, "csa.yaml")).summary["believes"] == words
+    assert present(plan_of_trial(parse_trial(text, "csa.yaml"))).summary["believes"] == words
 
 
 @pytest.mark.parametrize("name", ["m1", "swap_demo", "time_optimal_hub", "time_optimal_oscillator"])

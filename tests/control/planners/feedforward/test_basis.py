@@ -11,7 +11,9 @@ NAMES = ("hat", "constant", "cubic", "trigonometric")
 
 def test_hats_are_one_at_their_node_and_zero_at_the_others() -> None:
     basis = Basis("hat", 9, 25.0)
-    np.testing.assert_allclose(basis.values(np.arange(1, 10) * 2.5), np.eye(9), atol=1e-14)
+    np.testing.assert_allclose(
+        basis.values(2.5 * np.arange(1, 10, dtype=float)), np.eye(9), atol=1e-14
+    )
     np.testing.assert_allclose(basis.values(np.array([0.0, 25.0])), 0.0, atol=1e-14)
 
 

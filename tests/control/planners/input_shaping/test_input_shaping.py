@@ -5,10 +5,14 @@ import pytest
 from tests.plants import plant
 
 from flexslew_control.planners import make_plan
-from flexslew_control.planners.input_shaping.input_shaping import InputShaping, command_profile
+from flexslew_control.planners.input_shaping.input_shaping import (
+    Command,
+    InputShaping,
+    command_profile,
+)
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.csa import CsaTestbed, CsaVariant
 
 LIMIT = np.array([150.0, 150.0])
 
@@ -19,7 +23,7 @@ def planned(limit: Any = LIMIT, **more: Any) -> Any:
 
 
 @pytest.mark.parametrize("command", ["cubic", "quintic", "sin2", "bang_bang"])
-def test_commands_are_their_own_derivatives_and_reach_one(command: str) -> None:
+def test_commands_are_their_own_derivatives_and_reach_one(command: Command) -> None:
     s = np.linspace(0.013, 0.983, 971)
     h = 1e-6
     _, rate, slope = command_profile(command, s)
@@ -33,7 +37,7 @@ def test_commands_are_their_own_derivatives_and_reach_one(command: str) -> None:
 @pytest.mark.parametrize("variant", ["printed", "complete"])
 @pytest.mark.parametrize("command", ["cubic", "quintic", "sin2", "bang_bang"])
 def test_the_modes_end_at_rest_and_the_joints_at_the_goal_while_both_move(
-    command: str, variant: str
+    command: Command, variant: CsaVariant
 ) -> None:
     plan = planned(duration=20.0, command=command, model={"variant": variant, "modes": 2})
     assert plan.state[-1] == pytest.approx([1.0, 0.5, *np.zeros(6)], abs=1e-5)
@@ -43,7 +47,7 @@ def test_the_modes_end_at_rest_and_the_joints_at_the_goal_while_both_move(
 
 @pytest.mark.parametrize("variant", ["printed", "complete"])
 @pytest.mark.parametrize("command", ["quintic", "bang_bang"])
-def test_the_effort_flies_the_model_along_the_plan(command: str, variant: str) -> None:
+def test_the_effort_flies_the_model_along_the_plan(command: Command, variant: CsaVariant) -> None:
     plan = planned(duration=20.0, command=command, model={"variant": variant, "modes": 1})
     model = CsaTestbed(variant=variant, modes=1).model()
     x = plan.state[0]

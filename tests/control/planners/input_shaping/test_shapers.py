@@ -3,7 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexslew_control.planners.input_shaping.shapers import convolved, make_shaper
+from flexslew_control.planners.input_shaping.shapers import ShaperName, convolved, make_shaper
 from flexslew_plant.errors import BadInput
 
 W = 0.468949
@@ -11,7 +11,7 @@ W = 0.468949
 
 @pytest.mark.parametrize("name", ["zv", "zvd", "zvdd"])
 @pytest.mark.parametrize("damping", [0.0, 0.02, 0.3])
-def test_no_vibration_is_left_at_the_nominal_frequency(name: str, damping: float) -> None:
+def test_no_vibration_is_left_at_the_nominal_frequency(name: ShaperName, damping: float) -> None:
     shaper = make_shaper(name, W, damping)
     assert shaper.residual(W, damping)[0] < 1e-12
     assert shaper.amplitudes.sum() == pytest.approx(1.0, abs=1e-15)
@@ -29,7 +29,7 @@ def test_no_vibration_is_left_at_the_nominal_frequency(name: str, damping: float
     ],
 )
 def test_the_width_at_five_percent_is_the_published_one(
-    name: str, width: Any, digits: float
+    name: ShaperName, width: Any, digits: float
 ) -> None:
     errors = np.linspace(-0.6, 0.6, 120001)
     good = make_shaper(name, W).residual(W * (1.0 + errors)) <= 0.05 + 1e-9
@@ -69,7 +69,7 @@ def test_a_shaped_command_stays_within_the_bounds_and_reaches_the_end() -> None:
 
 
 def test_delays_are_exact_between_the_ticks() -> None:
-    ramp = np.arange(101) * 0.01
+    ramp = 0.01 * np.arange(101, dtype=float)
     shaper = make_shaper("zv", 3.3)
     shaped = shaper.shape(ramp, 0.01)
     t = 0.01 * np.arange(shaped.size)

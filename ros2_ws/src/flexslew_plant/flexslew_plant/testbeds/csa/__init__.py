@@ -3,4 +3,5 @@
 from flexslew_plant.testbeds.csa.testbed import CsaInitial as CsaInitial
 from flexslew_plant.testbeds.csa.testbed import CsaParameters as CsaParameters
 from flexslew_plant.testbeds.csa.testbed import CsaTestbed as CsaTestbed
+from flexslew_plant.testbeds.csa.testbed import CsaVariant as CsaVariant
 from flexslew_plant.testbeds.csa.testbed import beam as beam

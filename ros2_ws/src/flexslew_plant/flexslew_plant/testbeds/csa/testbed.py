@@ -10,7 +10,7 @@ Variants:
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -29,6 +29,7 @@ from flexslew_plant.testbeds.scene import POINTS, Scene, rod, turntable
 
 JOINTS = ("base_yaw", "hub_pitch")
 JOINT_UNITS = ("rad", "rad")
+CsaVariant: TypeAlias = Literal["printed", "complete"]
 _STEEPEST = 1.5  # largest pitch of a shaped slew [rad]
 
 
@@ -60,7 +61,7 @@ class CsaTestbed:
     kind: Literal["csa"] = "csa"  # the two-joint testbed of Gorinevsky and Vukovich (1998)
     # form of the equations: printed (as in the paper) or complete (with the term that the paper
     # omits)
-    variant: Literal["printed", "complete"] = "complete"
+    variant: CsaVariant = "complete"
     modes: Annotated[int, Field(ge=1, le=12)] = 3  # number of modes of each beam
     # damping ratio of every beam mode [-]
     damping_ratio: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
