@@ -46,7 +46,7 @@ class CountingLink(FakeLink):
 def served_page(folder: Path) -> Iterator[tuple[Page, FakeLink]]:
     """Yield a page over a bench that has flown a little, and is served from a thread."""
     link, over = CountingLink(), threading.Event()
-    view, time = link.view, np.arange(4000) * 0.01
+    view, time = link.view, np.arange(4000, dtype=float) * 0.01
     rows = 2e-6 * np.column_stack((np.sin(time), np.cos(time)))
     view.truth.add(time, {"position": rows})
     view.controller_state.add(time, {"reference_position": rows})

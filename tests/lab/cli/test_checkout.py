@@ -1,9 +1,9 @@
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import typer
+from typer.core import TyperCommand
 
 from flexslew_lab.cli import checkout
 
@@ -78,7 +78,7 @@ def test_what_fails_has_failed_and_runs_once(
     monkeypatch.setattr(checkout, "_pytest", counted)
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
     with pytest.raises(typer.Exit) as ended:
-        checkout.test(SimpleNamespace(args=[]))
+        checkout.test(typer.Context(TyperCommand("test")))
     assert (ended.value.exit_code, len(calls)) == (code, 3)
 
 

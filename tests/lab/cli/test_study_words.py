@@ -3,6 +3,7 @@
 import pytest
 
 from flexslew_lab.cli import study_words
+from flexslew_lab.cli.terminal import for_people
 
 
 @pytest.mark.parametrize(
@@ -22,7 +23,7 @@ def test_the_log_of_a_batch_queue_gets_a_line_now_and_then(
     # at the begin, at the report of what was there, and at each one after it: 40 s of a start
     clock = iter([0.0, 0.0, 40.0, *(40.0 + 5.0 * k for k in range(1, 9)), 100.0])
     monkeypatch.setattr(study_words, "monotonic", lambda: next(clock))
-    monkeypatch.setattr(study_words.for_people, "_force_terminal", False)
+    monkeypatch.setattr(for_people, "_force_terminal", False)
     with study_words.progress("robust") as advance:
         for done in (100, 150, 200, 250, 300, 350, 400, 450, 500, 550, 750):
             advance(done, 1000)

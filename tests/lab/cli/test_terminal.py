@@ -2,6 +2,7 @@
 
 import ast
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -31,8 +32,10 @@ def obeyed(text: str) -> list[str]:
         lambda: print_table((HOSTILE, "b"), [(HOSTILE, 1)]),
     ],
 )
-def test_what_does_not_show_is_escaped(show: object, capsys: pytest.CaptureFixture[str]) -> None:
-    show()  # type: ignore[operator]
+def test_what_does_not_show_is_escaped(
+    show: Callable[[], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    show()
     shown = capsys.readouterr()
     assert not obeyed(shown.out + shown.err)
     assert "\\x1b]0;owned\\x07" in (shown.out + shown.err).replace("\n", "").replace(" ", "")

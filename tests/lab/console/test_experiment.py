@@ -58,7 +58,7 @@ class ShakenLink(FakeLink):
     def hear(self, until: float) -> None:
         """Let the sensors speak until a simulated time [s], where somebody listens."""
         rows = slice(self._heard, round((until - START) / PERIOD) + 1)
-        time = START + PERIOD * np.arange(len(self.record.measured))
+        time = START + PERIOD * np.arange(len(self.record.measured), dtype=float)
         applied = np.vstack((np.zeros((1, 1)), self.record.effort))
         m = self.record.measured
         columns = dict(zip(FIELDS, (m[:, :1], m[:, 1:2], m[:, 2:], applied), strict=True))

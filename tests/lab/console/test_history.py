@@ -9,7 +9,7 @@ from flexslew_lab.console.history import LIMIT, Curve, Track, thinned
 def test_a_track_keeps_rows_and_begins_anew_after_a_reset() -> None:
     track = Track()
     for start in range(0, 1000, 7):
-        time = np.arange(start, min(start + 7, 1000)) * 0.01
+        time = np.arange(start, min(start + 7, 1000), dtype=float) * 0.01
         track.add(time, {"q": np.column_stack((time, -time))})
     assert np.array_equal(track.time, np.arange(1000) * 0.01)
     assert np.array_equal(track.column("q")[:, 1], -track.time)
@@ -29,7 +29,7 @@ def test_a_column_that_widens_is_filled_up() -> None:
 def test_a_long_run_forgets_its_beginning_and_nothing_else() -> None:
     track, batch = Track(), 30_000
     for k in range(2 * LIMIT // batch + 1):
-        time = np.arange(k * batch, (k + 1) * batch) * 0.01
+        time = np.arange(k * batch, (k + 1) * batch, dtype=float) * 0.01
         track.add(time, {"q": time[:, None]})
         assert track.time.size <= LIMIT
         assert np.array_equal(track.column("q")[:, 0], track.time)

@@ -7,7 +7,7 @@ from itertools import product
 import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
-from websockets.sync.server import serve
+from websockets.sync.server import ServerConnection, serve
 from websockets.typing import Subprotocol
 
 from flexslew_lab.console.live_gate import ORIGINS, LiveGate
@@ -25,7 +25,7 @@ def gate() -> Iterator[tuple[LiveGate, int]]:
     found = LiveGate(0, [MINE])
     assert found.server_host.startswith("127.")
 
-    def echo(connection: object) -> None:
+    def echo(connection: ServerConnection) -> None:
         for message in connection:
             connection.send(message)
 

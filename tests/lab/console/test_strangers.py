@@ -10,9 +10,11 @@ from tests.page_client import PageClient
 
 from flexslew_lab.console.page import Page
 
-GARBAGE = [b"", b"\xc1", b"\x00" * 999, "42", "42{", '42["event"]', '42["event", null]', "4", "x",
-           '42["event", {"client_id": "nobody"}]', '42["javascript_response", {"client_id": 7}]',
-           '42["handshake", {"client_id": "nobody"}]', "40{", "451-[", "1"]  # fmt: skip
+GARBAGE: list[str | bytes] = [
+    b"", b"\xc1", b"\x00" * 999, "42", "42{", '42["event"]', '42["event", null]', "4", "x",
+    '42["event", {"client_id": "nobody"}]', '42["javascript_response", {"client_id": 7}]',
+    '42["handshake", {"client_id": "nobody"}]', "40{", "451-[", "1",
+]  # fmt: skip
 
 
 def opened(tmp_path: Path, link: FakeLink, said: list[str]) -> Page:
@@ -74,14 +76,15 @@ def test_what_is_written_while_a_remark_is_noted_is_not_lost(
         monkeypatch.undo()
         writer.set(remark, "second")
         writer.set(note, True)
-        writer.reach()
-        sleep(0.3)
+        while not page._desk._waiting:  # both have arrived
+            assert monotonic() < limit
+            sleep(0.01)
         empty(act)
 
     monkeypatch.setattr(page.server, "call", slow)
+    limit = monotonic() + 10.0
     writer.set(remark, "first")
     writer.set(note, True)
-    limit = monotonic() + 10.0
     while len(link.asked) < 2 and monotonic() < limit:
         page.poll()
         sleep(0.01)
