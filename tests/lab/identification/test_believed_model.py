@@ -4,7 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.present import present
 
+from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial, trial_of_values, trial_text
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain, yaml_text
@@ -43,8 +45,8 @@ def trial(file: str, **plan: Any) -> Any:
 
 
 def test_a_plan_on_the_identified_model_is_the_plan_on_the_equations(tmp_path: Path) -> None:
-    by_file = plan_of_trial(trial(written(tmp_path)))
-    by_equations = plan_of_trial(trial(written(tmp_path), model={}))
+    by_file = present(plan_of_trial(trial(written(tmp_path))))
+    by_equations = present(plan_of_trial(trial(written(tmp_path), model={})))
     assert by_file.effort == pytest.approx(by_equations.effort, abs=1e-6)
     assert "kind identified instead of floating_oscillator" in by_file.summary["believes"]
 
@@ -55,6 +57,7 @@ def test_a_log_holds_the_content_and_flies_again_without_the_file(tmp_path: Path
     Path(file).unlink()
     again = parse_trial(trial_text(first), "log")
     assert again.plan == first.plan
+    assert isinstance(again.plan, OptimizedFeedforward)
     assert again.plan.model == again.controllers["lqr"]["model"]
     assert read_testbed(again.plan.model, "log") == FOUND
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.lab.metrics.blocks import ticks_of
 
 from flexslew_lab.metrics.jitter import Jitter, by_octave
 from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
@@ -24,7 +25,7 @@ def measured(error: Matrix, ticks: Indices | None = None, cuts: tuple[int, ...] 
     aim = FlownManoeuvre(0.0, END, goal.as_rotvec(), np.zeros(3))
     metric = Jitter(RunSetup(tuple(model.joint_names), aim, np.ones(3), CRAFT))
     numbers = np.arange(len(error)) if ticks is None else ticks
-    time, none = numbers * PERIOD, np.zeros((len(error), 3))
+    time, none = numbers.astype(float) * PERIOD, np.zeros((len(error), 3))
     held = np.full(len(error), PERIOD)
     held[0] = 0.0
     block = Block(
@@ -32,7 +33,7 @@ def measured(error: Matrix, ticks: Indices | None = None, cuts: tuple[int, ...] 
         none[:, :0], none, time >= 0.0, time >= END - 1e-9,
     )  # fmt: skip
     for first, last in zip([0, *cuts], [*cuts, len(error)], strict=True):
-        metric.add(Block(*(part[first:last] for part in block)))
+        metric.add(ticks_of(block, first, last))
     return metric.result(Ending([], [], True))
 
 

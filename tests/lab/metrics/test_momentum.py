@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.lab.metrics.blocks import ticks_of
 
 from flexslew_lab.metrics.metric import Block, Ending, FlownManoeuvre, RunSetup
 from flexslew_lab.metrics.momentum import Momentum
@@ -35,7 +36,7 @@ def test_from_rest_wheels_store_what_the_craft_turns_with(seed: int) -> None:
         states.append(model.split(x))
     q, v = (np.array(part) for part in zip(*states, strict=True))
     count = len(v)
-    time, none = np.arange(count) * PERIOD, np.zeros((count, 4))
+    time, none = np.arange(count, dtype=float) * PERIOD, np.zeros((count, 4))
     metric = Momentum(
         RunSetup(model.joint_names, FlownManoeuvre(0.0, 1.0, None, np.zeros(4)), np.ones(4), craft)
     )
@@ -44,7 +45,7 @@ def test_from_rest_wheels_store_what_the_craft_turns_with(seed: int) -> None:
         time >= 0.0, time >= 1.0,
     )  # fmt: skip
     for first in range(0, count, 60):
-        metric.add(Block(*(None if p is None else p[first : first + 60] for p in block)))
+        metric.add(ticks_of(block, first, first + 60))
     found = metric.result(Ending([], [], True))
     body = v[:, 3:6] * inertia
     assert found["peak_stored_momentum"] == pytest.approx(abs(body).max(axis=0), rel=1e-9)

@@ -10,7 +10,7 @@ import pytest
 
 from flexslew_lab.log import bag_index
 from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.files.mcap_scan import CHUNK, RecordStream
+from flexslew_lab.log.files.mcap_scan import CHUNK, RecordStream, chunk_content
 from flexslew_lab.log.messages.cdr import encode
 from flexslew_lab.replay.player import Player, PlaySettings
 from flexslew_plant.errors import BadInput
@@ -154,11 +154,10 @@ def test_a_paced_player_goes_on_from_where_it_was_sent(bag: Any) -> None:
 
 def test_a_jump_reads_the_chunks_behind_it_only(bag: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     read = []
-    content = bag_index.chunk_content
 
     def counted(*arguments: Any) -> Any:
         read.append(arguments)
-        return content(*arguments)
+        return chunk_content(*arguments)
 
     monkeypatch.setattr(bag_index, "chunk_content", counted)
     it = player(bag, topics=("truth",), rate=0.0)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.present import present
 
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
@@ -85,7 +86,7 @@ def record(
     bench = Operated(bench_settings(trial))
     bench.unheard, bench.again = unheard, False
     bench.controllers = controllers = build_controllers(trial, bench, "test")
-    plan = plan_of_trial(trial)
+    plan = present(plan_of_trial(trial))
     bench.wishes = [*wishes, (taken - 1, lambda _: adopt())]
 
     def adopt() -> None:
@@ -321,7 +322,7 @@ def test_one_bit_of_the_truth_is_found_with_its_tick_and_field(tmp_path: Path) -
     assert not again.identical
     assert again.within_tolerance
     assert again.hash != again.recorded_hash
-    found = again.first_difference
+    found = present(again.first_difference)
     assert (found.epoch, found.tick, found.field) == (0, 777, "velocity[1]")
     assert found.recorded == np.nextafter(found.ours, 1.0)
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.present import present
 
 from flexslew_control.controllers.user_law import find_law
 from flexslew_lab.log.bag_layout import TOPICS
@@ -88,7 +89,7 @@ def test_to_trust_another_name_is_not_enough(own: tuple[Any, Any, Any]) -> None:
 def test_a_law_that_has_changed_is_said_before_and_after_it_runs(own: tuple[Any, Any, Any]) -> None:
     bag, law, traces = own
     recorded = code_hash(law)
-    file = file_of(law)
+    file = present(file_of(law))
     file.write_text(LAW.format(traces=str(traces), gain=11.0))
     with pytest.raises(Untrusted, match=f"NOT the file that was recorded.* {recorded}"):
         resim(bag)

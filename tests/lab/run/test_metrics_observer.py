@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from flexslew_control.plan import Plan
 from flexslew_lab.log.recording.bag_observer import BagObserver
 from flexslew_lab.log.recording.bag_writer import BagWriter
 from flexslew_lab.metrics.from_bag import metrics_of
@@ -16,12 +17,13 @@ from flexslew_lab.trial.trial import (
     trial_of_values,
 )
 from flexslew_plant.bench.bench import Bench, Truth
+from flexslew_plant.events import Event
 
 
 class _Both(MetricsObserver):
     """Measures and writes a bag of the same run."""
 
-    def __init__(self, bench: Bench, plan: object, bag: BagObserver) -> None:
+    def __init__(self, bench: Bench, plan: Plan | None, bag: BagObserver) -> None:
         super().__init__(bench, plan)
         self._bag = bag
 
@@ -29,7 +31,7 @@ class _Both(MetricsObserver):
         super().truth(truth)
         self._bag.truth(truth)
 
-    def event(self, event: object) -> None:
+    def event(self, event: Event) -> None:
         super().event(event)
         self._bag.event(event)
 

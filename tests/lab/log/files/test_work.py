@@ -7,6 +7,7 @@ from time import process_time
 
 import numpy as np
 import pytest
+from tests.present import present
 
 from flexslew_lab.log.bag_index import BagIndex
 from flexslew_lab.log.bag_layout import TOPICS, sealed
@@ -109,7 +110,7 @@ def test_an_index_names_no_chunk_twice(tmp_path: Path) -> None:
     BagIndex(tmp_path / "bag")
     path = writer.path
     content = bytearray(path.read_bytes())
-    start = find_summary(path).start
+    start = present(find_summary(path)).start
     at = [r.offset for r in summary_records(Summary(path, start, len(content) - 37, 0))]
     entries = [k for k in at if content[k] == CHUNK_INDEX]
     size = entries[1] - entries[0]

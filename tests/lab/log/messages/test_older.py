@@ -11,8 +11,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from flexslew_lab.log.bag_layout import TOPICS
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.log.checks.check import check_log
-from flexslew_lab.log.messages import cdr, older, topic_lookup
-from flexslew_lab.log.messages.schemas import schema_text, store
+from flexslew_lab.log.messages import cdr, older
+from flexslew_lab.log.messages.schemas import schema_text, store, type_hash
 from flexslew_lab.log.recording import bag_writer
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.run.run_trial import run_trial
@@ -92,7 +92,7 @@ def test_a_run_of_an_earlier_version_is_read_checked_and_flown_again(
     trial = parse_trial("{duration: 3.0, plan: {method: none, goal: {base_yaw: 0.1}}}", "test")
     with monkeypatch.context() as earlier:
         earlier.setattr(bag_writer.BagWriter, "write", as_before)
-        real, real_hash = bag_writer.schema_text, bag_writer.type_hash
+        real, real_hash = schema_text, type_hash
         earlier.setattr(
             bag_writer, "schema_text", lambda kind: text if kind == PLAN else real(kind)
         )
@@ -106,4 +106,4 @@ def test_a_run_of_an_earlier_version_is_read_checked_and_flown_again(
     assert [len(plan.gains) for plan in bag.overview.plans] == [0]
     assert [finding for finding in check_log(bag.path) if not finding.ok] == []
     assert resim(bag.path).identical
-    assert topic_lookup.type_hash(PLAN) == store().hash_rihs01(PLAN) != old.hash_rihs01(PLAN)
+    assert type_hash(PLAN) == store().hash_rihs01(PLAN) != old.hash_rihs01(PLAN)
