@@ -19,6 +19,7 @@ from flexslew_lab.run.fork_server import BEFORE_FORK, ForkServer
 from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run.supervisor import Outcome, Supervisor
 from flexslew_lab.trial.trial import parse_trial, plan_of_trial
+from tests.present import present
 
 SLEW = """
 name: short
@@ -95,7 +96,7 @@ class Flight:
         plan = None
         if trial.plan is not None:
             plan = folder / "plan.yaml"
-            save_plan(plan_of_trial(trial), plan)
+            save_plan(present(plan_of_trial(trial)), plan)
         nodes = node_processes(trial, folder, True, {"trial_file": "test"}, plan)
         processes = [*extra, *(_renamed(node, names) for node in nodes)]
         parameters = folder / "parameters.yaml"

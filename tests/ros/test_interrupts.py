@@ -9,6 +9,7 @@ from threading import Event
 import pytest
 
 from flexslew_plant.ros.interrupts import Interrupts
+from tests.present import present
 
 
 @pytest.fixture
@@ -36,7 +37,7 @@ def test_a_signal_that_a_callback_has_swallowed_comes_again(
 def test_a_signal_that_was_taken_does_not_come_again(interrupts: Interrupts) -> None:
     with suppress(KeyboardInterrupt):
         os.kill(os.getpid(), signal.SIGINT)
-    timer = interrupts._again
+    timer = present(interrupts._again)
     interrupts.taken()
     timer.join(20.0)
     assert not timer.is_alive()  # cancelled, it ended without a signal

@@ -11,13 +11,14 @@ class Seen:
     """A subscription that so many publishers are matched with, look by look; and a loop."""
 
     def __init__(self, *plants: int) -> None:
-        self.plants, self.code = list(plants), None
+        self.plants = list(plants)
+        self.code: int | None = None
 
     def get_publisher_count(self) -> int:
         return self.plants.pop(0)
 
     def stop(self, code: int) -> None:
-        self.code = code  # type: ignore[assignment]
+        self.code = code
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_fi
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import plan_of_trial
+from tests.present import present
 
 from .flight import fork_server, slew
 
@@ -20,7 +21,7 @@ SWAPS = "schedule: [{at: 1.5, switch: lqr}, {at: 3.0, switch: pd_feedforward}]"
 
 def flown(trial: Any, folder: Path) -> dict[str, Any]:
     """Return the metrics of a run of which plant and PD share a process."""
-    save_plan(plan_of_trial(trial), folder / "plan.yaml")
+    save_plan(present(plan_of_trial(trial)), folder / "plan.yaml")
     nodes = node_processes(trial, folder, True, {"trial_file": "test"}, folder / "plan.yaml")
     parameters = folder / "parameters.yaml"
     parameters.write_text(parameter_file(nodes))

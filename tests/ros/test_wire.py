@@ -49,7 +49,7 @@ def test_a_measurement_has_the_bytes_of_the_message(name: Any, sizes: Any) -> No
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("size", [0, 1, 2, 5])
 def test_a_command_has_the_bytes_of_the_message(name: Any, size: int) -> None:
-    effort = np.arange(size) * 0.3
+    effort = np.arange(size, dtype=float) * 0.3
     data = command_bytes(EffortCommand(7, 1, name, effort), Stamp(3, 4))
     message = deserialize_message(data, msg.EffortCommand)
     assert (message.tick, message.epoch, message.controller) == (7, 1, name)

@@ -8,6 +8,7 @@ from flexslew_plant.bench.bench import Bench, BenchSettings, SwitchRequest
 from flexslew_plant.bench.operation.backlog import Backlog
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import BrakeTookOver, FallbackTookOver, Level
+from flexslew_plant.events.run import Objection
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.refusal import Cause
 from flexslew_plant.settings import plain, validated, yaml_text
@@ -80,7 +81,7 @@ def healthy() -> Run:
     return Run(settings())
 
 
-FAULTS = {
+FAULTS: dict[str, dict[str, Any]] = {
     "actuator_stuck": {"kind": "actuator_stuck", "joint": "hub_pitch", "effort": 2.0},
     "actuator_gain": {"kind": "actuator_gain", "joint": "base_yaw", "gain": 0.5},
     "command_delay": {"kind": "command_delay", "ticks": 10},
@@ -217,7 +218,7 @@ def test_an_answer_out_of_its_tick_is_rejected_as_stale(
     kind: str, missed: bool, healthy: Run
 ) -> None:
     run = with_fault(kind)
-    assert run.bench.drive.rejected["stale"] > 30
+    assert run.bench.drive.rejected[Objection.STALE] > 30
     assert run.of("rejected")[0].data["reason"] == "stale"
     assert bool(run.of("missed")) is missed
     assert np.array_equal(run.states, healthy.states) is not missed

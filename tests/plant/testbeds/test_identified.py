@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexslew_control.law import PlantDescription
-from flexslew_control.planners.one_axis import reduced
+from flexslew_control.planners.one_axis import OneAxis, reduced
 from flexslew_control.planners.slew import Feedback
 from flexslew_lab.trial.sources import read_trial
 from flexslew_plant.errors import BadInput
@@ -95,6 +95,7 @@ def test_a_spacecraft_is_planned_on_what_was_identified_and_told_what_cannot_be(
     plant = PlantDescription(trial.testbed, trial.period, np.array(trial.testbed.effort_limit))
     feedback = Feedback(kp=(12.0,), kd=(60.0,))
     turn = reduced(about(plain(found)), plant, feedback)
+    assert isinstance(turn, OneAxis)
     assert turn.rigid.inertia == 60.0
     assert turn.plant.testbed.model().modes == 1
     with pytest.raises(BadInput, match="hub_with_appendages"):

@@ -43,9 +43,11 @@ def test_a_wrong_length_is_refused_with_the_shape_that_fits(model: Model, door: 
 
 
 def test_a_list_is_refused_and_whole_numbers_are_not_rounded(model: Model) -> None:
-    x, u = np.zeros(model.positions + model.coordinates, dtype=np.int64), np.ones(model.efforts)
+    x, u = np.zeros(model.positions + model.coordinates), np.ones(model.efforts)
+    wrong: Any = x.tolist()
     with pytest.raises(ValueError, match="a state of shape a list does not fit"):
-        model.advance(x.tolist(), u, 0.01)
-    after = model.advance(x, u, 0.01)
-    assert np.array_equal(after, model.advance(x.astype(float), u, 0.01))
+        model.advance(wrong, u, 0.01)
+    whole: Any = x.astype(np.int64)
+    after = model.advance(whole, u, 0.01)
+    assert np.array_equal(after, model.advance(x, u, 0.01))
     assert after.any()

@@ -3,6 +3,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from tests.present import present
 
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import TESTBEDS, TestbedSettings
@@ -24,7 +25,8 @@ def test_the_description_is_a_tree_whose_moving_joints_are_the_testbeds(kind: An
     assert moving == set(section_of(kind).model().joint_names)
     links = [link.get("name") for link in robot.findall("link")]
     parents = {
-        j.find("child").get("link"): j.find("parent").get("link") for j in robot.findall("joint")
+        present(j.find("child")).get("link"): present(j.find("parent")).get("link")
+        for j in robot.findall("joint")
     }
     assert len(set(links)) == len(links)
     assert set(links) - set(parents) == {"world"}

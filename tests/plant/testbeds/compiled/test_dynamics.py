@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import TESTBEDS, TestbedSettings
-from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.csa import CsaTestbed, CsaVariant
 
 # q is as long as v; the free platform, where it is not, has tests of its own
 SAME_LENGTHS = [kind for kind in TESTBEDS if kind != "spacecraft"]
@@ -16,7 +16,7 @@ STATE = np.array([0.1, 0.3, 0.5, 0.05, -0.02, 0.2, -0.1, 0.3, 0.1, 0.05])
 EFFORT = np.array([60.0, -30.0])
 
 
-def model(variant: str = "complete") -> Any:
+def model(variant: CsaVariant = "complete") -> Any:
     return CsaTestbed(variant=variant, modes=3).model()
 
 
@@ -28,7 +28,7 @@ def integrated(of: Any, x: Any, effort: Any, duration: Any) -> Any:
 
 
 @pytest.mark.parametrize("variant", ["printed", "complete"])
-def test_one_tick_is_exact_to_1e_9(variant: str) -> None:
+def test_one_tick_is_exact_to_1e_9(variant: CsaVariant) -> None:
     bed = model(variant)
     for scale in (1.0, 5.0):
         reached = bed.advance(scale * STATE, EFFORT, 0.01)

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import leggauss
 from tests.plant.testbeds.spacecraft.crafts import fly
+from tests.present import present
 
-from flexslew_control.planners import make_plan
 from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.trial.trial import feedback_of, plant_of
+from flexslew_lab.trial.trial import plan_of_trial
 from flexslew_plant.arrays import Matrix
+from flexslew_plant.testbeds.csa import CsaVariant
 from flexslew_plant.testbeds.csa.testbed import CsaTestbed, beam
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Appendage, CraftDrive, Spacecraft
 from flexslew_plant.testbeds.spacecraft.assembly.packing import packed
@@ -61,7 +62,7 @@ def craft(testbed: CsaTestbed, second_order: bool) -> Spacecraft:
 
 
 @cache
-def flown(variant: str, second_order: bool) -> tuple[Matrix, Matrix, float]:
+def flown(variant: CsaVariant, second_order: bool) -> tuple[Matrix, Matrix, float]:
     """Return tip deflections of m1's efforts in open loop and the largest yaw rate.
 
     Args:
@@ -69,7 +70,7 @@ def flown(variant: str, second_order: bool) -> tuple[Matrix, Matrix, float]:
         second_order: whether the same as a spacecraft, which flies them next, has such terms.
     """
     trial = shipped("m1")
-    plan = make_plan(trial.plan, plant_of(trial), feedback_of(trial))
+    plan = present(plan_of_trial(trial))
     assert isinstance(trial.testbed, CsaTestbed)
     model = replace(trial.testbed, variant=variant).model()
     n = model.coordinates
@@ -93,7 +94,7 @@ def test_complete_has_every_term_of_first_order() -> None:
 
 @pytest.mark.parametrize(("variant", "stated"), [("complete", 0.022), ("printed", 0.0124)])
 def test_the_error_of_a_variant_at_the_rates_of_m1_is_the_stated_one(
-    variant: str, stated: float
+    variant: CsaVariant, stated: float
 ) -> None:
     bench, whole, rate = flown(variant, True)
     assert rate == pytest.approx(0.051, rel=0.01)

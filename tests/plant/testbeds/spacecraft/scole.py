@@ -1,6 +1,6 @@
 """SCOLE-S and the full-scale SCOLE of Sung and Joo as sections, in slugs, feet and pounds."""
 
-from typing import Any
+from typing import Any, Literal
 
 from flexslew_plant.testbeds.spacecraft.settings import (
     ActuatorPlace,
@@ -11,6 +11,7 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     Inertia,
     Platform,
 )
+from flexslew_plant.testbeds.spacecraft.units import UnitSystem
 
 SMALL = {
     "mass": 67.0576,
@@ -43,9 +44,14 @@ FULL = {
 class Scole:
     """The part of a `testbed` section that the physics reads."""
 
-    def __init__(self, numbers: dict[str, Any], modes: int = 8, motion: str = "free") -> None:
+    def __init__(
+        self,
+        numbers: dict[str, Any],
+        modes: int = 8,
+        motion: Literal["free", "held", "pivot"] = "free",
+    ) -> None:
         n = numbers
-        self.units = "slug_ft_lb"
+        self.units: UnitSystem = "slug_ft_lb"
         self.platform = Platform(motion=motion, mass=n["mass"], inertia=n["inertia"])
         beam = Beam(
             length=n["length"],

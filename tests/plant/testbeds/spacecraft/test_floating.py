@@ -10,7 +10,7 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.floating import CanFloat, Floating
 
-RIGID = {
+RIGID: dict[str, Any] = {
     "kind": "spacecraft",
     "platform": {"mass": 50.0, "inertia": {"xx": 30.0, "yy": 40.0, "zz": 25.0, "xy": 2.0}},
 }

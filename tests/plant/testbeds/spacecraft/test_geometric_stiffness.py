@@ -18,7 +18,7 @@ from flexslew_plant.testbeds.spacecraft.shapes.modal_file import modal_shape
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 HUB = Hub(100.0, np.array([60.0, 70.0, 80.0]), 0.5, 10.0, 1.0, 500.0)
-LONG = {"length": 6.0, "linear_density": 0.4, "bending_stiffness": 90.0}
+LONG: dict[str, Any] = {"length": 6.0, "linear_density": 0.4, "bending_stiffness": 90.0}
 CLAMPED = 3.5160153 * np.sqrt(HUB.stiffness / HUB.linear_density) / HUB.length**2
 
 

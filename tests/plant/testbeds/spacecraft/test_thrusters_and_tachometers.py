@@ -5,22 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.present import present
 
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.actuator import Actuator, ActuatorSettings
 from flexslew_plant.settings import validated
-from flexslew_plant.testbeds import Testbed, read_testbed
+from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.instruments import TachometerSettings
+from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 BOX = {"mass": 50.0, "inertia": {"xx": 10.0, "yy": 14.0, "zz": 18.0}}
 
 
-def craft(rng: np.random.Generator, wheels: int = 0, thrusters: int = 1) -> Testbed:
+def craft(rng: np.random.Generator, wheels: int = 0, thrusters: int = 1) -> SpacecraftTestbed:
     """Return a rigid craft whose origin is not its centre of mass, drives along any axes."""
     axes = rng.standard_normal((wheels, 3))
     platform = {**BOX, "centre": rng.uniform(-0.2, 0.2, 3).tolist()}
-    return read_testbed(
+    found = read_testbed(
         {
             "kind": "spacecraft", "platform": platform, "appendages": {},
             "wheels": {
@@ -37,6 +39,8 @@ def craft(rng: np.random.Generator, wheels: int = 0, thrusters: int = 1) -> Test
         },
         "here",
     )  # fmt: skip
+    assert isinstance(found, SpacecraftTestbed)
+    return found
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -93,7 +97,7 @@ def test_a_tachometer_reads_the_speed_of_every_wheel() -> None:
     rng = np.random.default_rng(4)
     plain = craft(rng, 5, 0)
     tachometer = validated(TachometerSettings, {"kind": "tachometer", "noise": 0.1}, "here")
-    bench = replace(plain, sensors={"tacho": tachometer})  # type: ignore[type-var]
+    bench = replace(plain, sensors={"tacho": tachometer})
     model = bench.model()
     names = model.appendages.names
     assert names == tuple(f"tacho_wheel_{k}" for k in range(5))
@@ -101,7 +105,7 @@ def test_a_tachometer_reads_the_speed_of_every_wheel() -> None:
     for _ in range(10):
         x = model.advance(x, rng.uniform(-1.0, 1.0, 5), 0.1)
     (instrument,) = model.appendages.instruments
-    body = model.appendages.body(x)  # type: ignore[misc]
+    body = present(model.appendages.body)(x)
     np.testing.assert_array_equal(instrument.exact(body), model.split(x)[1][6:11])
     noisy = instrument.begin(0.1, np.random.default_rng(1))
     off = np.array([noisy(body) for _ in range(2000)]) - instrument.exact(body)
