@@ -89,7 +89,7 @@ def test_no_law_compiles_or_loads_in_flight(kind: str, modes: int) -> None:
     if testbed.modes != modes:
         testbed = read_testbed(values | {"modes": modes}, "test")
     trial = Trial(testbed=testbed, duration=1.0)
-    own = {
+    own: dict[str, dict[str, Any]] = {
         "output_feedback": {"model": {"modes": modes}} if "modes" in vars(testbed) else {},
         "lqr": {"filter": {"tip_sigma": 5e-3}},
     }

@@ -13,7 +13,7 @@ from flexslew_lab.trial.trial import Trial
 from flexslew_plant.bench.records import SwitchRequest
 
 KALMAN = ("lqr", "proportional_integral", "output_feedback")
-TUNED = {
+TUNED: dict[str, list[dict[str, Any]]] = {
     "lqr": [{"filter": {"angle_sigma": 2e-4}}, {"weights": {"joint": 50.0}}],
     "proportional_integral": [{"filter": {"rate_sigma": 2e-3}}, {"tracking_time": 5.0}],
     "output_feedback": [{"reaching_rate": 1.5}, {"attitude_gain": 0.1}],

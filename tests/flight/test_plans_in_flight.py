@@ -9,6 +9,7 @@ from tests.wire_bench import WireBench
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.course import LARGEST_JUMP
+from flexslew_control.plan import Plan
 from flexslew_control.planned_course import PlanAnswers, PlannedCourse
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.trial.trial import Trial
@@ -20,7 +21,7 @@ FARTHEST = 0.03  # of a goal from the last one [rad]
 NEEDS_GAINS = {"planned_gains"}  # a plan that has them: it follows no other one
 
 
-def planned(bench: WireBench, course: PlannedCourse, start: float, goal: Any, **more: Any) -> Any:
+def planned(bench: WireBench, course: PlannedCourse, start: float, goal: Any, **more: Any) -> Plan:
     """Return a plan as the planner makes it: from where the reference is at its start."""
     values = {
         "method": "reference_only",

@@ -4,8 +4,10 @@
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from tests.present import present
 from tests.wire_bench import WireBench
 
 from flexslew_lab.log.recording.bag_observer import BagObserver
@@ -24,7 +26,10 @@ controllers: {pd_feedforward: {}, proportional_integral: {}, lqr: {}}
 fallback: [lqr, pd_feedforward]
 schedule: [{at: 0.0, disturbance: {base_yaw: 20.0, hub_pitch: -15.0}}]  # it moves
 """
-TUNED = {"pd_feedforward": {"kp": [400.0, 410.0]}, "lqr": {"weights": {"joint": 60.0}}}
+TUNED: dict[str, dict[str, Any]] = {
+    "pd_feedforward": {"kp": [400.0, 410.0]},
+    "lqr": {"weights": {"joint": 60.0}},
+}
 LAST = 250
 
 
@@ -33,7 +38,7 @@ def recorded(folder: Path, trial: Trial, named: bool = True) -> tuple[WireBench,
     bench = WireBench(trial)
     writer = BagWriter(folder, {"trial": trial_text(trial)} if named else {})
     bench.observer = observer = BagObserver(writer)
-    controllers = {name: host.controller for name, host in bench.hosts.items()}
+    controllers = {name: present(host.controller) for name, host in bench.hosts.items()}
     observer.announce(trial, bench.bench, None, controllers)
     return bench, writer
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.lab.metrics.blocks import ticks_of
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.metrics import KEYS, METRICS, Metric
@@ -21,6 +22,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.events import (
     AnswerMissed,
     Event,
+    Fact,
     FallbackTookOver,
     FaultChanged,
     RunFinished,
@@ -74,7 +76,7 @@ def flown(name: str, ticks: int, rng: np.random.Generator) -> tuple[RunSetup, Bl
         q = states[-1][0]
         joints.append(q[: model.joints] if model.reading is None else model.reading(x)[0])
         x = model.advance(x, push, 0.004)
-    time = 0.5 + np.arange(ticks) * 0.004
+    time = 0.5 + np.arange(ticks, dtype=float) * 0.004
     goal = joints[0] + [craft.typical_goal.get(joint, 0.0) for joint in model.joint_names]
     manoeuvre = FlownManoeuvre(time[ticks // 4], time[ticks // 2], goal, goal - joints[0])
     block = Block(
@@ -87,11 +89,11 @@ def flown(name: str, ticks: int, rng: np.random.Generator) -> tuple[RunSetup, Bl
 
 
 def cut(block: Block, where: list[int]) -> list[Block]:
-    return [Block(*(part[a:b] for part in block)) for a, b in pairwise(where)]
+    return [ticks_of(block, a, b) for a, b in pairwise(where)]
 
 
 def events() -> list[Event]:
-    facts = [
+    facts: list[Fact] = [
         Switched("a", "b", [0.5, -0.7]),
         AnswerMissed("b", ticks=3),
         FaultChanged(on=True),

@@ -8,11 +8,18 @@ import pytest
 from flexslew_lab.studies.cases import case_of, case_trial, sample_table, trial_seed
 from flexslew_lab.studies.run import prepare
 from flexslew_lab.studies.study import Study, load_study, shipped_names, study_path
+from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.csa import CsaTestbed
 
 STIFFNESS = "testbed.parameters.bending_stiffness"
 SPREAD = {"uniform": [0.0, 1.0]}
 MANY = {f"v{k}": {"keys": [STIFFNESS], "offset": SPREAD} for k in range(65)}
+
+
+def csa(trial: Trial) -> CsaTestbed:
+    assert isinstance(trial.testbed, CsaTestbed)
+    return trial.testbed
 
 
 @pytest.mark.parametrize("name", shipped_names())
@@ -89,8 +96,8 @@ def test_a_list_comes_from_a_file(study_of: Callable[..., Study], tmp_path: Path
     study = study_of(sampling={"method": "list", "file": "list.csv"}, vary=None)
     samples = sample_table(study)
     trials = [case_trial(study, case_of(study, samples, k)) for k in (0, 1)]
-    assert [t.testbed.parameters.bending_stiffness for t in trials] == [1400.0, 1600.0]
-    assert [t.testbed.damping_ratio for t in trials] == [0.01, 0.02]
+    assert [csa(t).parameters.bending_stiffness for t in trials] == [1400.0, 1600.0]
+    assert [csa(t).damping_ratio for t in trials] == [0.01, 0.02]
     with pytest.raises(BadInput, match="vary: is not allowed with a list"):
         study_of(sampling={"method": "list", "file": "list.csv"})
     (tmp_path / "list.csv").write_text(rows + "1,2,3\n")
@@ -118,7 +125,7 @@ def test_draws_change_the_trial_as_they_say(study_of: Callable[..., Study]) -> N
     for k in range(samples.num_rows):
         trial = case_trial(study, case_of(study, samples, k))
         draw = {name: samples[name][k].as_py() for name in samples.column_names}
-        p = trial.testbed.parameters
+        p = csa(trial).parameters
         assert p.bending_stiffness == 1500.0 * (1.0 + draw[STIFFNESS])
         assert p.hub_inertia_1 == p.hub_inertia_2 == 2000.0 * (1.0 + draw["payload"])
         scaled = 460.0 * (1.0 + draw["controllers.pd_feedforward.kp"])
@@ -150,6 +157,6 @@ def test_seeds_come_from_the_study_s_seed_and_the_number_alone() -> None:
 def test_controllers_keep_believing_in_the_nominal_bench(study_of: Callable[..., Study]) -> None:
     study = study_of(flown={"active": "lqr", "controllers": {"lqr": {}}})
     trial = case_trial(study, case_of(study, sample_table(study), 0))
-    assert trial.testbed.parameters.bending_stiffness != 1500.0
+    assert csa(trial).parameters.bending_stiffness != 1500.0
     assert trial.controllers["lqr"]["model"]["parameters"]["bending_stiffness"] == 1500.0
     assert trial.controllers["lqr"]["model"]["modes"] == 1

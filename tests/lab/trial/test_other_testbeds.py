@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.present import present
 
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import trial_path
@@ -63,7 +64,7 @@ def test_a_plan_for_other_joints_is_refused_before_anything_is_written(tmp_path:
 
 def test_the_drive_limits_what_is_planned() -> None:
     trial: Any = load_trial(HUB)
-    plan = plan_of_trial(trial)
+    plan = present(plan_of_trial(trial))
     assert np.abs(plan.effort).max() == pytest.approx(trial.testbed.effort_limit[0])
     more = replace(trial, plan=replace(trial.plan, amplitude=3.0))
     with pytest.raises(BadInput, match="amplitude: 3 is above the drive's limit"):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.present import present
 
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_control.planners import PLANNERS
@@ -19,7 +20,7 @@ from flexslew_plant.own_code import ANY_CODE, Trust
 
 ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "docs" / "own_testbed.md").read_text()
-EXAMPLE = re.search(r"```yaml\n(.*?)```", TEXT, re.DOTALL)[1]
+EXAMPLE = present(re.search(r"```yaml\n(.*?)```", TEXT, re.DOTALL))[1]
 KIND = "docs/examples/three_joints.py:ThreeJoints"
 GAINS = {"kp": [40.0], "kd": [60.0]}
 LAWS = {
@@ -108,7 +109,7 @@ def test_the_plans_of_this_file_are_those_of_the_table() -> None:
 @pytest.mark.parametrize("method", PLANS)
 def test_every_planner_plans_it_and_the_plan_flies(method: Any, tmp_path: Path) -> None:
     requested = trial(plan=PLANS[method], testbed=f"{{kind: {KIND}, modes: 1}}", duration=60.0)
-    plan = plan_of_trial(requested)
+    plan = present(plan_of_trial(requested))
     assert plan.joint_names == ("base", "arm", "wrist")
     metrics = flown(requested, tmp_path / "run")
     if method not in ("none", "reference_only"):

@@ -1,6 +1,7 @@
 import os
 import signal
 
+import distributed
 import pytest
 
 from flexslew_lab.studies.cases import case_of
@@ -9,8 +10,6 @@ from flexslew_lab.studies.execution.pool import InThisProcess
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation
 from flexslew_plant.errors import BadInput, RunFault
-
-distributed = pytest.importorskip("distributed")
 
 
 def test_a_cluster_that_loses_its_workers_flies_the_same(ready: Preparation) -> None:

@@ -5,6 +5,7 @@ import heapq
 import numpy as np
 import pytest
 
+from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.execution.pace import Pace
 from flexslew_lab.studies.execution.pool import CHUNK_TIME, Chunks
 
@@ -22,7 +23,7 @@ def reports(
         overhead: of a chunk [s].
         start: of a process, with what it compiles [s].
     """
-    chunks, numbers, done = Chunks(), iter([None] * trials), 0
+    chunks, numbers, done = Chunks(), iter([Case(0, 0, 0, 0, ())] * trials), 0
     found = []
     free = [(0.0, 0.0, 0, k) for k in range(workers)]  # when free, since when, trials, who
     heapq.heapify(free)
