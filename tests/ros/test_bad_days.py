@@ -44,12 +44,16 @@ schedule: [{at: 1.0, disturbance: {base_yaw: 5.0}}]
 def killed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Flight]]:
     """Flights in which somebody is killed, by name."""
     folder = tmp_path_factory.mktemp("killed")
-    second = {"more": ", second: {law: pd_feedforward}", "extra": "fallback: [second]"}
-    quick = {"patience": 0.5}
+    second = ", second: {law: pd_feedforward}"
     with side_by_side(
-        controller=lambda: Flight(slew(80.0, **quick), folder / "1", 30, kill("pd_feedforward")),
+        controller=lambda: Flight(
+            slew(80.0, patience=0.5), folder / "1", 30, kill("pd_feedforward")
+        ),
         fallback=lambda: Flight(
-            slew(20.0, **second, **quick), folder / "2", 0, kill("pd_feedforward")
+            slew(20.0, more=second, extra="fallback: [second]", patience=0.5),
+            folder / "2",
+            0,
+            kill("pd_feedforward"),
         ),
         planner=lambda: Flight(slew(20.0), folder / "3", 0, kill("planner")),
         recorder=lambda: Flight(slew(80.0), folder / "4", 100, kill("recorder")),

@@ -15,8 +15,6 @@ from tests.browser import FOUND, chromium
 
 from .console_page import Page, console, trial_file
 
-pytest.importorskip("nicegui")
-
 
 @pytest.mark.alone
 @pytest.mark.timeout(1200)

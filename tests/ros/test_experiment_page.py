@@ -10,8 +10,6 @@ from tests.browser import chromium
 
 from .console_page import Page, console
 
-pytest.importorskip("nicegui")
-
 _TRIAL = """
 name: shaken_by_hand
 duration: 2000.0

@@ -23,8 +23,6 @@ from flexslew_lab.run.supervisor import Supervisor
 
 from .flight import fork_server, slew
 
-pytest.importorskip("foxglove")
-
 
 class Client:
     """A WebSocket client that speaks as little as it can."""

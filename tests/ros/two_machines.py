@@ -22,6 +22,7 @@ from flexslew_msgs.msg import PlantState
 from std_srvs.srv import Trigger
 
 from flexslew_plant.network import ELSEWHERE, NEWER, OLDER, RANGE, SKIP
+from tests.present import present
 
 HERE, THERE = "10.77.0.1", "10.77.0.2"
 _PATIENCE = 60.0  # for a command to open its sockets [wall s]
@@ -63,7 +64,7 @@ def wire(words: list[str]) -> Iterator["subprocess.Popen[str]"]:
         ["unshare", "--net", "--mount", "sh", "-ec", _NEIGHBOUR, "sh", *words],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     ) as other:  # fmt: skip
-        assert other.stdout.readline() == "wire\n"
+        assert present(other.stdout).readline() == "wire\n"
         subprocess.run(["ip", "link", "set", "there", "netns", str(other.pid)], check=True)
         yield other
 
@@ -104,9 +105,10 @@ def run(words: list[str], until: str) -> dict[str, Any]:
     look = ["env", *(f"--unset={name}" for name in (NEWER, OLDER, RANGE, SKIP, *ELSEWHERE))]
     look += [f"ROS_STATIC_PEERS={HERE}", f"{RANGE}=SUBNET", sys.executable, "-m", __spec__.name]
     with wire([*look, "look"]) as other:
-        other.stdin.write("\n")
-        other.stdin.flush()
-        assert other.stdout.readline() == "looking\n"
+        asks = present(other.stdin)
+        asks.write("\n")
+        asks.flush()
+        assert present(other.stdout).readline() == "looking\n"
         addresses: set[str] = set()
         with subprocess.Popen(words, start_new_session=True) as bench:
             end = monotonic() + _PATIENCE
@@ -117,7 +119,7 @@ def run(words: list[str], until: str) -> dict[str, Any]:
                     heard >= {*until.split("+")} or monotonic() > end
                 ):
                     break
-                _rest(other.stdout)
+                _rest(present(other.stdout))
             addresses |= bound()
             if bench.poll() is None:
                 bench.send_signal(signal.SIGINT)

@@ -18,13 +18,10 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.run.processes import NodeProcess
 from flexslew_lab.run.run_trial import run_trial
+from tests.page_client import PageClient
 from tests.ros.bystander import held
 from tests.ros.console_page import console, trial_file
 from tests.ros.flight import Flight, slew
-
-pytest.importorskip("nicegui")
-
-from tests.page_client import PageClient
 
 ACTIONS = 1000  # of each
 ODD = [
