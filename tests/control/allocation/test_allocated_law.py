@@ -15,7 +15,8 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.sensors import exact_readings
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.testbeds import Testbed, initial_state, read_testbed
+from flexslew_plant.testbeds import initial_state, read_testbed
+from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 PERIOD = 0.1  # [s]
 GAINS = {"kp": [4.0, 5.0, 6.0], "kd": [9.0, 11.0, 13.0]}  # about x, y, z
@@ -25,7 +26,9 @@ LAWS: dict[str, dict[str, Any]] = {
 }
 
 
-def craft(rng: np.random.Generator, wheels: int = 4, jets: int = 8, **more: Any) -> Testbed:
+def craft(
+    rng: np.random.Generator, wheels: int = 4, jets: int = 8, **more: Any
+) -> SpacecraftTestbed:
     """Return a rigid craft with drives along any axes, at any attitude."""
     while True:
         place, push = rng.uniform(-1.0, 1.0, (jets, 3)), rng.standard_normal((jets, 3))
@@ -53,11 +56,13 @@ def craft(rng: np.random.Generator, wheels: int = 4, jets: int = 8, **more: Any)
         "sensors": {"speeds": {"kind": "tachometer"}},
         **more,
     }  # fmt: skip
-    return read_testbed(values, "here")
+    found = read_testbed(values, "here")
+    assert isinstance(found, SpacecraftTestbed)
+    return found
 
 
 def flown(
-    bench: Testbed, law: str, allocation: dict[str, Any], seconds: float, pushed: Vector
+    bench: SpacecraftTestbed, law: str, allocation: dict[str, Any], seconds: float, pushed: Vector
 ) -> Matrix:
     """Return the states of a hold about the start, pushed by a torque in its first second."""
     plant = PlantDescription(bench, PERIOD, np.array(bench.effort_limit))
@@ -134,7 +139,7 @@ def test_unloading_empties_the_wheels_while_they_hold_the_attitude(seed: int) ->
     assert stored[0.0][-1] == pytest.approx(np.linalg.norm(push), rel=0.05)  # for a second
     assert stored[0.1][-1] < 2e-3 * stored[0.0][-1]
     start = Rotation.from_quat(states[0.1][0, 3:7])
-    turned = (start.inv() * Rotation.from_quat(states[0.1][:, 3:7])).magnitude()
+    turned = np.array((start.inv() * Rotation.from_quat(states[0.1][:, 3:7])).magnitude())
     assert turned[-1] < 0.05 * turned.max()  # the integral's tail: exp(-100 s * ki / kp) is .08
 
 

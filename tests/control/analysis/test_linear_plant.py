@@ -18,10 +18,12 @@ from flexslew_control.analysis.signals import inputs_of, outputs_of
 from flexslew_lab.trial.sources import read_trial, shipped_trials
 from flexslew_lab.trial.trial import plant_of
 from flexslew_plant.bench.bench import Bench, BenchSettings
+from flexslew_plant.bench.schedule import ScheduleEntry
 from flexslew_plant.errors import BadInput
 from flexslew_plant.hardware.actuator import Actuator, ActuatorSettings
 from flexslew_plant.measurement import EffortCommand
 from flexslew_plant.own_code import ANY_CODE
+from flexslew_plant.settings import validated
 from flexslew_plant.testbeds import TESTBEDS, read_testbed
 from flexslew_plant.testbeds.instruments.instrument import channels
 
@@ -165,7 +167,9 @@ def test_the_response_of_the_sampled_model_is_that_of_the_bench(way: Any) -> Non
         actuator=way.actuator,
         active="x",
         allow_faults=True,
-        schedule=[{"at": 0.0, "fault": fault} for fault in faults],
+        schedule=validated(
+            tuple[ScheduleEntry, ...], [{"at": 0.0, "fault": fault} for fault in faults], "here"
+        ),
     )
     bench, seen = Bench(settings), []
     for effort in efforts:

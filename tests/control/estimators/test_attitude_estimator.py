@@ -27,6 +27,7 @@ from flexslew_plant.testbeds.instruments import (
     SunSensor,
     SunSensorSettings,
 )
+from flexslew_plant.testbeds.instruments.instrument import Instrument
 
 PERIOD, SEEDS, TICKS = 0.1, 80, 45
 GYRO: dict[str, Any] = {
@@ -78,9 +79,9 @@ def sensed(
     """Return what the filter makes of a flight."""
     gyro, star, suns = instruments(sun, **tracker)
     path, rates = truth(rate, seed, ticks)
+    sensors: list[Instrument] = [gyro, star, *suns]
     readers = [
-        (one, one.begin(PERIOD, np.random.default_rng([seed, one.first])))
-        for one in (gyro, star, *suns)
+        (one, one.begin(PERIOD, np.random.default_rng([seed, one.first]))) for one in sensors
     ]
     reader: Any = readers[0][1]
     it = AttitudeEstimator(

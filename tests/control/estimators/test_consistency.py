@@ -17,6 +17,7 @@ from flexslew_control.law import PlantDescription
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
+from flexslew_plant.testbeds import Model
 from flexslew_plant.testbeds.csa import CsaTestbed
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 
@@ -51,6 +52,7 @@ class Truth:
     def __init__(
         self, estimator: KalmanFilter, rates: tuple[float, ...], rng: np.random.Generator
     ) -> None:
+        assert isinstance(estimator.model, Model)
         self.model, self.settings, self.rng = estimator.model, estimator.settings, rng
         s, n, m = estimator.settings, estimator.model.coordinates, estimator.model.joints
         density = np.zeros((n, n))  # of the accelerations

@@ -6,18 +6,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.present import present
 
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.trial.trial import feedback_of, plant_of
+from flexslew_lab.trial.trial import feedback_of, plan_of_trial, plant_of
 from flexslew_plant.errors import PlanFailed
+from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
 
 def planned(name: str, **changes: Any) -> Any:
     trial = shipped(name, {"plan": changes})
-    return make_plan(trial.plan, plant_of(trial), feedback_of(trial))
+    return present(plan_of_trial(trial))
 
 
 @pytest.mark.parametrize("modes", [2, 8])
@@ -41,6 +43,7 @@ def test_the_reference_may_swing_on_after_the_end() -> None:
 
 def test_equal_panels_swing_together_in_the_planners_model() -> None:
     testbed = shipped("own_spacecraft").testbed
+    assert isinstance(testbed, SpacecraftTestbed)
     one = testbed.turning("roll", 1)
     assert {name: part.only_modes for name, part in one.appendages.items()} == {
         "left": (1,),

@@ -4,8 +4,10 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.plants import plant
+from tests.present import present
 
 from flexslew_control.planners import PLANNERS, make_plan, other_method, plan_settings
+from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.own_code import ANY_CODE
 from flexslew_plant.settings import plain
@@ -99,7 +101,9 @@ def test_every_planner_refuses_more_effort_than_the_drives_have(method: Any) -> 
 def test_too_short_a_duration_is_refused_with_one_that_does(method: str) -> None:
     with pytest.raises(PlanFailed, match=r"is enough; a rigid body takes 13\.72 s") as caught:
         planned(method, duration=8.0)
-    enough = float(re.search(r"a duration of ([\d.]+) s \(now 8 s\)", str(caught.value))[1])
+    enough = float(
+        present(re.search(r"a duration of ([\d.]+) s \(now 8 s\)", str(caught.value)))[1]
+    )
     assert 13.72 < enough < 25.0
     assert planned(method, duration=enough).request["duration"] == enough
     with pytest.raises(PlanFailed, match=r"no duration up to .* is enough; use a higher effort"):
@@ -122,6 +126,7 @@ def test_a_goal_that_leaves_out_a_joint_leaves_it_where_it_is() -> None:
     given = {"method": "time_optimal", "goal": {"base_yaw": 1.0}, "model": model}
     settings = plan_settings(given, "trial.yaml")
     other = other_method(settings, "optimized_feedforward", "trial.yaml", functions=12)
+    assert isinstance(other, OptimizedFeedforward)
     assert other.functions == 12
     plan = make_plan(other, plant(0.05))
     assert plan.request["model"]["variant"] == "printed"

@@ -12,7 +12,7 @@ from flexslew_control.planners.slew import Feedback
 from flexslew_lab.run.in_process import fly
 from flexslew_plant.bench.bench import Bench, BenchSettings
 from flexslew_plant.errors import PlanFailed
-from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed
+from flexslew_plant.testbeds.csa import CsaInitial, CsaTestbed, CsaVariant
 
 GAINS = Feedback(kp=(460.0,), kd=(920.0,))
 AT_REST: dict[
@@ -84,7 +84,7 @@ def test_every_planner_is_in_one_of_the_campaigns() -> None:
 @pytest.mark.parametrize("variant", ["printed", "complete"])
 @pytest.mark.parametrize("period", [0.001, 0.01, 0.05])
 def test_random_slews_leave_nothing_on_the_model_that_they_were_planned_on(
-    method: Any, variant: str, period: float
+    method: Any, variant: CsaVariant, period: float
 ) -> None:
     rng = np.random.default_rng([len(method), len(variant), round(1000 * period)])
     done = 0

@@ -14,7 +14,8 @@ from flexslew_control.planners.feedforward.manoeuvre import Manoeuvre, TerminalM
 from flexslew_control.planners.feedforward.optimized_feedforward import OptimizedFeedforward
 from flexslew_control.planners.reference import NoPlan, ReferenceOnly
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed
+from flexslew_plant.settings import validated
+from flexslew_plant.testbeds.csa import CsaParameters, CsaTestbed, CsaVariant
 
 GAIN_P, GAIN_D = np.array([460.0, 460.0]), np.array([920.0, 920.0])
 PRINTED = {"variant": "printed"}
@@ -28,21 +29,22 @@ def plan(goal: Any = M1, limit: float = 200.0, modes: int = 1, **more: Any) -> A
 
 @lru_cache(maxsize=64)
 def found(goal: Any, limit: Any, modes: Any, more: Any) -> Any:
-    asked = OptimizedFeedforward(
-        model=PRINTED | {"modes": modes},
-        goal={"base_yaw": goal[0], "hub_pitch": goal[1]},
-        **({"track": "reference"} | dict(more)),
-    )
+    values = {
+        "model": PRINTED | {"modes": modes},
+        "goal": {"base_yaw": goal[0], "hub_pitch": goal[1]},
+        "track": "reference",
+    }
+    asked = validated(OptimizedFeedforward, values | dict(more), "test")
     return make_plan(asked, plant(0.05, [limit, limit]))
 
 
-def slew(modes: int = 1, variant: str = "printed", goal: Any = M1) -> Manoeuvre:
+def slew(modes: int = 1, variant: CsaVariant = "printed", goal: Any = M1) -> Manoeuvre:
     model = CsaTestbed(variant=variant, modes=modes).model()
     return Manoeuvre(model, GAIN_P, GAIN_D, np.zeros(2), np.array(goal), 25.0, "cubic")
 
 
 def residual_tip(
-    flown: Any, variant: str = "printed", stiffness: float = 1.0, until: float = 100.0
+    flown: Any, variant: CsaVariant = "printed", stiffness: float = 1.0, until: float = 100.0
 ) -> float:
     """Return the largest tip deflection after the manoeuvre [m], feedback continuous in time."""
     asked = flown.request
@@ -133,7 +135,7 @@ def test_peak_torque_of_m1() -> None:
 
 @pytest.mark.parametrize("variant", ["printed", "complete"])
 @pytest.mark.parametrize("modes", [1, 3])
-def test_exact_sensitivities_are_the_limit_of_differences(modes: int, variant: str) -> None:
+def test_exact_sensitivities_are_the_limit_of_differences(modes: int, variant: CsaVariant) -> None:
     weights = 30.0 * np.random.default_rng(1).standard_normal(18)
     at = TerminalMap(slew(modes, variant), Basis("hat", 9, 25.0), 4 * modes)
     error = at.terminal_error(weights)

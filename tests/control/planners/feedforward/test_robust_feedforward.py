@@ -65,11 +65,11 @@ def test_in_equal_time_it_leaves_a_third_of_the_plain_plan_within_the_torque_lim
 
 
 def test_an_ensemble_with_payload_errors_suits_both() -> None:
-    errors = {"stiffness_errors": (-0.2, 0.0, 0.2), "payload_errors": (-0.2, 0.0, 0.2)}
-    corners = list(product((-0.2, 0.0, 0.2), (-0.2, 0.0, 0.2)))
+    errors = (-0.2, 0.0, 0.2)
+    corners = list(product(errors, errors))
     before = max(residual_tip(plain_plan(), *corner) for corner in corners)
     for duration, gain in ((25.0, 2.0), (30.0, 3.5)):
-        robust = plan(duration=duration, **errors)
+        robust = plan(duration=duration, stiffness_errors=errors, payload_errors=errors)
         assert max(residual_tip(robust, *corner) for corner in corners) < before / gain
 
 

@@ -13,6 +13,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import linprog
 from tests.plants import plant
+from tests.present import present
 
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_plant.testbeds import read_testbed
@@ -41,7 +42,7 @@ def least(slopes: Any, offsets: Any, equal: Any, values: Any) -> float:
     goal = np.eye(len(bounds))[-1]
     found = linprog(goal, a, b, equal, values, bounds, method="highs")
     assert found.success
-    return float(found.fun)
+    return present(found.fun)
 
 
 def free_motion(duration: float) -> tuple[Any, Any]:
@@ -75,7 +76,7 @@ def test_without_feedback_the_least_amplitude_is_that_of_a_linear_program(
     duration: float, exact: bool
 ) -> None:
     none = {"kp": [0.0], "kd": [0.0]}
-    section = {"goal": {"mass": 1.0}, "duration": duration, "feedback": none}
+    section: dict[str, Any] = {"goal": {"mass": 1.0}, "duration": duration, "feedback": none}
     found = planned("floating_oscillator", **section, exact_nominal=exact).summary
     # members between those of the grid join where they would be left with more
     least_of_grid, least_of_all = (
@@ -129,9 +130,10 @@ def test_under_the_feedback_the_least_tip_is_that_of_a_linear_program(duration: 
                 slopes.append(np.column_stack((side * rows[:, :60], np.full(len(rows), g_too))))
                 offsets.append((1.0 + g_too) - side * rows[:, 60])
     bound = least(slopes, offsets, end[:, :60], np.array([1.0, 0.0, 0.0, 0.0]))
-    section = {"goal": {"mass": 1.0}, "duration": duration, "exact_nominal": True}
-    section["feedback"] = {"kp": [0.5], "kd": [1.0]}
-    found = planned("floating_oscillator", **section).summary
+    found = planned(
+        "floating_oscillator", goal={"mass": 1.0}, duration=duration, exact_nominal=True,
+        feedback={"kp": [0.5], "kd": [1.0]},
+    ).summary  # fmt: skip
     assert bound * (1.0 - 1e-6) <= found["worst_residual"] <= 1.007 * bound
 
 
@@ -184,7 +186,11 @@ def test_the_hub_is_no_further_from_its_optimum_than_a_nonlinear_program_finds()
         if stiffness == 1.0:
             rows += [rigid[0], rigid[1]]
     problem = {"x": ca.vertcat(u, square), "f": square, "g": ca.vertcat(*rows)}
-    ipopt = {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory"}
+    ipopt: dict[str, int | str] = {
+        "print_level": 0,
+        "sb": "yes",
+        "hessian_approximation": "limited-memory",
+    }
     solver = ca.nlpsol("least", "ipopt", problem, {"ipopt": ipopt, "print_time": False})
     start = np.append(2.0 * np.sign(0.5 * pieces - np.arange(pieces)), 10.0)
     most, least = np.append(np.full(pieces, 2.0), np.inf), [-np.inf, 0.0, 0.0, -np.inf, -np.inf]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from flexslew_control.planners import make_plan
+from flexslew_control.planners.minimax.minimax_feedforward import MinimaxFeedforward
 from flexslew_control.planners.prediction import predicted
 from flexslew_control.planners.slew import slew_of
 from flexslew_lab.trial.overrides import overridden
@@ -27,6 +28,7 @@ def test_at_most_an_arcsecond_of_vibration_is_left_on_any_stiffness() -> None:
     source = load_yaml(trial_path("setpoint_shaping").read_text(), "setpoint_shaping")
     trial, _ = read_trial("setpoint_shaping")
     plant, feedback = plant_of(trial), feedback_of(trial)
+    assert isinstance(trial.plan, MinimaxFeedforward)
     plan = make_plan(trial.plan, plant, feedback)
     assert plan.duration == 27.0
     for factor in np.random.default_rng(30).uniform(0.8, 1.2, 12).tolist():

@@ -7,6 +7,7 @@ rest at the goal in a time T is a linear programme, and T is the least where tha
 import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import linprog
+from tests.present import present
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.model import Model
@@ -71,4 +72,4 @@ def _needed(model: Model, distance: float, duration: float, nothing: float) -> f
         bounds=[(None, None)] * _INTERVALS + [(0.0, None)],
         method="highs",
     )
-    return float(found.fun) if found.success else np.inf
+    return present(found.fun) if found.success else np.inf

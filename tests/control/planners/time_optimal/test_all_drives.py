@@ -2,6 +2,7 @@ import signal
 import sys
 from typing import Any
 
+import casadi
 import numpy as np
 import pytest
 from tests.plants import plant
@@ -10,7 +11,7 @@ from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.time_optimal import all_drives
 from flexslew_control.planners.time_optimal.interruptible import Interrupt, interruptible
 from flexslew_plant.errors import BadInput, PlanFailed
-from flexslew_plant.testbeds.csa import CsaTestbed
+from flexslew_plant.testbeds.csa import CsaTestbed, CsaVariant
 from flexslew_plant.testbeds.floating_oscillator import FloatingOscillatorTestbed
 
 
@@ -19,7 +20,7 @@ def one_start(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(all_drives, "_STARTS", 1)
 
 
-def planned(goal: Any, variant: str = "complete", heard: Any = None, **more: Any) -> Any:
+def planned(goal: Any, variant: CsaVariant = "complete", heard: Any = None, **more: Any) -> Any:
     values = {
         "method": "time_optimal",
         "model": {"kind": "csa", "modes": 1, "variant": variant},
@@ -65,8 +66,7 @@ def test_efforts_that_hardly_matter_are_kept_as_the_programme_found_them(one_sta
 
 @pytest.mark.parametrize("variant", ["printed", "complete"])
 @pytest.mark.parametrize("modes", [1, 3])
-def test_the_symbolic_model_is_the_testbed(variant: str, modes: int) -> None:
-    casadi = pytest.importorskip("casadi")
+def test_the_symbolic_model_is_the_testbed(variant: CsaVariant, modes: int) -> None:
     testbed = CsaTestbed(variant=variant, modes=modes, damping_ratio=0.02)
     model = testbed.model()
     rng = np.random.default_rng(5)

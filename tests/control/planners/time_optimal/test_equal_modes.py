@@ -35,6 +35,7 @@ def test_the_shipped_spacecraft_is_slewed_in_the_least_time(goal: float) -> None
     trial = shipped("own_spacecraft")
     asked = section(goal={"roll": goal}, structure="optimal")
     plan = make_plan(asked, plant_of(trial), feedback_of(trial))
+    assert isinstance(trial.testbed, SpacecraftTestbed)
     model = trial.testbed.turning("roll", 1).model()
     least = least_time(model, goal, 0.5, NOTHING)
     assert plan.summary["optimal"]
