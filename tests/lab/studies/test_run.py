@@ -14,12 +14,13 @@ from flexslew_lab.studies.cases import Case, case_of
 from flexslew_lab.studies.execution.pool import InThisProcess
 from flexslew_lab.studies.findings.summary import passed
 from flexslew_lab.studies.finish import finished, fly_again
-from flexslew_lab.studies.flight import Flown
+from flexslew_lab.studies.flight import Flown, flown
 from flexslew_lab.studies.merge import merged
 from flexslew_lab.studies.run import Preparation, Shard, prepare, run_study
 from flexslew_lab.studies.study import Study
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import NO_CODE
+from flexslew_plant.settings import yaml_text
 
 
 class OneByOne(InThisProcess):
@@ -236,3 +237,50 @@ def test_a_failed_trial_keeps_the_exception_of_its_law(
     reasons = finished(study, store)["reasons"]
     assert sum(reasons.values()) == 12
     assert all(words in reason for reason in reasons), reasons
+
+
+def test_metrics_by_axis_have_their_columns_before_the_first_flight(
+    study_of: Callable[..., Study], tmp_path: Path
+) -> None:
+    """A craft of wheels that is pointed for two windows: every column is known, and full."""
+    wheels = {name: {"axis": axis} for name, axis in zip("abc", np.eye(3).tolist(), strict=True)}
+    wheel = {"inertia": 0.02, "limit": 0.5, "momentum_limit": 10.0}
+    craft = {
+        "duration": 3.0,
+        "period": 0.05,
+        "testbed": {
+            "kind": "spacecraft",
+            "pointing_window": 1.0,
+            "actuators": {},
+            "appendages": {},
+            "wheels": {name: {**given, **wheel} for name, given in wheels.items()},
+        },
+        "plan": {"method": "none", "goal": {"a": 0.1, "b": -0.05, "c": 0.02}, "duration": 0.5},
+        "controllers": {"pd_feedforward": {"kp": [1.0], "kd": [5.0]}},
+        "active": "pd_feedforward",
+    }
+    (tmp_path / "craft.yaml").write_text(yaml_text(craft))
+    names = [
+        f"{name}.{axis}"
+        for name in ("absolute_performance_error", "relative_performance_error", "rms_jitter")
+        for axis in "xyz"
+    ]
+    study = study_of(
+        trial="craft.yaml",
+        sampling={"method": "random", "n": 2},
+        vary={"testbed.platform.mass": {"relative": {"uniform": [-0.1, 0.1]}}},
+        criteria={name: {"below": 1.0} for name in names},
+    )
+    ready = prepare(study)
+    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
+    found = finished(study, store)
+    assert passed(found)
+    assert found["failed"] == 0
+    rows = store.table(names).to_pydict()
+    for name in ("absolute_performance_error", "rms_jitter"):
+        largest = store.table([name])[name].to_pylist()
+        by_axis = np.array([rows[f"{name}.{axis}"] for axis in "xyz"])
+        np.testing.assert_array_equal(by_axis.max(axis=0), largest)
+        assert by_axis.min() > 0.0
+    one = flown(study, case_of(study, ready.samples, 0), ready.plans)
+    assert list(one.metrics) == ready.columns

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from flexslew_lab.studies.cases import case_of, case_trial, sample_table, trial_seed
-from flexslew_lab.studies.run import prepare
+from flexslew_lab.studies.flight import Plans
+from flexslew_lab.studies.run import checked, prepare
 from flexslew_lab.studies.study import Study, load_study, shipped_names, study_path
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.errors import BadInput
@@ -25,9 +26,26 @@ def csa(trial: Trial) -> CsaTestbed:
 @pytest.mark.parametrize("name", shipped_names())
 def test_every_shipped_study_can_be_flown(name: str) -> None:
     """Its sampling, its criteria and what it varies are those of its trial."""
-    ready = prepare(load_study(study_path(name)))
-    last = len(ready.study.variants) * ready.samples.num_rows - 1
-    assert case_of(ready.study, ready.samples, last).sample == ready.samples.num_rows - 1
+    study = load_study(study_path(name))
+    samples = sample_table(study)
+    columns, typical = checked(study, samples)
+    assert set(study.settings.criteria) <= set(columns)
+    assert len(typical) == len(study.variants)
+    last = len(study.variants) * samples.num_rows - 1
+    assert case_of(study, samples, last).sample == samples.num_rows - 1
+
+
+def test_a_metric_that_there_is_not_is_refused_before_anything_is_planned(
+    study_of: Callable[..., Study], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def keep(plans: Plans, trial: Trial) -> None:
+        raise AssertionError("a plan was made")
+
+    monkeypatch.setattr(Plans, "keep", keep)
+    with pytest.raises(BadInput, match="did you mean residual_tip_deflection"):
+        prepare(study_of(criteria={"residual_tip": {"below": 1.0}}))
+    with pytest.raises(AssertionError, match="a plan was made"):
+        prepare(study_of())
 
 
 @pytest.mark.parametrize(

@@ -25,13 +25,20 @@ class Jitter:
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "jitter_frequency": Key(
-            "Hz", False, "upper ends of the octaves of `jitter`, the first from 0 on"
+            "Hz",
+            False,
+            "upper ends of the octaves of `jitter`, the first from 0 on",
+            spectrum=True,
         ),
         "jitter": Key(
             "rad",
             False,
             "x y z, by octave: root mean square of the attitude error in it after the manoeuvre's "
             "end, less the straight line of each pointing_window; null: no window is whole",
+            spectrum=True,
+        ),
+        "rms_jitter": Key(
+            "rad", False, "x y z: the same over all octaves; null: no window is whole", axes=True
         ),
     }
 
@@ -95,10 +102,14 @@ class Jitter:
         if self._testbed is None:
             return {}
         if self._sum is None:
-            return {"jitter_frequency": None, "jitter": None}
+            return dict.fromkeys(self.KEYS)
         step = 1.0 / (self._size * self._period)
         ends, rms = by_octave(self._sum / self._windows * step, step)
-        return {"jitter_frequency": ends.tolist(), "jitter": rms.T.tolist()}
+        return {
+            "jitter_frequency": ends.tolist(),
+            "jitter": rms.T.tolist(),
+            "rms_jitter": np.linalg.norm(rms, axis=0).tolist(),
+        }
 
 
 def by_octave(power: Matrix, step: float) -> tuple[Vector, Matrix]:

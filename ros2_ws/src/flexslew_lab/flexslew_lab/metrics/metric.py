@@ -18,6 +18,8 @@ class Key(NamedTuple):
     unit: str
     per_joint: bool  # an object by joint name; units are those of the joint where two are given
     meaning: str
+    axes: bool = False  # values, also those by part, come for x, y, z, or as None for all three
+    spectrum: bool = False  # by frequency, which is no number of a trial
 
 
 class FlownManoeuvre(NamedTuple):

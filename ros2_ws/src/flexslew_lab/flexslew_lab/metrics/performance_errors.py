@@ -22,19 +22,24 @@ class PerformanceErrors:
 
     KEYS: ClassVar[Mapping[str, Key]] = {
         "absolute_performance_error": Key(
-            "rad", False, "APE, x y z: largest |attitude error| after the manoeuvre's end"
+            "rad",
+            False,
+            "APE, x y z: largest |attitude error| after the manoeuvre's end",
+            axes=True,
         ),
         "mean_performance_error": Key(
             "rad",
             False,
             "MPE, x y z: largest |mean of the attitude error over a pointing_window| after the "
             "manoeuvre's end; null: no window is whole",
+            axes=True,
         ),
         "relative_performance_error": Key(
             "rad",
             False,
             "RPE, x y z: largest |attitude error less the mean of its pointing_window| after the "
             "manoeuvre's end; null: no window is whole",
+            axes=True,
         ),
     }
 

@@ -27,9 +27,10 @@ class PlatformError:
             "m",
             False,
             "x y z: largest |position - goal| of the body origin after the manoeuvre's end",
+            axes=True,
         ),
         "residual_platform_attitude": Key(
-            "rad", False, "x y z: largest |attitude error| after the manoeuvre's end"
+            "rad", False, "x y z: largest |attitude error| after the manoeuvre's end", axes=True
         ),
         "rms_platform_position": Key(
             "m", False, "root mean square of the body origin's distance from its goal over the run"

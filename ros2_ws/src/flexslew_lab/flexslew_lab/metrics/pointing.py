@@ -28,10 +28,15 @@ class PointingMetric:
             "rad",
             False,
             "by appendage, x y z: largest |attitude error + tip rotation| after the "
-            "manoeuvre's end",
+            "manoeuvre's end; null: it has not come",
+            axes=True,
         ),
         "residual_tip_rotation": Key(
-            "rad", False, "by appendage, x y z: largest |tip rotation| after the manoeuvre's end"
+            "rad",
+            False,
+            "by appendage, x y z: largest |tip rotation| after the manoeuvre's end; null: it has "
+            "not come",
+            axes=True,
         ),
         "pointing_settled_at": Key(
             "s",
@@ -91,9 +96,10 @@ class PointingMetric:
             return {}
         last = self._last_time
         settled = {name: self._settled.get(name, 0.0) for name in self._tip}
+        early = dict.fromkeys(self._tip)  # where the end has not come
         return {
-            "pointing_error": plain(self._error),
-            "residual_tip_rotation": plain(self._turn),
+            "pointing_error": early | plain(self._error),
+            "residual_tip_rotation": early | plain(self._turn),
             "pointing_settled_at": {k: t if t < last else None for k, t in settled.items()},
             "control_effort_by_actuator": dict(
                 zip(self._names, self._effort.tolist(), strict=True)

@@ -5,7 +5,7 @@ from typing import Any
 
 from flexslew_lab.metrics import KEYS, Key
 
-_AXES = "xyz"
+AXES = "xyz"
 
 
 def flat(metrics: Mapping[str, Any]) -> dict[str, Any]:
@@ -44,8 +44,8 @@ def _rows(name: str, value: Any) -> Iterator[tuple[str, Any]]:
                 yield f"{name}.{part}", inner
             else:
                 yield from _rows(f"{name}.{part}", inner)
-    elif isinstance(value, list) and len(value) == len(_AXES) and not isinstance(value[0], str):
-        for axis, inner in zip(_AXES, value, strict=True):
+    elif isinstance(value, list) and len(value) == len(AXES) and not isinstance(value[0], str):
+        for axis, inner in zip(AXES, value, strict=True):
             yield from _rows(f"{name}.{axis}", inner)
     elif isinstance(value, list) and value and isinstance(value[0], float):
         yield name, "; ".join(f"{number:.3g}" for number in value)

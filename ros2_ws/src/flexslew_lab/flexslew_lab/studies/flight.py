@@ -9,7 +9,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.one_axis import RELEVANT
 from flexslew_lab.metrics import Metric
 from flexslew_lab.metrics.own import own_metrics
-from flexslew_lab.metrics.rows import flat
+from flexslew_lab.metrics.rows import AXES, flat, key_of
 from flexslew_lab.run.in_process import fly
 from flexslew_lab.run.metrics_observer import MetricsObserver
 from flexslew_lab.studies.cases import Case, case_trial
@@ -161,21 +161,32 @@ def _flown(
 
 
 def columns_of(metrics: dict[str, Any]) -> dict[str, float | None]:
-    """Return the metrics by column: those with parts by `name.part`, and their largest by name."""
+    """Return the metrics by column: those with parts by `name.part`, and their largest by name.
+
+    What is told by axis has the columns of all axes from the start; spectra have none.
+    """
     found: dict[str, float | None] = {}
     for name, value in metrics.items():
-        if name in _LEFT_OUT:
+        key = key_of(name)
+        if name in _LEFT_OUT or key.spectrum:
             continue
-        if value is None or isinstance(value, float):  # most of them
+        if isinstance(value, float) or (value is None and not key.axes):  # most of them
             found[name] = value
             continue
         parts = flat({name: value})
+        if key.axes:
+            parts = {k: v for part, entry in parts.items() for k, v in _by_axis(part, entry)}
         if name not in parts:
             entries = parts.values()
             found[name] = None if None in entries else max(map(abs, entries), default=None)
         for part, entry in parts.items():
             found[part] = None if entry is None else float(entry)
     return found
+
+
+def _by_axis(name: str, value: float | None) -> list[tuple[str, float | None]]:
+    """Return a part with its value; one of three axes that has none yet, axis by axis."""
+    return [(f"{name}.{axis}", None) for axis in AXES] if value is None else [(name, value)]
 
 
 def metric_columns(bench: Bench, own: Sequence[type[Metric]]) -> list[str]:

@@ -19,7 +19,7 @@ from flexslew_lab.studies.identity import identity_of, require_same
 from flexslew_lab.studies.seals import opened_json
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study, known_metric
-from flexslew_lab.trial.trial import bench_settings, build_controllers
+from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain, yaml_text
@@ -76,26 +76,43 @@ def prepare(study: Study) -> Preparation:
     """Return the study with its samples drawn, its values checked and its common plans made.
 
     Raises:
-        BadInput: a variant cannot be flown as the file has it, or a metric is not known.
+        BadInput: see checked; no plan has been made then.
     """
     samples = sample_table(study)
-    columns: dict[str, None] = {}
+    columns, typical = checked(study, samples)
     plans = Plans()
+    for k, trial in enumerate(typical):
+        ends = [case_trial(study, case_of(study, samples, k))]
+        ends.append(case_trial(study, case_of(study, samples, _last(study, samples, k))))
+        if plan_key(ends[0]) == plan_key(ends[1]) == plan_key(trial):
+            plans.keep(trial)
+    return Preparation(study, samples, columns, plans)
+
+
+def checked(study: Study, samples: pa.Table) -> tuple[list[str], list[Trial]]:
+    """Return the columns of a study's table, and a typical trial of each variant.
+
+    Args:
+        study: whose variants are built and whose metrics are looked up.
+        samples: of it.
+
+    Raises:
+        BadInput: a variant cannot be flown as the file has it, or a metric is not known.
+    """
+    columns: dict[str, None] = {}
+    trials = []
     for k in range(len(study.variants)):
         typical = case_trial(study, typical_case(study, samples, k))
         bench = Bench(bench_settings(typical))
         build_controllers(typical, bench, study.source)
         own = own_metrics(typical.metrics, f"{study.source}: metrics", typical.trust)
         columns |= dict.fromkeys(metric_columns(bench, own))
-        ends = [case_trial(study, case_of(study, samples, k))]
-        ends.append(case_trial(study, case_of(study, samples, _last(study, samples, k))))
-        if plan_key(ends[0]) == plan_key(ends[1]) == plan_key(typical):
-            plans.keep(typical)
+        trials.append(typical)
     for name in study.settings.criteria:
         known_metric(name, list(columns), f"{study.source}: criteria")
     if study.settings.stop is not None:
         known_metric(study.settings.stop.metric, list(columns), f"{study.source}: stop.metric")
-    return Preparation(study, samples, list(columns), plans)
+    return list(columns), trials
 
 
 def run_study(
