@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.testbeds.attitude import (
     conjugate,
     product,
@@ -19,6 +19,7 @@ from flexslew_plant.testbeds.attitude import (
     skew,
     to_body,
 )
+from flexslew_plant.testbeds.quaternions import multiplied, of_turn
 
 
 class GyroNoise(NamedTuple):
@@ -56,18 +57,40 @@ def propagated(belief: Belief, reading: Vector, noise: GyroNoise, dt: float) -> 
         noise: of the gyro.
         dt: one tick [s].
     """
-    turn = (reading - belief.bias) * dt
-    moved = quaternion(turn)
-    unit = np.eye(3)
-    step, q = np.eye(6), np.empty((6, 6))
-    step[:3, :3] = to_body(moved)
-    step[:3, 3:] = -dt * (unit - 0.5 * skew(turn))
-    white, walk = noise.white**2, noise.walk**2
-    q[:3, :3] = (white * dt + walk * dt**3 / 3.0) * unit
-    q[:3, 3:] = q[3:, :3] = -0.5 * walk * dt**2 * unit
-    q[3:, 3:] = walk * dt * unit
-    covariance = step @ belief.covariance @ step.T + q
-    return Belief(_unit(product(belief.attitude, moved)), belief.bias, covariance)
+    attitude, bias, covariance = belief
+    after = _propagated(attitude, bias, covariance, reading, noise.white, noise.walk, dt)
+    return Belief(after[0], bias, after[1])
+
+
+@compiled_once()
+def _propagated(
+    attitude: Vector,
+    bias: Vector,
+    covariance: Matrix,
+    reading: Vector,
+    white: float,
+    walk: float,
+    dt: float,
+) -> tuple[Vector, Matrix]:
+    """Return attitude and covariance a tick later; see propagated."""
+    x, y, z = (reading - bias) * dt
+    a, b, c, w = of_turn(x, y, z)
+    step = np.eye(6)
+    step[0, :3] = w * w + a * a - b * b - c * c, 2.0 * (a * b + w * c), 2.0 * (a * c - w * b)
+    step[1, :3] = 2.0 * (a * b - w * c), w * w - a * a + b * b - c * c, 2.0 * (b * c + w * a)
+    step[2, :3] = 2.0 * (a * c + w * b), 2.0 * (b * c - w * a), w * w - a * a - b * b + c * c
+    step[0, 3:] = -dt, -0.5 * dt * z, 0.5 * dt * y
+    step[1, 3:] = 0.5 * dt * z, -dt, -0.5 * dt * x
+    step[2, 3:] = -0.5 * dt * y, 0.5 * dt * x, -dt
+    after = step @ covariance @ step.T
+    for k in range(3):
+        after[k, k] += white**2 * dt + walk**2 * dt**3 / 3.0
+        after[k, k + 3] -= 0.5 * walk**2 * dt**2
+        after[k + 3, k] -= 0.5 * walk**2 * dt**2
+        after[k + 3, k + 3] += walk**2 * dt
+    q = attitude
+    turned = np.array(multiplied((q[0], q[1], q[2], q[3]), (a, b, c, w)))
+    return turned / np.linalg.norm(turned), after
 
 
 def corrected_by_attitude(belief: Belief, measured: Vector, noise: Matrix) -> Correction:

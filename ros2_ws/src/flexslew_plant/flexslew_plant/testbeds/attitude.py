@@ -8,28 +8,45 @@ Arapostathis 1989 feed the quaternion of the rotation between them back.
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import pi, sqrt
 
 import numpy as np
 
-from flexslew_plant.arrays import Indices, Matrix, Vector
+from flexslew_plant.arrays import Indices, Matrix, Vector, compiled_once
+from flexslew_plant.testbeds.quaternions import multiplied, of_turn, turn_of
 
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # of x, y, z in a cross product
 
 
 def quaternion(turn: Vector) -> Vector:
     """Return the unit quaternion x y z w of a rotation vector, shapes (..., 3) [rad], (..., 4)."""
-    angle = np.linalg.norm(turn, axis=-1, keepdims=True)
-    half: Matrix = np.sinc(angle / (2.0 * np.pi)) / 2.0
-    return np.concatenate((half * turn, np.cos(angle / 2.0)), axis=-1)
+    turned = np.empty((*turn.shape[:-1], 4))
+    _write_quaternions(_rows(turn), turned.reshape(-1, 4))
+    return turned
+
+
+@compiled_once("turned")
+def _write_quaternions(turn: Matrix, turned: Matrix) -> None:
+    for k in range(len(turn)):
+        turned[k, 0], turned[k, 1], turned[k, 2], turned[k, 3] = of_turn(
+            turn[k, 0], turn[k, 1], turn[k, 2]
+        )
 
 
 def product(first: Vector, then: Vector) -> Vector:
     """Return the quaternion of one turn and then another about the turned axes, x y z w."""
-    a, b = first, then
-    va, wa, vb, wb = a[..., :3], a[..., 3:], b[..., :3], b[..., 3:]
-    vector = wa * vb + wb * va + cross(va, vb)
-    scalar = wa * wb - np.sum(va * vb, axis=-1, keepdims=True)
-    return np.concatenate((vector, scalar), axis=-1)
+    a, b = np.broadcast_arrays(first, then) if first.shape != then.shape else (first, then)
+    both = np.empty(a.shape)
+    _write_products(_rows(a), _rows(b), both.reshape(-1, 4))
+    return both
+
+
+@compiled_once("both")
+def _write_products(a: Matrix, b: Matrix, both: Matrix) -> None:
+    for k in range(len(a)):
+        both[k, 0], both[k, 1], both[k, 2], both[k, 3] = multiplied(
+            (a[k, 0], a[k, 1], a[k, 2], a[k, 3]), (b[k, 0], b[k, 1], b[k, 2], b[k, 3])
+        )
 
 
 def conjugate(turned: Vector) -> Vector:
@@ -70,7 +87,17 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 def rotation_vector(turned: Vector) -> Vector:
     """Return the rotation vector of unit quaternions x y z w, no longer than pi, (..., 3) [rad]."""
-    return _shorter(turned[..., :3], turned[..., 3:])
+    turn = np.empty((*turned.shape[:-1], 3))
+    _write_turns(_rows(turned), turn.reshape(-1, 3))
+    return turn
+
+
+@compiled_once("turn")
+def _write_turns(turned: Matrix, turn: Matrix) -> None:
+    for k in range(len(turned)):
+        turn[k, 0], turn[k, 1], turn[k, 2] = turn_of(
+            (turned[k, 0], turned[k, 1], turned[k, 2], turned[k, 3])
+        )
 
 
 def turn_between(measured: Vector, goal: Vector) -> Vector:
@@ -83,20 +110,38 @@ def turn_between(measured: Vector, goal: Vector) -> Vector:
     Returns:
         shape (..., 3), no longer than pi [rad].
     """
-    a, b = quaternion(measured), quaternion(goal)
-    va, wa, vb, wb = a[..., :3], a[..., 3:], b[..., :3], b[..., 3:]
-    vector = wa * vb - wb * va - cross(va, vb)
-    scalar = wa * wb + np.sum(va * vb, axis=-1, keepdims=True)
-    return _shorter(vector, scalar)
+    a, b = np.broadcast_arrays(measured, goal) if measured.shape != goal.shape else (measured, goal)
+    between = np.empty(a.shape)
+    _write_turns_between(_rows(a), _rows(b), between.reshape(-1, 3))
+    return between
 
 
-def _shorter(vector: Vector, scalar: Vector) -> Vector:
-    """Return the rotation vector of a quaternion, the shorter way round."""
-    vector, scalar = np.where(scalar < 0.0, -vector, vector), np.abs(scalar)
-    size = np.linalg.norm(vector, axis=-1, keepdims=True)
-    ratio = 2.0 * np.arctan2(size, scalar) / np.where(size > 0.0, size, 1.0)
-    turn: Vector = np.where(size > 0.0, ratio, 2.0) * vector
-    return turn
+@compiled_once("between")
+def _write_turns_between(measured: Matrix, goal: Matrix, between: Matrix) -> None:
+    for k in range(len(measured)):
+        back = of_turn(-measured[k, 0], -measured[k, 1], -measured[k, 2])
+        there = of_turn(goal[k, 0], goal[k, 1], goal[k, 2])
+        between[k, 0], between[k, 1], between[k, 2] = turn_of(multiplied(back, there))
+
+
+@compiled_once("left")
+def _write_errors(axes: Matrix, start: Matrix, end: Matrix, left: Matrix) -> None:
+    """Write the errors of joints that read a turn over their differences, row by row."""
+    for k in range(len(start)):
+        ax, ay, az = start[k, 0], start[k, 1], start[k, 2]
+        bx, by, bz = end[k, 0], end[k, 1], end[k, 2]
+        about_one = ay * bz == az * by and az * bx == ax * bz and ax * by == ay * bx
+        if about_one and sqrt((bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2) <= pi:
+            continue
+        x, y, z = turn_of(multiplied(of_turn(-ax, -ay, -az), of_turn(bx, by, bz)))
+        for j in range(len(axes)):
+            if axes[j, 0] != 0.0 or axes[j, 1] != 0.0 or axes[j, 2] != 0.0:
+                left[k, j] = axes[j, 0] * x + axes[j, 1] * y + axes[j, 2] * z
+
+
+def _rows(vectors: Vector) -> Matrix:
+    """Return the last axes of an array, one after another."""
+    return np.ascontiguousarray(vectors).reshape(-1, vectors.shape[-1])
 
 
 @dataclass(frozen=True)
@@ -129,14 +174,10 @@ class AttitudeJoints:
             measured: positions of the joints, shape (..., joints).
             goal: where they go, shape (joints,) or (..., joints).
         """
-        plain = goal - measured
-        start, end = self.turn_of(measured), self.turn_of(goal)
-        with np.errstate(invalid="ignore"):  # a dead sensor reads NaN
-            about_one = np.abs(cross(start, end)).max(axis=-1) == 0.0
-            within = np.linalg.norm(end - start, axis=-1) <= np.pi
-            turned = turn_between(start, end) @ self.axes.T
-        left: Vector = np.where((about_one & within)[..., None], plain, turned)
-        left[..., self._other] = plain[..., self._other]
+        left = goal - measured
+        start = _rows(self.turn_of(measured))
+        end = _rows(np.broadcast_to(self.turn_of(goal), (*left.shape[:-1], 3)))
+        _write_errors(self.axes, start, end, left.reshape(-1, left.shape[-1]))
         return left
 
     def turn_of(self, position: Vector) -> Vector:
