@@ -101,6 +101,20 @@ class Allocator:
         out[where] = wheels.efforts(torque, speeds)
         return out
 
+    def shares(self, torque: Vector) -> Vector:
+        """Return the efforts that give a torque and nothing else: no null motion, no unloading.
+
+        Beyond the limits they give less of it, shape (joints,) [N m or N].
+        """
+        out = np.zeros(self.joints)
+        if self.wheels is not None:
+            where, wheels = self.wheels
+            out[where] = wheels.efforts(torque, None)
+        elif self.thrusters is not None:
+            jets, thrusters = self.thrusters
+            out[jets] = thrusters.pushes(torque)
+        return out
+
     @cached_property
     def spread(self) -> Matrix:
         """Return efforts per torque as small motions see them, shape (joints, 3).

@@ -83,6 +83,7 @@ def build_controller(
         kind = CONTROLLERS[law]
         settings = validated(kind.settings, own, source)
         try:
+            _require_allocation(law, settings, plant)
             estimator, built = kind.build(settings, plant)
         except BadInput as error:
             raise BadInput(str(error), source) from None
@@ -108,6 +109,23 @@ def build_controller(
         requires_plan,
         monitor,
         plant.testbed.model().attitude,
+    )
+
+
+def _require_allocation(law: str, settings: Any, plant: PlantDescription) -> None:
+    """Check that a law that knows nothing of thrusters has none to command.
+
+    Raises:
+        BadInput: it has; a negative push would be cut.
+    """
+    one_way = plant.testbed.model().one_way
+    if not one_way or getattr(settings, "allocation", None) is not None:
+        return
+    able = [name for name, entry in CONTROLLERS.items() if hasattr(entry.settings, "allocation")]
+    remedy = "give it an `allocation`" if law in able else f"take {' or '.join(sorted(able))}"
+    raise BadInput(
+        f"{plant.joint_names[one_way[0]]} is a thruster, which pushes one way, and {law} asks it "
+        f"for both; {remedy}, such as allocation: {{kind: thrusters}}",
     )
 
 

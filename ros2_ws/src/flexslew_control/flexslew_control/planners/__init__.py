@@ -17,6 +17,7 @@ from flexslew_control.planners.entry import PlannerEntry as PlannerEntry
 from flexslew_control.planners.entry import PlanSection as PlanSection
 from flexslew_control.planners.entry import Variant as Variant
 from flexslew_control.planners.keep_out import require_clear
+from flexslew_control.planners.one_way import require_one_way
 from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback, Slew, software_versions, tick_times
 from flexslew_control.planners.slewing import Slewing
@@ -212,4 +213,5 @@ def make_plan(
         words = f"{settings.method}: its numbers are out of range ({error}); take another goal"
         raise PlanFailed(words) from error
     require_clear(plan, plant.testbed)
+    require_one_way(plan, plant)
     return replace(plan, versions=software_versions())

@@ -19,6 +19,7 @@ from flexslew_control.planners.one_axis import (
     reduced,
     turns,
 )
+from flexslew_control.planners.one_way import shared_out
 from flexslew_control.planners.prediction import Prediction, predicted
 from flexslew_control.planners.progress import Progress, ignore
 from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, slew_of
@@ -164,7 +165,14 @@ class Slewing:
         progress: Progress,
         law: ActiveLaw | None,
     ) -> Plan:
-        """Return the plan of a slew in three axes, with what it leaves on the bench."""
+        """Return the plan of a slew in three axes, with what it leaves on the bench.
+
+        Raises:
+            BadInput: a drive is a thruster: every one is counted both ways.
+        """
+        for k in plant.testbed.model().one_way[:1]:
+            words = f"{plant.joint_names[k]} is a thruster, which pushes one way; take moving"
+            raise BadInput(words, "plan", "drives", "all")
         slew = slew_of(settings, plant, feedback)
         plan = self.plan(settings, slew, progress)
         plan = replace(
@@ -200,7 +208,7 @@ class Slewing:
             found = self._relevant(settings, plant, feedback, flies, progress, None)
             assert found is not None
             return told(found[0], plant, found[1].prediction)
-        plan = self._embedded(settings, plant, feedback, progress)
+        plan = self._embedded(settings, plant, feedback, progress, law)
         prediction = None if flies is None else flown_on_bench(plan, plant, flies)
         if flies is None or prediction is None:
             return not_flown(plan)
@@ -216,10 +224,12 @@ class Slewing:
         plant: PlantDescription,
         feedback: Feedback | None,
         progress: Progress,
+        law: ActiveLaw | None,
     ) -> Plan:
         """Return the plan for all joints of a turn about one axis.
 
         Raises:
+            BadInput: see shared_out.
             TooMuchTorque: a drive has not what another axis needs, however slow the turn.
         """
         share = 1.0
@@ -228,8 +238,7 @@ class Slewing:
             own = replace(self, rings=None)(  # whether it rings, the whole bench tells
                 turn.settings, turn.plant, turn.feedback, progress
             )
-            plan = turn.embedded(own)
-            used = float((abs(plan.effort).max(axis=0, initial=0.0) / plant.effort_limit).max())
+            plan, used = shared_out(turn.embedded(own), plant, law)
             if isinstance(turn, OneAxis) or used <= 1.0:
                 return plan
             share *= 0.99 / used
@@ -260,7 +269,8 @@ class Slewing:
                 continue  # that is what there is
             model = {**keys, "modes": count}
             try:
-                plan = self._embedded(replace(settings, model=model), plant, feedback, progress)
+                own = replace(settings, model=model)
+                plan = self._embedded(own, plant, feedback, progress, flies)
             except PlanFailed:
                 if best is None and than is None:
                     raise

@@ -15,7 +15,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds.attitude import to_body
+from flexslew_plant.testbeds.attitude import cross, to_body
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.settings import Triple
 
@@ -82,17 +82,17 @@ class Surroundings:
         torque = np.zeros(3)
         if o.gravity_gradient:
             up = attitude @ place
-            torque += 3.0 * self.rate**2 * np.cross(up, self.inertia @ up)
+            torque += 3.0 * self.rate**2 * cross(up, self.inertia @ up)
         if any(o.dipole):
             pole = np.array([0.0, 0.0, -1.0])
             field = (3.0 * (pole @ place) * place - pole) * FIELD * (RADIUS / self.distance) ** 3
-            torque += np.cross(o.dipole, attitude @ field)
+            torque += cross(np.array(o.dipole), attitude @ field)
         if o.drag_area and o.air_density:
             pressure = 0.5 * o.air_density * (self.rate * self.distance) ** 2
-            torque += np.cross(o.drag_centre, -pressure * o.drag_area * (attitude @ course))
+            torque += cross(np.array(o.drag_centre), -pressure * o.drag_area * (attitude @ course))
         if o.solar_area:
             light = attitude @ (np.array(o.sun) / np.linalg.norm(o.sun))
-            torque += np.cross(o.solar_centre, -SUNLIGHT * o.solar_area * light)
+            torque += cross(np.array(o.solar_centre), -SUNLIGHT * o.solar_area * light)
         return torque
 
 
