@@ -33,7 +33,7 @@ MODES = {
     "identified": [1],
 }
 NEED_A_PLAN = {"planned_gains"}  # which call no machine code
-SPACECRAFT = ["own_spacecraft", "scole_full"]
+SPACECRAFT = ["own_spacecraft", "scole_full", "observatory"]
 
 
 def test_every_kind_of_testbed_flies_here() -> None:

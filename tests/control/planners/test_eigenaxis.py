@@ -15,7 +15,7 @@ from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.run.in_process import fly
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Bench, BenchSettings, Truth
-from flexslew_plant.errors import BadInput
+from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import read_testbed
 
 NAMES = ("roll", "pitch", "yaw")
@@ -174,3 +174,14 @@ def test_a_joint_that_does_not_turn_the_craft_does_not_go_along() -> None:
     bench = PlantDescription(testbed, 0.02, np.full(4, 100.0))
     with pytest.raises(BadInput, match="one axis at a time"):
         planned(bench, {"roll": 0.1, "x": 1.0})
+
+
+def test_a_period_that_is_long_for_the_modes_is_refused_with_the_remedy() -> None:
+    testbed = shipped("observatory", {}).testbed
+    law = ActiveLaw("pd_feedforward", {"kp": [12.0], "allocation": {"kind": "thrusters"}})
+    goal = {"axis": [1.0, 2.0, 0.5], "angle": 0.5}
+    settings = plan_settings({"method": "input_shaping", "duration": 120.0, "goal": goal}, "here")
+    limit = np.array(testbed.effort_limit)
+    assert make_plan(settings, PlantDescription(testbed, 0.2, limit), law=law).effort.any()
+    with pytest.raises(PlanFailed, match=r"over a period of 0\.25 s .* use a shorter period"):
+        make_plan(settings, PlantDescription(testbed, 0.25, limit), law=law)

@@ -15,6 +15,7 @@ from flexslew_control.law import PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds.attitude import product, quaternion, rotation_vector
 from flexslew_plant.testbeds.contract import RigidTurn, ThreeAxes
 from flexslew_plant.testbeds.model import Model
@@ -203,6 +204,10 @@ def following(model: Model, position: Matrix, velocity: Matrix, period: float) -
 
     Returns:
         shape (ticks, joints) [N m or N].
+
+    Raises:
+        PlanFailed: they grow without bound: modes that a tick is long for answer every correction
+            with a larger one.
     """
     rest = model.rest(dict(zip(model.joint_names, position[0].tolist(), strict=True)))
     x = np.concatenate((rest, np.zeros(model.coordinates)))
@@ -220,5 +225,10 @@ def following(model: Model, position: Matrix, velocity: Matrix, period: float) -
             if np.abs(off).max() <= _EXACT:
                 break
             u = u + inverse @ off
+        if not np.isfinite(after).all():
+            raise PlanFailed(
+                f"no efforts held over a period of {period:g} s follow the turn: modes are too "
+                "fast for it; use a shorter period"
+            )
         efforts[k], x = u, after
     return efforts
