@@ -86,12 +86,9 @@ class Allocator:
             torque: about the centre of mass, in body axes, shape (3,) [N m].
             measurement: of this tick.
         """
-        out = np.zeros(self.joints)
         if self.wheels is None:
-            assert self.thrusters is not None
-            where, thrusters = self.thrusters
-            out[where] = thrusters.pushes(torque)
-            return out
+            return self.shares(torque)
+        out = np.zeros(self.joints)
         where, wheels = self.wheels
         speeds = None if self.speeds is None else measurement.tip_deflection[self.speeds]
         if self.thrusters is not None and speeds is not None:
@@ -110,9 +107,10 @@ class Allocator:
         if self.wheels is not None:
             where, wheels = self.wheels
             out[where] = wheels.efforts(torque, None)
-        elif self.thrusters is not None:
-            jets, thrusters = self.thrusters
-            out[jets] = thrusters.pushes(torque)
+        else:
+            assert self.thrusters is not None
+            where, thrusters = self.thrusters
+            out[where] = thrusters.pushes(torque)
         return out
 
     @cached_property

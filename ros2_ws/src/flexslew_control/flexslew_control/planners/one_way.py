@@ -12,7 +12,7 @@ from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import validated
 
-_ROUNDING = 1e-9  # of a limit, by which a push may be negative
+_ROUNDING = 1e-9  # of a limit or of the largest torque
 
 
 class Shared(NamedTuple):
@@ -44,7 +44,7 @@ def shared_out(plan: Plan, plant: PlantDescription, law: ActiveLaw | None) -> Sh
     asked = plan.effort @ allocator.torque.T
     effort = np.array([allocator.shares(torque) for torque in asked])
     size, given = (np.linalg.norm(t, axis=1) for t in (asked, effort @ allocator.torque.T))
-    turns = size > 0.0
+    turns = size > _ROUNDING * size.max()
     beyond = float((size[turns] / given[turns]).max(initial=0.0))
     used = float((abs(effort).max(axis=0) / limit).max())
     peak = abs(effort).max(axis=0).tolist()

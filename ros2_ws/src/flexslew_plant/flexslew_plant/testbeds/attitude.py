@@ -174,7 +174,7 @@ class AttitudeJoints:
             measured: positions of the joints, shape (..., joints).
             goal: where they go, shape (joints,) or (..., joints).
         """
-        left = goal - measured
+        left: Vector = np.ascontiguousarray(goal - measured)
         start = _rows(self.turn_of(measured))
         end = _rows(np.broadcast_to(self.turn_of(goal), (*left.shape[:-1], 3)))
         _write_errors(self.axes, start, end, left.reshape(-1, left.shape[-1]))
