@@ -187,6 +187,13 @@ def test_the_response_of_the_sampled_model_is_that_of_the_bench(way: Any) -> Non
     np.testing.assert_allclose(answer.outputs.T / size, moved / size, atol=1e-5)
 
 
+def test_a_motor_keeps_the_commands_of_its_own_delay_alone() -> None:
+    rest = rest_of(read_testbed({"kind": "csa"}, "here"))
+    model = sampled_plant(rest, Way(0.01, LAG, None, np.array([0.0, 2.25])))
+    late = [name for name in model.states if ".before." in name]
+    assert late == [f"effort.hub_pitch.before.{k}" for k in (1, 2, 3)]
+
+
 def test_signals_are_named_and_can_be_chosen() -> None:
     testbed = read_testbed({"kind": "hub_with_appendages"}, "here")
     system = continuous_plant(rest_of(testbed)).state_space()

@@ -78,6 +78,37 @@ def test_a_file_leaves_nothing_of_the_system_that_it_replaces(tmp_path: Path) ->
     )
 
 
+MATLAB = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan  1 00:00:00 2024 HDF5 schema"
+
+
+def test_a_file_of_matlab_7_3_is_refused_with_the_command_that_saves_another(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "law.mat"
+    path.write_bytes(MATLAB.ljust(124) + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + bytes(400))
+    with pytest.raises(BadInput, match=r"law\.mat: .* version 7\.3; .* -v7: save .* -v7$"):
+        with_file("linear", {"file": str(path)}, "here")
+
+
+@pytest.mark.parametrize("ending", [".mat", ".npz", ".json"])
+def test_a_damaged_file_is_refused_in_one_line_or_harmless(ending: str, tmp_path: Path) -> None:
+    """SciPy ends its process over some of these files, NumPy raises what zip and zlib raise."""
+    rng, path = np.random.default_rng(7), tmp_path / f"law{ending}"
+    system = control.ss(-np.eye(2), D[:, :2], np.eye(2), 0.0 * D[:, :2])
+    save_law(system, path, ["error.base_yaw", "error.hub_pitch"], ["effort.base_yaw"] * 2)
+    whole, words = path.read_bytes(), []
+    for _ in range(4 if ending == ".mat" else 60):  # a process each
+        content = bytearray(whole[: int(rng.integers(1, len(whole)))])
+        content[int(rng.integers(len(content)))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(content)
+        try:
+            with_file("linear", {"file": str(path)}, "here")
+        except BadInput as error:
+            words.append(str(error))
+    assert words
+    assert not any("\n" in line for line in words)
+
+
 def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(pipe := tmp_path / "law.yaml")
     with pytest.raises(BadInput, match=r"law\.yaml: is no file"):

@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import eigh, expm, null_space
+from scipy.linalg import eigh, null_space
 
 from flexslew_control.law import Reference, nominal_state
 from flexslew_control.linear_design import Designed
+from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.linearisation import Linearisation
@@ -82,12 +83,7 @@ class LinearModel:
     ) -> Vector:
         """Return the state dt later with the effort held, exactly."""
         if dt not in self._steps:
-            a, b = self._matrices
-            k, m = b.shape
-            both = np.zeros((k + m, k + m))
-            both[:k, :k], both[:k, k:] = a, b
-            both = expm(both * dt)
-            self._steps[dt] = both[:k, :k], both[:k, k:]
+            self._steps[dt] = zero_order_hold(*self._matrices, dt)
         f, g = self._steps[dt]
         return np.asarray(f @ x + g @ effort)
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from flexslew_control.analysis.lti import Lti, series
 from flexslew_control.analysis.rest import Rest, slopes, small_motions
@@ -39,6 +40,11 @@ class PlantPath:
     actuator: ActuatorSettings = _IDEAL
     gain: Vector | None = None
     delay: Vector | None = None
+
+    def on_their_way(self, efforts: int) -> "np.typing.NDArray[np.int64]":
+        """Return how many commands to each motor a tick begins with, shape (efforts,)."""
+        delay = np.zeros(efforts) if self.delay is None else self.delay
+        return np.ceil(delay).astype(np.int64)
 
 
 def continuous_plant(rest: Rest, friction: ActuatorSettings | None = None) -> Lti:
@@ -82,31 +88,41 @@ def sampled_plant(rest: Rest, path: PlantPath, applied: bool = False) -> Lti:
 
 
 def _motors(path: PlantPath, efforts: tuple[str, ...]) -> Lti:
-    """Return the way from commands to applied efforts."""
+    """Return the way from commands to applied efforts.
+
+    Each motor keeps the commands of as many ticks as it is late, the last one first, one motor
+    after the other.
+    """
     m, eye = len(efforts), np.eye(len(efforts))
-    gain = eye if path.gain is None else np.diag(path.gain)
-    delay = np.zeros(m) if path.delay is None else path.delay
-    whole, part = np.floor(delay).astype(int), delay % 1.0
-    kept = int((whole + (part > 0.0)).max(initial=0))
-    shares = np.zeros((kept + 2, m))  # of the command of k ticks before
-    shares[whole, range(m)] += 1.0 - part
-    shares[whole + 1, range(m)] += part
-    shift = np.zeros((m * kept, m * kept))
-    shift[m:, : m * (kept - 1)] = np.eye(m * max(kept - 1, 0))
-    entry = np.vstack((gain, np.zeros((m * (kept - 1), m)))) if kept else np.zeros((0, m))
-    out = np.hstack([np.zeros((m, 0)), *(np.diag(row) for row in shares[1 : kept + 1])])
-    queue = tuple(f"{name}.before.{k + 1}" for k in range(kept) for name in efforts)
-    through = np.diag(shares[0]) @ gain
-    late = Lti(shift, entry, out, through, efforts, efforts, queue, path.period)
+    gain = np.ones(m) if path.gain is None else path.gain
+    part = np.zeros(m) if path.delay is None else path.delay % 1.0
+    kept = path.on_their_way(m)
+    shift = block_diag(*(np.eye(k, k=-1) for k in kept))
+    entry = block_diag(*(g * np.eye(k, 1) for k, g in zip(kept, gain, strict=True)))
+    out, through = [], np.zeros(m)
+    for k, ticks in enumerate(kept):
+        shares = np.zeros(ticks + 1)  # of the command of so many ticks before
+        shares[ticks] = 1.0
+        if part[k] > 0.0:
+            shares[ticks - 1 :] = 1.0 - part[k], part[k]
+        out.append(shares[None, 1:])
+        through[k] = gain[k] * shares[0]
+    names = tuple(
+        f"{name}.before.{k + 1}" for name, ticks in zip(efforts, kept, strict=True)
+        for k in range(ticks)
+    )  # fmt: skip
+    queue = Lti(
+        shift, entry, block_diag(*out), np.diag(through), efforts, efforts, names, path.period
+    )
     rise, mean = Actuator(path.actuator, np.ones(m), path.period).rises
     if rise == mean == 1.0:
-        return late
+        return queue
     names = tuple(f"{name}.motor" for name in efforts)
     lag = Lti(
         (1.0 - rise) * eye, rise * eye, (1.0 - mean) * eye, mean * eye, efforts, efforts, names,
         path.period,
     )  # fmt: skip
-    return series(late, lag)
+    return series(queue, lag)
 
 
 def _tick(rest: Rest, steady: Matrix, path: PlantPath) -> tuple[Matrix, Matrix]:

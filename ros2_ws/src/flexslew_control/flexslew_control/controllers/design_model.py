@@ -8,11 +8,11 @@ from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from flexslew_control.controllers.sliding_surface import LinearSystem
 from flexslew_control.estimators.kalman import outputs
 from flexslew_control.law import Estimate, Reference, nominal_state
+from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.testbeds.model import Model
@@ -91,11 +91,8 @@ def held_step(system: LinearSystem, gain: Matrix, period: float) -> Matrix:
     Returns:
         of shape (k, k + m + p).
     """
-    k, held = len(system.a), np.hstack((system.b, gain))
-    both = np.zeros((k + held.shape[1], k + held.shape[1]))
-    both[:k, :k], both[:k, k:] = system.a - gain @ system.c, held
-    step: Matrix = np.ascontiguousarray(expm(both * period)[:k])
-    return step
+    held = np.hstack((system.b, gain))
+    return np.hstack(zero_order_hold(system.a - gain @ system.c, held, period))
 
 
 @dataclass

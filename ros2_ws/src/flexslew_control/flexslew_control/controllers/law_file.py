@@ -1,15 +1,20 @@
 """A linear controller from a file that python-control, MATLAB, NumPy or a person wrote."""
 
+import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from flexslew_control.controllers.mat_file import read_mat
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml
 
 _KEYS = {"A": "a", "B": "b", "C": "c", "D": "d", "Ts": "period"}
 _NAMES = ("inputs", "outputs")
+# by what readers say that a file is none of theirs, or damaged
+_DAMAGED = (ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError)
 _ENDINGS = (".mat", ".npz", ".yaml", ".yml", ".json")
 
 
@@ -33,7 +38,7 @@ def law_from_file(path: str, source: str) -> dict[str, Any]:
         values = _read(place)
     except OSError as error:
         raise BadInput(f"{source}: file: {path}: cannot be read: {error.strerror}") from None
-    except (ValueError, NotImplementedError, TypeError, EOFError) as error:
+    except _DAMAGED as error:
         raise BadInput(f"{source}: file: {path}: cannot be read: {error}") from None
     # every key, so that nothing is left of a system that this one replaces
     system: dict[str, Any] = {"a": [], "b": [], "c": [], "d": None, "inputs": [], "outputs": []}
@@ -50,16 +55,13 @@ def law_from_file(path: str, source: str) -> dict[str, Any]:
         raise BadInput(f"{source}: file: {path}: Ts: is unspecified; give seconds, or 0")
     for name in _NAMES:
         if name in values:
-            system[name] = [_text(entry) for entry in np.ravel(np.asarray(values[name]))]
+            system[name] = [str(entry).strip() for entry in np.ravel(np.asarray(values[name]))]
     return {"system": system}
 
 
 def _read(path: Path) -> dict[str, Any]:
     if path.suffix == ".mat":
-        from scipy.io import loadmat
-
-        found: dict[str, Any] = loadmat(path)
-        return found
+        return read_mat(path, (*_KEYS, *_KEYS.values()), _NAMES)
     if path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as kept:
             return dict(kept)
@@ -74,10 +76,3 @@ def _numbers(value: Any, key: str, place: str) -> Any:
         return np.asarray(value, dtype=np.float64).tolist()
     except (TypeError, ValueError):
         raise BadInput(f"{place}: {key}: holds no real numbers in equal rows") from None
-
-
-def _text(entry: Any) -> str:
-    """Return a name, which MATLAB keeps in a cell of a cell."""
-    while isinstance(entry, np.ndarray):
-        entry = entry.ravel()[0]
-    return str(entry).strip()

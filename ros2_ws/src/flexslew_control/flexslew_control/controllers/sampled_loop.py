@@ -4,12 +4,12 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import expm
 
 from flexslew_control.controllers.design_model import held_step
 from flexslew_control.controllers.one_appendage import OneAppendage
 from flexslew_control.controllers.sliding_surface import SlidingDesign
 from flexslew_control.free_platform import rate_readings
+from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.linearisation import Linearisation
@@ -17,15 +17,6 @@ from flexslew_plant.testbeds.model import Model
 
 _CLOSE = 1e-6  # above one: rounding of a motion that nothing holds
 _SHORTEST = 1e-3  # of the period: shorter ones are not looked at
-
-
-def _held(a: Matrix, b: Matrix, period: float) -> tuple[Matrix, Matrix]:
-    """Return F and G of x+ = F x + G u of x' = A x + B u with u held over a period."""
-    k, m = b.shape
-    both = np.zeros((k + m, k + m))
-    both[:k, :k], both[:k, k:] = a, b
-    both = expm(both * period)
-    return both[:k, :k], both[:k, k:]
 
 
 class SmallMotions(Protocol):
@@ -66,7 +57,7 @@ class LinearPlant:
 
     def step(self, period: float) -> tuple[Matrix, Matrix]:
         """Return F and G of x+ = F x + G u over a tick with u held."""
-        return _held(self._a, self._b, period)
+        return zero_order_hold(self._a, self._b, period)
 
 
 def collocated_loop(
@@ -110,7 +101,7 @@ def integrating_loop(
     Returns:
         of shape (2 n + efforts, 2 n + efforts); without ki (2 n, 2 n).
     """
-    f, g = _held(linear.state_matrix, linear.state_input_matrix, period)
+    f, g = zero_order_hold(linear.state_matrix, linear.state_input_matrix, period)
     closed: Matrix = f - g @ np.hstack((kp, kd))
     if ki is None:
         return closed

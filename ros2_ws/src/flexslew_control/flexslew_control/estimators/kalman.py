@@ -9,6 +9,7 @@ from scipy.linalg import LinAlgError, expm, solve_continuous_are, solve_discrete
 from flexslew_control.estimators.later_covariance import later_covariance
 from flexslew_control.law import Estimate
 from flexslew_control.linear_design import Designed, output_matrix, require_observable, state_names
+from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
@@ -58,22 +59,22 @@ def continuous_gain(a: Matrix, c: Matrix, noise: Matrix, r: Matrix) -> tuple[Mat
 
 
 def discretised(a: Matrix, b: Matrix, noise: Matrix, dt: float) -> tuple[Matrix, Matrix, Matrix]:
-    """Return F, G and Q of x+ = F x + G u + w, exact for a held u (Van Loan).
+    """Return F, G and Q of x+ = F x + G u + w, exact for a held u.
+
+    Q = int_0^dt exp(A t) N exp(A^T t) dt, by C. Van Loan, Computing integrals involving the matrix
+    exponential (1978); neither python-control nor SciPy has it.
 
     Args:
         a, b: of x' = A x + B u, shapes (k, k), (k, m).
         noise: spectral density of the white noise on x', shape (k, k).
         dt: [s].
     """
-    k, m = b.shape
-    held = np.zeros((k + m, k + m))
-    held[:k, :k], held[:k, k:] = a, b
-    both = expm(held * dt)
+    k = len(a)
     pair = np.zeros((2 * k, 2 * k))
     pair[:k, :k], pair[:k, k:], pair[k:, k:] = -a, noise, a.T
     van_loan = expm(pair * dt)
     q = van_loan[k:, k:].T @ van_loan[:k, k:]
-    return both[:k, :k], both[:k, k:], 0.5 * (q + q.T)
+    return *zero_order_hold(a, b, dt), 0.5 * (q + q.T)
 
 
 @compiled_once()

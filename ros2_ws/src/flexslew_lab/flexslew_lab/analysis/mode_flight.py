@@ -68,7 +68,9 @@ def mode_response(
 class _Parts(NamedTuple):
     """The parts of a state of the closed loop, in the order of sampled_plant and loop_of."""
 
-    queue: Any  # commands on their way to motors, the last one first, shape (k, efforts)
+    # commands on their way to motors, the last one first, zero where they no longer matter,
+    # shape (k, efforts)
+    queue: Any
     motors: Any  # torques of motors that lag, shape (efforts,)
     motion: Any  # displacements along v, and v, shape (2 n,)
     applied: Any  # effort of the last tick, shape (efforts,)
@@ -78,12 +80,13 @@ class _Parts(NamedTuple):
     def of(cls, state: Any, loop: ControlLoop, analysis: Analysis, path: PlantPath) -> "_Parts":
         """Return them."""
         m, n = loop.efforts, analysis.point.rest.model.coordinates
-        sizes = [m * (path.actuator.lag > 0.0), 2 * n, m, len(analysis.running.form.states)]
-        first = len(state) - sum(sizes)
-        queue, motors, motion, applied, law = np.split(state, first + np.cumsum([0, *sizes[:-1]]))
-        return cls(
-            queue.reshape(-1, m), motors if len(motors) else np.zeros(m), motion, applied, law
-        )
+        kept = path.on_their_way(m)
+        sizes = [*kept, m * (path.actuator.lag > 0.0), 2 * n, m]
+        *late, motors, motion, applied, law = np.split(state, np.cumsum(sizes))
+        queue = np.zeros((kept.max(initial=0), m), dtype=state.dtype)
+        for k, commands in enumerate(late):
+            queue[: len(commands), k] = commands
+        return cls(queue, motors if len(motors) else np.zeros(m), motion, applied, law)
 
 
 def _readings(

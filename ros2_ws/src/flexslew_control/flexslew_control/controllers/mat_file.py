@@ -1,0 +1,60 @@
+"""What a .mat file of MATLAB holds, read by a process of its own.
+
+SciPy's reader, which is run here as a program, ends its process over some damaged files.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+_VERSION_7_3 = b"\x00\x02IM"  # bytes 124 to 127, also where MATLAB writes big-endian: never
+_LONGEST = 60.0  # of a reader [s]
+
+
+def read_mat(path: Path, numbers: tuple[str, ...], names: tuple[str, ...]) -> dict[str, Any]:
+    """Return these variables of a file as plain data, those that it has.
+
+    Args:
+        path: of MATLAB's version 5 to 7.
+        numbers: variables that hold real numbers, as rows.
+        names: variables that hold text in cells or rows, as lists.
+
+    Raises:
+        OSError: it cannot be opened.
+        ValueError: it is of version 7.3, damaged, or no such file.
+    """
+    with path.open("rb") as file:
+        if file.read(128)[124:] == _VERSION_7_3:
+            raise ValueError(
+                "it is of MATLAB's version 7.3; save it again with -v7: save law.mat A B C D Ts -v7"
+            )
+    asked = [sys.executable, "-P", __file__, str(path), json.dumps([numbers, names])]
+    try:
+        done = subprocess.run(asked, capture_output=True, text=True, timeout=_LONGEST, check=True)
+    except (subprocess.CalledProcessError, subprocess.TimeoutExpired):
+        raise ValueError("it is no MATLAB file of version 5 to 7, or damaged") from None
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def _main(path: str, asked: str) -> None:
+    """Print the variables as JSON."""
+    import numpy as np
+    from scipy.io import loadmat
+
+    def text(entry: Any) -> str:
+        while isinstance(entry, np.ndarray):  # MATLAB keeps a name in a cell of a cell
+            entry = entry.ravel()[0]
+        return str(entry).strip()
+
+    numbers, names = json.loads(asked)
+    held = loadmat(path, variable_names=[*numbers, *names])
+    found: dict[str, Any] = {key: held[key].tolist() for key in numbers if key in held}
+    found |= {key: [text(entry) for entry in held[key].ravel()] for key in names if key in held}
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    _main(*sys.argv[1:])
