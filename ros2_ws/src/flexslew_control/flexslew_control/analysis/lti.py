@@ -1,4 +1,8 @@
-"""Matrices of a linear system with named signals, and how they become a StateSpace."""
+"""Matrices of a linear system with named signals, and how they become a StateSpace.
+
+`series` and `at` are control.series and StateSpace.__call__ in a few lines: law `linear` is checked
+as its node starts, which must not wait more than a second for python-control to load.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

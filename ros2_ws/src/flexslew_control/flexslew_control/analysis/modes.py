@@ -1,4 +1,7 @@
-"""Natural modes of a plant: frequency, damping, shape, and who moves and sees them."""
+"""Natural modes of a plant: frequency, damping, shape, and who moves and sees them.
+
+control.damp gives the first two alone; the rest is in the eigenvectors.
+"""
 
 from typing import NamedTuple
 

@@ -89,7 +89,7 @@ def scaled_problem(linear: Linearisation, weights: ScaledWeights) -> ScaledProbl
 def regulator(a: Matrix, b: Matrix, q: Matrix, r: Matrix) -> tuple[Matrix, Matrix]:
     """Return K = R^-1 B^T P and P of the stationary Riccati equation (3-8), (3-9a).
 
-    0 = P A + A^T P + Q - P B R^-1 B^T P.
+    0 = P A + A^T P + Q - P B R^-1 B^T P, by the routine of SciPy that control.lqr calls, too.
 
     Args:
         a: state matrix, shape (k, k).

@@ -37,7 +37,7 @@ class FilterSettings:
 def continuous_gain(a: Matrix, c: Matrix, noise: Matrix, r: Matrix) -> tuple[Matrix, Matrix]:
     """Return K_f = P C^T R^-1 and P of the stationary Kalman-Bucy filter (Sung and Joo, (6), (7)).
 
-    0 = A P + P A^T + L Q L^T - P C^T R^-1 C P.
+    0 = A P + P A^T + L Q L^T - P C^T R^-1 C P, by the routine of SciPy that control.lqe calls, too.
 
     Args:
         a: shape (k, k).
