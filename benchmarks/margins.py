@@ -8,6 +8,8 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from flexslew_control.controllers import CONTROLLERS
 from flexslew_lab.analysis.analysis import analysed
 from flexslew_lab.analysis.proof import Proof, proved
@@ -23,12 +25,17 @@ BEDS: dict[str, tuple[str, dict[str, float]]] = {
     "scole_s": ("scole_s_a", {}),
 }
 
-# where a law's own defaults, for a csa, are none: joints x to yaw, then the three of the mast's tip
-_JOINT_GAINS = {"kp": 6 * [460.0] + 3 * [0.5], "kd": 6 * [920.0] + 3 * [1.0]}
-SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
-    ("scole_s", "pd_feedforward"): _JOINT_GAINS,
-    ("scole_s", "collocated_pid"): {**_JOINT_GAINS, "ki": 6 * [15.0] + 3 * [0.05]},
-}
+_CSA = (2 * [460.0], 2 * [15.0], 2 * [920.0])
+# proportional, integral and derivative gains of each effort: a law's defaults are for a csa
+GAINS: dict[str, tuple[list[float], list[float], list[float]]] = {
+    "csa_0": _CSA, "csa_05": _CSA, "csa_1": _CSA,
+    "oscillator": ([0.5], [0.02], [1.0]),
+    "hub": ([20.0], [1.0], [20.0]),
+    # x to yaw, then the torques at the mast's tip
+    "scole_s": (6 * [460.0] + 3 * [0.5], 6 * [15.0] + 3 * [0.05], 6 * [920.0] + 3 * [1.0]),
+}  # fmt: skip
+_ROLL_OFF = 50.0  # of law `linear`, a PD behind a low-pass [rad/s]
+_FAST = ("oscillator", "scole_s")  # where a regulator in continuous time is too fast for a tick
 
 
 def figures() -> dict[str, float]:
@@ -54,13 +61,30 @@ def _flights() -> Iterator[tuple[str, str, Proof]]:
         shipped, joints = BEDS[bed]
         own = trial(shipped).controllers
         for law in laws:
-            values = own.get(law) or SETTINGS.get((bed, law), {})
+            values = own.get(law) or _settings(bed, law)
             keys = {"plan": None, "controllers": {law: values}, "active": law}
             try:
                 what = trial(shipped, keys)
                 yield bed, law, proved(what, analysed(what, bed, joints=joints))
             except BadInput as error:
                 print(f"{bed}, {law}: {error}", file=sys.stderr, flush=True)
+
+
+def _settings(bed: str, law: str) -> dict[str, Any]:
+    """Return the section of a law that the trial of a testbed does not have."""
+    kp, ki, kd = GAINS[bed]
+    if law == "pd_feedforward":
+        return {"kp": kp, "kd": kd}
+    if law == "collocated_pid":
+        return {"kp": kp, "ki": ki, "kd": kd}
+    if law == "linear":
+        eye, none = np.eye(len(kp)), np.zeros((len(kp), 2 * len(kp)))
+        a, b = -_ROLL_OFF * eye, np.hstack((np.diag(kp), np.diag(kd)))
+        system = {"a": a, "b": b, "c": _ROLL_OFF * eye, "d": none}
+        return {"system": {key: value.tolist() for key, value in system.items()}}
+    if law == "disturbance_minimisation" and bed in _FAST:
+        return {"design": "sampled"}
+    return {}
 
 
 def _chosen(what: str, known: tuple[str, ...]) -> tuple[str, ...]:
