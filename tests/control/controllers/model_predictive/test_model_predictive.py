@@ -1,5 +1,6 @@
 """Model predictive control: the program's optimum, its limits, and M1 with the tips held."""
 
+from dataclasses import replace
 from typing import Any
 
 import control
@@ -10,8 +11,14 @@ from tests.plants import plant
 
 from flexslew_control.controllers import build_controller
 from flexslew_control.controllers.model_predictive.prediction import Program, costs, horizon
+from flexslew_control.planners import plan_settings
+from flexslew_control.planners.minimax.minimax_feedforward import MinimaxFeedforward, question_of
+from flexslew_control.planners.minimax.optimum import found_optimum
+from flexslew_control.planners.progress import ignore
+from flexslew_control.planners.slew import slew_of
 from flexslew_lab.notebook import fly, trial
-from flexslew_plant.errors import BadInput
+from flexslew_lab.trial.trial import plant_of
+from flexslew_plant.errors import BadInput, PlanFailed
 
 _FEEDBACK = {"feedback": {"kp": [1.0], "kd": [2.0]}}  # that the planner counts with
 
@@ -132,11 +139,30 @@ def test_too_few_iterations_repeat_the_last_answer_and_nobody_is_silent() -> Non
 
 
 def test_m1_with_the_tips_held_below_half_of_what_the_planned_feedforward_needs() -> None:
-    flight = fly(trial("predictive_m1", {"duration": 45.0}))
+    flight = fly(trial("predictive_m1", {"duration": 30.0}))
     tips = abs(flight["tip"]).max(axis=1)
     assert tips.max() < 0.5 * 5.3
-    assert tips[flight.time >= 29.2].max() < 0.02
+    assert tips[flight.time >= 24.2].max() < 0.02
     assert softened(flight) == []
+
+
+def test_no_plan_within_the_same_limits_is_a_sixth_shorter() -> None:
+    """24.2 s are at most 1.2 times the least time of minimax_feedforward: 20.16 s do not do."""
+    section = {
+        "method": "minimax_feedforward", "goal": {"base_yaw": 1.0, "hub_pitch": 0.5},
+        "duration": 24.2 / 1.2, "tip_limit": 0.5 * 5.3, "model": {"modes": 3},
+        "ensemble": {"vary": {}}, "feedback": {"kp": [460.0, 460.0], "kd": [920.0, 920.0]},
+    }  # fmt: skip
+    settings = plan_settings(section, "test")
+    assert isinstance(settings, MinimaxFeedforward)
+    question = question_of(settings, slew_of(settings, plant_of(trial("predictive_m1"))))
+    try:
+        worst = found_optimum(question, ignore, 0.02).optimum.worst
+    except PlanFailed:  # the limits let no efforts lead there
+        worst = np.inf
+    assert worst > 0.02
+    enough = replace(question, duration=20.4)
+    assert found_optimum(enough, ignore, 0.02).optimum.worst < 0.02
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import eigs
 
 from flexslew_control.analysis.linear_plant import PlantPath, sampled_plant
 from flexslew_control.analysis.loop import Complex, ControlLoop, loop_of, visible_poles
@@ -21,6 +23,7 @@ _TURNS, _FEWEST, _MOST = 1.0, 12, 1500  # length of a record: turns of the pole;
 _FADES = 7.0  # longest record of a pole that decays, in its time constants
 _LEFT = 0.01  # of a record that is not its one pole, at most
 _VISIBLE = 1e-6  # strength of a pole that is flown
+_REAL = 1e-9  # imaginary part of a pole that is real, of its size
 _GONE = 0.05  # z of a pole that is gone after a few ticks
 
 
@@ -159,7 +162,7 @@ class _Flights:
             else:
                 gain[channel] *= sizes[-1]
             path, loop = self._faulted(gain, delay)
-            s, mode = min(_modes(loop, 0.0), key=lambda pair: abs(pair[0] - 1j * frequency))
+            s, mode = _mode_near(loop, frequency)
             flown, left = self._flown(loop, path, s, mode)
             growth.append(float(flown.real))
             lefts.append(left)
@@ -194,6 +197,21 @@ class _Flights:
         return complex(found.s[0]), found.left
 
 
+def _mode_near(loop: ControlLoop, frequency: float) -> tuple[complex, Complex]:
+    """Return the pole [rad/s] of the closed loop nearest to a frequency [rad/s], and its mode.
+
+    By inverse iteration, as the queue of a long delay has thousands of states, one entry a row.
+    """
+    closed = loop.closed
+    near = np.exp(1j * frequency * closed.period)
+    found, modes = eigs(csc_array(closed.a), k=1, sigma=near, v0=np.ones(len(closed.a)))
+    z, mode = complex(found[0]), modes[:, 0]
+    mode = mode / mode[np.argmax(abs(mode))]  # real where the pole is
+    if abs(z.imag) < _REAL * abs(z):
+        z = complex(z.real, 0.0)
+    return complex(np.log(z) / closed.period), mode
+
+
 def _modes(loop: ControlLoop, strength: float) -> list[tuple[complex, Complex]]:
     """Return poles [rad/s], one of each pair, and their modes, the slowest first.
 
@@ -209,6 +227,6 @@ def _modes(loop: ControlLoop, strength: float) -> list[tuple[complex, Complex]]:
         if value.imag < 0.0 or abs(value) < _GONE or value not in visible:
             continue
         s = complex(np.log(complex(value)) / closed.period)
-        real = abs(s.imag) < 1e-9 * abs(s)
+        real = abs(s.imag) < _REAL * abs(s)
         out.append((complex(s.real, 0.0 if real else s.imag), mode))
     return sorted(out, key=lambda pair: abs(pair[0]))

@@ -105,7 +105,11 @@ class ModelPredictiveLaw:
     """u = v(0) - d_hat, V the efforts that cost least over the horizon.
 
     While the reference moves its steps may be weighed less (`on_the_way`): with a small share
-    the plan says only where the motion ends, and when; the way there is the law's own.
+    the plan says only where the motion ends, and when; the way there is the law's own. It is then
+    found anew once a step, at ticks from which whole steps lead to that end: were the steps counted
+    from every tick, the end would slip by up to one of them, and come back at once near it. Between
+    these ticks the estimated disturbance alone is answered. A law whose rates are limited is found
+    anew at every tick.
 
     Args:
         predicted: of the model.
@@ -129,7 +133,11 @@ class ModelPredictiveLaw:
         ]  # fmt: skip
         for program in self._programs:
             program.prepare()
+        # an effort whose rate is limited must be free to go on at every tick
+        self._by_steps = on_the_way != 1.0 and rate is None
         self._ahead: list[Reference] = []  # of the coming answer; none: the reference stays
+        self._whole = True  # whole steps lead from this tick to the end, or it is far
+        self._fresh = True  # no answer yet
         self._active, self._last = np.zeros(n * m + len(hard) + len(soft)), kept(np.zeros((n, m)))
         self._softened = False
         self.remarks: list[Any] = []  # of the last answer, for the log
@@ -139,23 +147,42 @@ class ModelPredictiveLaw:
         """Look up the references at the ends of the steps from this tick on."""
         p = self._p
         self._ahead = [reference(tick + (i + 1) * p.ticks) for i in range(p.steps)]
+        moving = _moving(self._ahead)
+        last = reference(tick + (moving + 1) * p.ticks - 1)
+        self._whole = moving == p.steps or bool(last.velocity.any())
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
     ) -> None:
         """Begin without an answer before."""
         self._active, self._softened = np.zeros_like(self._active), False
-        self._last = kept(np.zeros_like(self._last))
+        self._last, self._fresh = kept(np.zeros_like(self._last)), True
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the joint efforts, shape (joints,) [N m or N].
 
         Where the iterations do not suffice, the first effort of the answer before is applied again.
         """
+        d, self.remarks = estimate.disturbance, []
+        by_steps = self._by_steps and bool(reference.velocity.any())
+        if self._whole or self._fresh or not by_steps:
+            self._solve(measurement, estimate, reference, by_steps)
+        limit = self._p.limits.effort
+        effort: Vector = np.clip(self._last[0] - d, -limit, limit)
+        regulating = effort - reference.effort + d
+        self.terms = {"feedforward": reference.effort, "regulator": regulating, "disturbance": -d}
+        return effort
+
+    def _solve(
+        self, measurement: Measurement, estimate: Estimate, reference: Reference, by_steps: bool
+    ) -> None:
+        """Find the efforts of the horizon anew, from those before; see update."""
         p, d = self._p, estimate.disturbance
         ahead, self._ahead = self._ahead or [reference] * p.steps, []
-        velocities = np.array([one.velocity for one in ahead])
-        moving = int(np.flatnonzero(velocities.any(axis=1)).max(initial=-1)) + 1
+        moving = _moving(ahead)
+        if by_steps and not self._fresh and moving < p.steps:  # a step has gone by
+            self._last = kept(np.vstack((self._last[1:], self._last[-1:])))
+        self._fresh = False
         x = np.concatenate((estimate.position, estimate.velocity))
         free = self._without_efforts(x, measurement.time)
         target = nominal_states(p.model, ahead) - p.rest
@@ -163,16 +190,11 @@ class ModelPredictiveLaw:
         lower, upper = self._bounds(measurement.applied_effort, d, (free @ p.limits.rows.T).ravel())
         program = self._programs[min(moving, len(self._programs) - 1)]
         solved, active = program.solve(free - target, requested, lower, upper, self._active)
-        self.remarks = []
         if solved.optimal:
             self._active, self._last = active, kept(solved.efforts)
             if solved.softened and not self._softened:
                 self.remarks = [self._passed(free, solved.efforts)]
             self._softened = solved.softened
-        effort: Vector = np.clip(self._last[0] - d, -p.limits.effort, p.limits.effort)
-        regulating = effort - reference.effort + d
-        self.terms = {"feedforward": reference.effort, "regulator": regulating, "disturbance": -d}
-        return effort
 
     def _without_efforts(self, x: Vector, t: float) -> Matrix:
         """Return x(1 ... N) about the rest as the linear prediction adds the efforts to it, (N, k).
@@ -210,6 +232,12 @@ class ModelPredictiveLaw:
         excess = np.maximum(seen - p.limits.upper, p.limits.lower - seen)
         worst = int(excess.max(axis=0).argmax())
         return LimitSoftened(p.limits.names[worst], float(excess[:, worst].max()))
+
+
+def _moving(ahead: list[Reference]) -> int:
+    """Return after how many steps the reference has come to its end."""
+    velocities = np.array([one.velocity for one in ahead])
+    return int(np.flatnonzero(velocities.any(axis=1)).max(initial=-1)) + 1
 
 
 def build(
