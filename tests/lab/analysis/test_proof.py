@@ -95,6 +95,7 @@ LAWS: dict[str, dict[str, Any]] = {
     "output_feedback": {},
     "lqr": {},
     "model_predictive": {"steps": 5},
+    "linear": {"system": {"a": [[-20.0]], "b": [[0.3, 1.0]], "c": [[20.0]], "d": [[0.0, 0.0]]}},
 }
 
 
@@ -111,6 +112,28 @@ def test_what_a_law_predicts_is_flown_with_lag_and_delay(law: str) -> None:
     assert len(proof.poles) >= 2
     for pole in proof.poles:
         assert pole.flown_frequency == pytest.approx(pole.frequency, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("law", "settings"),
+    [
+        ("disturbance_minimisation", {"design": "sampled"}),
+        ("disturbance_accommodating", {}),
+        ("modal_space", {}),
+    ],
+)
+def test_a_law_that_holds_a_rest_and_takes_no_reference_is_flown_too(
+    law: str, settings: dict[str, Any]
+) -> None:
+    keys: Any = {**OSCILLATOR, "controllers": {law: settings}, "active": law}
+    what = trial("time_optimal_oscillator", keys)
+    found = analysed(what, "here")
+    form = found.running.form
+    assert not form.d[:, form.inputs.index("reference.mass")].any()
+    proof = proved(what, found)
+    assert proof.holds
+    assert len(proof.poles) >= 2
+    assert proof.margins
 
 
 def test_a_law_that_listens_to_nothing_closes_no_loop() -> None:

@@ -158,6 +158,7 @@ class _Desk:
         self.controller: Controller = copied(controller)
         self._rest = self._course(np.zeros(self._m))
         self.controller.steer(self._rest)
+        self._follows = self._takes_references()
         self.tick = 0
         self.held: dict[Place, Number] = {}
         self._constant: dict[Place, Number] = {}
@@ -178,10 +179,17 @@ class _Desk:
         )  # fmt: skip
         return cast(Course, _Held(plan, plan.reference(0)))
 
+    def _takes_references(self) -> bool:
+        """Return whether the law follows a reference; one that holds a rest objects to others."""
+        objection = getattr(self.controller.law, "objection", None)
+        if objection is None or objection(self._rest.plan):
+            return True
+        return not objection(self._course(np.ones(self._m)).plan)
+
     def ask(self, controller: Controller, tick: int, w: Vector) -> Vector:
         """Return the effort that a controller answers to a measurement near the rest."""
         m, a = self._m, self._appendages
-        if w[self._read.size :].any():
+        if self._follows and w[self._read.size :].any():
             controller.steer(self._course(w[self._read.size :]))
         y = self._read + w[: self._read.size]
         parts = np.split(y, np.cumsum([m, m, a, a]))
