@@ -4,8 +4,8 @@ The bench's non-linear equations are flown with the efforts that were really app
 every tick. What the sensors say differs from that flight by their noise, a bias and the motion that
 the bench had before the record; the last two are eliminated (variable projection on the free
 motions of the bench). The efforts are known exactly, so the feedback that made them biases nothing.
-Slopes are central differences of whole flights by an integrator of order 8, with an error of 1e-8
-of a slope; the covariance is the inverse of Fisher's information (Ljung 1999, chapter 9).
+Slopes are those of the flight as it is computed, by its variational equations; the covariance is
+the inverse of Fisher's information (Ljung 1999, chapter 9).
 """
 
 from collections.abc import Callable
@@ -22,7 +22,6 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import flat, plain
 from flexslew_plant.testbeds import Testbed, initial_positions
 
-_STEP = 1e-5  # relative, of the central differences
 _ROUNDS = 12
 _CONVERGED = 1e-2  # of a step, in standard deviations; flights round at some 5e-3 of them
 _ALIKE = 0.99  # correlation from which two parameters cannot be told apart

@@ -1,7 +1,7 @@
 """Least squares on the columns of a tall matrix, and the low frequencies to which it is cut."""
 
 import numpy as np
-from scipy.fft import dct
+from scipy.fft import dct, prev_fast_len
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from flexslew_plant.arrays import Matrix, Vector
@@ -29,7 +29,8 @@ class LowFrequencies:
 
     def __init__(self, samples: int, period: float, highest: float) -> None:
         self.each = max(int(2.0 * np.pi / (_ABOVE * highest * _PER_PERIOD * period)), 1)
-        self._means = samples // self.each
+        # of a length with a large prime factor the transform takes fifteen times as long
+        self._means = prev_fast_len(samples // self.each, real=True)
         requested = int(np.ceil(_ABOVE * highest * samples * period / np.pi)) + 1
         self.rows = min(self._means, requested)
 
@@ -39,8 +40,11 @@ class LowFrequencies:
         return self.of_sums(columns[: each * count].reshape(count, each, -1).sum(axis=1))
 
     def of_sums(self, sums: Matrix) -> Matrix:
-        """Return the coefficients of columns whose sums over `each` samples are given."""
-        means = np.ascontiguousarray(sums.T) / np.sqrt(self.each)
+        """Return the coefficients of columns whose sums over `each` samples are given.
+
+        Sums of samples behind the last that is transformed are left out.
+        """
+        means = np.ascontiguousarray(sums[: self._means].T) / np.sqrt(self.each)
         found = dct(means, type=2, norm="ortho", axis=1)[:, : self.rows]
         return np.ascontiguousarray(found.T)
 

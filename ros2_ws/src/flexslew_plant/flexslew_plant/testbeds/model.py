@@ -12,6 +12,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.compiled.bound import Bound, bound
+from flexslew_plant.testbeds.compiled.variations import flight_with_slopes
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.tangent import tangent_jacobian
@@ -262,6 +263,27 @@ class Model:
         dx, du = np.empty((x.size, x.size)), np.empty((x.size, self.efforts))
         self._bound.jacobian(self.packed, t, x, effort, dx, du)
         return dx, du
+
+    def flight_with_slopes(
+        self, start: Vector, start_slopes: Matrix, along: Matrix, effort: Matrix, period: float
+    ) -> tuple[Matrix, Matrix]:
+        """Return a flight and its exact derivatives by numbers of the equations.
+
+        Args:
+            start: state [q, v].
+            start_slopes: its derivatives, shape (parameters, size of a state).
+            along: derivatives of `packed`, shape (parameters, its size).
+            effort: held over every tick, shape (ticks, actuators) [N m or N].
+            period: one tick [s].
+
+        Returns:
+            The states at the ticks, shape (ticks + 1, size of a state), and their derivatives,
+            shape (ticks + 1, parameters, size of a state).
+        """
+        square = self.coordinates if self.kernels.full_mass else self.before_modes
+        extra = self.kernels.extra_positions
+        given = along, start, start_slopes, effort, period, square, extra
+        return flight_with_slopes(self._bound, self.packed, *given)
 
     def residual_slopes(
         self, x: Vector, acceleration: Vector, t: float = 0.0
