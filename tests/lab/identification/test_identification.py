@@ -15,7 +15,7 @@ from flexslew_lab.identification.frequency_response import frequency_response
 from flexslew_lab.identification.identification import identify, summary, validated_on
 from flexslew_lab.identification.model_file import file_text, modal_data
 from flexslew_lab.identification.model_file import testbed_of as found_testbed
-from flexslew_lab.identification.modes import identify_modes
+from flexslew_lab.identification.modes import identify_modes, whiteness_of
 from flexslew_lab.identification.physical_fit import fit_parameters
 from flexslew_lab.identification.record import Output, Quantity, Record
 from flexslew_plant.errors import BadInput
@@ -91,6 +91,18 @@ def test_the_testbed_of_csa_is_found_with_all_modes_inertias_and_clamped_frequen
     held = np.sqrt(np.diag(linear.stiffness)[2:] / np.diag(linear.mass)[2:])
     clamped = modal_data(found_testbed(model_found))["frequencies"]
     assert clamped == pytest.approx(np.sort(held), rel=2e-3)
+
+
+def test_a_record_of_white_residuals_is_called_coloured_once_in_a_hundred() -> None:
+    """With a bound for each of the six outputs alone it would be 5.9 of 100."""
+    rng, record = np.random.default_rng(3), csa(3)[1].record
+    size = (1000, len(record.outputs))
+    records = [whiteness_of(record, rng.standard_normal(size)) for _ in range(400)]
+    coloured = sum(not all(one.white for one in each) for each in records)
+    low, high = binom.ppf((0.0005, 0.9995), len(records), 0.01)
+    assert low <= coloured <= high < 0.059 * len(records)
+    walk = np.cumsum(rng.standard_normal(size), axis=0)
+    assert not any(one.white for one in whiteness_of(record, walk))
 
 
 def test_a_mode_whose_start_was_lost_is_found_in_what_the_others_leave() -> None:

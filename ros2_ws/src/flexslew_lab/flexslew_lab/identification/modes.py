@@ -13,7 +13,7 @@ from flexslew_lab.identification.record import Record
 from flexslew_lab.identification.regressors import RegressorSignals
 from flexslew_lab.identification.selection import pruned, selected
 from flexslew_lab.identification.subspace import METHODS, Poles, slowed, stable
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
 CONFIDENCE = 0.95
@@ -60,7 +60,7 @@ class Whiteness:
     Args:
         output: its name.
         statistic: of the sum.
-        bound: that white noise keeps to with a probability of 99 %.
+        bound: that white noise of all outputs keeps to with a probability of 99 %.
     """
 
     output: str
@@ -143,7 +143,7 @@ def identify_modes(
         _inertia(fit, record),
         fit,
         tuple(starts),
-        tuple(_whiteness(o.name, fit.residual[:, k]) for k, o in enumerate(record.outputs)),
+        whiteness_of(record, fit.residual),
     )
 
 
@@ -251,10 +251,21 @@ def interval(value: float, deviation: float) -> Interval:
     return Interval(float(value), float(value) - half, float(value) + half)
 
 
-def _whiteness(name: str, residual: Vector) -> Whiteness:
-    n = len(residual)
-    centred = residual - residual.mean()
-    size = float(centred @ centred) or 1.0
-    lags = [float(centred[k:] @ centred[:-k]) / size for k in range(1, _WHITE_LAGS + 1)]
-    statistic = n * (n + 2.0) * sum(r * r / (n - k) for k, r in enumerate(lags, 1))
-    return Whiteness(name, statistic, float(chi2.ppf(0.99, _WHITE_LAGS)))
+def whiteness_of(record: Record, residual: Matrix) -> tuple[Whiteness, ...]:
+    """Return it for every output of a record; all of them together, if white, pass with 99 %.
+
+    Args:
+        record: whose outputs they are.
+        residual: measured minus fitted, (ticks + 1, outputs).
+    """
+    n, lags = len(residual), np.arange(1, _WHITE_LAGS + 1)
+    bound = float(chi2.ppf(0.99 ** (1.0 / len(record.outputs)), _WHITE_LAGS))
+    found = []
+    for output, column in zip(record.outputs, residual.T, strict=True):
+        centred = column - column.mean()
+        size = float(centred @ centred) or 1.0
+        r = np.array([float(centred[k:] @ centred[:-k]) for k in lags]) / size
+        found.append(
+            Whiteness(output.name, float(n * (n + 2.0) * (r**2 / (n - lags)).sum()), bound)
+        )
+    return tuple(found)
