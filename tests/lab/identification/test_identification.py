@@ -99,7 +99,7 @@ def test_a_record_of_white_residuals_is_called_coloured_once_in_a_hundred() -> N
     size = (1000, len(record.outputs))
     records = [whiteness_of(record, rng.standard_normal(size)) for _ in range(400)]
     coloured = sum(not all(one.white for one in each) for each in records)
-    low, high = binom.ppf((0.0005, 0.9995), len(records), 0.01)
+    low, high = (binom.ppf(part, len(records), 0.01) for part in (0.0005, 0.9995))
     assert low <= coloured <= high < 0.059 * len(records)
     walk = np.cumsum(rng.standard_normal(size), axis=0)
     assert not any(one.white for one in whiteness_of(record, walk))
