@@ -169,6 +169,24 @@ def test_every_family_says_what_it_offers() -> None:
         assert ast.get_docstring(ast.parse(text)), folder
 
 
+def offered(name: str) -> set[str]:
+    """Return the modules of a family that its front offers to others."""
+    front = SOURCE / name.split(".")[0] / name.replace(".", "/") / "__init__.py"
+    words = ast.get_docstring(ast.parse(front.read_text(encoding="utf-8"))) or ""
+    found = re.search(r"^Offers: (.*?)\.$", words, re.MULTILINE | re.DOTALL)
+    return set(found[1].replace("\n", " ").split(", ")) if found else set()
+
+
+def test_families_use_of_each_other_what_their_fronts_offer() -> None:
+    used: dict[str, set[str]] = {name: set() for name in PACKAGES if name.count(".") == 1}
+    for module, names in IMPORTS.items():
+        for name in names:
+            home = family(name)
+            if home in used and home not in (family(module), name):
+                used[home].add(name.removeprefix(f"{home}."))
+    assert {name: offered(name) for name in used} == used
+
+
 def test_a_node_is_under_150_lines() -> None:
     nodes = [path for path in FILES if path.name.endswith("_node.py")]
     assert len(nodes) >= 6

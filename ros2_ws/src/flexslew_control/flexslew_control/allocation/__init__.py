@@ -1,4 +1,7 @@
-"""How the torque that a law asks for becomes efforts of thrusters and wheels."""
+"""How the torque that a law asks for becomes efforts of thrusters and wheels.
+
+Offers: joint_gains.
+"""
 
 from flexslew_control.allocation.allocated_law import AllocatedLaw as AllocatedLaw
 from flexslew_control.allocation.allocation import Allocation as Allocation

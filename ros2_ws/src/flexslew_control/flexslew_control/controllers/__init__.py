@@ -1,4 +1,8 @@
-"""Which controllers there are. A new one is a file that ends in its entry, and a line here."""
+"""Which controllers there are. A new one is a file that ends in its entry, and a line here.
+
+Offers: controller, host, lqr, margins, output_feedback, pd_feedforward, proportional_integral,
+retargeting.disturbance_accommodating, retargeting.modal_space, running_law, sampled_loop.
+"""
 
 import dataclasses
 from typing import Any, cast

@@ -2,6 +2,12 @@
 
 One of your own needs no line: `method: my_shaper.py:Shaper`, or an entry point of the group
 flexslew.planners. It is a section with `method`, `start` and `plan`, see OwnPlanner.
+
+Offers: excitation.excitation, feedforward.basis, feedforward.gauss_newton, feedforward.manoeuvre,
+feedforward.optimized_feedforward, feedforward.shooting, input_shaping.start_coast_stop,
+minimax.limit_curve, one_axis, prediction, progress, reference, slew, time_optimal.bang_bang,
+time_optimal.optimal_switching, time_optimal.pontryagin, time_optimal.switching,
+time_optimal.switching_time_optimisation, time_optimal.time_optimal, trajectories.
 """
 
 from dataclasses import fields, replace

@@ -1,1 +1,4 @@
-"""The controller and planner nodes. ROS is imported here."""
+"""The controller and planner nodes. ROS is imported here.
+
+Offers: controller_node.
+"""

@@ -1,1 +1,4 @@
-"""Gains of a law, searched for over an ensemble of benches."""
+"""Gains of a law, searched for over an ensemble of benches.
+
+Offers: ensemble, page, search.
+"""

@@ -3,6 +3,9 @@
 One of your own: a class that fulfils `metric.Metric`, named in the trial as `metrics:
 [my_metric.py:MyMetric]`, or offered by an installed package as an entry point of the group
 flexslew.metrics.
+
+Offers: course, efforts, epoch, from_bag, goal, joint_errors, keep_out, metric, operator_changes,
+own, rows, settling, takeovers, tip_deflection, trajectory.
 """
 
 from flexslew_lab.metrics.metric import Key as Key

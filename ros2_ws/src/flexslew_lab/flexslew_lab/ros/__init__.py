@@ -1,1 +1,4 @@
-"""The nodes of the lab. ROS is imported here."""
+"""The nodes of the lab. ROS is imported here.
+
+Offers: conformance, console_node, live_node, operator, play_node.
+"""

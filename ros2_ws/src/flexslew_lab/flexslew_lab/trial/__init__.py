@@ -1,1 +1,4 @@
-"""Trials: the file, its flight in process or over ROS 2, its processes."""
+"""Trials: the file, its flight in process or over ROS 2, its processes.
+
+Offers: outputs, overrides, own_code, schema, sources, trial.
+"""

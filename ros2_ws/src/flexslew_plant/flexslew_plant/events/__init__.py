@@ -1,6 +1,8 @@
 """What changed a run: one type per kind of event, with its level, its data and its words.
 
 A new kind is a class in a file of this folder and a line in the table.
+
+Offers: run.
 """
 
 from typing import Any

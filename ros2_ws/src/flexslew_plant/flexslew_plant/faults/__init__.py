@@ -1,4 +1,7 @@
-"""The faults: what can break. A new one is a file that ends in its entry, and a line here."""
+"""The faults: what can break. A new one is a file that ends in its entry, and a line here.
+
+Offers: actuators, effects, injection.
+"""
 
 from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeAlias
 

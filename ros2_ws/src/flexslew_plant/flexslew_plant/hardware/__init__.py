@@ -1,1 +1,4 @@
-"""Motors with friction, the drive, the sensors, and what disturbs the joints."""
+"""Motors with friction, the drive, the sensors, and what disturbs the joints.
+
+Offers: actuator, disturbances, drive, friction, plausibility, sensors, thrusters.
+"""
