@@ -26,7 +26,6 @@ from flexslew_control.planners.minimax.program import (
     TrustRegion,
     residual,
 )
-from flexslew_control.planners.minimax.response import Response
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
@@ -39,6 +38,7 @@ NOTHING_SEEN = 1e-8  # of the way, by which residual and bound may differ whatev
 _LITTLE, _LATE = 1e-6, 10  # what they may differ by from this round on: what rounding leaves
 _ROUNDS = 40
 _A_ROUND = 12  # rows that a member's channel gains in each round
+_A_STEP = 4  # the same of a step, which is flown and judged anyway: few rows are quick
 _FIRST_ROWS = 5  # of each member's tips, after the end
 
 # round, weights, worst residual and bound [m]
@@ -77,7 +77,7 @@ def solved(
     """
     cones = Cones(program, goal.feasible, _ACCURACY * goal.close)
     if cones.ticks_count:
-        _first_rows(cones)
+        _first_rows(cones, _FIRST_ROWS if program.trust is None else 1)
     for key in known:
         if key.side:
             cones.add(key.member, key.channel, [key.tick], key.side)
@@ -103,11 +103,11 @@ def solved(
     return best or found
 
 
-def _first_rows(cones: Cones) -> None:
+def _first_rows(cones: Cones, count: int) -> None:
     """Add some ticks after the end of every tip, denser at first."""
     grid = cones.program.grid
     last = grid.watched - grid.rest
-    spread = np.unique(np.geomspace(1, last, _FIRST_ROWS).astype(int)) - 1
+    spread = np.unique(np.geomspace(1, last, count).astype(int)) - 1
     for i, response in enumerate(cones.program.responses):
         for tip in range(response.tips):
             cones.add_residual(i, tip, grid.over + spread)
@@ -124,28 +124,29 @@ def _near_rows(cones: Cones, trust: TrustRegion) -> None:
         for side, limit in ((-1.0, low), (1.0, high)):
             for channel in np.flatnonzero(np.isfinite(limit)):
                 beyond = side * (flown[:, channel] - limit[channel]) + _NEAR * size[channel]
-                cones.add(i, int(channel), _peaks(beyond), side)
+                cones.add(i, int(channel), _peaks(beyond, _A_STEP), side)
         if cones.ticks_count:
             for tip in range(tips):
                 for side in (1.0, -1.0):
                     beyond = side * flown[ticks:, tip] - _HIGH * worst
-                    cones.add_residual(i, tip, ticks + _peaks(beyond), (side,))
+                    cones.add_residual(i, tip, ticks + _peaks(beyond, _A_STEP), (side,))
 
 
 def _round(cones: Cones) -> tuple[bool, Optimum]:
     """Return whether all limits were kept, and the solution; add the rows that it violates."""
     program, ticks = cones.program, cones.program.grid.over
     weights, bound, missed = cones.solve()
+    most = _A_ROUND if program.trust is None else _A_STEP
     kept, residuals = True, np.empty(len(program.responses))
     for i, response in enumerate(program.responses):
         flown = response.flown(weights)
         slope, offset = response.path.end
         residuals[i] = residual(response, slope @ weights + offset, program.ringing, flown)
-        kept &= _keep(cones, i, response, flown, missed)
+        kept &= _keep(cones, i, flown, missed, most)
         if cones.ticks_count:
             level = (1.0 + 0.5 * _CLOSE) * max(bound - cones.price * missed, 0.0)
             for tip in range(response.tips):
-                if (new := _peaks(np.abs(flown[ticks:, tip]) - level)).size:
+                if (new := _peaks(np.abs(flown[ticks:, tip]) - level, most)).size:
                     cones.add_residual(i, tip, ticks + new)
     return kept, Optimum(weights, residuals, bound, missed, cones.held)
 
@@ -169,28 +170,28 @@ def _done(cones: Cones, goal: Goal, best: Optimum | None, found: Optimum, nothin
     return cones.cost(best) <= (1.0 + goal.close) * found.bound + nothing * cones.program.span
 
 
-def _peaks(beyond: Vector) -> Vector:
-    """Return the ticks of the largest local peaks of what is above zero."""
+def _peaks(beyond: Vector, most: int) -> Vector:
+    """Return the ticks of the largest local peaks of what is above zero, so many at most."""
     padded = np.concatenate(([-np.inf], beyond, [-np.inf]))
     peaks = argrelmax(padded, mode="clip")[0] - 1
     if not peaks.size:  # flat
         peaks = np.array([int(np.argmax(beyond))])
     peaks = peaks[beyond[peaks] > 0.0]
-    return np.asarray(peaks[np.argsort(-beyond[peaks])][:_A_ROUND])
+    return np.asarray(peaks[np.argsort(-beyond[peaks])][:most])
 
 
-def _keep(cones: Cones, member: int, response: Response, flown: Matrix, missed: float) -> bool:
+def _keep(cones: Cones, member: int, flown: Matrix, missed: float, most: int) -> bool:
     """Return whether a member keeps to the limits, but for a share that is missed.
 
-    Else the rows of the worst ticks are added.
+    Else the rows of the worst ticks are added, so many of a channel at most.
     """
     kept = True
-    low, high, size = cones.program.limits.of(response.tips)
+    low, high, size = cones.program.limits.of(cones.program.responses[member].tips)
     for side, limit in ((-1.0, low), (1.0, high)):
         for channel in np.flatnonzero(np.isfinite(limit)):
             beyond = side * (flown[:, channel] - limit[channel])
             beyond -= (missed + _ROUNDING) * size[channel]
             if beyond.max() > 0.0:
                 kept = False
-                cones.add(member, int(channel), _peaks(beyond), side)
+                cones.add(member, int(channel), _peaks(beyond, most), side)
     return kept
