@@ -1,7 +1,7 @@
 """The contract of a control law, its estimator and the reference that it follows."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
@@ -9,8 +9,9 @@ import numpy as np
 
 from flexslew_plant.arrays import NOTHING, Matrix, Vector, handed_out
 from flexslew_plant.bench.retarget import with_schedule
-from flexslew_plant.bench.schedule import Schedule
+from flexslew_plant.bench.schedule import Schedule, command_delays
 from flexslew_plant.errors import BadInput, FlexslewError
+from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.settings import load_yaml, validated
@@ -48,12 +49,17 @@ class PlantDescription:
         period: one tick [s].
         effort_limit: of the drives, shape (actuators,) [N m or N].
         trust: which classes of the user's own may be loaded for it.
+        actuator: the motors.
+        delay: of what reaches each motor from the start on, shape (actuators,) [ticks]; empty:
+            none.
     """
 
     testbed: Testbed
     period: float
     effort_limit: Vector
     trust: Trust = NO_CODE
+    actuator: ActuatorSettings = IDEAL
+    delay: Vector = field(default_factory=lambda: NOTHING)
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
@@ -94,7 +100,9 @@ def described(settings: str, source: str, trust: Trust = NO_CODE) -> PlantDescri
     schedule = validated(Schedule, bench.get("schedule") or (), f"{source}: schedule")
     testbed = with_schedule(testbed, schedule)  # what turns when is known beforehand
     limit = np.array(testbed.effort_limit, dtype=np.float64)
-    return PlantDescription(testbed, float(period), limit, trust)
+    actuator = validated(ActuatorSettings, bench.get("actuator") or {}, f"{source}: actuator")
+    delay = command_delays(schedule, testbed.model().joint_names, 0.0)
+    return PlantDescription(testbed, float(period), limit, trust, actuator, delay)
 
 
 class ActiveLaw(NamedTuple):

@@ -10,7 +10,7 @@ from flexslew_control.analysis.rest import Rest, slopes, small_motions
 from flexslew_control.analysis.signals import APPLIED, inputs_of, outputs_of, states_of
 from flexslew_control.free_platform import rate_readings
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.hardware.actuator import Actuator, ActuatorSettings
+from flexslew_plant.hardware.actuator import IDEAL, Actuator, ActuatorSettings
 from flexslew_plant.testbeds.compiled.dynamics import (
     STAGE_TIMES,
     STAGE_WEIGHTS,
@@ -20,8 +20,6 @@ from flexslew_plant.testbeds.compiled.dynamics import (
 
 _STEP = 1e-3  # of the differences of what an accelerometer feels
 _STILL = 1e-9  # of the largest slope: what drifts less is at rest
-
-_IDEAL = ActuatorSettings()
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ class PlantPath:
     """
 
     period: float
-    actuator: ActuatorSettings = _IDEAL
+    actuator: ActuatorSettings = IDEAL
     gain: Vector | None = None
     delay: Vector | None = None
 
@@ -84,10 +82,10 @@ def sampled_plant(rest: Rest, path: PlantPath, applied: bool = False) -> Lti:
         c = np.vstack((c, np.hstack((np.zeros((m, n)), np.eye(m)))))
         outputs = (*outputs, *memory)
     ticks = Lti(f, g, c, np.zeros((len(c), m)), efforts, outputs, states, period)
-    return series(_motors(path, efforts), ticks)
+    return series(motors(path, efforts), ticks)
 
 
-def _motors(path: PlantPath, efforts: tuple[str, ...]) -> Lti:
+def motors(path: PlantPath, efforts: tuple[str, ...]) -> Lti:
     """Return the way from commands to applied efforts.
 
     Each motor keeps the commands of as many ticks as it is late, the last one first, one motor

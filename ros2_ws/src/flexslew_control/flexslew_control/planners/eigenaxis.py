@@ -133,7 +133,12 @@ def eigenaxis(
         about["feedback"] = _about(settings.feedback, seen)
     return Eigenaxis(
         replace(settings, **about),
-        PlantDescription(reduced, plant.period, np.array([limit]), plant.trust),
+        replace(
+            plant,
+            testbed=reduced,
+            effort_limit=np.array([limit]),
+            delay=plant.delay.max(keepdims=True, initial=0.0),
+        ),
         None if feedback is None else _about(feedback, seen),
         plant,
         reduced_to(whole, model),

@@ -153,7 +153,12 @@ def _about_joint(
         about["feedback"] = _own(settings.feedback, k)
     return OneAxis(
         replace(settings, **about),
-        PlantDescription(pivoting, plant.period, plant.effort_limit[k : k + 1], plant.trust),
+        replace(
+            plant,
+            testbed=pivoting,
+            effort_limit=plant.effort_limit[k : k + 1],
+            delay=plant.delay[k : k + 1],
+        ),
         None if feedback is None else _own(feedback, k),
         k,
         names,

@@ -8,6 +8,7 @@ import numpy as np
 from numba import types
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.motors import Matrices, at_once, give, matrices
 from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds import Model
@@ -52,6 +53,7 @@ def predicted(plan: Plan, slew: Slew) -> Prediction:
         slew.kp,
         slew.kd,
         slew.effort_limit,
+        matrices(slew.motors(plan.period)),
         plan.period,
         model.coordinates,
         model.before_modes,
@@ -85,6 +87,7 @@ def open_loop(model: Model, start: Vector, effort: Matrix, period: float) -> Mat
         none,
         none,
         none + np.inf,
+        at_once(none.size),
         period,
         model.coordinates,
         model.before_modes,
@@ -98,7 +101,7 @@ def _kernel() -> Callable[..., Matrix]:
     vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
     kernel: Any = compiled(_flown)
     sizes = types.float64, types.int64, types.int64
-    rows = matrix, matrix, matrix, vector, vector, vector
+    rows = *(matrix,) * 3, *(vector,) * 3, types.UniTuple(matrix, 4)
     kernel.compile(matrix(ADVANCE, vector, vector, *rows, *sizes))
     kernel.disable_compile()  # never for the type of one testbed's function
     return cast(Callable[..., Matrix], kernel)
@@ -114,6 +117,7 @@ def _flown(
     kp: Vector,
     kd: Vector,
     limit: Vector,
+    motors: Matrices,
     period: float,
     n: int,
     before_modes: int,
@@ -121,12 +125,14 @@ def _flown(
     """Return the states at the ticks, shape (ticks + 1, 2 n), for a testbed with q' = v."""
     ticks, m = effort.shape
     path, x, u = np.empty((ticks + 1, start.size)), start.copy(), np.empty(m)
+    z = np.zeros(len(motors[0]))
     path[0] = x
     for k in range(ticks):
         for j in range(m):
             u[j] = effort[k, j] + kp[j] * (position[k, j] - x[j])
             u[j] += kd[j] * (velocity[k, j] - x[n + j])
             u[j] = min(max(u[j], -limit[j]), limit[j])
+        give(motors, z, u)
         advance(p, k * period, u, period, 1, before_modes, x)
         path[k + 1] = x
     return path

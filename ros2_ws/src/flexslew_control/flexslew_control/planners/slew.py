@@ -6,19 +6,23 @@ believes it), where its joints rest at the start, and the gains of the controlle
 
 import importlib.metadata
 import platform
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Field
 
+from flexslew_control.analysis.linear_plant import PlantPath, motors
+from flexslew_control.analysis.lti import Lti
 from flexslew_control.law import PlantDescription, per_joint
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import NOTHING, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.hardware.actuator import IDEAL, ActuatorSettings
 from flexslew_plant.settings import PerJoint, flat, plain, section
 from flexslew_plant.testbeds import Model, Testbed, believed, initial_positions
 
+_LATEST = 50  # ticks, of commands that a planner counts with
 _LISTED = 6  # differences between model and bench that are told one by one
 
 
@@ -54,6 +58,8 @@ class Slew:
         period: one tick [s].
         effort_limit: of the drives, shape (joints,) [N m or N].
         beliefs: in one line, what is believed differently from the bench; empty: nothing.
+        actuator: the motors, as the planner believes them.
+        delay: of what reaches each motor, shape (joints,) [ticks]; empty: none.
     """
 
     testbed: Testbed
@@ -64,11 +70,19 @@ class Slew:
     period: float
     effort_limit: Vector
     beliefs: str = ""
+    actuator: ActuatorSettings = IDEAL
+    delay: Vector = field(default_factory=lambda: NOTHING)
 
     @cached_property
     def model(self) -> Model:
         """The equations of motion that the planner believes in."""
         return self.testbed.model()
+
+    def motors(self, period: float) -> Lti:
+        """Return what lies between commands and what the motors give, by ticks of a period [s]."""
+        delay = self.delay * (self.period / period) if self.delay.size else None
+        path = PlantPath(period, self.actuator, delay=delay)
+        return motors(path, self.model.joint_names)
 
     @property
     def still(self) -> bool:
@@ -80,13 +94,36 @@ class Slew:
         return dict(zip(self.model.joint_names, values.tolist(), strict=True))
 
 
-def slew_of(settings: Any, plant: PlantDescription, feedback: Feedback | None = None) -> Slew:
+class KnownMotors(NamedTuple):
+    """What planners count with of a bench's motors."""
+
+    actuator: ActuatorSettings  # its lag alone
+    gain: None
+    delay: Vector  # of each motor, (actuators,) [ticks]
+
+
+def known_motors(plant: PlantDescription) -> KnownMotors:
+    """Return the lag and the delay of a bench's motors; a very long delay is not counted with."""
+    count = plant.effort_limit.size
+    known = plant.delay.size == count and plant.delay.max() <= _LATEST
+    delay = plant.delay if known else np.zeros(count)
+    return KnownMotors(ActuatorSettings(lag=plant.actuator.lag), None, delay)
+
+
+def slew_of(
+    settings: Any,
+    plant: PlantDescription,
+    feedback: Feedback | None = None,
+    late_motors: bool = False,
+) -> Slew:
     """Return the slew that a `plan` section asks for.
 
     Args:
         settings: any `plan` section; of model, initial, goal and feedback it need not have all.
         plant: what stands on the bench.
         feedback: gains of the controller in charge; None: it has no such gains.
+        late_motors: whether the planner counts with the lag and the delay of the bench's motors;
+            others believe in motors that give at once what is commanded.
 
     Raises:
         BadInput: a joint or a key that the testbed does not have.
@@ -115,7 +152,10 @@ def slew_of(settings: Any, plant: PlantDescription, feedback: Feedback | None = 
         plant.period,
         plant.effort_limit,
     )
-    return Slew(**{**vars(slew), "beliefs": _beliefs(slew, plant, feedback)})
+    if late_motors:
+        known = known_motors(plant)
+        slew = replace(slew, actuator=known.actuator, delay=known.delay)
+    return replace(slew, beliefs=_beliefs(slew, plant, feedback))
 
 
 def _checked(given: dict[str, float] | None, names: tuple[str, ...], key: str) -> dict[str, float]:
@@ -132,6 +172,11 @@ def _beliefs(slew: Slew, plant: PlantDescription, feedback: Feedback | None) -> 
     here, there = flat(plain(slew.testbed)), flat(plain(plant.testbed))
     here = {key: value for key, value in here.items() if not key.startswith("initial")}
     pairs = [(key, here[key], there.get(key)) for key in here if here[key] != there.get(key)]
+    motors_here, motors_there = plain(slew.actuator), plain(plant.actuator)
+    changed = [key for key in motors_here if motors_here[key] != motors_there[key]]
+    pairs += [(f"actuator.{key}", motors_here[key], motors_there[key]) for key in changed]
+    if plant.delay.any() and not slew.delay.any():
+        pairs.append(("command delay [ticks]", 0, plant.delay.tolist()))
     resting = initial_positions(plant.testbed)
     for name, at in slew.named(slew.start).items():
         if at != resting.get(name):

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from flexslew_control.analysis.linear_plant import PlantPath, motors
 from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_loop, radius
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.held_efforts import exact_on_ticks
+from flexslew_control.planners.motors import Matrices, matrices
 from flexslew_control.planners.one_axis import (
     RELEVANT,
     OneAxis,
@@ -22,7 +24,7 @@ from flexslew_control.planners.one_axis import (
 from flexslew_control.planners.one_way import shared_out
 from flexslew_control.planners.prediction import Prediction, predicted
 from flexslew_control.planners.progress import Progress, ignore
-from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, slew_of
+from flexslew_control.planners.slew import Feedback, Slew, TooMuchTorque, known_motors, slew_of
 from flexslew_control.planners.trajectories import rigid_duration, rounded_up
 from flexslew_control.planners.whole_bench import (
     NOTHING,
@@ -63,6 +65,7 @@ class Slewing:
             one with the gains of the controller in charge.
         whole: says of a section whether a craft that turns in three axes is planned as a whole,
             instead of about the eigenaxis; None: of none.
+        late_motors: whether lag and delay of the motors are counted with.
     """
 
     plan: Callable[[Any, Slew, Progress], Plan]
@@ -71,6 +74,7 @@ class Slewing:
     one_axis: bool = True
     open_loop: bool = False
     whole: Callable[[Any], bool] | None = None
+    late_motors: bool = False
 
     def __call__(
         self,
@@ -92,7 +96,7 @@ class Slewing:
         planned = getattr(settings, "goal", {}) is not None
         if self.one_axis and planned and turns(plant):
             return self._turned(settings, plant, feedback, progress, law)
-        slew = slew_of(settings, plant, feedback)
+        slew = slew_of(settings, plant, feedback, self.late_motors)
         limit = plant.effort_limit
         if limit.size != slew.goal.size:
             raise BadInput(
@@ -127,6 +131,13 @@ class Slewing:
         )
         return plan if law is None else self._flown_by(law, plan, settings, slew, plant)
 
+    def _motors(self, plant: PlantDescription) -> Matrices | None:
+        """Return what lies between commands and efforts of a bench, where that counts."""
+        if not self.late_motors:
+            return None
+        path = PlantPath(plant.period, *known_motors(plant))
+        return matrices(motors(path, tuple(map(str, range(plant.effort_limit.size)))))
+
     def _ringing(self, settings: Any, found: Prediction) -> dict[str, Any]:
         """Return a warning of tips that swing on, where a section does not say so itself."""
         rings = self.rings(settings) if self.rings is not None else ""
@@ -146,13 +157,14 @@ class Slewing:
         if counted_with(law, slew) and not turns(plant):
             return plan
         model = None if turns(plant) else slew.model
-        found = flown_on_bench(plan, plant, law, model)
+        given = self._motors(plant)
+        found = flown_on_bench(plan, plant, law, model, given)
         if found is None:
             return plan
         remedy = ""
         if not as_predicted(plan, found) and getattr(settings, "track", "planned") != "planned":
             about = self.plan(replace(settings, track="planned"), slew, ignore)
-            other = flown_on_bench(about, plant, law, model)
+            other = flown_on_bench(about, plant, law, model, given)
             if other is not None and other.tip_deflection < 0.5 * found.tip_deflection:
                 remedy = f"; track: planned leaves {other.tip_deflection:.3g} m"
         return told_by_law(plan, plant, found, law, remedy)
@@ -182,7 +194,11 @@ class Slewing:
         )
         gains = getattr(settings, "feedback", None) or feedback
         flies = law or (by_feedback(gains) if gains else None)
-        prediction = None if flies is None else flown_on_bench(plan, plant, flies)
+        prediction = (
+            None
+            if flies is None
+            else flown_on_bench(plan, plant, flies, motors=self._motors(plant))
+        )
         if prediction is None:
             return not_flown(plan)
         return told(plan, plant, prediction, remedy="give the law more room, by a reserve")
@@ -209,7 +225,11 @@ class Slewing:
             assert found is not None
             return told(found[0], plant, found[1].prediction)
         plan = self._embedded(settings, plant, feedback, progress, law)
-        prediction = None if flies is None else flown_on_bench(plan, plant, flies)
+        prediction = (
+            None
+            if flies is None
+            else flown_on_bench(plan, plant, flies, motors=self._motors(plant))
+        )
         if flies is None or prediction is None:
             return not_flown(plan)
         plan = replace(plan, summary={**plan.summary, **self._ringing(settings, prediction)})
@@ -275,7 +295,7 @@ class Slewing:
                 if best is None and than is None:
                     raise
                 break
-            prediction = flown_on_bench(plan, plant, flies)
+            prediction = flown_on_bench(plan, plant, flies, motors=self._motors(plant))
             if prediction is None:
                 if than is None:
                     raise PlanFailed(

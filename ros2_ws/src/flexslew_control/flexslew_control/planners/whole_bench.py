@@ -13,6 +13,7 @@ import numpy as np
 from flexslew_control.controllers import PD_FEEDFORWARD, build_controller
 from flexslew_control.law import ActiveLaw, PlantDescription, per_joint
 from flexslew_control.plan import Plan
+from flexslew_control.planners.motors import Matrices, at_once, give
 from flexslew_control.planners.prediction import WATCHED, Prediction
 from flexslew_control.planners.slew import Feedback, Slew
 from flexslew_plant.arrays import Vector, kept
@@ -127,7 +128,11 @@ def _also(plan: Plan, words: str) -> str:
 
 
 def flown_on_bench(
-    plan: Plan, plant: PlantDescription, law: ActiveLaw, model: Model | None = None
+    plan: Plan,
+    plant: PlantDescription,
+    law: ActiveLaw,
+    model: Model | None = None,
+    motors: Matrices | None = None,
 ) -> Prediction | None:
     """Return the residuals of a plan that a law flies; None: it cannot fly it.
 
@@ -139,6 +144,7 @@ def flown_on_bench(
         plant: what stands on the bench, and what the law is designed for.
         law: of the controller in charge.
         model: that is flown; None: the bench's.
+        motors: from commands to efforts; None: they give at once what is commanded.
     """
     try:
         controller = build_controller(_NAME, law.law, dict(law.settings), plant, "plan")
@@ -155,6 +161,8 @@ def flown_on_bench(
     sensors = exact_sensors(model, plan.period)
     last = int(np.ceil(plan.duration / plan.period - 1e-9))
     effort = np.zeros(limit.size)
+    motors = motors or at_once(limit.size)
+    late = np.zeros(len(motors[0]))
     swing, peak, away = 0.0, 0.0, np.zeros(len(names))
     for k in range(max(len(plan.effort), last) + int(np.ceil(WATCHED / plan.period)) + 1):
         now = plan.start + k * plan.period
@@ -171,6 +179,7 @@ def flown_on_bench(
         if answer is None:  # it has failed on the way
             return None
         effort = np.clip(answer.command.effort, least, limit)
+        give(motors, late, effort)
         x = model.advance(x, effort, plan.period, t=now)
     return Prediction(swing, away, peak)
 

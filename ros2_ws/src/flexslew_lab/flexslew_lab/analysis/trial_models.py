@@ -10,6 +10,7 @@ from flexslew_control.analysis.lti import Lti
 from flexslew_control.analysis.rest import Rest, rest_of
 from flexslew_control.plan import Plan
 from flexslew_lab.trial.trial import Trial, plan_of_trial, plant_of
+from flexslew_plant.bench.schedule import command_delays
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults.actuators import ActuatorGain, CommandDelay
 
@@ -59,16 +60,13 @@ def point_of(
             there = plan.reference(round(time / trial.period)).position
             joints = dict(zip(plant.joint_names, there.tolist(), strict=True))
     names, left_out = plant.joint_names, []
-    gain, delay = np.ones(len(names)), np.zeros(len(names))
+    gain, delay = np.ones(len(names)), command_delays(trial.schedule, names, time)
     for entry in trial.schedule:
         if entry.fault is None or not entry.at <= time < (entry.until or np.inf):
             continue
         if isinstance(entry.fault, ActuatorGain):
             gain[names.index(entry.fault.joint)] *= entry.fault.gain
-        elif isinstance(entry.fault, CommandDelay):
-            late = np.array([entry.fault.joint in (None, name) for name in names])
-            delay += entry.fault.ticks * late
-        else:
+        elif not isinstance(entry.fault, CommandDelay):
             left_out.append(str(entry.fault.kind))
     path = PlantPath(trial.period, trial.actuator, gain, delay)
     return Point(rest_of(plant.testbed, joints, time), path, plan, tuple(left_out))

@@ -24,7 +24,7 @@ from flexslew_control.planners.slew import Feedback
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.records import BenchSettings, PaceSettings
 from flexslew_plant.bench.retarget import with_schedule
-from flexslew_plant.bench.schedule import require_allowed
+from flexslew_plant.bench.schedule import command_delays, require_allowed
 from flexslew_plant.errors import BadInput
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import NO_CODE, Trust
@@ -250,7 +250,8 @@ def plant_of(trial: Trial) -> PlantDescription:
     """Return what stands on the trial's bench."""
     limit = np.array(trial.testbed.effort_limit, dtype=np.float64)
     testbed = with_schedule(trial.testbed, trial.schedule)
-    return PlantDescription(testbed, trial.period, limit, trial.trust)
+    delay = command_delays(trial.schedule, testbed.model().joint_names, 0.0)
+    return PlantDescription(testbed, trial.period, limit, trial.trust, trial.actuator, delay)
 
 
 def law_in_charge(trial: Trial) -> ActiveLaw:

@@ -1,11 +1,15 @@
 """The `schedule` section: what happens to the bench at which simulated time."""
 
+from collections.abc import Sequence
 from typing import Annotated, Any, TypeAlias
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FaultSettings
+from flexslew_plant.faults.actuators import CommandDelay
 from flexslew_plant.hardware.disturbances import Disturbance
 from flexslew_plant.settings import load_yaml, section, validated
 
@@ -39,6 +43,16 @@ class ScheduleEntry:
 
 
 Schedule: TypeAlias = tuple[ScheduleEntry, ...]
+
+
+def command_delays(schedule: Schedule, joints: Sequence[str], time: float) -> Vector:
+    """Return by how many ticks commands are late at a time, shape (joints,)."""
+    delay = np.zeros(len(joints))
+    for entry in schedule:
+        acts = entry.at <= time < (np.inf if entry.until is None else entry.until)
+        if acts and isinstance(entry.fault, CommandDelay):
+            delay += entry.fault.ticks * np.array([entry.fault.joint in (None, j) for j in joints])
+    return delay
 
 
 def require_allowed(schedule: Schedule, allowed: bool, source: str = "trial") -> None:

@@ -39,6 +39,9 @@ class ActuatorSettings:
     coulomb_speed: Positive = 1e-4
 
 
+IDEAL = ActuatorSettings()
+
+
 class Actuator:
     """One motor per joint, with the demand held over a tick.
 

@@ -33,6 +33,7 @@ from flexslew_control.planners.feedforward.optimized_feedforward import (
     on_ticks,
 )
 from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.rest_at_goal import require_rest
 from flexslew_control.planners.slew import FeedbackKey, Slew, TooMuchTorque
 from flexslew_control.planners.slewing import Slewing
 from flexslew_control.planners.trajectories import Profile
@@ -135,8 +136,10 @@ def plan_robust_feedforward(settings: RobustFeedforward, slew: Slew, progress: P
     Raises:
         PlanFailed: the iteration does not settle.
         TooMuchTorque: a member needs more than the drives have.
-        BadInput: a range names no joint, or start or goal are not inside it.
+        BadInput: a range names no joint, start or goal are not inside it, or nothing rests at the
+            goal without an effort.
     """
+    require_rest(slew, settings.start + settings.duration)
     members = ensemble(settings, slew)
     nominal = manoeuvre_of(slew, settings.duration, settings.reference)
     effort_limit = slew.effort_limit

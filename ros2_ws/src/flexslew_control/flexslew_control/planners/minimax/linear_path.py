@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexslew_control.analysis.lti import Lti
 from flexslew_control.controllers.sampled_loop import LinearPlant
-from flexslew_control.planners.minimax.response import Grid, Indices, joint_readings
+from flexslew_control.planners.minimax.response import Grid, Indices, joint_readings, with_motors
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds import Model
 
@@ -39,9 +40,9 @@ class LinearPath:
         grid: the ticks and pieces.
         steps: the channels after a step of each effort at tick 0, at the ticks
             from 0 on, shape (ticks + 1, channels, joints); of a demand without the step itself.
-        ends: the state after such a step, shape (ticks + 1, 2 n, joints).
+        ends: the state after such a step, shape (ticks + 1, 2 n + s, joints).
         level: what the channels read at rest at the start, shape (channels,).
-        away: the rest at the start as a deviation from the goal's, shape (2 n,).
+        away: the rest at the start as a deviation from the goal's, shape (2 n + s,).
         tips: how many tips.
     """
 
@@ -97,7 +98,12 @@ def _of_pieces(steps: Tensor, ticks: np.ndarray, grid: Grid) -> Matrix:
 
 
 def linear_path(
-    model: Model, nominal: Model, ends: tuple[Vector, Vector], gains: Matrix, grid: Grid
+    model: Model,
+    nominal: Model,
+    ends: tuple[Vector, Vector],
+    gains: Matrix,
+    motors: Lti,
+    grid: Grid,
 ) -> LinearPath:
     """Return the answer of a linear member under the feedback about the nominal member's path.
 
@@ -106,25 +112,29 @@ def linear_path(
         nominal: whose path under the plan's efforts the feedback follows.
         ends: joint positions at the start and at the goal, shape (joints,) each.
         gains: [Kp Kd], shape (joints, 2 joints).
+        motors: from commands to efforts, tick by tick.
         grid: the ticks and pieces.
     """
     n, m = model.coordinates, model.joints
-    seen = joint_readings(n, m)
     place = model.rest({})
-    (f, g), (f0, g0) = (LinearPlant(one, place).step(grid.period) for one in (model, nominal))
+    (f, g), (f0, g0) = (
+        with_motors(*LinearPlant(one, place).step(grid.period), motors) for one in (model, nominal)
+    )
+    size = len(f)
+    seen = joint_readings(n, m, size)
     turn = g @ gains @ seen
-    both = np.block([[f - turn, turn], [np.zeros((2 * n, 2 * n)), f0]])
+    both = np.block([[f - turn, turn], [np.zeros((size, size)), f0]])
     states = _after_a_step(both, np.vstack((g, g0)), grid.ticks + 1)
-    tip = np.zeros((len(model.appendages.names), 4 * n))
+    tip = np.zeros((len(model.appendages.names), 2 * size))
     tip[:, m:n] = model.appendages.tip
     follow = np.hstack((-gains @ seen, gains @ seen))
-    own = np.hstack((seen, np.zeros((2 * m, 2 * n))))
+    own = np.hstack((seen, np.zeros((2 * m, size))))
     start, goal = ends
-    away = np.zeros(2 * n)
+    away = np.zeros(size)
     away[:m] = start - goal
     level = np.concatenate((np.zeros(len(tip) + m), start, np.zeros(m)))
     steps = np.vstack((tip, follow, own)) @ states
-    return LinearPath(grid, steps, states[:, : 2 * n], level, away, len(tip))
+    return LinearPath(grid, steps, states[:, :size], level, away, len(tip))
 
 
 def _after_a_step(f: Matrix, g: Matrix, count: int) -> Tensor:

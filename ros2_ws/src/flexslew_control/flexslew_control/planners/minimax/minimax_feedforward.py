@@ -20,15 +20,14 @@ from flexslew_control.planners.minimax.optimum import Found, found_optimum
 from flexslew_control.planners.minimax.program import Limits
 from flexslew_control.planners.minimax.question import Question
 from flexslew_control.planners.minimax.shortest import enough_time, shortest
+from flexslew_control.planners.motors import give, matrices
 from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.rest_at_goal import require_rest
 from flexslew_control.planners.slew import FeedbackKey, Slew, tick_times
 from flexslew_control.planners.slewing import Slewing
 from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
-
-_NO_FORCE = 1e-3  # of a drive's limit, that feedback holds at the goal, as a gravity gradient [-]
-_LOOKS = 8  # at forces that vary with time
 
 
 @section
@@ -91,7 +90,7 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
         BadInput: a range or a limit is of no joint, or does not hold start and goal; or nothing
             rests at the goal without an effort.
     """
-    _require_rest(slew, settings.start + settings.duration)
+    require_rest(slew, settings.start + settings.duration)
     names = slew.model.joint_names
     joint = np.tile([[-np.inf], [np.inf]], len(names))
     for name, (low, high) in (settings.joint_range or {}).items():
@@ -122,31 +121,6 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
     )
 
 
-def _require_rest(slew: Slew, end: float) -> None:
-    """Check that the testbed rests at the goal by itself: efforts end when the slew does.
-
-    Args:
-        slew: what is asked for.
-        end: of the slew; where time matters, some times up to it are looked at [s].
-
-    Raises:
-        BadInput: springs or loads move it from there.
-    """
-    goal = slew.model.rest(slew.named(slew.goal))
-    still, joints = np.zeros(slew.model.coordinates), slew.goal.size
-    bias = [slew.model.bias(goal, still, t)[:joints] for t in np.linspace(0.0, end, _LOOKS)]
-    force = np.abs(bias).max(axis=0)
-    if (force > _NO_FORCE * slew.effort_limit).any():
-        forces = ", ".join(f"{name} {value:.3g}" for name, value in slew.named(force).items())
-        raise BadInput(
-            f"efforts end with the slew, but springs or loads push the joints away from there "
-            f"(up to {forces} [N or N m]); use method reference_only, whose controller holds them",
-            "plan",
-            "goal",
-            slew.named(slew.goal),
-        )
-
-
 def _joint(name: str, names: tuple[str, ...], key: str) -> int:
     if name not in names:
         allowed = ", ".join(names)
@@ -163,7 +137,10 @@ def _plan(settings: MinimaxFeedforward, slew: Slew, found: Found) -> Plan:
     state[0, :m] = slew.start
     efforts, driven = found.efforts, found.grid.ticks
     effort = np.vstack((efforts, np.zeros((ticks.size - 1 - driven, m))))
-    for k, held in enumerate(efforts):
+    motors = matrices(slew.motors(slew.period))
+    late = np.zeros(len(motors[0]))
+    for k, held in enumerate(efforts.copy()):
+        give(motors, late, held)
         state[k + 1] = slew.model.advance(state[k], held, slew.period, t=float(ticks[k]))
     state[driven + 1 :] = np.concatenate((slew.goal, np.zeros(2 * n - m)))
     position, velocity = state[:, :m].copy(), state[:, n : n + m].copy()
@@ -197,7 +174,7 @@ def _plan(settings: MinimaxFeedforward, slew: Slew, found: Found) -> Plan:
 
 MINIMAX = PlannerEntry(
     MinimaxFeedforward,
-    Slewing(plan_minimax_feedforward),
+    Slewing(plan_minimax_feedforward, late_motors=True),
     takes_duration=True,
     compared={"pieces": 30, "ensemble": {"count": 5}},
     example={"pieces": 12, "ensemble": {"draw": "corners"}, "max_steps": 8},

@@ -2,9 +2,10 @@
 
 The flight of a member is taken tick by tick as on the bench. Its derivatives by the efforts follow
 from those of the integrator's step, x(k + 1) = f(x(k), u(k)):
-    dx_i(k + 1) = F_i dx_i(k) + G_i (dw + [Kp Kd] (dy_0(k) - dy_i(k))),
-    dx_0(k + 1) = F_0 dx_0(k) + G_0 dw,
-with 0 the nominal member, whose path is the reference.
+    dx_i(k + 1) = F_i dx_i(k) + G_i de_i(k),  dc_i(k) = dw + [Kp Kd] (dy_0(k) - dy_i(k)),
+    dx_0(k + 1) = F_0 dx_0(k) + G_0 de_0(k),  dc_0(k) = dw,
+with 0 the nominal member, whose path is the reference, c what is commanded and e what the motors
+give: e = c, or z(k + 1) = A z + B c, e = C z + D c where they have a lag or a delay.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,8 +16,10 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numba import types
 
+from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.feedforward.shooting import final_sensitivity, roll_out
 from flexslew_control.planners.minimax.response import Grid, Indices
+from flexslew_control.planners.motors import Matrices, give, matrices
 from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled
 from flexslew_plant.testbeds import Model
 from flexslew_plant.testbeds.compiled.bound import ADVANCE
@@ -27,11 +30,13 @@ class MemberFlight(NamedTuple):
     """One member under the efforts of a plan and the feedback about the nominal path."""
 
     states: Matrix  # at the ticks, (ticks + 1, 2 n)
-    applied: Matrix  # feedforward and feedback, (ticks, joints) [N m or N]
+    commanded: Matrix  # feedforward and feedback, (ticks, joints) [N m or N]
+    applied: Matrix  # what the motors give, (ticks, joints) [N m or N]
+    motors: Vector  # their states at the last tick, (s,)
 
 
 def flight(
-    model: Model, start: Vector, efforts: Matrix, gains: Matrix, path: Matrix | None, period: float
+    model: Model, start: Vector, efforts: Matrix, gains: Matrix, path: Matrix | None, motors: Lti
 ) -> MemberFlight:
     """Return the flight of a member.
 
@@ -41,29 +46,30 @@ def flight(
         efforts: of the plan, shape (ticks, joints).
         gains: [Kp Kd], shape (joints, 2 joints).
         path: of the nominal member, (ticks + 1, 2 n); None: this is the nominal member.
-        period: one tick [s].
+        motors: from commands to efforts, tick by tick.
     """
     m, n = model.joints, model.coordinates
     if path is None:
         gains, path = np.zeros_like(gains), np.zeros((len(efforts) + 1, start.size))
     drive = efforts + np.hstack((path[:-1, :m], path[:-1, n : n + m])) @ gains.T
-    states, applied = _kernel()(
+    flown = _kernel()(
         model.integrate, model.packed, start, np.ascontiguousarray(drive),
-        np.ascontiguousarray(gains), period, n, model.before_modes,
+        np.ascontiguousarray(gains), matrices(motors), motors.period, n, model.before_modes,
     )  # fmt: skip
-    return MemberFlight(states, applied)
+    return MemberFlight(*flown)
 
 
 @lru_cache
-def _kernel() -> Callable[..., tuple[Matrix, Matrix]]:
+def _kernel() -> Callable[..., tuple[Matrix, Matrix, Matrix, Vector]]:
     """Return _flown as machine code, the same for all testbeds."""
     vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
     kernel: Any = compiled(_flown)
     sizes = types.float64, types.int64, types.int64
-    both = types.UniTuple(matrix, 2)
-    kernel.compile(both(ADVANCE, vector, vector, matrix, matrix, *sizes))
+    found = types.Tuple((matrix, matrix, matrix, vector))
+    motors = types.UniTuple(matrix, 4)
+    kernel.compile(found(ADVANCE, vector, vector, matrix, matrix, motors, *sizes))
     kernel.disable_compile()  # never for the type of one testbed's function
-    return cast(Callable[..., tuple[Matrix, Matrix]], kernel)
+    return cast(Callable[..., tuple[Matrix, Matrix, Matrix, Vector]], kernel)
 
 
 def _flown(
@@ -72,24 +78,28 @@ def _flown(
     start: Vector,
     drive: Matrix,
     gains: Matrix,
+    motors: Matrices,
     period: float,
     n: int,
     before_modes: int,
-) -> tuple[Matrix, Matrix]:
-    """Return the states and the applied efforts under u = drive - [Kp Kd] y."""
+) -> tuple[Matrix, Matrix, Matrix, Vector]:
+    """Return states, commands, efforts and the motors' states under u = drive - [Kp Kd] y."""
     ticks, m = drive.shape
     path, x, u = np.empty((ticks + 1, start.size)), start.copy(), np.empty(m)
-    applied = np.empty((ticks, m))
+    commanded, applied = np.empty((ticks, m)), np.empty((ticks, m))
+    z = np.zeros(len(motors[0]))
     path[0] = x
     for k in range(ticks):
         for j in range(m):
             u[j] = drive[k, j]
             for i in range(m):
                 u[j] -= gains[j, i] * x[i] + gains[j, m + i] * x[n + i]
-            applied[k, j] = u[j]
+            commanded[k, j] = u[j]
+        give(motors, z, u)
+        applied[k] = u
         advance(p, k * period, u, period, 1, before_modes, x)
         path[k + 1] = x
-    return path, applied
+    return path, commanded, applied, z
 
 
 def step_derivatives(
@@ -120,21 +130,32 @@ def step_derivatives(
 
 @compiled
 def path_derivatives(
-    f: Tensor, g: Tensor, gains: Matrix, reference: Tensor, edges: Vector, out: Tensor
-) -> None:
+    f: Tensor,
+    g: Tensor,
+    gains: Matrix,
+    motors: Matrices,
+    reference: Tensor,
+    edges: Vector,
+    out: Tensor,
+) -> Matrix:
     """Write the derivatives of the states at all ticks by the weights.
 
     Args:
         f: of every tick, shape (ticks, 2 n, 2 n).
         g: of every tick, shape (ticks, 2 n, joints).
         gains: [Kp Kd], shape (joints, 2 joints).
+        motors: A, B, C and D from commands to efforts.
         reference: derivatives of the nominal path, (ticks + 1, 2 n, weights).
         edges: ticks at which pieces begin, and the end, shape (pieces + 1,).
-        out: shape (ticks + 1, 2 n, weights).
+        out: for the derivatives of the states at all ticks by the weights, shape
+            (ticks + 1, 2 n, weights).
+
+    Returns:
+        of the motors' last states, (s, weights).
     """
     ticks, size, m = g.shape
     n, weights = size // 2, out.shape[2]
-    effort = np.empty((m, weights))
+    effort, late = np.empty((m, weights)), np.zeros((weights, len(motors[0])))
     out[0] = 0.0
     piece = 0
     for k in range(ticks):
@@ -149,6 +170,8 @@ def path_derivatives(
                     value += gains[j, m + i] * (reference[k, n + i, w] - out[k, n + i, w])
                 effort[j, w] = value
             effort[j, piece * m + j] += 1.0
+        for w in range(known):
+            give(motors, late[w], effort[:, w])
         for r in range(size):
             for w in range(weights):
                 out[k + 1, r, w] = 0.0
@@ -161,6 +184,7 @@ def path_derivatives(
                 factor = g[k, r, j]
                 for w in range(known):
                     out[k + 1, r, w] += factor * effort[j, w]
+    return late.T
 
 
 @dataclass(frozen=True)
@@ -199,7 +223,14 @@ def channels(model: Model, flown: MemberFlight) -> Matrix:
     m, n = model.joints, model.coordinates
     states = flown.states[:-1]
     tips, rates = states[:, m:n] @ model.appendages.tip.T, states[:, n : n + m]
-    return np.hstack((tips, flown.applied, states[:, :m], rates))
+    return np.hstack((tips, flown.commanded, states[:, :m], rates))
+
+
+def deviation(flown: MemberFlight, goal: Vector) -> Vector:
+    """Return how far a flight ends from the rest at the goal, shape (2 n + s,)."""
+    away: Vector = np.concatenate((flown.states[-1], flown.motors))
+    away[: goal.size] -= goal
+    return away
 
 
 class Derived(NamedTuple):
@@ -214,6 +245,7 @@ def tabled(
     flown: MemberFlight,
     nominal: Tensor | None,
     gains: Matrix,
+    motors: Lti,
     goal: Vector,
     grid: Grid,
     weights: Vector,
@@ -226,23 +258,23 @@ def tabled(
         flown: its flight.
         nominal: derivatives of the nominal member's states; None: this is the nominal member.
         gains: [Kp Kd], shape (joints, 2 joints).
+        motors: from commands to efforts, tick by tick.
         goal: joint positions, shape (joints,).
         grid: the ticks and pieces.
         weights: of the flight.
         requested: channels that have limits.
     """
-    m, n = model.joints, model.coordinates
+    n = model.coordinates
     f, g = step_derivatives(model, flown.states[0], flown.applied, grid.period)
     states = np.empty((grid.ticks + 1, 2 * n, grid.size))
     edges = np.array(grid.edges, dtype=np.float64)
     own = gains if nominal is not None else np.zeros_like(gains)
     about = nominal if nominal is not None else states
-    path_derivatives(np.ascontiguousarray(f), np.ascontiguousarray(g), own, about, edges, states)
+    f, g = np.ascontiguousarray(f), np.ascontiguousarray(g)
+    late = path_derivatives(f, g, own, matrices(motors), about, edges, states)
     slopes = {channel: _slopes(model, channel, states, nominal, own, grid) for channel in requested}
-    rest = np.zeros(2 * n)
-    rest[:m] = goal
-    last = states[-1].copy()  # a view would keep the others
-    offset = flown.states[-1] - rest - last @ weights
+    last = np.vstack((states[-1], late))  # a view would keep the other ticks
+    offset = deviation(flown, goal) - last @ weights
     path = TabledPath(grid, weights, channels(model, flown), slopes, (last, offset))
     return Derived(path, states)
 

@@ -83,17 +83,17 @@ class ConeProgram:
     def end_rows(self) -> Matrix:
         """What of the nominal member's deviation from the rest at the goal is zero at the end."""
         rest = self.responses[0].rest
-        return np.eye(len(rest.closed)) if self.exact else rest.rigid
+        return rest.settled if self.exact else rest.rigid
 
     def end_missed(self, end: Vector) -> Vector:
         """Return what is not zero of a deviation at the end, as shares of the whole way.
 
         Args:
-            end: of the nominal member, shape (2 n,) or (2 n, k).
+            end: of the nominal member, shape (2 n + s,) or (2 n + s, k).
         """
-        rows, n = self.end_rows, self.end_rows.shape[1] // 2
+        rows, n = self.end_rows, len(self.responses[0].rest.settled) // 2
         lasts = self.grid.ticks * self.grid.period
-        bent, rate = (np.linalg.norm(half, axis=1) for half in (rows[:, :n], rows[:, n:]))
+        bent, rate = (np.linalg.norm(part, axis=1) for part in (rows[:, :n], rows[:, n : 2 * n]))
         missed: Vector = ((rows @ end).T / (self.span * (bent + rate / lasts))).T
         return missed
 
@@ -127,7 +127,7 @@ def residual(response: Response, end: Vector, ringing: bool, flown: Matrix) -> f
 
     Args:
         response: of the member.
-        end: its deviation from the rest at the goal at the last tick, shape (2 n,).
+        end: its deviation from the rest at the goal at the last tick, shape (2 n + s,).
         ringing: whether nothing damps it, so that the sum of the amplitudes counts.
         flown: its channels at all ticks.
     """

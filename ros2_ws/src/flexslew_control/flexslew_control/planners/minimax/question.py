@@ -113,7 +113,8 @@ def convex_program(question: Question, members: Sequence[Member]) -> ConeProgram
     slew, grid = question.slew, question.grid()
     gains, ends = question.gains, (slew.start, slew.goal)
     rests = rests_of(question, members, grid)
-    paths = (linear_path(m.model, slew.model, ends, gains, grid) for m in members)
+    motors = slew.motors(grid.period)
+    paths = (linear_path(m.model, slew.model, ends, gains, motors, grid) for m in members)
     responses = [Response(p, r, grid, slew.goal) for p, r in zip(paths, rests, strict=True)]
     return program_of(question, members, grid, responses)
 
@@ -121,7 +122,8 @@ def convex_program(question: Question, members: Sequence[Member]) -> ConeProgram
 def rests_of(question: Question, members: Sequence[Member], grid: Grid) -> list[AtRest]:
     """Return the motion of every member about its rest at the goal."""
     goal, gains = question.slew.goal, question.gains
-    return [at_rest(m.model, goal, gains, grid.period, grid.watched) for m in members]
+    motors = question.slew.motors(grid.period)
+    return [at_rest(m.model, goal, gains, motors, grid.watched) for m in members]
 
 
 def program_of(

@@ -6,6 +6,8 @@ held over each tick, where w are the efforts of the plan and r the path of the n
 them alone. So the feedback has nothing to do on the nominal member. After the last tick N the
 reference is the goal at rest and w is zero: the deviation e from the rest at the goal obeys
     e(k + 1) = (F - G [Kp Kd]) e(k).
+Where the motors have a lag or a delay, u is what is commanded, and their states come after those
+of the member: s of them in all.
 """
 
 from collections.abc import Sequence
@@ -14,7 +16,9 @@ from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.linalg import solve_sylvester
 
+from flexslew_control.analysis.lti import Lti
 from flexslew_control.controllers.sampled_loop import LinearPlant
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.testbeds import Model
@@ -82,14 +86,16 @@ class AtRest(NamedTuple):
     The channels are the tips, then of every joint the demand, the position and the rate.
     """
 
-    closed: Matrix  # of one tick, (2 n, 2 n)
-    reads: Tensor  # from deviation to the channels some ticks later, (watched + 1, channels, 2 n)
-    modes: Matrix  # from deviation to eta and eta'/w of every flexible mode, (2 modes, 2 n)
+    # from deviation to the channels some ticks later, (watched + 1, channels, 2 n + s)
+    reads: Tensor
+    modes: Matrix  # from deviation to eta and eta'/w of every flexible mode, (2 modes, 2 n + s)
     tip_of_modes: Matrix  # |tips| of one unit of every amplitude, (tips, modes)
-    rigid: Matrix  # from deviation to position and rate of the rigid motions, (2 rigid, 2 n)
+    rigid: Matrix  # from deviation to position and rate of rigid motions, (2 rigid, 2 n + s)
+    # from deviation to the one that goes on alike without the motors' states, (2 n, 2 n + s)
+    settled: Matrix
 
 
-def at_rest(model: Model, goal: Vector, gains: Matrix, period: float, watched: int) -> AtRest:
+def at_rest(model: Model, goal: Vector, gains: Matrix, motors: Lti, watched: int) -> AtRest:
     """Return the motion of a model about its rest at the goal.
 
     With K phi = w^2 M phi, phi^T M phi = 1 the amplitude of a free mode is |(eta, eta'/w)|,
@@ -99,15 +105,17 @@ def at_rest(model: Model, goal: Vector, gains: Matrix, period: float, watched: i
         model: equations of motion.
         goal: joint positions, shape (joints,).
         gains: [Kp Kd] on positions and rates of the joints, shape (joints, 2 joints).
-        period: one tick [s].
+        motors: from commands to efforts, tick by tick.
         watched: ticks after the last one.
     """
     n, m = model.coordinates, model.joints
     place = model.rest(dict(zip(model.joint_names, goal.tolist(), strict=True)))
     plant = LinearPlant(model, place)
-    f, g = plant.step(period)
-    seen = joint_readings(n, m)
-    tip = np.zeros((len(model.appendages.names), 2 * n))
+    f, g = plant.step(motors.period)
+    settled = _settled(f, g, motors)
+    f, g = with_motors(f, g, motors)
+    seen = joint_readings(n, m, len(f))
+    tip = np.zeros((len(model.appendages.names), len(f)))
     tip[:, m:n] = model.appendages.tip
     linear = model.linearise(place)
     factor = np.linalg.cholesky(linear.mass)
@@ -119,14 +127,35 @@ def at_rest(model: Model, goal: Vector, gains: Matrix, period: float, watched: i
     nothing = np.zeros_like(left)
     bent, rate = np.hstack((left, nothing)), np.hstack((nothing, left))
     w = np.sqrt(square[~rest])
-    closed = f - g @ gains @ seen
     return AtRest(
-        closed,
-        _reads(np.vstack((tip, -gains @ seen, seen)), closed, watched + 1),
-        np.vstack((bent[~rest], rate[~rest] / w[:, None])),
+        _reads(np.vstack((tip, -gains @ seen, seen)), f - g @ gains @ seen, watched + 1),
+        np.vstack((bent[~rest], rate[~rest] / w[:, None])) @ settled,
         np.abs(tip[:, :n] @ shapes[:, ~rest]),
-        np.vstack((bent[rest], rate[rest])),
+        np.vstack((bent[rest], rate[rest])) @ settled,
+        settled,
     )
+
+
+def with_motors(f: Matrix, g: Matrix, motors: Lti) -> tuple[Matrix, Matrix]:
+    """Return F and G of x+ = F x + G u with the motors' states z after those of x.
+
+    x+ = F x + G (C z + D u),  z+ = A z + B u.
+    """
+    below = np.hstack((np.zeros((len(motors.a), len(f))), motors.a))
+    return (
+        np.vstack((np.hstack((f, g @ motors.c)), below)),
+        np.vstack((g @ motors.d, motors.b)),
+    )
+
+
+def _settled(f: Matrix, g: Matrix, motors: Lti) -> Matrix:
+    """Return [1 S] so that y = x + S z obeys y+ = F y when nothing more is commanded.
+
+    F S - S A = G C; as z vanishes, y becomes x.
+    """
+    if not len(motors.a):
+        return np.eye(len(f))
+    return np.hstack((np.eye(len(f)), solve_sylvester(f, -motors.a, g @ motors.c)))
 
 
 def _reads(read: Matrix, closed: Matrix, count: int) -> Tensor:
@@ -140,9 +169,9 @@ def _reads(read: Matrix, closed: Matrix, count: int) -> Tensor:
     return found
 
 
-def joint_readings(n: int, m: int) -> Matrix:
-    """Return what reads positions and rates of the joints off a state, shape (2 m, 2 n)."""
-    seen = np.zeros((2 * m, 2 * n))
+def joint_readings(n: int, m: int, states: int) -> Matrix:
+    """Return what reads positions and rates of the joints off all states, (2 m, states)."""
+    seen = np.zeros((2 * m, states))
     seen[:m, :m] = seen[m:, n : n + m] = np.eye(m)
     return seen
 
@@ -197,7 +226,7 @@ class Response:
         """Return the channels from the last tick on, shape (watched + 1, channels).
 
         Args:
-            end: deviation from the rest at the goal at the last tick, shape (2 n,).
+            end: deviation from the rest at the goal at the last tick, shape (2 n + s,).
         """
         return np.asarray(self.rest.reads @ end + self.level)
 

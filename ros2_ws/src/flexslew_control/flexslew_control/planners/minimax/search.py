@@ -72,7 +72,8 @@ class Search:
         q = self.question
         rests = self.known_rests or rests_of(q, self.members, self.grid)
         ends = q.slew.start, q.slew.goal
-        return Flown(self.members, rests, ends, q.gains, self.grid, q.limits)
+        motors = q.slew.motors(self.grid.period)
+        return Flown(self.members, rests, ends, q.gains, motors, self.grid, q.limits)
 
     @cached_property
     def price(self) -> float:

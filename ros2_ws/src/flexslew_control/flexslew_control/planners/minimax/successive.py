@@ -13,11 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.members import Member
 from flexslew_control.planners.minimax.nonlinear_path import (
     MemberFlight,
     TabledPath,
     channels,
+    deviation,
     flight,
     tabled,
 )
@@ -54,6 +56,7 @@ class EnsembleProblem:
         rests: about the goal, one per member.
         ends: joint positions at the start and at the goal, shape (joints,) each.
         gains: [Kp Kd], shape (joints, 2 joints).
+        motors: from commands to efforts, tick by tick.
         grid: ticks and pieces.
         limits: that every member keeps to.
     """
@@ -62,6 +65,7 @@ class EnsembleProblem:
     rests: Sequence[AtRest]
     ends: tuple[Vector, Vector]
     gains: Matrix
+    motors: Lti
     grid: Grid
     limits: Limits
 
@@ -80,20 +84,13 @@ class EnsembleProblem:
             start = np.zeros(2 * model.coordinates)
             start[: model.joints] = self.ends[0]
             path = flights[0].states if i else None
-            flights.append(flight(model, start, efforts, self.gains, path, self.grid.period))
+            flights.append(flight(model, start, efforts, self.gains, path, self.motors))
         return flights
-
-    def deviation(self, flown: MemberFlight) -> Vector:
-        """Return how far a flight ends from the rest at the goal, shape (2 n,)."""
-        goal = self.ends[1]
-        away: Vector = flown.states[-1].copy()
-        away[: goal.size] -= goal
-        return away
 
     def responses(self, weights: Vector, flights: Sequence[MemberFlight]) -> list[Response]:
         """Return the answers of all members about their flights."""
         goal, requested = self.ends[1], self.limited
-        fixed = self.gains, goal, self.grid, weights, requested
+        fixed = self.gains, self.motors, goal, self.grid, weights, requested
         nominal = tabled(self.members[0].model, flights[0], None, *fixed)
         paths = [nominal.path]  # the other members' derivatives of all states are not kept
         for member, flown in zip(self.members[1:], flights[1:], strict=True):
@@ -105,15 +102,11 @@ class EnsembleProblem:
 
     def fixed(self, weights: Vector, flights: Sequence[MemberFlight]) -> list[Response]:
         """Return what was flown as responses that know no other weights."""
-        return [
-            Response(
-                FlownPath(channels(member.model, flown), weights.size, self.deviation(flown)),
-                rest,
-                self.grid,
-                self.ends[1],
-            )
-            for member, rest, flown in zip(self.members, self.rests, flights, strict=True)
-        ]
+        goal, found = self.ends[1], []
+        for member, rest, flown in zip(self.members, self.rests, flights, strict=True):
+            path = FlownPath(channels(member.model, flown), weights.size, deviation(flown, goal))
+            found.append(Response(path, rest, self.grid, goal))
+        return found
 
     def moved(
         self, program: ConeProgram, weights: Vector, flights: Sequence[MemberFlight]
@@ -127,7 +120,7 @@ class EnsembleProblem:
                 old.path,
                 about=weights,
                 values=channels(member.model, flown),
-                end=(slope, self.deviation(flown) - slope @ weights),
+                end=(slope, deviation(flown, self.ends[1]) - slope @ weights),
             )
             found.append(replace(old, path=path))
         return found
@@ -138,7 +131,7 @@ class FlownPath(NamedTuple):
 
     values: Matrix  # (ticks, channels)
     size: int  # of the weights
-    deviation: Vector  # from the rest at the goal, (2 n,)
+    deviation: Vector  # from the rest at the goal, (2 n + s,)
 
     def flown(self, weights: Vector) -> Matrix:
         """Return the channels at every tick but the last, (ticks, channels)."""

@@ -10,6 +10,7 @@ from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude_goal import Goal
 from flexslew_control.planners.entry import PlannerEntry, Variant
 from flexslew_control.planners.progress import Progress
+from flexslew_control.planners.rest_at_goal import require_rest
 from flexslew_control.planners.slew import Feedback, Slew, tick_times
 from flexslew_control.planners.slewing import Slewing
 from flexslew_control.planners.time_optimal.all_drives import AllDrives, fastest_slew
@@ -26,6 +27,7 @@ from flexslew_control.planners.time_optimal.pontryagin import (
 )
 from flexslew_control.planners.time_optimal.switching import continued_durations, fewest_durations
 from flexslew_control.planners.time_optimal.three_axes import plan_three_axes
+from flexslew_control.planners.trajectories import rigid_duration
 from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
@@ -76,7 +78,8 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
     The reference is the optimal trajectory itself, so feedback adds nothing nominally.
 
     Raises:
-        BadInput: the goal names no joint or asks for what bang-bang efforts cannot do.
+        BadInput: the goal names no joint or asks for what bang-bang efforts cannot do, or nothing
+            rests at it without an effort.
         PlanFailed: no such slew, or it takes longer than allowed.
     """
     if asked.model.attitude is not None:
@@ -84,6 +87,8 @@ def plan_time_optimal(settings: TimeOptimal, asked: Slew, progress: Progress) ->
     if settings.rate_limit is not None:
         words = "null; slews in three axes with drives: all keep to one"
         raise BadInput(words, "plan", "rate_limit", settings.rate_limit)
+    rigid = rigid_duration(asked.model, asked.start, asked.goal, asked.effort_limit)
+    require_rest(asked, settings.start + rigid)
     slew, durations = found_slew(settings, asked, progress)
     duration = float(durations.sum())
     efforts = slew.efforts(durations.size)

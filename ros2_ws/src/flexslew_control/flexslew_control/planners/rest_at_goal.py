@@ -1,0 +1,34 @@
+"""Whether a testbed rests at the goal of a slew by itself, for plans whose efforts end there."""
+
+import numpy as np
+
+from flexslew_control.planners.slew import Slew
+from flexslew_plant.errors import BadInput
+
+_NO_FORCE = 1e-3  # of a drive's limit, that feedback holds at the goal, as a gravity gradient [-]
+_LOOKS = 0.618034 * np.arange(32)  # at forces that vary with time, in step with no period [-]
+
+
+def require_rest(slew: Slew, end: float) -> None:
+    """Check that the testbed rests at the goal by itself: efforts end when the slew does.
+
+    Args:
+        slew: what is asked for.
+        end: of the slew; where time matters, some times up to it are looked at [s].
+
+    Raises:
+        BadInput: springs or loads move it from there.
+    """
+    goal = slew.model.rest(slew.named(slew.goal))
+    still, joints = np.zeros(slew.model.coordinates), slew.goal.size
+    bias = [slew.model.bias(goal, still, t)[:joints] for t in end * (_LOOKS % 1.0)]
+    force = np.abs(bias).max(axis=0)
+    if (force > _NO_FORCE * slew.effort_limit).any():
+        forces = ", ".join(f"{name} {value:.3g}" for name, value in slew.named(force).items())
+        raise BadInput(
+            f"efforts end with the slew, but springs or loads push the joints away from there "
+            f"(up to {forces} [N or N m]); use method reference_only, whose controller holds them",
+            "plan",
+            "goal",
+            slew.named(slew.goal),
+        )
