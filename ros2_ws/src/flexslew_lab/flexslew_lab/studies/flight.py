@@ -24,13 +24,15 @@ from flexslew_lab.trial.trial import (
     plan_of_trial,
 )
 from flexslew_plant.bench.bench import Bench
+from flexslew_plant.bench.schedule import command_delays
 from flexslew_plant.errors import BadInput, FlexslewError, PlanFailed
 from flexslew_plant.own_code import one_line
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, initial_positions
 
-# of the log or of the clock on the wall, not of the flight
-_LEFT_OUT = ("wall_time", "trajectory_hash", "missing_ticks", "log_complete", "warnings")
+_OF_THE_LOG = ("wall_time", "trajectory_hash", "missing_ticks", "log_complete", "warnings")
+_SPECTRA = ("jitter_frequency", "jitter")  # many numbers by frequency, for which there is no column
+_LEFT_OUT = (*_OF_THE_LOG, *_SPECTRA)
 
 
 class Flown(NamedTuple):
@@ -87,7 +89,9 @@ def _made(trial: Trial) -> Plan | FlexslewError:
 def plan_key(trial: Trial) -> str:
     """Return what a trial's plan depends on, as text: less where its beliefs are written out."""
     plan = plain(trial.plan) or {}
-    asked = [plan, trial.period, list(trial.testbed.effort_limit)]
+    late = command_delays(trial.schedule, trial.testbed.model().joint_names, 0.0)
+    motors = [plain(trial.actuator), late.tolist()]
+    asked = [plan, trial.period, list(trial.testbed.effort_limit), motors]
     if uses_testbed(plan, trial.testbed):
         asked.append(plain(trial.testbed))
     elif "model" not in plan:
