@@ -133,3 +133,16 @@ def test_more_time_is_never_worse() -> None:
 def test_too_short_a_slew_says_how_long_one_takes() -> None:
     with pytest.raises(PlanFailed, match=r"miss by .* is enough; a rigid body takes 13\.72 s"):
         planned(duration=10.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_mass_on_a_spring_that_varies_is_led_to_its_goal(seed: int) -> None:
+    """It has no tip, and no motion that is free: the nominal one ends at rest, in 5 s and after."""
+    rng = np.random.default_rng([30, seed])
+    begin, gain = float(rng.uniform(-1.0, 1.0)), float(rng.uniform(0.0, 80.0) * (seed > 0))
+    values = {"kind": "varying_oscillator", "parameters": {"load": 0.0}, "initial": {"mass": begin}}
+    testbed = read_testbed(values, "t")
+    section = {"method": "minimax_feedforward", "goal": {"mass": 0.0}, "duration": 5.0, **QUICK}
+    gains = Feedback(kp=(gain,), kd=(gain,))
+    plan = make_plan(plan_settings(section, "t"), plant(0.02, testbed.effort_limit, testbed), gains)
+    assert plan.summary["predicted_residual_attitude_error"]["mass"] < 5e-4 * abs(begin)

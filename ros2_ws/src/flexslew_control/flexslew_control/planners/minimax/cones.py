@@ -205,7 +205,7 @@ class Cones:
             columns = self.first_mode[i] + np.arange(modes)
             amplitude = response.rest.modes @ slope * self.unit / self.scale
             still = response.rest.modes @ offset / self.scale
-            size = np.maximum(np.abs(response.rest.tip_of_modes).max(axis=0), 1e-300)
+            size = np.abs(response.rest.tip_of_modes).max(axis=0, initial=1e-300)
             for r, column in enumerate(columns):
                 rows = np.zeros((3, self.size))
                 rows[0, column] = -1.0

@@ -63,7 +63,8 @@ class ConeProgram:
         responses: of the members, the nominal one first.
         grid: the pieces whose efforts are sought.
         limits: that every member keeps to.
-        exact: whether the nominal member ends at rest, modes included.
+        exact: whether the nominal member ends at rest, modes included; one whose joints are held by
+            springs always does.
         ringing: whether nothing damps the members, so that amplitudes count.
         span: farthest way of a joint [rad or m].
         rho: what effort costs [m/N^2 or m/(N m)^2].
@@ -83,7 +84,8 @@ class ConeProgram:
     def end_rows(self) -> Matrix:
         """What of the nominal member's deviation from the rest at the goal is zero at the end."""
         rest = self.responses[0].rest
-        return rest.settled if self.exact else rest.rigid
+        bound = len(rest.rigid) < 2 * self.grid.joints  # a spring holds a joint: it has to be led
+        return rest.settled if self.exact or bound else rest.rigid
 
     def end_missed(self, end: Vector) -> Vector:
         """Return what is not zero of a deviation at the end, as shares of the whole way.

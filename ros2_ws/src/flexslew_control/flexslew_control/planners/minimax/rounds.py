@@ -118,7 +118,7 @@ def _near_rows(cones: Cones, trust: TrustRegion) -> None:
     program = cones.program
     flights = [response.flown(trust.about) for response in program.responses]
     ticks, tips = program.grid.over, program.responses[0].tips
-    worst = max(np.abs(flown[ticks:, :tips]).max() for flown in flights)
+    worst = max(np.abs(flown[ticks:, :tips]).max(initial=0.0) for flown in flights)
     low, high, size = program.limits.of(tips)
     for i, flown in enumerate(flights):
         for side, limit in ((-1.0, low), (1.0, high)):
