@@ -30,9 +30,7 @@ from flexslew_plant.own_code import one_line
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, initial_positions
 
-_OF_THE_LOG = ("wall_time", "trajectory_hash", "missing_ticks", "log_complete", "warnings")
-_SPECTRA = ("jitter_frequency", "jitter")  # many numbers by frequency, for which there is no column
-_LEFT_OUT = (*_OF_THE_LOG, *_SPECTRA)
+_LEFT_OUT = ("wall_time", "trajectory_hash", "missing_ticks", "log_complete", "warnings")
 
 
 class Flown(NamedTuple):
