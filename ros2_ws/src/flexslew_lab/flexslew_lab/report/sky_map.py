@@ -29,11 +29,11 @@ def drawn_sky(testbed: Testbed | None, position: Matrix) -> str:
         testbed: that was flown; None: not known.
         position: q in the order of time, shape (k, positions).
     """
-    sky = testbed.sky() if isinstance(testbed, HasSky) else None
-    if sky is None or not isinstance(testbed, HasSky) or position.ndim != 2 or not len(position):
+    if not isinstance(testbed, HasSky) or position.ndim != 2 or not len(position):
         return ""
+    sky = testbed.sky()
     known = position.shape[1] == testbed.model().positions
-    return sky_map(sky, testbed.attitudes(position)) if known else ""
+    return sky_map(sky, testbed.attitudes(position)) if sky is not None and known else ""
 
 
 def sky_map(sky: Sky, attitude: Matrix) -> str:
