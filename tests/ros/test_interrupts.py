@@ -2,12 +2,15 @@
 
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from threading import Event
 
 import pytest
 
+from flexslew_lab.run.domain import own_domain
 from flexslew_plant.ros.interrupts import Interrupts
 from tests.present import present
 
@@ -42,3 +45,43 @@ def test_a_signal_that_was_taken_does_not_come_again(interrupts: Interrupts) -> 
     timer.join(20.0)
     assert not timer.is_alive()  # cancelled, it ended without a signal
     assert interrupts._again is None
+
+
+# a node that is interrupted at the one moment when rclpy makes a message of what it heard
+HEARS = """
+import os, signal
+from std_msgs.msg import Empty
+import rclpy
+from flexslew_plant.ros.node_process import run_node
+
+class Hearing:
+    def __init__(self, loop):
+        node = rclpy.create_node("hearing")
+        node.create_subscription(Empty, "word", lambda message: None, 1)
+        self._publisher = node.create_publisher(Empty, "word", 1)
+        loop.add(node)
+        self._word = Empty()
+        Empty.__init__ = self._interrupted
+
+    def _interrupted(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+    def poll(self):
+        self._publisher.publish(self._word)
+        return 0.01
+
+    def interrupted(self):
+        print("was interrupted")
+
+run_node(Hearing)
+"""
+
+
+def test_an_interrupt_while_a_message_is_made_is_one() -> None:
+    with own_domain() as domain:
+        done = subprocess.run(
+            [sys.executable, "-c", HEARS],
+            env=os.environ | {"ROS_DOMAIN_ID": str(domain)}, capture_output=True, text=True,
+            check=False, timeout=200,
+        )  # fmt: skip
+    assert (done.returncode, done.stdout.splitlines()) == (130, ["was interrupted"]), done.stderr

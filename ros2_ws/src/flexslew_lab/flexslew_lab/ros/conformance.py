@@ -16,6 +16,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from flexslew_plant import topics
+from flexslew_plant.atomic import atomic
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.message_fields import testbed_fields
 from flexslew_plant.bench.operation.presence import SILENT_AFTER
@@ -285,7 +286,8 @@ class Examiner:
 
     def _serve(self, timeout: float) -> None:
         self._alive.poll(monotonic())
-        self._executor.spin_once(timeout_sec=timeout)
+        with atomic:  # as a node's loop does
+            self._executor.spin_once(timeout_sec=timeout)
 
     def _on_command(self, data: bytes) -> None:
         sec, nanosec = _STAMP.unpack_from(data, _HEAD)

@@ -84,8 +84,9 @@ class Loop:
         """Beat, and let one callback run."""
         now = monotonic()
         due = min((alive.poll(now) for alive in self._alive.values()), default=inf)
-        # never without a timeout: this executor would neither dispatch nor see a signal
-        self._executor.spin_once(timeout_sec=max(min(timeout, due - now), 0.0))
+        with atomic:  # raised while rclpy makes a message, an interrupt comes out as RuntimeError
+            # never without a timeout: this executor would neither dispatch nor see a signal
+            self._executor.spin_once(timeout_sec=max(min(timeout, due - now), 0.0))
 
     @property
     def stopped(self) -> bool:
