@@ -31,6 +31,19 @@ def test_a_sphere_turns_half_round_as_fast_as_bilimoria_and_wie_found() -> None:
     assert plan.summary["optimal"]
 
 
+FURTHER = [
+    ((6.0, 11.0, 15.0), (0.5, 1.5, 1.0), (2.2, -1.1, 0.6)),
+    ((20.0, 5.0, 18.0), (1.0, 0.3, 0.8), (-0.4, 0.9, 2.6)),
+    ((9.0, 13.0, 5.0), (1.3, 0.6, 0.4), (0.3, -2.4, -0.9)),
+]
+
+
+@pytest.mark.parametrize("case", FURTHER)
+def test_no_further_case_is_later_than_a_transcription(case: tuple[Triple, Triple, Triple]) -> None:
+    plan = planned(*case)
+    assert plan.duration <= (1.0 + 1e-4) * transcribed(*case, plan)
+
+
 @pytest.mark.parametrize("case", [(SPHERE, UNIT, HALF_ROUND), ASKEW])
 def test_a_transcription_finds_nothing_faster(case: tuple[Triple, Triple, Triple]) -> None:
     plan = planned(*case)

@@ -134,6 +134,18 @@ class Reorientation:
         turn = -turn_of(self.model.joint_error(position, self.last))
         return np.concatenate((turn, turn_of(rate), *self.model.modal_state(x)))
 
+    def states(self, efforts: Matrix, duration: float) -> Matrix:
+        """Return the states at the ends of equal pieces, shape (pieces + 1, size).
+
+        Args:
+            efforts: of the pieces, shape (pieces, joints) [N m].
+            duration: of all of them [s].
+        """
+        piece = duration / len(efforts)
+        steps = max(1, int(np.ceil(piece / min(self.step, piece))))
+        path = self.model.path(self.start, efforts, piece, steps)
+        return np.vstack((self.start, path))
+
     def ended(self, efforts: Matrix, durations: Vector) -> End:
         """Return how a flight ends, and its slopes.
 

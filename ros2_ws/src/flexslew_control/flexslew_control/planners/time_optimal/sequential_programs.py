@@ -4,7 +4,9 @@ About the present flight the end conditions r are linear in the efforts' shares 
     min T + dT + mu |r + (dr/ds) ds + (dr/dT) dT|_1,    |s + ds| <= 1,    |ds| <= radius.
 Limits of the path g <= 0 are linearised at the ends of the pieces, their excess at the same price.
 The step is taken if the true merit T + mu (|r|_1 + |max(g, 0)|_1) falls, and the radius grows or
-shrinks by how well the program predicted the gain (Nocedal and Wright, chapter 18). Its solutions
+shrinks by how well the program predicted the gain. Where it predicted it badly, the program is
+solved again about what the step really missed, a correction of second order (Nocedal and Wright,
+chapters 15 and 18). Its solutions
 are vertices, so the efforts become those of arcs at their limits.
 """
 
@@ -22,6 +24,7 @@ _OF_DURATION = 0.3  # by which share it may change at radius one [-]
 _GOOD, _POOR = 0.7, 0.2  # shares of the predicted gain
 _FIRST_ARCS, _ARC_STEPS = 0.1, 20  # radius of the arcs' programs [-], and how many at most
 _GONE = 1e-5  # arcs that are no longer, of the duration
+_TRIED = 2  # programs for each step that is taken, at most
 _SETTLED = 1e-7  # predicted gain, of the duration
 
 
@@ -47,9 +50,34 @@ class _About(NamedTuple):
 
     def merit(self, price: float) -> float:
         """Return T + mu (|r|_1 + |max(g, 0)|_1)."""
-        beyond = np.abs(self.missed).sum() + np.maximum(self.excess, 0.0).sum()
-        merit = self.duration + price * float(beyond)
-        return merit if np.isfinite(merit) else np.inf
+        return _merit(self.duration, self.missed, self.excess, price)
+
+    def about(self, trial: "_Trial") -> "_About":
+        """Return the same slopes, about what a trial has really missed: of second order."""
+        moved = (trial.shares - self.shares).ravel()
+        longer = trial.duration - self.duration
+        return self._replace(
+            missed=trial.missed - self.by_share @ moved - self.by_duration * longer,
+        )
+
+
+class _Trial(NamedTuple):
+    """A flight alone."""
+
+    duration: float
+    shares: Matrix
+    missed: Vector  # (conditions,)
+    excess: Vector  # beyond the limits of the path, at all ends of pieces
+
+    def merit(self, price: float) -> float:
+        """Return T + mu (|r|_1 + |max(g, 0)|_1)."""
+        return _merit(self.duration, self.missed, self.excess, price)
+
+
+def _merit(duration: float, missed: Vector, excess: Vector, price: float) -> float:
+    beyond = np.abs(missed).sum() + np.maximum(excess, 0.0).sum()
+    merit = duration + price * float(beyond)
+    return merit if np.isfinite(merit) else np.inf
 
 
 def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: int) -> LocalArcs:
@@ -59,24 +87,30 @@ def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: in
         slew: what is turned.
         shares: of the amplitude, over equal pieces, shape (pieces, joints).
         duration: to start from [s].
-        steps: at most.
+        steps: that are taken, at most.
     """
     price, radius = _PRICE * duration, _FIRST_RADIUS
     here = _flown(slew, shares, duration)
-    for _ in range(steps):
+    for _ in range(_TRIED * steps):
         step = _step(here, price, radius)
         if step is None:
             break
-        there = _flown(slew, step[0], step[1])
         predicted = here.merit(price) - step[2]
+        there = _tried(slew, step[0], step[1])
         gain = here.merit(price) - there.merit(price)
+        if gain < _GOOD * predicted:
+            again = _step(here.about(there), price, radius)
+            other = there if again is None else _tried(slew, again[0], again[1])
+            if other.merit(price) < there.merit(price):
+                there, gain = other, here.merit(price) - other.merit(price)
         if gain > 0.0:
-            here = there
+            steps -= 1
+            here = _flown(slew, there.shares, there.duration)
         if gain > _GOOD * predicted:
             radius = min(2.0 * radius, _LARGEST_RADIUS)
         elif gain < _POOR * predicted:
             radius *= 0.5 if gain > 0.0 else 0.3
-        if predicted < _SETTLED * here.duration or radius < _SMALLEST_RADIUS:
+        if predicted < _SETTLED * here.duration or radius < _SMALLEST_RADIUS or not steps:
             break
     missed = max(float(np.abs(here.missed).max()), float(here.excess.max(initial=0.0)))
     return LocalArcs(here.duration, here.shares, missed)
@@ -134,6 +168,12 @@ def _merged(signs: Matrix, durations: Vector, gone: float) -> tuple[Matrix, Vect
             kept.append(sign)
             lasting.append(float(d))
     return np.array(kept), np.array(lasting)
+
+
+def _tried(slew: Reorientation, shares: Matrix, duration: float) -> _Trial:
+    states = slew.states(shares * slew.amplitude, duration)
+    missed = slew.missed(states[-1]) / slew.scale
+    return _Trial(duration, shares, missed, slew.beyond(states[1:]).ravel())
 
 
 def _flown(slew: Reorientation, shares: Matrix, duration: float) -> _About:

@@ -94,6 +94,7 @@ def plan_three_axes(
     rigid_duration = float(best.durations.sum())
     if asked.model.modes:
         best = fastest_flexible(slew, best)
+        rigid_duration = min(rigid_duration, _rigid_near(stiff, best))
     states, effort = _on_ticks(slew, best, settings.start, asked.period)
     limited = limits.names and (limits.excess(slew.model, states) > 0.0).any()
     if limited:
@@ -258,6 +259,16 @@ def fastest_flexible(slew: Reorientation, rigid: Fastest) -> Fastest:
             "eigenaxis"
         )
     return _transcribed(slew, local, rigid.found)
+
+
+def _rigid_near(stiff: Reorientation, flexible: Fastest) -> float:
+    """Return what the rigid craft takes near a flexible one's slew [s]; infinite: none.
+
+    The flexible craft's programs go on from the rigid one's slew, and may leave its optimum.
+    """
+    duration = float(flexible.durations.sum())
+    local = fastest_near(stiff, flexible.efforts / stiff.amplitude, duration, _STEPS)
+    return local.duration if local.missed < _MET else np.inf
 
 
 def _transcribed(slew: Reorientation, local: LocalArcs, found: int) -> Fastest:
