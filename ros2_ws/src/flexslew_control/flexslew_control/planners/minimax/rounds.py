@@ -38,9 +38,9 @@ NOTHING_SEEN = 1e-8  # of the way, by which residual and bound may differ whatev
 _LITTLE, _LATE = 1e-6, 10  # what they may differ by from this round on: what rounding leaves
 _ROUNDS = 40
 _A_ROUND = 12  # rows that a member's channel gains in each round
-_A_STEP = 6  # the same of a step, which is flown and judged anyway: few rows are quick
+_A_STEP = 4  # the same of a step, which is flown and judged anyway: few rows are quick
 _FIRST_ROWS = 5  # of each member's tips, after the end
-_FIRST_OF_A_STEP = 3  # with fewer a slew with more time may end in a worse local optimum
+_FIRST_OF_A_STEP = 1  # the rounds find the others
 
 # round, weights, worst residual and bound [m]
 Listener = Callable[[int, Vector, float, float], None]

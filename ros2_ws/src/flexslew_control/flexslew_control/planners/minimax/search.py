@@ -37,7 +37,7 @@ _A_START = 5  # steps, after which a start that is behind the best plan is given
 _BEHIND = 1.3  # times its cost
 _WIDER = 4.0  # than the region of the last step is that of the first with more members [-]
 _NARROW = 0.02  # of the limits, the smallest first region with more members [-]
-_MORE = 6  # rounds in which members join
+_MORE = 6  # rounds in which members join, or an unsettled search goes on
 _AT_ONCE = 6  # members that join in a round
 
 
@@ -100,7 +100,8 @@ class Search:
     def joined(self, start: Vector, used: list[int]) -> tuple[Local, list[int]]:
         """Return the optimum for all members near some weights, and those that decide it.
 
-        It is sought on some members; the worst of the others joins them until none is worse.
+        It is sought on some members; the worst of the others join them until none is worse and the
+        search has settled: one that ends early may leave more than that of a shorter slew.
         """
         radius = FIRST_RADIUS
         for _ in range(_MORE):
@@ -112,7 +113,7 @@ class Search:
             worse &= merit.residuals > NOTHING
             worse |= merit.misses > MET
             new = [int(i) for i in np.flatnonzero(worse) if i not in used]
-            if not new:
+            if not new and local.settled:
                 break
             price = merit.residuals + self.price * merit.misses
             used = [*used, *sorted(new, key=lambda i: -float(price[i]))[:_AT_ONCE]]
