@@ -94,6 +94,7 @@ def test_a_push_dies_out_far_from_the_identity_where_the_error_is_a_rotation(
             "collocated_pid",
             {"kp": KP.tolist(), "ki": (0.05 * KP).tolist(), "kd": KD.tolist()},
         ),
+        ("lqr", {"weights": {"time": 2.0}, "filter": {"disturbance_walk": 0.1}}),
     ],
 )
 @pytest.mark.parametrize("seed", range(3))

@@ -23,6 +23,7 @@ from flexslew_plant.testbeds.model import Appendages, Model
 _RIGID = 1e-9  # of the largest squared frequency: zero but for rounding
 _SAME = 1e-7  # of it: frequencies of one group
 _REACHED = 1e-7  # of the largest share: an effort moves it
+_DEFLECTED = 1e-6  # of the largest deflection by a coordinate: one that deflects nothing
 
 
 @dataclass(frozen=True)
@@ -106,8 +107,37 @@ def joints_first(model: Model, rest: Vector) -> Designed:
     Raises:
         BadInput: the joints do not move independently of each other.
     """
-    if model.leading is None:
-        return model
+    return model if model.leading is None else small_motions(model, independent(model, rest))
+
+
+@dataclass(frozen=True)
+class Independent:
+    """Coordinates z of the small motions that efforts reach, the joints' readings first.
+
+    Args:
+        linear: the small motions along v, about the rest.
+        readings: C, what the joints read of v, shape (joints, n).
+        basis: from z' to v, shape (n, k).
+    """
+
+    linear: Linearisation
+    readings: Matrix
+    basis: Matrix
+
+    def elastic(self, modes: int) -> Matrix:
+        """Return the modes along the coordinates after the joints, shape (modes, k - joints)."""
+        return self.basis[len(self.basis) - modes :, len(self.readings) :]
+
+
+def independent(model: Model, rest: Vector) -> Independent:
+    """Return coordinates of which the first are the joints.
+
+    The others are orthonormal combinations of the appendages' modes, as far as all of them deflect
+    these: a weight on their squares is one on the squares of the modes.
+
+    Raises:
+        BadInput: the joints do not move independently of each other.
+    """
     linear = model.linearise(rest)
     readings = rate_readings(model, rest)
     reached, rigid = _reached(linear)
@@ -126,8 +156,16 @@ def joints_first(model: Model, rest: Vector) -> Designed:
             "take pd_feedforward"
         )
     basis = reached @ np.hstack((chosen, null_space(seen)))
-    tips, modes = model.appendages, model.modes
-    elastic = basis[len(basis) - modes :, len(seen) :]
+    _, sizes, turn = np.linalg.svd(Independent(linear, readings, basis).elastic(model.modes))
+    if sizes.size == len(turn) and sizes.min(initial=1.0) > _DEFLECTED * sizes.max(initial=1.0):
+        basis[:, len(seen) :] @= turn.T / sizes
+    return Independent(linear, readings, basis)
+
+
+def small_motions(model: Model, found: Independent) -> LinearModel:
+    """Return the small motions in these coordinates."""
+    linear, basis, tips = found.linear, found.basis, model.appendages
+    elastic = found.elastic(model.modes)
     return LinearModel(
         model.joint_names,
         Linearisation(

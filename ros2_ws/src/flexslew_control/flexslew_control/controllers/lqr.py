@@ -1,5 +1,6 @@
 """Linear quadratic regulator with disturbance minimisation (Kwak 1989, (3-1) to (3-10))."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,8 +9,9 @@ from scipy.linalg import LinAlgError, solve_continuous_are
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
+from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
 from flexslew_control.free_platform import LinearModel, joints_first, nominal
-from flexslew_control.law import Estimate, PlantDescription, Reference
+from flexslew_control.law import Estimate, LawFailed, PlantDescription, Reference
 from flexslew_control.linear_design import (
     Designed,
     OperatingPoint,
@@ -19,11 +21,14 @@ from flexslew_control.linear_design import (
 )
 from flexslew_control.linear_form import LinearForm, OnDeviation, no_integral, nominal_form
 from flexslew_control.shared_keys import BelievedModel
+from flexslew_control.turning_platform import TurningPlatform, turning_platform
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.linearisation import Linearisation
+
+_POINTS = 1.0  # between two points of a plan at which its gains are computed [s]
 
 
 @section
@@ -75,7 +80,9 @@ def scaled_problem(linear: Linearisation, weights: ScaledWeights) -> ScaledProbl
     scale = np.concatenate((size, size / w.time))
     position = [w.joint] * m + [w.mode] * (n - m)
     rate = [w.joint_rate] * m + [w.mode_rate] * (n - m)
-    effort_scale = np.diag(linear.mass)[:m] / w.time**2
+    # of a wheel, whose turn of the platform is a small part of its own, B is not 1
+    inertia = np.diag(linear.mass)[:m] / np.diag(linear.input_matrix)[:m]
+    effort_scale = inertia / w.time**2
     return ScaledProblem(
         linear.state_matrix,
         linear.state_input_matrix,
@@ -130,20 +137,67 @@ class Lqr:
     minimise_disturbance: bool = True
 
 
+class GainSchedule:
+    """K(w) of the regulator about the rates of a plan, at points of it and linear between them.
+
+    At each point K is of the stationary equation (3-8) with A about the rates there.
+
+    Args:
+        platform: the small motions about any rates.
+        problem: at rest.
+        ticks: between two points.
+    """
+
+    def __init__(self, platform: TurningPlatform, problem: ScaledProblem, ticks: int) -> None:
+        self._platform, self._problem, self._ticks = platform, problem, ticks
+        self._known: dict[bytes, Matrix] = {}  # of the last two points
+
+    def about(self, rates: Vector) -> Matrix:
+        """Return K about these rates of the joints, shape (joints, 2 n).
+
+        Raises:
+            LawFailed: there is none.
+        """
+        key = rates.tobytes()
+        if key not in self._known:
+            p = self._problem
+            try:
+                gain, _ = regulator(self._platform.state_matrix(rates), p.b, p.q, p.effort_weight)
+            except BadInput as error:
+                raise LawFailed(f"at rates {np.round(rates, 4).tolist()}: {error}") from None
+            self._known = {**dict(list(self._known.items())[-1:]), key: gain}
+        return self._known[key]
+
+    def at(self, reference: Callable[[int], Reference], tick: int) -> Matrix:
+        """Return K at a tick of a plan, shape (joints, 2 n)."""
+        before = tick - tick % self._ticks
+        first, then = (self.about(reference(at).velocity) for at in (before, before + self._ticks))
+        share = (tick - before) / self._ticks
+        return first if first is then else (1.0 - share) * first + share * then
+
+
 @dataclass
 class LqrLaw:
     """u = u_ff - (B*)^+ d_hat - K (x_hat - x*): (3-1) about the nominal trajectory.
 
     Args:
         model: for the sizes.
-        gain: K, shape (joints, 2 n).
+        gain: K at rest, shape (joints, 2 n).
         disturbance_gain: (B*)^+ D on the disturbances of the joints, shape (joints, joints).
+        schedule: of K along a plan; None: it is that at rest.
     """
 
     model: Designed
     gain: Matrix
     disturbance_gain: Matrix
+    schedule: GainSchedule | None = None
     terms: dict[str, Vector] = field(init=False, default_factory=dict)
+    _now: Matrix | None = field(init=False, default=None)  # K of the coming answer
+
+    def foresee(self, reference: Callable[[int], Reference], tick: int) -> None:
+        """Look up the rates of the plan, where K depends on them."""
+        if self.schedule is not None:
+            self._now = self.schedule.at(reference, tick)
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
@@ -152,9 +206,10 @@ class LqrLaw:
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the joint efforts, shape (joints,) [N m or N]."""
+        gain, self._now = self.gain if self._now is None else self._now, None
         deviation = np.concatenate((estimate.position, estimate.velocity))
         deviation = deviation - nominal(self.model, reference)
-        regulating = -(self.gain @ deviation)
+        regulating = -(gain @ deviation)
         cancelling = -(self.disturbance_gain @ estimate.disturbance)
         self.terms = {
             "feedforward": reference.effort,
@@ -164,14 +219,16 @@ class LqrLaw:
         return reference.effort + regulating + cancelling
 
 
-def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter, LqrLaw]:
+def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter | TurningFilter, LqrLaw]:
     """Return the filter and the law; the drive limits the effort.
 
     Raises:
         BadInput: a mode is not controllable or not observable, or the weights give no regulator.
     """
     believed = plant.believed(settings.model)
-    model = joints_first(believed, operating_point_of(plant, believed, settings.operating_point))
+    at = operating_point_of(plant, believed, settings.operating_point)
+    turning = turning_platform(believed, at)
+    model = joints_first(believed, at) if turning is None else turning.small
     rest = operating_point_of(plant, model, settings.operating_point)
     linear = model.linearise(rest)
     problem = scaled_problem(linear, settings.weights)
@@ -188,11 +245,19 @@ def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter, LqrLaw]
     cancel = (
         disturbance_gain(b) @ b if settings.minimise_disturbance else np.zeros((b.shape[1],) * 2)
     )
-    return KalmanFilter(model, rest, settings.filter, plant.period), LqrLaw(model, gain, cancel)
+    if turning is None:
+        return KalmanFilter(model, rest, settings.filter, plant.period), LqrLaw(model, gain, cancel)
+    schedule = GainSchedule(turning, problem, max(1, round(_POINTS / plant.period)))
+    estimator = turning_filter(turning, settings.filter, plant.period)
+    return estimator, LqrLaw(model, gain, cancel, schedule)
 
 
-def linear(estimator: KalmanFilter, law: LqrLaw, references: list[Reference]) -> LinearForm | None:
-    """Return the law as matrices; see LawEntry."""
+def linear(
+    estimator: KalmanFilter | TurningFilter, law: LqrLaw, references: list[Reference]
+) -> LinearForm | None:
+    """Return the law as matrices; see LawEntry. None: its gains change along the plan."""
+    if isinstance(estimator, TurningFilter):
+        return None
     m, n = law.gain.shape[0], law.gain.shape[1] // 2
     gains = OnDeviation(law.gain, law.disturbance_gain, np.zeros((m, n)))
     return nominal_form(estimator, gains, references, no_integral(m))

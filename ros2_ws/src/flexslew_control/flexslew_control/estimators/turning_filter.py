@@ -1,0 +1,143 @@
+"""A Kalman filter of how far a turning craft is from its plan, in attitude, rates and modes."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, corrected
+from flexslew_control.estimators.later_covariance import later_covariance
+from flexslew_control.law import Estimate, Reference
+from flexslew_control.turning_platform import TurningPlatform
+from flexslew_control.zero_order_hold import zero_order_hold
+from flexslew_plant.arrays import NOTHING, Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
+
+
+@dataclass
+class TurningFilter:
+    """The estimator of [e, e', d]: the deviation of joints and modes, and disturbing efforts.
+
+    The joints' part of e is the rotation from the plan to what is measured, in body axes, and that
+    of e' the difference of body rates, so it is the same from every inertial frame. Over a tick
+    [e, e'] follows A(w) (see turning_platform) about the rates w of the plan, exactly for a held
+    effort, driven by what the effort was beyond the plan's; d is a random walk. The estimate is
+    the reference plus e: of the modes, what they have beyond those of the plan. It starts with
+    none of that.
+
+    Args:
+        platform: the small motions about any rates.
+        settings: noises.
+        period: one tick [s].
+        still: the filter about rest, whose constants it shares.
+    """
+
+    platform: TurningPlatform
+    settings: FilterSettings
+    period: float
+    still: KalmanFilter
+    _x: Vector = field(init=False, default_factory=lambda: NOTHING)
+    _p: Matrix = field(init=False)
+    _prior: Matrix = field(init=False)  # P before the last measurement
+    _tick: int = field(init=False, default=-1)
+    _now: Reference | None = field(init=False, default=None)  # of the tick that comes
+    _before: Reference | None = field(init=False, default=None)  # of the last one
+    _last: Estimate = field(init=False)
+    _held: tuple[Vector, Matrix, Matrix] | None = field(init=False, default=None)  # w, F, G
+
+    def expect(self, reference: Reference) -> None:
+        """Be told where the plan wants the joints at the tick that comes."""
+        self._now = reference
+
+    def reset(self, measurement: Measurement) -> None:
+        """Start from the measured joints, the modes of the plan and no disturbance."""
+        reference = self._reference(measurement)
+        n, m = self.platform.small.coordinates, self.platform.small.joints
+        self._p = self._prior = self.still.matrices.first.copy()
+        self._x = np.zeros(len(self._p))
+        self._x[:m] = measurement.joint_position - reference.position
+        self._x[n : n + m] = measurement.joint_velocity - reference.velocity
+        self._tick, self._before = measurement.tick, reference
+        self._last = self._estimate(reference, np.zeros(2 * m), 0.0)
+
+    def update(self, measurement: Measurement) -> Estimate:
+        """Return the estimate at this tick, with innovation, covariance of [e, e', d] and NIS."""
+        if measurement.tick == self._tick:
+            return self._last
+        reference, before = self._reference(measurement), self._before
+        assert before is not None
+        f, g = self._step(before.velocity)
+        x = f @ self._x + g @ (measurement.applied_effort - before.effort)
+        p = f @ self._p @ f.T + self.still.matrices.q
+        y = np.concatenate(
+            (
+                measurement.joint_position - reference.position,
+                measurement.joint_velocity - reference.velocity,
+            )
+        )
+        constant = self.still.matrices
+        self._x, self._p, innovation, nis = corrected(x, p, y, constant.c, constant.r)
+        self._prior, self._tick, self._before = p, measurement.tick, reference
+        self._last = self._estimate(reference, innovation, nis)
+        return self._last
+
+    def settle(self, doublings: int) -> None:
+        """Let the covariance become that of 2^doublings ticks later, in which nothing moves."""
+        f, c, q, r = self._step(np.zeros(self.platform.small.joints))[0], *self._noise
+        self._prior = later_covariance(f, q, c, r, self._prior, doublings)
+        self._p = corrected(self._x, self._prior, c @ self._x, c, r)[1]
+        self._last = self._last._replace(covariance=self._p)
+
+    def innovation_variance(self) -> Vector:
+        """Return the diagonal of C P C^T + R of the last update, shape (l,)."""
+        c, _, r = self._noise
+        return np.asarray(np.einsum("ij,jk,ik->i", c, self._prior, c) + r, dtype=np.float64)
+
+    @property
+    def _noise(self) -> tuple[Matrix, Matrix, Vector]:
+        return self.still.matrices.c, self.still.matrices.q, self.still.matrices.r
+
+    def _step(self, rates: Vector) -> tuple[Matrix, Matrix]:
+        """Return F and G of [e, e', d] over a tick about these rates."""
+        if self._held is None or not np.array_equal(self._held[0], rates):
+            b = self.platform.input_matrix
+            k, m = b.shape
+            f, g = np.eye(k + m), np.zeros((k + m, m))
+            f[:k, :k], g[:k] = zero_order_hold(self.platform.state_matrix(rates), b, self.period)
+            f[:k, k:] = g[:k]
+            self._held = rates, f, g
+        return self._held[1:]
+
+    def _reference(self, measurement: Measurement) -> Reference:
+        """Return what the plan wants now; rest where it is measured if nobody has told."""
+        if self._now is not None:
+            return self._now
+        still = np.zeros_like(measurement.joint_velocity)
+        return Reference(measurement.joint_position, still, still, NOTHING)
+
+    def _estimate(self, reference: Reference, innovation: Vector, nis: float) -> Estimate:
+        n, m = self.platform.small.coordinates, self.platform.small.joints
+        position, velocity = self._x[:n].copy(), self._x[n : 2 * n].copy()
+        position[:m] += reference.position
+        velocity[:m] += reference.velocity
+        return Estimate(position, velocity, self._x[2 * n :], self._p, innovation, nis)
+
+
+def turning_filter(
+    platform: TurningPlatform, settings: FilterSettings, period: float
+) -> TurningFilter:
+    """Return the filter of a craft that turns in three axes.
+
+    Raises:
+        BadInput: a motion or a disturbance does not show in the joints, or a tip shall be read.
+    """
+    if settings.tip_sigma is not None:
+        raise BadInput(
+            "a craft that turns in three axes is estimated about its plan, which does not tell "
+            "what a tip reads; leave it out",
+            key="filter.tip_sigma",
+            value=settings.tip_sigma,
+        )
+    small = platform.small
+    still = KalmanFilter(small, np.zeros(small.coordinates), settings, period)
+    return TurningFilter(platform, settings, period, still)

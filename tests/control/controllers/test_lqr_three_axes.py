@@ -1,0 +1,171 @@
+"""The regulator of a craft that turns in three axes, about its plan."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.spatial.transform import Rotation
+
+from flexslew_control.controllers import build_controller
+from flexslew_control.controllers.lqr import GainSchedule, ScaledWeights, scaled_problem
+from flexslew_control.free_platform import rate_readings
+from flexslew_control.law import PlantDescription, Reference
+from flexslew_control.turning_platform import TurningPlatform, turning_platform
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.reproduce.scole_flights import shipped_values
+from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.trial.trial import plan_of_trial, trial_of_values
+from flexslew_plant.arrays import NOTHING, Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.testbeds.attitude import turn_between
+
+TORQUES = {
+    name: {"kind": "torque", "direction": axis.tolist(), "limit": 0.5}
+    for name, axis in zip(("roll", "pitch", "yaw"), np.eye(3), strict=True)
+}
+M, PERIOD = len(TORQUES), 0.02  # [s]
+
+
+def craft_values(kind: str) -> dict[str, Any]:
+    """Return the craft of three_axes: by its wheels, by torques, or by torques without panels."""
+    values: dict[str, Any] = shipped_values("three_axes")["testbed"]
+    if kind != "wheels":
+        values |= {"actuators": TORQUES, "wheels": {}}
+    if kind == "rigid":
+        values |= {"appendages": {}}
+    return values
+
+
+def craft(kind: str) -> Any:
+    """Return that craft, built."""
+    return read_testbed(craft_values(kind), "here")
+
+
+def platform(kind: str) -> TurningPlatform:
+    model = craft(kind).model()
+    found = turning_platform(model, model.rest({}))
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("kind", ["wheels", "torques", "rigid"])
+def test_the_deviation_of_a_turning_craft_is_what_two_flights_differ_by(kind: str) -> None:
+    """A(w) is of an instant, from the Jacobian; a second of two whole flights is compared."""
+    model, p = craft(kind).model(), platform(kind)
+    n, rest, w = p.small.coordinates, model.rest({}), np.array([0.04, -0.08, 0.06])
+    platform_alone = np.linalg.pinv(rate_readings(model, rest))
+    mass = model.mass_matrix(rest)
+
+    def moving(turn: Vector, rates: Vector) -> Vector:
+        x = np.concatenate((rest, platform_alone @ rates))
+        x[3:7] = Rotation.from_rotvec(turn).as_quat()
+        if kind == "wheels":  # which store the momentum of the whole
+            x[model.positions :][6:9] = -(mass[3:6] @ x[model.positions :]) / np.diag(mass)[6:9]
+        return x
+
+    e = 1e-6 * np.random.default_rng(2).standard_normal(2 * M)
+    nominal, off = moving(np.zeros(M), w), moving(e[:M], w + e[M:])
+    z, stood = np.zeros(2 * n), expm(p.state_matrix(np.zeros(M)) * 50 * PERIOD)
+    z[:M], z[n : n + M] = e[:M], e[M:]
+    stood = stood @ z
+    flown, told = np.zeros((50, 2 * M)), np.zeros((50, 2 * M))
+    for k in range(50):
+        z = expm(p.state_matrix(model.joint_state(nominal)[1]) * PERIOD) @ z
+        nominal, off = (model.advance(x, np.zeros(M), PERIOD) for x in (nominal, off))
+        turns = [Rotation.from_quat(x[3:7]).as_rotvec() for x in (nominal, off)]
+        rates = [model.joint_state(x)[1] for x in (nominal, off)]
+        flown[k] = np.concatenate((turn_between(turns[0], turns[1]), rates[1] - rates[0]))
+        told[k] = z[[*range(M), *range(n, n + M)]]
+    worst = np.abs(told - flown).max()
+    assert worst < 1e-3 * np.abs(flown).max()  # deflections of the nominal motion are left out
+    at_rest = np.abs(stood[[*range(M), *range(n, n + M)]] - flown[-1]).max()
+    assert worst < 0.05 * at_rest
+
+
+@pytest.mark.parametrize("kind", ["wheels", "torques", "rigid"])
+def test_scheduled_gains_are_stable_at_all_rates_and_cost_less_than_those_at_rest(
+    kind: str,
+) -> None:
+    p, rng = platform(kind), np.random.default_rng(3)
+    problem = scaled_problem(p.small.linear, ScaledWeights(time=4.0))
+    schedule = GainSchedule(p, problem, 50)
+
+    def cost(a: Matrix, gain: Matrix) -> float:
+        """Return the criterion, summed over deviations of unit size in every direction."""
+        closed = a - problem.b @ gain
+        assert np.linalg.eigvals(closed).real.max() < 0.0
+        q = problem.q + gain.T @ problem.effort_weight @ gain
+        return float(np.trace(solve_continuous_lyapunov(closed.T, -q)))
+
+    for _ in range(6):
+        w = 0.3 * rng.standard_normal(M)
+        a = p.state_matrix(w)
+        at_rest, scheduled = (cost(a, schedule.about(rates)) for rates in (np.zeros(M), w))
+        assert scheduled < (1.0 - 1e-9) * at_rest
+
+
+def test_gains_stand_between_those_of_two_points_of_the_plan() -> None:
+    p = platform("torques")
+    schedule = GainSchedule(p, scaled_problem(p.small.linear, ScaledWeights()), 50)
+
+    def reference(tick: int) -> Reference:
+        none = np.zeros(M)
+        return Reference(none, np.array([1e-3, -2e-3, 1e-3]) * tick, none, NOTHING)
+
+    ends = [schedule.about(reference(tick).velocity) for tick in (50, 100)]
+    np.testing.assert_array_equal(schedule.at(reference, 50), ends[0])
+    np.testing.assert_allclose(schedule.at(reference, 60), 0.8 * ends[0] + 0.2 * ends[1])
+
+
+FAR: dict[str, Any] = {"axis": [1.0, -2.0, 0.5], "angle": 2.1}  # 120 deg about a skew axis
+START = {"roll": 0.4, "pitch": -0.9, "yaw": 0.7}
+WEAK = {"kind": "actuator_gain", "joint": "pitch", "gain": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("kind", "schedule", "left"),
+    [
+        ("wheels", [], 2e-5),  # [rad], nothing disturbs: what the plan leaves
+        ("torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+        ("rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+    ],
+)
+def test_it_follows_a_slew_about_a_skew_axis_and_settles_after_a_fault(
+    kind: str, schedule: list[Any], left: float, tmp_path: Path
+) -> None:
+    values = shipped_values("three_axes") | {
+        "testbed": craft_values(kind) | {"initial": START},
+        "plan": {"method": "time_optimal", "goal": FAR, "reserve": 0.2},
+        "controllers": {"lqr": {"weights": {"time": 3.0}, "filter": {"disturbance_walk": 0.01}}},
+        "active": "lqr",
+        "schedule": schedule,
+        "allow_faults": True,
+    }
+    trial = trial_of_values(values, "here")
+    result = run_trial(trial, "here", tmp_path / "run", in_process=True, report=False)
+    assert result.exit_code == 0, result.message
+    metrics = result.metrics
+    assert max(metrics["residual_attitude_error"].values()) < left
+    assert np.abs(list(metrics["final_error"].values())).max() < 1e-7
+    assert metrics["residual_tip_deflection"] < 1e-5  # as plans of a free platform promise
+    if schedule:
+        assert resim(result.folder / "bag").identical
+        return
+    plan = plan_of_trial(trial)
+    assert plan is not None
+    summary = plan.summary
+    for name, promised in summary["predicted_residual_attitude_error"].items():
+        assert abs(metrics["residual_attitude_error"][name] - promised) < 1e-9
+    promised = summary["predicted_residual_tip_deflection"]
+    assert abs(metrics["residual_tip_deflection"] - promised) < 1e-9
+
+
+def test_a_tip_is_not_read_about_a_plan_that_does_not_tell_it() -> None:
+    bench = PlantDescription(craft("wheels"), PERIOD, np.full(M, 0.5))
+    with pytest.raises(
+        BadInput, match=r"here: filter\.tip_sigma: 0\.001 is not allowed: .*leave it"
+    ):
+        build_controller("lqr", "lqr", {"filter": {"tip_sigma": 1e-3}}, bench, "here")
