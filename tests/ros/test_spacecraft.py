@@ -51,7 +51,7 @@ TRIALS: dict[str, dict[str, Any]] = {
     "three_axes": {
         "duration": 6.0,
         "goal_tolerance": 3.0,  # it has only begun to turn
-        "controllers": {"lqr": {}, "soft": {"law": "lqr", "weights": {"time": 20.0}}},
+        "controllers": {"lqr": {}, "pi": {"law": "proportional_integral"}},
         "active": "lqr",
         "schedule": [
             {
@@ -64,7 +64,7 @@ TRIALS: dict[str, dict[str, Any]] = {
                 "until": 2.2,
                 "fault": {"kind": "sensor_dropout", "channel": "joint_position"},
             },
-            {"at": 4.0, "switch": "soft"},
+            {"at": 4.0, "switch": "pi"},
         ],
     },
 }

@@ -95,6 +95,8 @@ def test_a_push_dies_out_far_from_the_identity_where_the_error_is_a_rotation(
             {"kp": KP.tolist(), "ki": (0.05 * KP).tolist(), "kd": KD.tolist()},
         ),
         ("lqr", {"weights": {"time": 2.0}, "filter": {"disturbance_walk": 0.1}}),
+        ("proportional_integral", {"weights": {"time": 4.0}, "filter": {"disturbance_walk": 0.1}}),
+        ("linear", {"system": {"d": np.hstack((np.diag(KP), np.diag(KD))).tolist()}}),
     ],
 )
 @pytest.mark.parametrize("seed", range(3))

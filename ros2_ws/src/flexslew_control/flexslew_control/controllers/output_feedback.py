@@ -120,10 +120,15 @@ def build(
         return _of_appendage(settings, settings.appendage, plant)
     model = plant.believed(settings.model)
     if model.efforts != model.joints or model.positions != model.coordinates:
+        free = model.positions != model.coordinates
+        has = (
+            "turns freely in space; `lqr` turns it in three axes, or"
+            if free
+            else f"has {model.efforts} efforts for {model.joints} joints;"
+        )
         raise BadInput(
-            f"output_feedback: needs one motor in each joint, and {plant.testbed.kind} has "
-            f"{model.efforts} efforts for {model.joints} joints; give the key appendage, whose "
-            "efforts it then takes"
+            f"output_feedback: needs one motor in each joint, and {plant.testbed.kind} {has} give "
+            "the key appendage, whose efforts it then takes"
         )
     rest = operating_point_of(plant, model, settings.operating_point, 0.5)
     system = testbed_system(model, rest, settings, plant.period)

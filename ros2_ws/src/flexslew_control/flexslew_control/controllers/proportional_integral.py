@@ -12,6 +12,7 @@ from flexslew_control.controllers.integral_action import Action, IntegralLaw
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
 from flexslew_control.controllers.sampled_loop import integrating_loop, require_sampled_stability
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
+from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
 from flexslew_control.free_platform import LinearModel, joints_first, nominal
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.linear_design import (
@@ -24,6 +25,7 @@ from flexslew_control.linear_design import (
 )
 from flexslew_control.linear_form import LinearForm, OnDeviation, nominal_form
 from flexslew_control.shared_keys import BelievedModel, TrackingTime
+from flexslew_control.turning_platform import turning_platform
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import section
@@ -140,7 +142,7 @@ class NominalDeviation:
 
 def build(
     settings: ProportionalIntegral, plant: PlantDescription
-) -> tuple[KalmanFilter, IntegralLaw]:
+) -> tuple[KalmanFilter | TurningFilter, IntegralLaw]:
     """Return the disturbance-augmented filter and the law.
 
     Raises:
@@ -148,7 +150,9 @@ def build(
             gains given by hand have the wrong shape or do not stabilise the operating point.
     """
     believed = plant.believed(settings.model)
-    model = joints_first(believed, operating_point_of(plant, believed, settings.operating_point))
+    at = operating_point_of(plant, believed, settings.operating_point)
+    turning = turning_platform(believed, at)
+    model = joints_first(believed, at) if turning is None else turning.small
     rest = operating_point_of(plant, model, settings.operating_point)
     linear = model.linearise(rest)
     require_controllable(linear.state_matrix, linear.state_input_matrix, state_names(model))
@@ -166,6 +170,8 @@ def build(
         )
     limit = plant.effort_limit
     law = IntegralLaw(NominalDeviation(model, gains), limit, settings.tracking_time, plant.period)
+    if turning is not None:
+        return turning_filter(turning, settings.filter, plant.period), law
     return KalmanFilter(model, rest, settings.filter, plant.period), law
 
 
@@ -181,9 +187,11 @@ def _given(model: Designed, gains: GivenGains) -> PiGains:
 
 
 def linear(
-    estimator: KalmanFilter, law: IntegralLaw, references: list[Reference]
+    estimator: KalmanFilter | TurningFilter, law: IntegralLaw, references: list[Reference]
 ) -> LinearForm | None:
-    """Return the law as matrices; see LawEntry."""
+    """Return the law as matrices; see LawEntry. None: its filter changes along the plan."""
+    if isinstance(estimator, TurningFilter):
+        return None
     assert isinstance(law.deviation, NominalDeviation)
     found = law.deviation.gains
     m = len(found.kp)

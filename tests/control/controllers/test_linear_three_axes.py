@@ -1,4 +1,4 @@
-"""The regulator of a craft that turns in three axes, about its plan."""
+"""Linear laws of a craft that turns in three axes, about its plan."""
 
 from pathlib import Path
 from typing import Any
@@ -125,22 +125,32 @@ START = {"roll": 0.4, "pitch": -0.9, "yaw": 0.7}
 WEAK = {"kind": "actuator_gain", "joint": "pitch", "gain": 0.5}
 
 
+FILTERED = {"weights": {"time": 3.0}, "filter": {"disturbance_walk": 0.01}}
+LAWS: dict[str, Any] = {
+    "lqr": FILTERED,
+    "proportional_integral": FILTERED,
+    "linear": {"system": {"d": np.hstack((12.0 * np.eye(M), 60.0 * np.eye(M))).tolist()}},
+}
+
+
 @pytest.mark.parametrize(
-    ("kind", "schedule", "left"),
+    ("law", "kind", "schedule", "left"),
     [
-        ("wheels", [], 2e-5),  # [rad], nothing disturbs: what the plan leaves
-        ("torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
-        ("rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+        ("lqr", "wheels", [], 2e-5),  # [rad], nothing disturbs: what the plan leaves
+        ("lqr", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+        ("lqr", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+        ("proportional_integral", "wheels", [], 2e-5),
+        ("linear", "wheels", [], 2e-5),
     ],
 )
 def test_it_follows_a_slew_about_a_skew_axis_and_settles_after_a_fault(
-    kind: str, schedule: list[Any], left: float, tmp_path: Path
+    law: str, kind: str, schedule: list[Any], left: float, tmp_path: Path
 ) -> None:
     values = shipped_values("three_axes") | {
         "testbed": craft_values(kind) | {"initial": START},
         "plan": {"method": "time_optimal", "goal": FAR, "reserve": 0.2},
-        "controllers": {"lqr": {"weights": {"time": 3.0}, "filter": {"disturbance_walk": 0.01}}},
-        "active": "lqr",
+        "controllers": {law: LAWS[law]},
+        "active": law,
         "schedule": schedule,
         "allow_faults": True,
     }
