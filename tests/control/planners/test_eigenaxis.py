@@ -1,5 +1,6 @@
 """Slews about the eigenaxis: they stay on it, whatever the frame, and fly as predicted."""
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from flexslew_control.controllers import build_controller
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
-from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.prediction import WATCHED
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.run.in_process import fly
@@ -185,3 +186,63 @@ def test_a_period_that_is_long_for_the_modes_is_refused_with_the_remedy() -> Non
     assert make_plan(settings, PlantDescription(testbed, 0.2, limit), law=law).effort.any()
     with pytest.raises(PlanFailed, match=r"over a period of 0\.25 s .* use a shorter period"):
         make_plan(settings, PlantDescription(testbed, 0.25, limit), law=law)
+
+
+ONE: dict[str, Any] = {"pitch": 0.4}
+THREE: dict[str, Any] = {"axis": [1.0, -2.0, 0.5], "angle": 1.0}
+# what a section is asked for besides, where its defaults are of another testbed
+ASKED: dict[str, Any] = {
+    "joint_trajectory": {"points": [{"at": 40.0, "position": {"pitch": 0.4}}]},
+    "minimax_feedforward": {"duration": 40.0},
+    "optimized_feedforward": {"duration": 40.0, "feedback": {"kp": [1.0], "kd": [5.0]}},
+    "start_coast_stop": {"duration": 40.0},
+}
+FLOWN = {  # by efforts alone: what they leave, [rad] and [rad/s]
+    "input_shaping": 1e-6,
+    "minimax_feedforward": 1e-6,
+    "optimized_feedforward": 1e-6,
+    "robust_feedforward": 2e-5,  # a feedforward that is not exact, but weighed
+    "start_coast_stop": 1e-6,
+    "time_optimal": 1e-6,
+}
+REFUSED: dict[tuple[str, str], str] = {
+    ("excitation", "one axis"): "band: is missing: the model has no modes",
+    ("excitation", "three axes"): "band: is missing: the model has no modes",
+    ("minimax_feedforward", "three axes"): "goal.axis: .* is not allowed: give a number",
+    ("retargeting", "one axis"): "no hinge turns",
+    ("retargeting", "three axes"): "no hinge turns",
+}
+
+
+@pytest.mark.parametrize("axes", ["one axis", "three axes"])
+@pytest.mark.parametrize("method", PLANNERS)
+def test_every_planner_turns_a_rigid_craft_or_refuses_it_in_one_line(
+    method: str, axes: str
+) -> None:
+    bench = rigid(np.array([0.0, 0.3, 0.0]))
+    known = {one.name for one in fields(PLANNERS[method].settings)}
+    goal = {"goal": ONE if axes == "one axis" else THREE} if "goal" in known else {}
+    values = {"method": method, **goal, **ASKED.get(method, {})}
+    if (method, axes) in REFUSED:
+        with pytest.raises((BadInput, PlanFailed), match=REFUSED[method, axes]) as caught:
+            make_plan(plan_settings(values, "here"), bench)
+        assert "\n" not in str(caught.value)
+        return
+    plan = make_plan(plan_settings(values, "here"), bench)
+    assert (abs(plan.effort) <= LIMIT + 1e-12).all()  # rounding of the hold
+    if method in FLOWN:
+        end = open_loop(plan, bench)[-1]
+        aim = Rotation.from_rotvec(plan.position[-1].copy())
+        assert (Rotation.from_quat(end[3:7]).inv() * aim).magnitude() < FLOWN[method]
+        assert abs(end[10:13]).max() < FLOWN[method]
+
+
+@pytest.mark.parametrize("feedforward", ["elastic", "rigid", "zero_order"])
+@pytest.mark.parametrize("shaper", ["clamped", "system", "none"])
+def test_pulses_of_a_rigid_craft_have_nothing_to_shape(shaper: str, feedforward: str) -> None:
+    bench = rigid(np.zeros(len(NAMES)))
+    keys = {"duration": 40.0, "shaper": shaper, "feedforward": feedforward}
+    plan = planned(bench, ONE, "start_coast_stop", **keys)
+    assert plan.summary["shaper_delay"] == 0.0
+    unshaped = planned(bench, ONE, "start_coast_stop", **{**keys, "shaper": "none"})
+    np.testing.assert_array_equal(plan.effort, unshaped.effort)

@@ -44,7 +44,8 @@ class StartCoastStop:
     # total duration (pulses, coast and shaper) in place of the amplitude [s]
     duration: Positive | None = None
     pulse_frequency: Positive = 0.4  # frequency Omega of the pulses, eq. (47) [rad/s]
-    # whose first frequency is shaped: clamped (joints held), system (joints free), or none
+    # whose first frequency is shaped: clamped (joints held), system (joints free), or none; a
+    # model without modes has none to shape
     shaper: Literal["clamped", "system", "none"] = "clamped"
     # damping ratio zeta of the shaper [-]
     shaper_damping: float = Field(default=0.0, ge=0.0, lt=1.0)
@@ -240,8 +241,8 @@ def _ringing(settings: StartCoastStop, slew: Slew, q: Matrix, v: Matrix) -> dict
         q, v: nominal coordinates and rates, shape (times, n).
     """
     model, m = slew.model, slew.model.joints
-    if settings.feedforward != "elastic":
-        return {}  # the joints yield, so the nominal modes are not those of the flight
+    if settings.feedforward != "elastic" or not model.modes:
+        return {}  # where the joints yield, the nominal modes are not those of the flight
     linear = model.linearise(model.rest(slew.named(slew.goal)))
     squares = np.diag(linear.stiffness)[m:] / np.diag(linear.mass)[m:]  # with the joints held
     tip = abs(model.appendages.tip)
@@ -263,7 +264,7 @@ def _shaped(
     model: Model, rest: Vector, settings: StartCoastStop
 ) -> tuple[Callable[[_Function], _Function], float]:
     """Return the operator that shapes a function of time, and how much longer it makes it [s]."""
-    if settings.shaper == "none":
+    if settings.shaper == "none" or not model.modes:
         return (lambda function: function), 0.0
     linear = model.linearise(rest)
     if settings.shaper == "clamped":
