@@ -60,9 +60,11 @@ class Truth:
         if estimator.noise is not None:
             density = estimator.noise[n:, n:]
         else:
-            self.walk, self.d = s.disturbance_walk, s.initial_disturbance * rng.standard_normal(m)
+            self.walk = 10.0 if s.disturbance_walk is None else s.disturbance_walk
+            self.d = s.initial_disturbance * rng.standard_normal(m)
             forces = np.linalg.inv(self.model.mass_matrix(estimator.rest))
-            density = forces @ np.diag([s.effort_noise] * m + [s.modal_noise] * (n - m)) @ forces
+            noises = [s.effort_noise or 0.0] * m + [s.modal_noise] * (n - m)
+            density = forces @ np.diag(noises) @ forces
         half = np.linalg.svd(density * PERIOD)
         self.kick = half.U * np.sqrt(half.S)
         self.x = np.concatenate((estimator.rest, np.zeros(n)))

@@ -248,7 +248,7 @@ def build(settings: Lqr, plant: PlantDescription) -> tuple[KalmanFilter | Turnin
     if turning is None:
         return KalmanFilter(model, rest, settings.filter, plant.period), LqrLaw(model, gain, cancel)
     schedule = GainSchedule(turning, problem, max(1, round(_POINTS / plant.period)))
-    estimator = turning_filter(turning, settings.filter, plant.period)
+    estimator = turning_filter(turning, settings.filter, plant)
     return estimator, LqrLaw(model, gain, cancel, schedule)
 
 

@@ -171,7 +171,7 @@ def build(
     limit = plant.effort_limit
     law = IntegralLaw(NominalDeviation(model, gains), limit, settings.tracking_time, plant.period)
     if turning is not None:
-        return turning_filter(turning, settings.filter, plant.period), law
+        return turning_filter(turning, settings.filter, plant), law
     return KalmanFilter(model, rest, settings.filter, plant.period), law
 
 

@@ -25,13 +25,20 @@ class FilterSettings:
     angle_sigma: Positive = 1e-4  # standard deviation of the joint encoders [rad or m]
     rate_sigma: Positive = 1e-3  # standard deviation of the joint rate sensors [rad/s or m/s]
     tip_sigma: Positive | None = None  # standard deviation of the tip sensor [m]; null: not used
-    disturbance_walk: NonNegative = 10.0  # random walk of each joint's disturbance [N m/sqrt(s)]
-    effort_noise: NonNegative = 0.0  # density of the white noise on each effort [(N m)^2 s]
+    # random walk of each joint's disturbance [N m/sqrt(s)]; null: 10, of a craft that turns in
+    # three axes a tenth of the largest effort limit
+    disturbance_walk: NonNegative | None = None
+    # density of the white noise on each effort [(N m)^2 s]; null: 0, of a craft that turns in
+    # three axes the square of the largest effort limit
+    effort_noise: NonNegative | None = None
     modal_noise: NonNegative = 0.0  # density of the white noise on each modal force [N^2 s]
     # standard deviation of each modal coordinate at a reset [m]
     initial_deflection: NonNegative = 0.01
     # standard deviation of each disturbance at a reset [N m]
     initial_disturbance: NonNegative = 10.0
+
+
+_WALK = 10.0  # of a disturbance unless it is given [N m/sqrt(s)]
 
 
 def continuous_gain(a: Matrix, c: Matrix, noise: Matrix, r: Matrix) -> tuple[Matrix, Matrix]:
@@ -216,9 +223,10 @@ class KalmanFilter:
         noise = np.zeros_like(whole)
         if self.noise is None:
             forces = np.linalg.solve(linear.mass, np.eye(n))
-            density = np.diag([s.effort_noise] * m + [s.modal_noise] * (n - m))
+            density = np.diag([s.effort_noise or 0.0] * m + [s.modal_noise] * (n - m))
             noise[n : 2 * n, n : 2 * n] = forces @ density @ forces.T
-            noise[2 * n :, 2 * n :] = s.disturbance_walk**2 * np.eye(m)
+            walk = _WALK if s.disturbance_walk is None else s.disturbance_walk
+            noise[2 * n :, 2 * n :] = walk**2 * np.eye(m)
         else:
             noise[:] = self.noise
         inputs = np.vstack((b, np.zeros((d, m))))

@@ -1,17 +1,20 @@
 """A Kalman filter of how far a turning craft is from its plan, in attitude, rates and modes."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, corrected
 from flexslew_control.estimators.later_covariance import later_covariance
-from flexslew_control.law import Estimate, Reference
+from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.turning_platform import TurningPlatform
 from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
+
+_WALK = 0.1  # of a disturbance, of the largest effort limit [1/sqrt(s)]
+_SECOND = 1.0  # times the square of that limit is the density of the noise on efforts [s]
 
 
 @dataclass
@@ -124,9 +127,19 @@ class TurningFilter:
 
 
 def turning_filter(
-    platform: TurningPlatform, settings: FilterSettings, period: float
+    platform: TurningPlatform, settings: FilterSettings, plant: PlantDescription
 ) -> TurningFilter:
     """Return the filter of a craft that turns in three axes.
+
+    Unless the settings say otherwise it counts with white noise on each effort as large as the
+    drives over a second. Much noise at the plant's input gives a loop the margins of its full state
+    again (Doyle and Stein 1979, IEEE TAC 24(4)); with none, modes of another frequency than
+    believed are lost.
+
+    Args:
+        platform: the small motions about any rates.
+        settings: noises.
+        plant: for the effort limits and the period.
 
     Raises:
         BadInput: a motion or a disturbance does not show in the joints, or a tip shall be read.
@@ -139,5 +152,12 @@ def turning_filter(
             value=settings.tip_sigma,
         )
     small = platform.small
-    still = KalmanFilter(small, np.zeros(small.coordinates), settings, period)
-    return TurningFilter(platform, settings, period, still)
+    most = float(plant.effort_limit.max())
+    walk, noise = settings.disturbance_walk, settings.effort_noise
+    noises = replace(
+        settings,
+        disturbance_walk=_WALK * most if walk is None else walk,
+        effort_noise=_SECOND * most**2 if noise is None else noise,
+    )
+    still = KalmanFilter(small, np.zeros(small.coordinates), noises, plant.period)
+    return TurningFilter(platform, noises, plant.period, still)
