@@ -60,8 +60,11 @@ def test_an_interrupted_command_ends_in_one_line(tmp_path: Path, command: str) -
     assert said == ["interrupted"]
 
 
-def test_interrupted_planning_leaves_no_file(tmp_path: Path) -> None:
-    words = ["plan", "--out", "p.yaml", "--figure", "f.html", "--set", "plan.functions=40"]
+@pytest.mark.parametrize(
+    "search", [["--set", "plan.functions=40"], ["--method", "minimax_feedforward"]]
+)
+def test_interrupted_planning_leaves_no_file(tmp_path: Path, search: list[str]) -> None:
+    words = ["plan", "--out", "p.yaml", "--figure", "f.html", *search]
     child = subprocess.Popen(
         [sys.executable, "-m", "flexslew_lab.cli.main", *words],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=tmp_path,

@@ -220,8 +220,19 @@ def test_too_short_a_slew_names_the_shortest_that_is_feasible() -> None:
     )
     assert 2.828 < enough < 2.86  # a rigid body of 2 kg: 2 sqrt(2) s
     assert plan(duration=enough).duration == enough
-    with pytest.raises(PlanFailed, match=r"no slew of 5 s leaves 0\.001 m .*; one of .* s does"):
+
+
+def test_too_low_a_bound_names_the_shortest_slew_that_meets_it_or_what_can_be_met() -> None:
+    with pytest.raises(PlanFailed, match=r"no slew of 5 s leaves 0\.001 m") as caught:
         plan(duration=5.0, residual_bound=0.001)
+    found = re.search(r"; the shortest that does takes ([\d.]+) s", str(caught.value))
+    least = float(present(found)[1])
+    assert plan(duration=least).summary["worst_residual"] <= 1e-3
+    assert plan(duration=0.995 * least).summary["worst_residual"] > 1e-3
+    with pytest.raises(PlanFailed, match=r", nor one of 10\.12 s, which leaves") as caught:
+        plan(duration=3.0, residual_bound=1e-9)
+    left = float(present(re.search(r"leaves (\S+) m at least", str(caught.value)))[1])
+    assert plan(duration=10.12).summary["worst_residual"] <= left
 
 
 @pytest.mark.parametrize(

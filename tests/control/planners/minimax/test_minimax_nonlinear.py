@@ -1,12 +1,14 @@
 """Plants that are not linear: exact derivatives, promises kept, local optima."""
 
 import itertools
+import re
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from tests.plants import late, plant
+from tests.present import present
 
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.minimax.members import members_of
@@ -99,6 +101,18 @@ def test_a_hub_with_appendages_keeps_its_promise_too() -> None:
     worst = max(left("hub_with_appendages", plan, e) for e in np.linspace(-0.2, 0.2, 9))
     assert 0.9 * promised < worst < 1.1 * promised
     assert plan.summary["lower_bound"] is None
+
+
+def test_too_short_a_slew_of_a_hub_names_a_duration_that_all_members_can_do() -> None:
+    section = {"pieces": 8, "max_steps": 8, "ensemble": {"draw": "corners"}}
+    with pytest.raises(PlanFailed, match="no efforts were found that lead") as caught:
+        planned("hub_with_appendages", duration=4.0, **section)
+    found = re.search(r"a duration of ([\d.]+) s \(now 4 s\) is enough", str(caught.value))
+    enough = float(present(found)[1])
+    plan = planned("hub_with_appendages", duration=enough, **section)
+    assert plan.duration == pytest.approx(enough, abs=0.05)  # a tick
+    with pytest.raises(PlanFailed):
+        planned("hub_with_appendages", duration=0.95 * enough, **section)
 
 
 def test_the_step_is_the_best_one_near_it() -> None:

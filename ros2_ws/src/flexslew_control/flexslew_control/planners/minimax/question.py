@@ -35,6 +35,7 @@ class Question:
         exact: whether the nominal member ends at rest, modes included.
         rho: what effort costs [m/N^2 or m/(N m)^2].
         steps: of a plant that is not linear, at most.
+        feasible: whether any efforts do that keep to the limits.
     """
 
     slew: Slew
@@ -45,6 +46,7 @@ class Question:
     exact: bool
     rho: float
     steps: int
+    feasible: bool = False
 
     @property
     def gains(self) -> Matrix:

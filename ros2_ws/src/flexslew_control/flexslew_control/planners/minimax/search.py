@@ -90,7 +90,10 @@ class Search:
         def listener(number: int, weights: Vector, merit: Merit, bound: float) -> None:
             self.report(number, weights, float(merit.residuals.max()), bound)
 
-        return improved(self.program, self.ensemble, start, self.price, steps, radius, listener)
+        return improved(
+            self.program, self.ensemble, start, self.price, steps, radius, listener,
+            self.question.feasible,
+        )  # fmt: skip
 
     def of(self, used: Sequence[int]) -> "Search":
         """Return the search on some of the members."""
@@ -110,7 +113,7 @@ class Search:
             radius = float(np.clip(_WIDER * local.radius, _NARROW, FIRST_RADIUS))
             merit = self.merit(start)
             worse = merit.residuals > (1.0 + _WORSE) * local.merit.residuals.max()
-            worse &= merit.residuals > NOTHING
+            worse &= (merit.residuals > NOTHING) & (not self.question.feasible)
             worse |= merit.misses > MET
             new = [int(i) for i in np.flatnonzero(worse) if i not in used]
             if not new and local.settled:
@@ -145,7 +148,9 @@ def local_optimum(
     first, *others = _starts(question, grid)
     search = Search(question, members, grid, report)
     best, used = search.joined(first, used)
-    for start in others if best.merit.residuals.max() > NOTHING else ():
+    enough = best.merit.residuals.max() <= NOTHING
+    enough |= question.feasible and best.merit.missed <= MET
+    for start in () if enough else others:
         local = search.of(_outermost(members)).run(start, _A_START)
         if local.merit.cost < _BEHIND * best.merit.cost:
             other, more = search.joined(local.weights, used)
@@ -159,7 +164,7 @@ def local_optimum(
     fine = fine.held_until(question.ticks)
     search = Search(question, members, fine, report)
     weights, merit = best.weights, search.merit(best.weights)
-    most = (1.0 + _WORSE) * best.merit.residuals.max()
+    most = np.inf if question.feasible else (1.0 + _WORSE) * best.merit.residuals.max()
     if merit.residuals.max() > max(most, NOTHING) or merit.missed > MET:
         weights = search.joined(weights, used)[0].weights
         merit = search.merit(weights)

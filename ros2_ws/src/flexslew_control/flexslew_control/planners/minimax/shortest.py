@@ -14,6 +14,8 @@ from flexslew_control.planners.trajectories import rounded_up
 from flexslew_plant.errors import PlanFailed
 
 _CLOSE = 5e-4  # of the duration, to which the shortest is found [-]
+_ROUGH = 0.01  # the same of the least that is feasible on a plant that is not linear [-]
+_TIMES = 3  # that a duration is lengthened by half before none is said to meet a bound
 _LONGER = 12  # times that a duration is doubled before none is said to do
 
 
@@ -34,25 +36,19 @@ def shortest(question: Question, bound: float, progress: Progress) -> Found:
     if best is None:
         raise PlanFailed(_no_duration(question, bound, progress))
     low = min(int(question.rigid / period), high - 1)  # nothing is faster
-    while high - low > max(1, int(_CLOSE * high)):
-        middle = (low + high) // 2
-        found = _within(question, middle, bound, progress)
-        if found is None:
-            low = middle
-        else:
-            high, best = middle, found
-    return best
+    return _shortest(question, low, best, bound, progress)
 
 
 def least_duration(question: Question) -> float | None:
     """Return the least duration in which the limits let efforts lead to the goal [s]; None: none.
 
     Args:
-        question: what is sought; its duration is where the search starts.
+        question: what is sought; its duration is too short.
     """
     members = members_of(question.ensemble, question.slew)
-    period = question.slew.period
-    low = min(int(question.duration / period), int(question.rigid / period))
+    linear = all(is_linear(member.model) for member in members)
+    period, close = question.slew.period, _CLOSE if linear else _ROUGH
+    low = int(question.duration / period)
     high = max(2 * low, int(np.ceil(question.rigid / period)), 2)
     for _ in range(_LONGER):
         if _feasible(question, members, high):
@@ -60,7 +56,7 @@ def least_duration(question: Question) -> float | None:
         low, high = high, 2 * high
     else:
         return None
-    while high - low > max(1, int(_CLOSE * high)):
+    while high - low > max(1, int(close * high)):
         middle = (low + high) // 2
         low, high = (low, middle) if _feasible(question, members, middle) else (middle, high)
     return high * period
@@ -77,6 +73,19 @@ def enough_time(question: Question) -> str:
     )
 
 
+def _shortest(question: Question, low: int, best: Found, bound: float, progress: Progress) -> Found:
+    """Return the shortest optimum within a bound, between too few ticks and one that is within."""
+    high = int(np.ceil(best.duration / question.slew.period - 1e-9))
+    while high - low > max(1, int(_CLOSE * high)):
+        middle = (low + high) // 2
+        found = _within(question, middle, bound, progress)
+        if found is None:
+            low = middle
+        else:
+            high, best = middle, found
+    return best
+
+
 def _within(question: Question, ticks: int, bound: float, progress: Progress) -> Found | None:
     """Return the optimum in so many ticks; None: it leaves more than the bound."""
     shorter = replace(question, duration=ticks * question.slew.period)
@@ -88,21 +97,21 @@ def _within(question: Question, ticks: int, bound: float, progress: Progress) ->
 
 
 def _no_duration(question: Question, bound: float, progress: Progress) -> str:
-    """Return in words what the longest slew leaves, and how long one takes that leaves little."""
+    """Return in words which duration meets the bound, or which bound the longest one meets."""
     ticks = int(np.ceil(question.duration / question.slew.period - 1e-9))
-    now = question.duration
-    for _ in range(3):
-        ticks = ticks * 3 // 2
+    words = f"no slew of {question.duration:g} s leaves {bound:g} m or less on every member"
+    for _ in range(_TIMES):
+        low, ticks = ticks, ticks * 3 // 2
         found = _within(question, ticks, bound, progress)
         if found is not None:
-            return (
-                f"no slew of {now:g} s leaves {bound:g} m or less on every member; "
-                f"one of {found.duration:g} s does"
-            )
-    return (
-        f"no slew of {now:g} s leaves {bound:g} m or less on every member, nor one of "
-        f"{ticks * question.slew.period:g} s"
-    )
+            found = _shortest(question, low, found, bound, progress)
+            return f"{words}; the shortest that does takes {found.duration:g} s"
+    longest = ticks * question.slew.period
+    try:
+        left = found_optimum(replace(question, duration=longest), progress).optimum.worst
+    except PlanFailed as refused:
+        return f"{words}, nor one of {longest:g} s: {refused}"
+    return f"{words}, nor one of {longest:g} s, which leaves {rounded_up(left):g} m at least"
 
 
 def _feasible(question: Question, members: tuple[Member, ...], ticks: int) -> bool:
@@ -112,7 +121,7 @@ def _feasible(question: Question, members: tuple[Member, ...], ticks: int) -> bo
         if all(is_linear(member.model) for member in members):
             solved(convex_program(asked, members), goal=Goal(feasible=True))
         else:
-            found_optimum(replace(asked, ensemble=replace(asked.ensemble, vary={})), ignore)
+            found_optimum(replace(asked, feasible=True), ignore)
     except PlanFailed:
         return False
     return True

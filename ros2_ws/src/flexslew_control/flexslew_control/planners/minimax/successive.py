@@ -210,6 +210,7 @@ def improved(
     steps: int,
     radius: float = FIRST_RADIUS,
     listener: Callable[[int, Vector, Merit, float], None] = lambda *_: None,
+    feasible: bool = False,
 ) -> Local:
     """Return the local optimum near some efforts.
 
@@ -221,6 +222,7 @@ def improved(
         steps: at most.
         radius: of the first step, of the limits [-].
         listener: called with number, weights, merit and the bound of the program [m].
+        feasible: whether any efforts do that keep to the limits.
     """
     weights, known, failed = start, tuple[ProgramKey, ...](), np.inf
     unit = np.tile(ensemble.limits.demand, ensemble.grid.pieces)
@@ -259,7 +261,7 @@ def improved(
         )
         if gain > 0.0:
             weights, merit = step, new
-        none = merit.residuals.max() < NOTHING
+        none = feasible or merit.residuals.max() < NOTHING
         settled = (little or none) and merit.missed <= _MET
         if little and not settled:  # missing is too cheap
             price *= _DEARER
