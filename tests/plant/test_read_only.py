@@ -70,3 +70,23 @@ def test_what_is_called_from_other_machine_code_is_compiled_once_as_well() -> No
     assert out[0] == 4.0
     assert inner(np.ones(2)) == 2.0
     assert specialisations(inner) == 1
+
+
+def test_compiled_callers_leave_calls_from_python_to_the_dispatcher(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An overload that each caller told it again would match twice: the compiler is asked."""
+
+    @compiled_once()
+    def inner(x: Vector) -> float:
+        return float(x[0])
+
+    def caller(sign: float) -> Any:
+        return numba.njit(lambda x: sign * inner(x))
+
+    free = np.ones(2)
+    assert [caller(sign)(free) for sign in (1.0, -1.0, 2.0)] == [1.0, -1.0, 2.0]
+    asked: list[object] = []
+    monkeypatch.setattr(inner, "compile", asked.append)
+    assert inner(free) == 1.0
+    assert asked == []

@@ -19,7 +19,7 @@ def for_all_access(dispatcher: Any, written: tuple[str, ...]) -> Any:
         written: arguments that it writes into.
     """
     names = tuple(inspect.signature(dispatcher.py_func).parameters)
-    compile_it = dispatcher.compile
+    compile_it, told = dispatcher.compile, set[tuple[Any, ...]]()
 
     def compile_for_all(signature: Any) -> Any:
         given, result = sigutils.normalize_signature(signature)
@@ -28,9 +28,10 @@ def for_all_access(dispatcher: Any, written: tuple[str, ...]) -> Any:
             for name, kind in zip(names, given, strict=True)
         )
         entry = compile_it(taken if result is None else result(*taken))
-        if taken != given:
+        if taken != given and given not in told:
             # told to the dispatcher, which else asks here at every such call, for a quarter of a
-            # millisecond
+            # millisecond; told twice, as by two compiled callers, it would never choose by itself
+            told.add(given)
             dispatcher._insert([kind._code for kind in given], entry, False)
         return entry
 
