@@ -51,14 +51,15 @@ def least_duration(question: Question) -> float | None:
     low = int(question.duration / period)
     high = max(2 * low, int(np.ceil(question.rigid / period)), 2)
     for _ in range(_LONGER):
-        if _feasible(question, members, high):
+        if _feasible(question, members, high, linear):
             break
         low, high = high, 2 * high
     else:
         return None
     while high - low > max(1, int(close * high)):
         middle = (low + high) // 2
-        low, high = (low, middle) if _feasible(question, members, middle) else (middle, high)
+        enough = _feasible(question, members, middle, linear)
+        low, high = (low, middle) if enough else (middle, high)
     return high * period
 
 
@@ -114,11 +115,11 @@ def _no_duration(question: Question, bound: float, progress: Progress) -> str:
     return f"{words}, nor one of {longest:g} s, which leaves {rounded_up(left):g} m at least"
 
 
-def _feasible(question: Question, members: tuple[Member, ...], ticks: int) -> bool:
-    """Return whether some efforts keep to the limits in so many ticks."""
+def _feasible(question: Question, members: tuple[Member, ...], ticks: int, linear: bool) -> bool:
+    """Return whether some efforts keep to the limits in so many ticks; linear: all members are."""
     asked = replace(question, duration=ticks * question.slew.period)
     try:
-        if all(is_linear(member.model) for member in members):
+        if linear:
             solved(convex_program(asked, members), goal=Goal(feasible=True))
         else:
             found_optimum(replace(asked, feasible=True), ignore)

@@ -6,8 +6,8 @@ Limits of the path g <= 0 are linearised at the ends of the pieces, their excess
 The step is taken if the true merit T + mu (|r|_1 + |max(g, 0)|_1) falls, and the radius grows or
 shrinks by how well the program predicted the gain. Where it predicted it badly, the program is
 solved again about what the step really missed, a correction of second order (Nocedal and Wright,
-chapters 15 and 18). Its solutions
-are vertices, so the efforts become those of arcs at their limits.
+chapters 15 and 18). Its solutions are vertices, so the efforts become those of arcs at their
+limits.
 """
 
 from typing import Any, NamedTuple
