@@ -220,6 +220,40 @@ def test_one_that_needs_a_plan_is_not_ready_and_silent_without() -> None:
     assert one.observe(question(0)) is not None
 
 
+@pytest.mark.parametrize("start", [0.0, 0.1])
+@pytest.mark.parametrize("plan_first", [True, False])
+def test_a_standby_that_came_in_flight_follows_the_plan_that_is_flown(
+    start: float, plan_first: bool
+) -> None:
+    estimator, flown = Counting(), replace(PLAN, start=start)
+    one = controller(requires_plan=True, estimator=estimator)
+    if plan_first:
+        assert one.adopt(flown) is None
+    for tick in range(20, 31):
+        assert one.observe(question(tick, "b")) is None
+    if not plan_first:
+        assert one.adopt(flown) is None
+    assert one.reason is None
+    reference = present(one.observe(question(31))).reference
+    np.testing.assert_array_equal(reference.position, flown.reference(31).position)
+    # what it estimated was about another reference
+    assert estimator.resets == [(0, 20), *([] if plan_first else [(0, 31)])]
+
+
+@pytest.mark.parametrize("tuned", [False, True])
+def test_who_was_in_charge_without_a_plan_takes_none_that_has_begun(tuned: bool) -> None:
+    one, begun = controller(), replace(PLAN, start=0.0)
+    for tick in range(31):
+        one.observe(question(tick, "a" if tick < 3 else "b"))
+    if tuned:
+        before, one = one, controller()
+        one.take_over(before)
+    assert "the bench is at 0.30 s" in str(one.adopt(begun))
+    one.begin_epoch(1)
+    one.observe(question(31, "b", 1))
+    assert one.adopt(begun) is None
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

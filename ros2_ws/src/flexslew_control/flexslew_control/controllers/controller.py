@@ -83,6 +83,7 @@ class Controller:
         self._course = Course()
         self._key = (-1, _NONE)  # epoch and tick of the last measurement
         self._answered = -1  # last tick it answered
+        self._led = False  # it was in charge in this epoch
         self._answer: Answer | None = None
         self._offset: Vector = np.zeros(len(joint_names))  # predecessor minus own effort
         self._handover_tick = 0
@@ -125,7 +126,7 @@ class Controller:
         if epoch > self._key[0]:
             if self._key[0] >= 0:
                 self._course.restart()
-            self._key = epoch, _NONE
+            self._key, self._led = (epoch, _NONE), False
 
     def begin_anew(self, epoch: int) -> None:
         """Take the next measurement for the first one, wherever the bench is."""
@@ -149,7 +150,8 @@ class Controller:
 
         A plan that starts at or before a tick that has been seen is refused: which tick would be
         the first to follow it would depend on the moment of its arrival. So is one in flight that
-        does not begin where the reference is then, see course.LARGEST_JUMP.
+        does not begin where the reference is then, see course.LARGEST_JUMP. A standby that has no
+        plan takes it: it came after the plan that the bench flies, and begins anew with it.
         """
         if plan.joint_names != self.joint_names:
             return _mismatch(f"the plan moves {plan.joint_names}, the bench has {self.joint_names}")
@@ -160,7 +162,12 @@ class Controller:
         if self.last_tick <= 0:
             self._course.begin_with(plan)
             return None
-        if plan.first_tick <= self.last_tick:
+        begun = plan.first_tick <= self.last_tick
+        if begun and self.plan is None and not self._led:
+            (self._course.add if plan.start > 0.0 else self._course.begin_with)(plan)
+            self.begin_anew(self._key[0])
+            return None
+        if begun:
             return _mismatch(
                 f"the plan starts at {plan.start} s, the bench is at "
                 f"{self.last_tick * self.period:.2f} s"
@@ -177,6 +184,7 @@ class Controller:
         else the estimator starts afresh); its effort is handed over as that of any predecessor.
         """
         self._course, self._hold, self._key = other._course, other._hold, other._key
+        self._led = other._led
         # one that was succeeded before it saw a measurement knows nothing of its own
         self._predecessor = other._predecessor or other._estimator
 
@@ -233,7 +241,7 @@ class Controller:
         if self._answer is None:
             seen = seen or self._about_reference(measurement)
             self._answer = self._compute_answer(seen, self._estimate)
-            self._answered = tick
+            self._answered, self._led = tick, True
         return self._answer
 
     def _about_reference(self, measurement: Measurement) -> Measurement:
