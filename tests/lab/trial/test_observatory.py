@@ -45,5 +45,5 @@ def test_thrusters_then_wheels_then_fine_pointing(tmp_path: Path) -> None:
     for name in ("slewing", "settling", "pointing"):
         assert check(bag, name).ok
     page = (tmp_path / "run/report.html").read_text()
-    for words in ("speed of the wheels", "momentum of the wheels", "attitude error by octave"):
+    for words in ("speed of the wheels", "stored momentum", "attitude error by octave"):
         assert words in page

@@ -8,6 +8,7 @@ from flexslew_plant.testbeds.spacecraft.assembly.bodies import turn
 from flexslew_plant.testbeds.spacecraft.assembly.craft import (
     Appendage,
     CraftDrive,
+    MomentGyro,
     PrescribedTurn,
     Spacecraft,
     Wheel,
@@ -104,6 +105,12 @@ def random_craft(
         direction(rng),
         rng.standard_normal(3),
     )
+
+
+def random_gyro(rng: np.random.Generator) -> MomentGyro:
+    """Return a control moment gyro along any axes."""
+    axes = random_axes(rng)
+    return MomentGyro("gyro", axes[0], axes[1], rng.uniform(0.5, 2.0))
 
 
 def _spot(rng: np.random.Generator, modes: int) -> Spot:

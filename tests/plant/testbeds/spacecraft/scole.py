@@ -68,6 +68,7 @@ class Scole:
             "mast": AppendageSettings(shape=beam, damping=damping, geometric_stiffness=False)
         }
         self.wheels: dict[str, Any] = {}
+        self.control_moment_gyros: dict[str, Any] = {}
         unit = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
         self.actuators = {
             f"{kind}_{axis}": ActuatorPlace(kind=kind, direction=unit[axis], limit=1e3)

@@ -1,4 +1,4 @@
-"""How the torque that a law asks for becomes efforts of thrusters and wheels.
+"""How the torque that a law asks for becomes efforts of thrusters, wheels and gyros.
 
 Offers: joint_gains.
 """
@@ -6,6 +6,8 @@ Offers: joint_gains.
 from flexslew_control.allocation.allocated_law import AllocatedLaw as AllocatedLaw
 from flexslew_control.allocation.allocation import Allocation as Allocation
 from flexslew_control.allocation.allocation import Allocator as Allocator
+from flexslew_control.allocation.allocation import AnyAllocation as AnyAllocation
+from flexslew_control.allocation.allocation import GyroAllocation as GyroAllocation
 from flexslew_control.allocation.allocation import ThrusterAllocation as ThrusterAllocation
 from flexslew_control.allocation.allocation import WheelAllocation as WheelAllocation
 from flexslew_control.allocation.allocation import allocator_of as allocator_of

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 from pydantic import Field
 
+from flexslew_control.allocation.gyro_set import GyroSet
 from flexslew_control.allocation.thruster_set import ThrusterSet
 from flexslew_control.allocation.wheel_set import WheelSet
 from flexslew_control.law import PlantDescription, per_joint
@@ -14,8 +15,8 @@ from flexslew_plant.arrays import Indices, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, section
-from flexslew_plant.testbeds.contract import TurnedByDrives
-from flexslew_plant.testbeds.instruments import Tachometer
+from flexslew_plant.testbeds.contract import DriveMap, TurnedByDrives
+from flexslew_plant.testbeds.instruments import Resolver, Tachometer
 from flexslew_plant.testbeds.instruments.instrument import channels
 
 
@@ -42,7 +43,26 @@ class WheelAllocation:
     thrusters: tuple[str, ...] | None = None  # that unload, by name; null: all
 
 
-Allocation: TypeAlias = Annotated[ThrusterAllocation | WheelAllocation, Field(discriminator="kind")]
+@section
+class GyroAllocation:
+    """The torque by rates of the gimbals of control moment gyros, past their singularities.
+
+    The gimbals' angles are read by a resolver. See gyro_set.GyroSet.
+    """
+
+    kind: Literal["control_moment_gyros"]
+    drives: tuple[str, ...] | None = None  # by name; null: all control moment gyros
+    # regularisation at a singularity; 0: the plain pseudo-inverse, which can lock there [-]
+    robustness: NonNegative = 0.1
+    dither: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.2  # by which locked gimbals leave it [-]
+    dither_frequency: NonNegative = 3.0  # of the dither [rad/s]
+    # rate at which null motion brings the gimbals to the angles preferred [1/s]
+    null_motion: NonNegative = 0.0
+    preferred_angle: tuple[float, ...] = (0.0,)  # of each gimbal, or one for all [rad]
+
+
+AnyAllocation: TypeAlias = ThrusterAllocation | WheelAllocation | GyroAllocation
+Allocation: TypeAlias = Annotated[AnyAllocation, Field(discriminator="kind")]
 
 
 @dataclass(frozen=True)
@@ -56,6 +76,7 @@ class Allocator:
         thrusters: with which joints they are; None: none takes part.
         unloading: rate at which thrusters take what the wheels store [1/s].
         speeds: where the tachometer's channels stand; None: nobody tells the wheels' speeds.
+        gyros: with which joints they are, and where the resolver's channels stand; None: none.
     """
 
     joints: int
@@ -64,6 +85,7 @@ class Allocator:
     thrusters: tuple[Indices, ThrusterSet] | None
     unloading: float = 0.0
     speeds: Indices | None = None
+    gyros: tuple[Indices, GyroSet, Indices] | None = None
 
     @property
     def limit(self) -> Vector:
@@ -71,13 +93,7 @@ class Allocator:
         return np.array([min(self._most(axis), self._most(-axis)) for axis in np.eye(3)])
 
     def _most(self, axis: Vector) -> float:
-        huge = 1e9 * axis
-        if self.wheels is not None:
-            where, wheels = self.wheels
-            return float(axis @ self.torque[:, where] @ wheels.efforts(huge, None))
-        assert self.thrusters is not None
-        where, thrusters = self.thrusters
-        return float(axis @ self.torque[:, where] @ thrusters.pushes(huge))
+        return float(axis @ self.torque @ self.shares(1e9 * axis))
 
     def efforts(self, torque: Vector, measurement: Measurement) -> Vector:
         """Return the efforts of all joints that give a torque, shape (joints,) [N m or N].
@@ -86,9 +102,14 @@ class Allocator:
             torque: about the centre of mass, in body axes, shape (3,) [N m].
             measurement: of this tick.
         """
+        out = np.zeros(self.joints)
+        if self.gyros is not None:
+            turned, gyros, angles = self.gyros
+            read = measurement.tip_deflection[angles]
+            out[turned] = gyros.efforts(torque, read, measurement.time)
+            return out
         if self.wheels is None:
             return self.shares(torque)
-        out = np.zeros(self.joints)
         where, wheels = self.wheels
         speeds = None if self.speeds is None else measurement.tip_deflection[self.speeds]
         if self.thrusters is not None and speeds is not None:
@@ -101,12 +122,15 @@ class Allocator:
     def shares(self, torque: Vector) -> Vector:
         """Return the efforts that give a torque and nothing else: no null motion, no unloading.
 
-        Beyond the limits they give less of it, shape (joints,) [N m or N].
+        Gimbals stand at zero. Beyond the limits they give less of it, shape (joints,) [N m or N].
         """
         out = np.zeros(self.joints)
         if self.wheels is not None:
             where, wheels = self.wheels
             out[where] = wheels.efforts(torque, None)
+        elif self.gyros is not None:
+            turned, gyros, _ = self.gyros
+            out[turned] = gyros.efforts(torque, np.zeros(len(turned)), 0.0)
         else:
             assert self.thrusters is not None
             where, thrusters = self.thrusters
@@ -117,17 +141,16 @@ class Allocator:
     def spread(self) -> Matrix:
         """Return efforts per torque as small motions see them, shape (joints, 3).
 
-        Wheels give it; of thrusters it is the pseudo-inverse, which has the same torque.
+        Wheels give it, and gyros with gimbals at zero; of thrusters it is the pseudo-inverse, which
+        has the same torque.
         """
         out = np.zeros((self.joints, 3))
-        where = (self.wheels or self.thrusters or (np.zeros(0, dtype=np.int64),))[0]
+        where = (self.wheels or self.gyros or self.thrusters or (np.zeros(0, dtype=np.int64),))[0]
         out[where] = np.linalg.pinv(self.torque[:, where])
         return out
 
 
-def allocator_of(
-    settings: ThrusterAllocation | WheelAllocation, plant: PlantDescription
-) -> Allocator:
+def allocator_of(settings: AnyAllocation, plant: PlantDescription) -> Allocator:
     """Return what shares a torque out among the drives of a testbed.
 
     Raises:
@@ -147,18 +170,49 @@ def allocator_of(
 
     if isinstance(settings, ThrusterAllocation):
         return Allocator(len(names), found.torque, None, thrusters("drives", settings.drives))
+    if isinstance(settings, GyroAllocation):
+        return Allocator(len(names), found.torque, None, None, gyros=_gyros(settings, plant, found))
     where = _chosen("allocation.drives", settings.drives, found.wheels, names, "wheels")
     called = tuple(names[k] for k in where)
     inertia = found.inertia[[found.wheels.index(k) for k in where]]
     bias = inertia * per_joint("allocation.bias_speed", settings.bias_speed, called)
     wheels = WheelSet(found.torque[:, where], limit[where], inertia, settings.null_motion, bias)
-    speeds = _speeds(plant, called)
+    speeds = _read_by(Tachometer, plant, called)
     for key in ("null_motion", "unloading"):
         if getattr(settings, key) and speeds is None:
             words = "needs the wheels' speeds: give the testbed a sensor of kind tachometer"
             raise BadInput(words, key=f"allocation.{key}", value=getattr(settings, key))
     jets = thrusters("thrusters", settings.thrusters) if settings.unloading else None
     return Allocator(len(names), found.torque, (where, wheels), jets, settings.unloading, speeds)
+
+
+def _gyros(
+    settings: GyroAllocation, plant: PlantDescription, found: DriveMap
+) -> tuple[Indices, GyroSet, Indices]:
+    """Return the gyros that share a torque, and where their angles are read.
+
+    Raises:
+        BadInput: see allocator_of.
+    """
+    names, what = plant.joint_names, "control moment gyros"
+    where = _chosen("allocation.drives", settings.drives, found.gyros, names, what)
+    own = [found.gyros.index(k) for k in where]
+    called = tuple(names[k] for k in where)
+    angles = _read_by(Resolver, plant, called)
+    if angles is None:
+        words = "needs the gimbals' angles: give the testbed a sensor of kind resolver"
+        raise BadInput(words, key="allocation.kind", value=settings.kind)
+    gyros = GyroSet(
+        found.gimbals[own],
+        plant.effort_limit[where],
+        found.momentum[own],
+        settings.robustness,
+        settings.dither,
+        settings.dither_frequency,
+        settings.null_motion,
+        per_joint("allocation.preferred_angle", settings.preferred_angle, called),
+    )
+    return where, gyros, angles
 
 
 def _chosen(
@@ -178,12 +232,14 @@ def _chosen(
     return np.array([k for k in known if given is None or names[k] in given], dtype=np.int64)
 
 
-def _speeds(plant: PlantDescription, wheels: tuple[str, ...]) -> Indices | None:
-    """Return where the speeds of these wheels are read; None: nowhere."""
+def _read_by(
+    kind: type[Tachometer | Resolver], plant: PlantDescription, drives: tuple[str, ...]
+) -> Indices | None:
+    """Return where an instrument of this kind reads these drives; None: there is none."""
     for instrument in plant.testbed.model().appendages.instruments:
-        if isinstance(instrument, Tachometer):
+        if isinstance(instrument, kind):
             first = channels(instrument).start
             return np.array(
-                [first + instrument.axes.index(name) for name in wheels], dtype=np.int64
+                [first + instrument.axes.index(name) for name in drives], dtype=np.int64
             )
     return None

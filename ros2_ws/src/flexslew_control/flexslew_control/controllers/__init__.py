@@ -117,19 +117,25 @@ def build_controller(
 
 
 def _require_allocation(law: str, settings: Any, plant: PlantDescription) -> None:
-    """Check that a law that knows nothing of thrusters has none to command.
+    """Check that a law that knows nothing of thrusters and gyros has none to command.
 
     Raises:
-        BadInput: it has; a negative push would be cut.
+        BadInput: it has; a negative push would be cut, and a gyro's torque turns with its gimbal.
     """
-    one_way = plant.testbed.model().one_way
-    if not one_way or getattr(settings, "allocation", None) is not None:
+    model = plant.testbed.model()
+    if not (model.one_way or model.gyros) or getattr(settings, "allocation", None) is not None:
         return
     able = [name for name, entry in CONTROLLERS.items() if hasattr(entry.settings, "allocation")]
     remedy = "give it an `allocation`" if law in able else f"take {' or '.join(sorted(able))}"
+    if model.gyros:
+        raise BadInput(
+            f"{plant.joint_names[model.gyros[0]]} is a control moment gyro, whose torque turns "
+            f"with its gimbal, and {law} counts on one direction; {remedy}, such as allocation: "
+            "{kind: control_moment_gyros}",
+        )
     raise BadInput(
-        f"{plant.joint_names[one_way[0]]} is a thruster, which pushes one way, and {law} asks it "
-        f"for both; {remedy}, such as allocation: {{kind: thrusters}}",
+        f"{plant.joint_names[model.one_way[0]]} is a thruster, which pushes one way, and {law} "
+        f"asks it for both; {remedy}, such as allocation: {{kind: thrusters}}",
     )
 
 

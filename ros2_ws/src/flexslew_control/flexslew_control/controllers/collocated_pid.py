@@ -47,8 +47,8 @@ class CollocatedPid:
     gyroscopic: bool = False  # add w x J w, beyond that of the plan, of a craft in three axes
     # attitude and rates by gyro and star tracker; null: as the joints read them
     attitude: AttitudeFilterSettings | None = None
-    # share the torque about the body axes, which the gains are then of, out among thrusters or
-    # wheels; null: every joint has its own gains
+    # share the torque about the body axes, which the gains are then of, out among thrusters,
+    # wheels or gyros; null: every joint has its own gains
     allocation: Allocation | None = None
 
 

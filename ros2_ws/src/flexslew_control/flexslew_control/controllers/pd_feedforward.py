@@ -38,8 +38,8 @@ class PdFeedforwardSettings:
     gyroscopic: bool = False
     # attitude and rates by gyro and star tracker; null: as the joints read them
     attitude: AttitudeFilterSettings | None = None
-    # share the torque about the body axes, which the gains are then of, out among thrusters or
-    # wheels; null: every joint has its own gains
+    # share the torque about the body axes, which the gains are then of, out among thrusters,
+    # wheels or gyros; null: every joint has its own gains
     allocation: Allocation | None = None
 
 

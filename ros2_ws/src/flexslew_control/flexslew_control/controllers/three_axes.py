@@ -8,8 +8,7 @@ import numpy as np
 from flexslew_control.allocation import (
     AllocatedLaw,
     Allocator,
-    ThrusterAllocation,
-    WheelAllocation,
+    AnyAllocation,
     allocator_of,
 )
 from flexslew_control.controllers.gyroscopic import Gyroscopic, gyroscopic
@@ -94,7 +93,7 @@ class Controlled:
 
 def controlled(
     plant: PlantDescription,
-    allocation: ThrusterAllocation | WheelAllocation | None,
+    allocation: AnyAllocation | None,
     with_gyroscopic: bool,
 ) -> Controlled:
     """Return what a law has gains for: the joints, or with an allocation the body axes.

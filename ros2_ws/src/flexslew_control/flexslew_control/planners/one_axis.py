@@ -12,7 +12,7 @@ from flexslew_control.planners.slew import Feedback
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import believed, initial_positions, with_model_file
-from flexslew_plant.testbeds.contract import RigidTurn, ThreeAxes, Turning
+from flexslew_plant.testbeds.contract import RigidTurn, ThreeAxes, Turning, Wheeled
 
 RELEVANT = "relevant"  # as `model: modes`: those that matter
 
@@ -126,6 +126,8 @@ def reduced(
         raise BadInput(f"plan: model: modes: {count!r} is not allowed: a number, or relevant")
     kept = {key: value for key, value in (changes or {}).items() if key != "modes"}
     whole: Any = believed(testbed, kept or None, "plan: model", plant.trust)
+    if isinstance(whole, Wheeled):
+        whole = whole.wheeled()
     _require_turning(whole, names)
     if several:
         ends = tuple(np.array([at[name] for name in names]) for at in (first, first | goal))

@@ -180,8 +180,13 @@ class Slewing:
         """Return the plan of a slew in three axes, with what it leaves on the bench.
 
         Raises:
-            BadInput: a drive is a thruster: every one is counted both ways.
+            BadInput: a drive is a thruster or a gyro: every one is counted both ways, along one
+                direction.
         """
+        for k in plant.testbed.model().gyros[:1]:
+            name = plant.joint_names[k]
+            words = f"{name} is a control moment gyro, whose torque turns; take moving"
+            raise BadInput(words, "plan", "drives", "all")
         for k in plant.testbed.model().one_way[:1]:
             words = f"{plant.joint_names[k]} is a thruster, which pushes one way; take moving"
             raise BadInput(words, "plan", "drives", "all")

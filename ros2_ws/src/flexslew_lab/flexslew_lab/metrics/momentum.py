@@ -1,4 +1,4 @@
-"""What reaction wheels store: their speeds, and the momentum of all."""
+"""What wheels and gyros store, how fast and how far they turn, how near gyros are to locking."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -11,10 +11,10 @@ from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestb
 
 
 class Momentum:
-    """Implements Metric; says nothing of a testbed without wheels.
+    """Implements Metric; says nothing of a testbed without wheels and gyros.
 
     The momentum of the wheels is h = sum of I s a, with a wheel's inertia I, the speed s of its
-    spin relative to the platform and its axis a, in body axes.
+    spin relative to the platform and its axis a, in body axes; a gyro adds its rotor's.
     """
 
     KEYS: ClassVar[Mapping[str, Key]] = {
@@ -27,10 +27,21 @@ class Momentum:
             "by wheel: how often its speed changes its sign after the manoeuvre's end",
         ),
         "peak_stored_momentum": Key(
-            "N m s", False, "x y z: largest |momentum of the wheels' spins|, in body axes"
+            "N m s",
+            False,
+            "x y z: largest |momentum of the wheels' spins and gyros' rotors|, in body axes",
         ),
         "final_stored_momentum": Key(
-            "N m s", False, "x y z: momentum of the wheels' spins at the end, in body axes"
+            "N m s",
+            False,
+            "x y z: momentum of the wheels' spins and gyros' rotors at the end, in body axes",
+        ),
+        "peak_gimbal_angle": Key("rad", False, "by gyro: largest |angle| of its gimbal"),
+        "least_gyro_authority": Key(
+            "-",
+            False,
+            "smallest torque about any axis that equal gimbal rates give, over the largest about "
+            "any, at its least; 0: they were at a singularity",
         ),
     }
 
@@ -41,6 +52,8 @@ class Momentum:
         self._crossings: dict[str, int] = {}
         self._sign: dict[str, float] = {}  # the last that was not zero
         self._stored: Vector | None = None
+        self._angle: dict[str, float] = {}
+        self._authority = np.inf
         self._last = np.zeros(3)
 
     def add(self, block: Block) -> None:
@@ -48,8 +61,11 @@ class Momentum:
         if self._testbed is None:
             return
         spins = self._testbed.spins(block.velocity)
-        if not spins.speeds:
+        if not (spins.speeds or spins.gimbals):
             return
+        for name, angle in spins.gimbals.items():
+            self._angle[name] = max(self._angle.get(name, 0.0), float(abs(angle).max()))
+        self._authority = min(self._authority, float(spins.authority.min()))
         for name, speed in spins.speeds.items():
             self._speed[name] = max(self._speed.get(name, 0.0), float(abs(speed).max()))
             self._count(name, np.sign(speed[block.over]))
@@ -69,9 +85,11 @@ class Momentum:
         """Return the values by wheel and by body axis."""
         if self._stored is None:
             return {}
+        wheels = {"peak_wheel_speed": self._speed, "wheel_zero_crossings": self._crossings}
+        gyros = {"peak_gimbal_angle": self._angle, "least_gyro_authority": self._authority}
         return {
-            "peak_wheel_speed": self._speed,
-            "wheel_zero_crossings": self._crossings,
+            **(gyros if self._angle else {}),
+            **(wheels if self._speed else {}),
             "peak_stored_momentum": self._stored.tolist(),
             "final_stored_momentum": self._last.tolist(),
         }

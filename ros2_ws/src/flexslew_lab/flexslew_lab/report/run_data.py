@@ -194,8 +194,10 @@ class _Collector:
         model = self._model
         if self._pointing is not None and model and rates.shape[1] == model.coordinates:
             spins = self._pointing.spins(rates)
-            if spins.speeds:
-                self._put("wheel_speed", time, np.column_stack([*spins.speeds.values()]))
+            for name, found in (("wheel_speed", spins.speeds), ("gimbal_angle", spins.gimbals)):
+                if found:
+                    self._put(name, time, np.column_stack([*found.values()]))
+            if spins.speeds or spins.gimbals:
                 self._put("stored_momentum", time, spins.stored)
         self._truth.add(keys_of(columns), position)
         self._join()

@@ -4,7 +4,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
@@ -202,12 +202,26 @@ class DriveMap(NamedTuple):
         one_way: which joints push in their positive direction alone, in order.
         wheels: which are reaction wheels, in order.
         inertia: of these wheels, shape (wheels,) [kg m^2].
+        gyros: which are control moment gyros, in order; their torque is that of gimbals at zero.
+        gimbals: axes and rotors of these at angle zero, in body axes, shape (gyros, 2, 3).
+        momentum: of their rotors, shape (gyros,) [N m s].
     """
 
     torque: Matrix
     one_way: tuple[int, ...]
     wheels: tuple[int, ...]
     inertia: Vector
+    gyros: tuple[int, ...]
+    gimbals: Tensor
+    momentum: Vector
+
+
+@runtime_checkable
+class Wheeled(Protocol):
+    """A testbed that planners may count with as if wheels turned it."""
+
+    def wheeled(self) -> Any:
+        """Return it with wheels instead of control moment gyros; itself where it has none."""
 
 
 @runtime_checkable

@@ -52,6 +52,8 @@ class Model:
         outside: from a state and a time to generalised forces of the world outside, shape (n,),
             which only the bench applies; None: there are none.
         one_way: which actuators push in their positive direction alone.
+        gimbals: which entries of v are angles of gimbals, on which B depends.
+        gyros: which actuators turn them.
     """
 
     kernels: Kernels
@@ -70,6 +72,8 @@ class Model:
     attitude: AttitudeJoints | None = None
     outside: Callable[[Vector, float], Vector] | None = None
     one_way: tuple[int, ...] = ()
+    gimbals: tuple[int, ...] = ()
+    gyros: tuple[int, ...] = ()
 
     @cached_property
     def joints(self) -> int:
@@ -161,11 +165,14 @@ class Model:
                 raise ValueError(f"{name} of shape {np.shape(part)} does not fit: {words}")
         return np.concatenate((q, v), dtype=np.float64)
 
-    def input_matrix(self, q: Vector, t: float = 0.0) -> Matrix:
-        """Return B(q, t), shape (n, actuators)."""
+    def input_matrix(self, q: Vector, t: float = 0.0, v: Vector | None = None) -> Matrix:
+        """Return B(q, t), shape (n, actuators), with gimbals at zero or as they stand in v."""
         if self.kernels.actuation is None:
             return np.eye(self.coordinates, self.efforts)
-        x, columns = self._together(q, np.zeros(self.coordinates)), []
+        angles = np.zeros(self.coordinates)
+        if v is not None:
+            angles[list(self.gimbals)] = v[list(self.gimbals)]
+        x, columns = self._together(q, angles), []
         for one in np.eye(self.efforts):
             column = np.zeros(self.coordinates)
             self._bound.actuation(self.packed, t, x, one, column)
@@ -374,8 +381,14 @@ class Model:
         return moved
 
     def energy(self, x: Vector, t: float = 0.0) -> float:
-        """Return T + U [J], constant without effort, damping and dependence on time."""
+        """Return T + U [J], constant without effort, damping and dependence on time.
+
+        What rotors of gyros have is left out: their motors keep it.
+        """
         self._require(x)
+        if self.gimbals:  # they have a momentum and no inertia
+            x = x.copy()
+            x[self.positions + np.array(self.gimbals)] = 0.0
         return self._bound.energy(self.packed, t, x)
 
     def kinetic_energy(self, x: Vector, t: float = 0.0) -> float:

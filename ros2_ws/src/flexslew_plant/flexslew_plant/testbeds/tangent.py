@@ -34,7 +34,11 @@ class Equations(Protocol):
     def mass_matrix(self, q: Vector, t: float = 0.0) -> Matrix:
         """Return M."""
 
-    def input_matrix(self, q: Vector, t: float = 0.0) -> Matrix:
+    @property
+    def gimbals(self) -> tuple[int, ...]:
+        """Which entries of v are angles on which B depends."""
+
+    def input_matrix(self, q: Vector, t: float = 0.0, v: Vector | None = None) -> Matrix:
         """Return B."""
 
     def residual_slopes(
@@ -49,7 +53,8 @@ def tangent_jacobian(
     """Return df/dx, shape (2 n, 2 n), and df/du, shape (2 n, actuators), of motions e along v.
 
     With q' = N v and dq = N e:  N e' = d(N v)/dq N e - d(N e)/dq N v + N dv. The derivatives of N
-    and of B u are differences, which are exact where these are quadratic in q.
+    and of B u are differences, which are exact where these are quadratic in q, and of gimbals to
+    1e-6 of the effort.
     """
     n, q, v = model.coordinates, x[: model.positions], x[model.positions :]
     rates = model.position_rates(q, t)
@@ -59,10 +64,14 @@ def tangent_jacobian(
         turned = _slope(lambda at: model.position_rates(at, t), q, along) @ v
         carried = _slope(lambda at: model.position_rates(at, t), q, rates @ v)[:, k]
         twist[:, k] = inverse @ (turned - carried)
-        pushed[:, k] = _slope(lambda at: model.input_matrix(at, t), q, along) @ effort
+        pushed[:, k] = _slope(lambda at: model.input_matrix(at, t, v), q, along) @ effort
+    steered = np.zeros((n, n))
+    for k in model.gimbals:
+        one = np.eye(n)[k]
+        steered[:, k] = _slope(lambda at: model.input_matrix(q, t, at), v, one) @ effort
     a = model.derivative(x, effort, t)[model.positions :]
     dq, dv = model.residual_slopes(x, a, t)
-    right = np.hstack((pushed - dq @ rates, -dv, model.input_matrix(q, t)))
+    right = np.hstack((pushed - dq @ rates, steered - dv, model.input_matrix(q, t, v)))
     below = np.linalg.solve(model.mass_matrix(q, t), right)
     dx = np.block([[twist, np.eye(n)], [below[:, : 2 * n]]])
     return dx, np.vstack((np.zeros((n, model.efforts)), below[:, 2 * n :]))

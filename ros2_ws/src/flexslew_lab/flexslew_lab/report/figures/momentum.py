@@ -1,4 +1,4 @@
-"""Figures of what wheels store, and of how the platform trembles."""
+"""Figures of what wheels and gyros store, and of how the platform trembles."""
 
 import numpy as np
 
@@ -8,25 +8,35 @@ from flexslew_lab.report.run_data import RunData
 from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
 _AXES = ("x", "y", "z")
+# traces, the metric by name of who turns, title and unit
+_TURNING = (
+    ("wheel_speed", "peak_wheel_speed", "speed of the wheels", "rad/s"),
+    ("gimbal_angle", "peak_gimbal_angle", "angle of the gimbals", "rad"),
+)
 
 
 def momentum(run: RunData) -> Group | None:
-    """Return speeds and momentum of the wheels over time; None of a craft without wheels."""
-    if "wheel_speed" not in run.traces or not isinstance(run.testbed, Pointing):
+    """Return how wheels and gimbals turn and what they store; None of a craft without them."""
+    if "stored_momentum" not in run.traces or not isinstance(run.testbed, Pointing):
         return None
-    wheels = list(run.metrics.get("peak_wheel_speed") or {})
-    speeds = Panel("speed of the wheels", "rad/s", x_title=TIME)
-    stored = Panel("momentum of the wheels, body axes", "N m s", x_title=TIME)
+    stored = Panel("stored momentum, body axes", "N m s", x_title=TIME)
     for k, axis in enumerate(_AXES):
         draw(stored, run.traces["stored_momentum"], k, axis, style(k))
-    for k, name in enumerate(wheels):
-        draw(speeds, run.traces["wheel_speed"], k, name, style(len(_AXES) + k))
+    panels, shown = [], [*_AXES]
+    for trace, key, title, unit in _TURNING:
+        names = list(run.metrics.get(key) or {})
+        if trace not in run.traces:
+            continue
+        panels.append(Panel(title, unit, x_title=TIME))
+        for k, name in enumerate(names):
+            draw(panels[-1], run.traces[trace], k, name, style(len(shown) + k))
+        shown += names
     group = Group(
-        "Wheels",
-        "How fast the wheels spin relative to the platform, and the momentum that all of them "
-        "store.",
-        [speeds, stored],
-        legend([*_AXES, *wheels]),
+        "Stored momentum",
+        "How wheels spin relative to the platform and gimbals turn, and the momentum that all of "
+        "them store.",
+        [*panels, stored],
+        legend(shown),
         marks([run]),
     )
     return over(group, span_of([run]))

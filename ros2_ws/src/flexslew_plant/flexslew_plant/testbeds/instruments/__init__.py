@@ -1,10 +1,12 @@
-"""Sensors with a memory of their own: what tells attitude, rates, wheels' speeds or the Sun."""
+"""Sensors with a memory of their own: attitude, rates, wheels, gimbals, the Sun."""
 
 from flexslew_plant.testbeds.instruments.gyro import Gyro as Gyro
 from flexslew_plant.testbeds.instruments.gyro import GyroSettings as GyroSettings
 from flexslew_plant.testbeds.instruments.instrument import Instrument as Instrument
 from flexslew_plant.testbeds.instruments.instrument import MovingBody as MovingBody
 from flexslew_plant.testbeds.instruments.instrument import Reader as Reader
+from flexslew_plant.testbeds.instruments.resolver import Resolver as Resolver
+from flexslew_plant.testbeds.instruments.resolver import ResolverSettings as ResolverSettings
 from flexslew_plant.testbeds.instruments.star_tracker import StarTracker as StarTracker
 from flexslew_plant.testbeds.instruments.star_tracker import (
     StarTrackerSettings as StarTrackerSettings,

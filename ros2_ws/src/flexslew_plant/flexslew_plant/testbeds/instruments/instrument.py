@@ -14,6 +14,7 @@ class MovingBody(NamedTuple):
     attitude: Vector  # unit quaternion from body to inertial axes, x y z w, shape (4,)
     rate: Vector  # in body axes, shape (3,) [rad/s]
     wheels: Vector = NOTHING  # speeds of its wheels relative to it, shape (wheels,) [rad/s]
+    gimbals: Vector = NOTHING  # angles of its control moment gyros, shape (gyros,) [rad]
 
 
 # from the platform at a tick to the reading; called once a tick, in order

@@ -71,6 +71,8 @@ def platform_inputs(craft: Spacecraft) -> tuple[Matrix, Matrix]:
             torque[:, k] = d.direction
         elif d.what == at.WHEEL:
             torque[:, k] = craft.wheels[d.owner].axis
+        elif d.what == at.GYRO:
+            torque[:, k] = craft.gyros[d.owner].across
     return force, torque
 
 

@@ -22,7 +22,7 @@ from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.lines_of_sight import hinge_turned, target_directions
 
 _PIVOT, _TURNING = "pivot", "continuous"
-_JOINTS = (at.FORCE, at.TORQUE, at.HINGE, at.WHEEL)  # what the others push has no joint
+_JOINTS = (at.FORCE, at.TORQUE, at.HINGE, at.WHEEL, at.GYRO)  # what the others push has no joint
 
 
 def quaternion(axes: Matrix) -> Quaternion:
@@ -71,7 +71,7 @@ def scene_of(craft: Spacecraft) -> Scene:
     hinge turns by itself, as nobody measures its angle.
     """
     own = {at.FREE: 7, at.HELD: 0, at.PIVOT: 1}[craft.motion]
-    hinges, wheels = len(craft.hinged), len(craft.wheels)
+    hinges, wheels = len(craft.hinged), len(craft.wheels) + len(craft.gyros)
     first = own + hinges + wheels
 
     def frames(q: Vector, t: float = 0.0) -> list[Frame]:

@@ -1,4 +1,6 @@
-"""Gyros, star trackers, Sun sensors and tachometers of a spacecraft."""
+"""Gyros, star trackers, Sun sensors, tachometers and resolvers of a spacecraft."""
+
+from typing import TypeAlias
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
@@ -7,6 +9,8 @@ from flexslew_plant.testbeds.instruments import (
     GyroSettings,
     Instrument,
     MovingBody,
+    Resolver,
+    ResolverSettings,
     StarTracker,
     StarTrackerSettings,
     SunSensor,
@@ -19,6 +23,10 @@ from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.settings import Triple
 
+InstrumentSettings: TypeAlias = (
+    GyroSettings | StarTrackerSettings | SunSensorSettings | TachometerSettings | ResolverSettings
+)
+
 _ATTITUDE = slice(3, 7)  # of the quaternion in a free platform's q
 _RATE = slice(3, 6)  # of the body rate in its v
 
@@ -26,7 +34,7 @@ _RATE = slice(3, 6)  # of the body rate in its v
 def instrument_of(
     craft: Spacecraft,
     name: str,
-    settings: GyroSettings | StarTrackerSettings | SunSensorSettings | TachometerSettings,
+    settings: InstrumentSettings,
     first: int,
     sun: Triple | None,
 ) -> Instrument:
@@ -52,6 +60,10 @@ def instrument_of(
         if not craft.wheels:
             raise BadInput(f"{key}: the platform has no wheels; give `wheels`")
         return Tachometer(name, first, tuple(w.name for w in craft.wheels), settings)
+    if isinstance(settings, ResolverSettings):
+        if not craft.gyros:
+            raise BadInput(f"{key}: the platform has no gimbals; give `control_moment_gyros`")
+        return Resolver(name, first, tuple(g.name for g in craft.gyros), settings)
     unit_direction(settings.boresight, f"{key}.boresight")
     if isinstance(settings, StarTrackerSettings):
         for i, (start, end) in enumerate(settings.blind):
@@ -68,4 +80,5 @@ def body_of(craft: Spacecraft, x: Vector) -> MovingBody:
     """Return how a free platform stands and turns."""
     v = x[craft.sizes[0] :]
     end = v.size - craft.modes
-    return MovingBody(x[_ATTITUDE], v[_RATE], v[end - len(craft.wheels) : end])
+    first = end - len(craft.gyros)
+    return MovingBody(x[_ATTITUDE], v[_RATE], v[first - len(craft.wheels) : first], v[first:end])

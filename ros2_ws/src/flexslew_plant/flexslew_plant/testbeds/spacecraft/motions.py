@@ -36,11 +36,16 @@ class Spins(NamedTuple):
 
     Args:
         speeds: of each wheel, by name, shape (k,) [rad/s].
-        stored: momentum of all, in body axes, shape (k, 3) [N m s].
+        stored: momentum of all, gyros included, in body axes, shape (k, 3) [N m s].
+        gimbals: angles of the gyros, by name, shape (k,) [rad].
+        authority: smallest torque about any axis that equal gimbal rates give, over the largest
+            about any, shape (k,); zero is a singularity [-].
     """
 
     speeds: dict[str, Vector]
     stored: Matrix
+    gimbals: dict[str, Vector]
+    authority: Vector
 
 
 @runtime_checkable
@@ -120,7 +125,7 @@ def motions(craft: Spacecraft, position: Matrix, velocity: Matrix, goal: Vector)
         turns[a.name] = own_q @ (a.axes.T @ a.shape.tip.turn).T
     rates = _wheel_rates(craft, velocity)
     wheels = {w.name: w.inertia * rates[:, i] for i, w in enumerate(craft.wheels)}
-    assert own + hinges + len(wheels) + modes == position.shape[1]
+    assert own + hinges + len(wheels) + len(craft.gyros) + modes == position.shape[1]
     return Motions(attitude, turned, place, away, tips, turns, wheels)
 
 
@@ -128,10 +133,26 @@ def spins(craft: Spacecraft, velocity: Matrix) -> Spins:
     """Return what wheels store; see Pointing."""
     rates = _wheel_rates(craft, velocity)
     axes = np.array([w.inertia * w.axis for w in craft.wheels]).reshape(-1, 3)
-    return Spins({w.name: rates[:, i] for i, w in enumerate(craft.wheels)}, rates @ axes)
+    stored, end = rates @ axes, velocity.shape[1] - craft.modes
+    angles = velocity[:, end - len(craft.gyros) : end]
+    levers = np.empty((len(velocity), len(craft.gyros), 3))
+    for i, g in enumerate(craft.gyros):
+        c, s = np.cos(angles[:, i, None]), np.sin(angles[:, i, None])
+        stored = stored + g.momentum * (c * g.rotor + s * g.across)
+        levers[:, i] = g.momentum * (c * g.across - s * g.rotor)
+    authority = np.ones(len(velocity))
+    if craft.gyros:
+        sizes = np.linalg.svd(levers, compute_uv=False)
+        authority = sizes[:, 2] / sizes[:, 0] if len(craft.gyros) > 2 else np.zeros(len(velocity))
+    return Spins(
+        {w.name: rates[:, i] for i, w in enumerate(craft.wheels)},
+        stored,
+        {g.name: angles[:, i] for i, g in enumerate(craft.gyros)},
+        authority,
+    )
 
 
 def _wheel_rates(craft: Spacecraft, velocity: Matrix) -> Matrix:
     """Return the speeds of the wheels, shape (k, wheels) [rad/s]."""
-    end = velocity.shape[1] - craft.modes
+    end = velocity.shape[1] - craft.modes - len(craft.gyros)
     return velocity[:, end - len(craft.wheels) : end]

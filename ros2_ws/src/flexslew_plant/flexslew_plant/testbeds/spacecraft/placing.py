@@ -9,7 +9,7 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.assembly.craft import CraftDrive, Spacecraft
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 
-_TURNING = (at.TORQUE, at.WHEEL, at.THRUSTER)  # what reads the platform's turn
+_TURNING = (at.TORQUE, at.WHEEL, at.GYRO, at.THRUSTER)  # what reads the platform's turn
 
 
 def position_unit(drive: CraftDrive) -> str:
@@ -82,6 +82,8 @@ def turning_axes(craft: Spacecraft) -> Matrix:
     for row, d in zip(axes, craft.drives, strict=True):
         if d.what == at.WHEEL:
             row[:] = craft.wheels[d.owner].axis
+        elif d.what == at.GYRO:
+            row[:] = craft.gyros[d.owner].across
         elif d.what == at.TORQUE:
             row[:] = d.direction
         elif d.what == at.THRUSTER and d.spot is not None:

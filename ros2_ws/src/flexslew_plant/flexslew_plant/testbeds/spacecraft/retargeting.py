@@ -76,7 +76,7 @@ def section_units(craft: Spacecraft, units: Units) -> UnitSizes:
         units: of its section.
     """
     own = {at.FREE: [units.length] * 3 + [1.0] * 3, at.HELD: [], at.PIVOT: [1.0]}[craft.motion]
-    sizes = own + [1.0] * (len(craft.hinged) + len(craft.wheels))
+    sizes = own + [1.0] * (len(craft.hinged) + len(craft.wheels) + len(craft.gyros))
     for a in craft.appendages:
         sizes += mode_sizes(a, units).tolist()
     efforts = []

@@ -9,6 +9,7 @@ from pydantic import Field
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.instruments import (
     GyroSettings,
+    ResolverSettings,
     StarTrackerSettings,
     SunSensorSettings,
     TachometerSettings,
@@ -188,6 +189,21 @@ class WheelSettings:
 
 
 @section
+class MomentGyroSettings:
+    """A control moment gyro with one gimbal, whose servo is as fast as the actuators' lag says.
+
+    An effort is the torque on the platform that its gimbal gives at the angle where it stands.
+    """
+
+    axis: Triple  # of its gimbal, in body axes
+    # direction of the rotor's momentum at gimbal angle zero, at right angles to the axis; a
+    # positive effort then turns the platform about axis x rotor
+    rotor: Triple
+    momentum: Positive  # of its rotor
+    rate_limit: Positive = 1.0  # largest rate of its gimbal [rad/s]
+
+
+@section
 class ActuatorPlace:
     """A force or a torque on the platform or on an appendage, a thruster, or a modal force.
 
@@ -235,6 +251,11 @@ class SensorPlace:
 
 
 AnySensor: TypeAlias = Annotated[
-    SensorPlace | GyroSettings | StarTrackerSettings | SunSensorSettings | TachometerSettings,
+    SensorPlace
+    | GyroSettings
+    | StarTrackerSettings
+    | SunSensorSettings
+    | TachometerSettings
+    | ResolverSettings,
     Field(discriminator="kind"),
 ]

@@ -18,6 +18,7 @@ from flexslew_plant.testbeds.attitude import attitude_joints
 from flexslew_plant.testbeds.contract import DriveMap, HingeTurn, RigidTurn, UnitSizes
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.floating import Floating
+from flexslew_plant.testbeds.instruments import ResolverSettings
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.scene import Scene
@@ -49,6 +50,7 @@ from flexslew_plant.testbeds.spacecraft.settings import (
     Body,
     Inertia,
     KeepOut,
+    MomentGyroSettings,
     Platform,
     Triple,
     WheelSettings,
@@ -71,6 +73,8 @@ FLOATING = Kernels(
     extra_positions=1,
     any_size=True,
 )
+_LIGHT = 1e-6  # inertia of a wheel in place of a gyro, of the platform's least [-]
+
 # a platform that is held or pivots: its q has as many entries as v
 GROUNDED = Kernels(terms, residual_jacobian, potential, actuation, kinematics, any_size=True)
 
@@ -90,6 +94,8 @@ class SpacecraftTestbed:
     platform: Platform = Platform()  # the rigid platform
     appendages: dict[str, AppendageSettings] = field(default_factory=dict)  # appendages by name
     wheels: dict[str, WheelSettings] = field(default_factory=dict)  # reaction wheels by name
+    # control moment gyros by name
+    control_moment_gyros: dict[str, MomentGyroSettings] = field(default_factory=dict)
     # forces and torques by name
     actuators: dict[str, ActuatorPlace] = field(default_factory=lambda: _torques(100.0))
     # sensors besides pose, rates and tips, by name
@@ -123,7 +129,10 @@ class SpacecraftTestbed:
         if self.orbit is not None and craft.motion != at.FREE:
             raise Placed("testbed.orbit: only a free platform has one; use motion: free")
         if not craft.drives:
-            raise Placed("testbed: has no actuators; give actuators, wheels or a driven hinge")
+            raise Placed(
+                "testbed: has no actuators; give actuators, wheels, control_moment_gyros or a "
+                "driven hinge"
+            )
 
     @property
     def modes(self) -> int:
@@ -239,6 +248,7 @@ class SpacecraftTestbed:
             ),
             appendages=parts,
             wheels={},
+            control_moment_gyros={},
             sensors={},
             keep_out={},
             orbit=None,
@@ -250,6 +260,31 @@ class SpacecraftTestbed:
             initial={},
         )
 
+    def wheeled(self) -> "SpacecraftTestbed":
+        """Return it with wheels that turn it as its gyros would without limits of their gimbals.
+
+        Planners count with them: what a torque does does not depend on who gives it, and a law
+        with an `allocation` steers the gimbals. They are light, so that they spin for themselves.
+        """
+        if not self.control_moment_gyros:
+            return self
+        craft, torque = self.craft, UNITS[self.units].torque
+        light = _LIGHT * float(np.linalg.eigvalsh(craft.inertia).min()) / torque
+        wheels = {
+            g.name: WheelSettings(axis=(x, y, z), inertia=light, limit=d.limit / torque)
+            for g in craft.gyros
+            for x, y, z in [g.across.tolist()]
+            for d in craft.drives
+            if d.name == g.name
+        }
+        sensors: dict[str, AnySensor] = {
+            name: sensor
+            for name, sensor in self.sensors.items()
+            if not isinstance(sensor, ResolverSettings)
+        }
+        own = {**self.wheels, **wheels}
+        return replace(self, control_moment_gyros={}, wheels=own, sensors=sensors)
+
     def rigid_turn(self, joint: str) -> RigidTurn:
         """Return what forces and torques turn the rigid spacecraft; see contract.Turning."""
         return rigid_turn(self.craft, self._axis(joint))
@@ -257,19 +292,19 @@ class SpacecraftTestbed:
     def rigid_turn_about(self, axis: Vector) -> RigidTurn:
         """Return what all joints do in a turn about an axis; see contract.ThreeAxes.
 
-        Wheels alone leave no momentum, so there is nothing centrifugal.
+        Wheels and gyros alone leave no momentum, so there is nothing centrifugal.
         """
         turn = rigid_turn(self.craft, axis)
-        if all(d.what == at.WHEEL for d in self.craft.drives):
+        if all(d.what in (at.WHEEL, at.GYRO) for d in self.craft.drives):
             return turn._replace(centrifugal=np.zeros_like(turn.centrifugal))
         return turn
 
     def _axis(self, joint: str) -> Vector:
         """Return the body axis about which a joint turns the platform, a unit vector."""
-        turns = {
-            d.name: self.craft.wheels[d.owner].axis if d.what == at.WHEEL else d.direction
-            for d in self.craft.drives
-            if d.what in (at.TORQUE, at.WHEEL)
+        turns: dict[str, Vector] = {
+            d.name: axis
+            for d, axis in zip(self.craft.drives, turning_axes(self.craft), strict=True)
+            if d.what in (at.TORQUE, at.WHEEL, at.GYRO)
         }
         if joint not in turns:
             raise BadInput(
@@ -371,7 +406,15 @@ def _model(same: _Same) -> Model:
         attitude=attitude_joints(turning_axes(craft)) if free else None,
         outside=None if orbit is None else outside_forces(craft, orbit),
         one_way=tuple(k for k, d in enumerate(drives) if d.what == at.THRUSTER),
+        gimbals=tuple(range(*_gimbals(craft))),
+        gyros=tuple(k for k, d in enumerate(drives) if d.what == at.GYRO),
     )
+
+
+def _gimbals(craft: Spacecraft) -> tuple[int, int]:
+    """Return where the angles of its gimbals begin in v, and end."""
+    end = craft.sizes[1] - craft.modes
+    return end - len(craft.gyros), end
 
 
 def _read(p: Vector, x: Vector, count: int) -> tuple[Vector, Vector]:

@@ -33,6 +33,9 @@ def drive_map(craft: Spacecraft) -> DriveMap:
         tuple(k for k, what in enumerate(kinds) if what == at.THRUSTER),
         wheels,
         np.array([craft.wheels[craft.drives[k].owner].inertia for k in wheels]),
+        tuple(k for k, what in enumerate(kinds) if what == at.GYRO),
+        np.array([(g.axis, g.rotor) for g in craft.gyros]).reshape(-1, 2, 3),
+        np.array([g.momentum for g in craft.gyros]),
     )
 
 

@@ -81,12 +81,26 @@ class Wheel(NamedTuple):
     largest_speed: float  # [rad/s]; infinite: no limit
 
 
+class MomentGyro(NamedTuple):
+    """A control moment gyro; its mass and inertia at rest belong to the platform's."""
+
+    name: str
+    axis: Vector  # g of its gimbal, unit vector in body axes, (3,)
+    rotor: Vector  # s of its rotor at gimbal angle zero, unit vector across g, (3,)
+    momentum: float  # of its rotor [N m s]
+
+    @property
+    def across(self) -> Vector:
+        """G x s, along which it turns the platform at angle zero, shape (3,)."""
+        return np.cross(self.axis, self.rotor)
+
+
 class CraftDrive(NamedTuple):
     """An actuator; its effort is a force [N] or a torque [N m]."""
 
     name: str
     what: int  # layout.FORCE ...
-    owner: int = -1  # appendage or wheel; -1: the platform
+    owner: int = -1  # appendage, wheel or gyro; -1: the platform
     direction: Vector = np.zeros(3)  # unit vector in the owner's axes
     spot: Spot | None = None  # where it acts
     limit: float = np.inf
@@ -105,7 +119,7 @@ class Spacecraft:
         mass: m_r [kg].
         first: S_r, first moment, shape (3,) [kg m].
         inertia: I_r about the body origin, shape (3, 3) [kg m^2].
-        appendages, wheels, drives: what it carries.
+        appendages, wheels, drives, gyros: what it carries.
         motion: free, held or about a pivot (layout.FREE ...).
         pivot_axis: unit vector in body axes, shape (3,).
         pivot_place: of the pivot in body axes, shape (3,) [m].
@@ -120,6 +134,7 @@ class Spacecraft:
     motion: int = at.FREE
     pivot_axis: Vector = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     pivot_place: Vector = field(default_factory=lambda: np.zeros(3))
+    gyros: tuple[MomentGyro, ...] = ()
 
     @property
     def hinged(self) -> tuple[Appendage, ...]:
@@ -134,7 +149,7 @@ class Spacecraft:
     @property
     def sizes(self) -> tuple[int, int]:
         """How many entries q and v have."""
-        others = len(self.hinged) + len(self.wheels) + self.modes
+        others = len(self.hinged) + len(self.wheels) + len(self.gyros) + self.modes
         own = {at.FREE: (7, 6), at.HELD: (0, 0), at.PIVOT: (1, 1)}[self.motion]
         return own[0] + others, own[1] + others
 

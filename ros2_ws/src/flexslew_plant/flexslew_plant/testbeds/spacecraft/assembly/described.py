@@ -5,6 +5,7 @@ from typing import Protocol
 from flexslew_plant.testbeds.spacecraft.settings import (
     ActuatorPlace,
     AppendageSettings,
+    MomentGyroSettings,
     Platform,
     WheelSettings,
 )
@@ -28,6 +29,10 @@ class Described(Protocol):
 
     @property
     def wheels(self) -> dict[str, WheelSettings]:
+        """By name."""
+
+    @property
+    def control_moment_gyros(self) -> dict[str, MomentGyroSettings]:
         """By name."""
 
     @property

@@ -21,7 +21,7 @@ _ON_PLATFORM = {"force": at.FORCE, "torque": at.TORQUE, "thruster": at.THRUSTER}
 def drives_of(
     described: Described, parts: tuple[Appendage, ...], units: Units
 ) -> tuple[CraftDrive, ...]:
-    """Return the actuators as listed, then the hinges' motors, then the wheels'."""
+    """Return the actuators as listed, then the hinges' motors, the wheels' and the gyros'."""
     names = [a.name for a in parts]
     found = []
     for name, d in described.actuators.items():
@@ -58,6 +58,9 @@ def drives_of(
         found.append(CraftDrive(f"{a.name}_hinge", at.HINGE, k, np.zeros(3), None, limit))
     for k, (name, w) in enumerate(described.wheels.items()):
         found.append(CraftDrive(name, at.WHEEL, k, np.zeros(3), None, w.limit * units.torque))
+    for k, (name, g) in enumerate(described.control_moment_gyros.items()):
+        limit = g.momentum * g.rate_limit * units.torque
+        found.append(CraftDrive(name, at.GYRO, k, np.zeros(3), None, limit))
     twice = sorted({d.name for d in found if sum(e.name == d.name for e in found) > 1})
     if twice:
         raise BadInput(f"testbed: two actuators are called {twice[0]}")

@@ -13,7 +13,7 @@ def motors_of(craft: Spacecraft) -> Motors:
     An effort on a wheel is the torque on the platform, so the wheel spins up against it.
     """
     positions, coordinates = craft.sizes
-    others = len(craft.hinged) + len(craft.wheels) + craft.modes
+    others = len(craft.hinged) + len(craft.wheels) + len(craft.gyros) + craft.modes
     hinged = [k for k, a in enumerate(craft.appendages) if a.hinge == at.DRIVEN]
     chosen = [k for k, d in enumerate(craft.drives) if d.what in (at.HINGE, at.WHEEL)]
     drives = [craft.drives[k] for k in chosen]

@@ -30,13 +30,14 @@ def packed(craft: Spacecraft) -> Vector:
         hinge += a.hinge == at.DRIVEN
     head = np.zeros(at.HEAD)
     head[at.MOTION], head[at.HINGES] = craft.motion, hinge
-    head[at.WHEELS], head[at.MODES] = len(craft.wheels), start
+    head[at.WHEELS], head[at.MODES] = len(craft.wheels) + len(craft.gyros), start
     head[at.APPENDAGES], head[at.ACTUATORS] = len(blocks), len(craft.drives)
     axis = craft.pivot_axis
     head[at.PIVOT_AXES : at.PIVOT_AXES + 6] = [*np.cross(craft.pivot_place, axis), *axis]
     head[at.MASS], head[at.FIRST : at.FIRST + 3] = mass, first
     head[at.INERTIA : at.INERTIA + 6] = [inertia[k] for k in SIX]
-    wheels = [np.append(w.axis, w.inertia) for w in craft.wheels]
+    wheels = [np.array([*w.axis, w.inertia, 0.0, 0.0, 0.0, 0.0]) for w in craft.wheels]
+    wheels += [np.array([*g.axis, 0.0, g.momentum, *g.rotor]) for g in craft.gyros]
     # tables first, then what they point to
     head[at.APPENDAGE_TABLE] = at.HEAD
     head[at.ACTUATOR_TABLE] = at.HEAD + len(blocks)
@@ -118,6 +119,9 @@ def _drive(craft: Spacecraft, d: CraftDrive, places: list[int]) -> Vector:
     if d.what == at.WHEEL:
         wheel = craft.wheels[d.owner]
         head[at.INDEX], head[at.BOUND], direction = d.owner, wheel.largest_speed, wheel.axis
+    elif d.what == at.GYRO:
+        head[at.INDEX] = len(craft.wheels) + d.owner
+        direction = craft.gyros[d.owner].across
     elif d.what == at.HINGE:
         before = craft.appendages[: d.owner]
         head[at.INDEX] = sum(a.hinge == at.DRIVEN for a in before)
@@ -133,7 +137,7 @@ def _drive(craft: Spacecraft, d: CraftDrive, places: list[int]) -> Vector:
     if spot is not None:
         head[at.AT : at.AT + 3] = spot.place
     head[at.DIRECTION : at.DIRECTION + 3] = direction
-    if spot is None or d.owner < 0 or d.what in (at.WHEEL, at.HINGE):
+    if spot is None or d.owner < 0 or d.what in (at.WHEEL, at.GYRO, at.HINGE):
         return head
     if d.what == at.MODAL and d.spot is not None:
         a, share = craft.appendages[d.owner], d.spot.displacement[0]

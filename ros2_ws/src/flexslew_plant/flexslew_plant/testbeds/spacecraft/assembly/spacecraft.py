@@ -6,12 +6,13 @@ from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.assembly.appendages import appendage_of
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import rigid_body, unit_direction
-from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft, Wheel
+from flexslew_plant.testbeds.spacecraft.assembly.craft import MomentGyro, Spacecraft, Wheel
 from flexslew_plant.testbeds.spacecraft.assembly.described import Described
 from flexslew_plant.testbeds.spacecraft.assembly.drives import drives_of
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.settings import (
     Body,
+    MomentGyroSettings,
     WheelSettings,
 )
 from flexslew_plant.testbeds.spacecraft.units import UNITS, Units
@@ -43,6 +44,11 @@ def spacecraft(described: Described) -> Spacecraft:
         )
         for name, w in described.wheels.items()
     )
+    gyros = described.control_moment_gyros
+    if gyros and p.motion != "free":
+        raise BadInput(
+            "turn a free platform alone; use motion: free", key="testbed.control_moment_gyros"
+        )
     craft = Spacecraft(
         mass,
         first,
@@ -53,6 +59,7 @@ def spacecraft(described: Described) -> Spacecraft:
         _MOTIONS[p.motion],
         unit_direction(p.axis, "testbed.platform.axis"),
         np.array(p.place) * units.length,
+        tuple(_gyro(name, g, units) for name, g in gyros.items()),
     )
     require_positive_definite(craft)
     return craft
@@ -91,6 +98,20 @@ def _rigid_block(mass: float, first: Vector, inertia: Matrix) -> Matrix:
     x, y, z = first
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.block([[mass * np.eye(3), -skew], [skew, inertia]])
+
+
+def _gyro(name: str, g: MomentGyroSettings, units: Units) -> MomentGyro:
+    """Return a gyro in SI.
+
+    Raises:
+        BadInput: its rotor does not lie across its gimbal.
+    """
+    key = f"testbed.control_moment_gyros.{name}"
+    axis, rotor = unit_direction(g.axis, f"{key}.axis"), unit_direction(g.rotor, f"{key}.rotor")
+    if abs(axis @ rotor) > 1e-6:
+        words = f"at right angles to its gimbal's axis, {list(g.axis)}"
+        raise BadInput(words, key=f"{key}.rotor", value=list(g.rotor))
+    return MomentGyro(name, axis, rotor, g.momentum * units.torque)
 
 
 def _largest_speed(w: WheelSettings, units: Units) -> float:

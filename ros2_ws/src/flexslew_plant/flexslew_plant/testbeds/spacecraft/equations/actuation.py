@@ -1,16 +1,13 @@
-"""Generalised forces B(q, t) u of a spacecraft's actuators, and their derivatives."""
+"""Generalised forces B(q, t) u of a spacecraft's actuators; of gyros B depends on gimbal angles."""
 
-import numpy as np
-
-from flexslew_plant.arrays import Matrix, Vector, called, compiled, compiled_once
+from flexslew_plant.arrays import Vector, called, compiled_once
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
-from flexslew_plant.testbeds.spacecraft.equations.frames import hinge_frame, offsets
+from flexslew_plant.testbeds.spacecraft.equations.frames import hinge_frame, offsets, rotor
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     Triple,
     apply_transposed,
     cross,
     dot,
-    nine,
     plus,
     scaled,
     triple,
@@ -104,6 +101,13 @@ def actuation(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> No
             at_wheel = own_v + hinges + index
             out[at_wheel] -= _speed_limited(u, x[nq + at_wheel], p[d + at.BOUND])
             continue
+        if p[d + at.WHAT] == at.GYRO:
+            gimbal = own_v + hinges + index
+            out[gimbal] -= u
+            row = int(p[at.WHEEL_TABLE]) + at.WHEEL_SIZE * index
+            across = rotor(p, row, x[nq + gimbal])[1]
+            _platform_share(p, (0.0, 0.0, 0.0), scaled(u, across), out)
+            continue
         force, moment, about_hinge = _platform_force(p, t, x, d, u, own_q, own_v, nq)
         _platform_share(p, force, moment, out)
         b = int(p[d + at.WHOSE])
@@ -115,59 +119,3 @@ def actuation(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> No
             out[first + i] += u * p[share + i]
         if p[b + at.KIND] == at.DRIVEN:
             out[own_v + int(p[b + at.HINGE_INDEX])] += about_hinge
-
-
-@compiled
-def actuation_jacobian(p: Vector, t: float, x: Vector, effort: Vector, dq: Matrix) -> None:
-    """Subtract d(B u)/dq from dq, shape (nv, nq): arms of point forces and turned hinges."""
-    own_q, own_v, _nq, nv = offsets(p)
-    hinges, wheels = int(p[at.HINGES]), int(p[at.WHEELS])
-    table = int(p[at.ACTUATOR_TABLE])
-    column = np.empty(nv)
-    for k in range(int(p[at.ACTUATORS])):
-        d = int(p[table + k])
-        b, u = int(p[d + at.WHOSE]), effort[k]
-        what = p[d + at.WHAT]
-        if b < 0 or u == 0.0 or (what != at.POINT_FORCE and what != at.TIP_TORQUE):
-            continue
-        n, first = int(p[b + at.COUNT]), int(p[b + at.START])
-        force = scaled(u, triple(p, d + at.DIRECTION))
-        driven, fixed = p[b + at.KIND] == at.DRIVEN, p[b + at.KIND] == at.FIXED
-        hinge, shape = int(p[b + at.HINGE_INDEX]), d + at.SHAPES
-        axis, place = triple(p, b + at.AXIS), triple(p, b + at.PLACE)
-        angle = 0.0
-        if driven:
-            angle = x[own_q + hinge]
-        e = nine(p, b + at.AXES)
-        if not fixed:
-            e, _, _ = hinge_frame(p, b, t, angle, 0.0)
-        if what == at.POINT_FORCE:
-            for i in range(n):
-                moved = (p[shape + i], p[shape + n + i], p[shape + 2 * n + i])
-                moment = cross(moved, force)
-                column[:] = 0.0
-                if driven:
-                    column[own_v + hinge] = dot(axis, moment)
-                if not fixed:
-                    moment = apply_transposed(e, moment)
-                _platform_share(p, (0.0, 0.0, 0.0), moment, column)
-                to = own_q + hinges + wheels + first + i
-                for r in range(nv):
-                    dq[r, to] -= column[r]
-        if driven:
-            moment = force
-            if what == at.POINT_FORCE:
-                arm = triple(p, d + at.AT)
-                q = own_q + hinges + wheels + first
-                for i in range(n):
-                    moved = (p[shape + i], p[shape + n + i], p[shape + 2 * n + i])
-                    arm = plus(arm, scaled(x[q + i], moved))
-                moment = cross(arm, force)
-            else:
-                force = (0.0, 0.0, 0.0)
-            pull = apply_transposed(e, cross(axis, force))
-            about = plus(cross(place, pull), apply_transposed(e, cross(axis, moment)))
-            column[:] = 0.0
-            _platform_share(p, pull, about, column)
-            for r in range(nv):
-                dq[r, own_q + hinge] -= column[r]

@@ -7,7 +7,9 @@ from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     Nine,
     Triple,
+    cross,
     nine,
+    plus,
     scaled,
     triple,
     turned,
@@ -39,6 +41,21 @@ def platform_velocity(p: Vector, x: Vector, v: int) -> tuple[Triple, Triple]:
         scaled(rate, triple(p, at.PIVOT_AXES)),
         scaled(rate, triple(p, at.PIVOT_AXES + 3)),
     )
+
+
+@called
+def rotor(p: Vector, table: int, angle: float) -> tuple[Triple, Triple]:
+    """Return where the rotor of a control moment gyro points, and g x that: where its torque does.
+
+    Args:
+        p: packed spacecraft.
+        table: where its numbers lie.
+        angle: of its gimbal [rad].
+    """
+    axis, still = triple(p, table), triple(p, table + at.ROTOR_AXIS)
+    across = cross(axis, still)
+    c, s = np.cos(angle), np.sin(angle)
+    return plus(scaled(c, still), scaled(s, across)), plus(scaled(c, across), scaled(-s, still))
 
 
 @called

@@ -5,7 +5,11 @@ import numpy as np
 from flexslew_plant.arrays import Matrix, Vector, compiled_once
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.appendage_jacobian import add_appendage
-from flexslew_plant.testbeds.spacecraft.equations.frames import offsets, platform_velocity
+from flexslew_plant.testbeds.spacecraft.equations.frames import (
+    offsets,
+    platform_velocity,
+    rotor,
+)
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
     cross,
     plus,
@@ -39,7 +43,14 @@ def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv:
     table = int(p[at.WHEEL_TABLE])
     for k in range(wheels):
         own = scaled(p[table + at.WHEEL_INERTIA], triple(p, table))
-        angular = plus(angular, scaled(x[nq + own_v + hinges + k], own))
+        rate = x[nq + own_v + hinges + k]
+        momentum = p[table + at.ROTOR_MOMENTUM]
+        if momentum > 0.0:
+            spun, across = rotor(p, table, rate)
+            angular = plus(angular, scaled(momentum, spun))
+            own = scaled(momentum, across)
+        else:
+            angular = plus(angular, scaled(rate, own))
         turned_by = cross(spin, own)
         for c in range(3):
             by_v[3 + c, 6 + hinges + k] += turned_by[c]

@@ -58,10 +58,10 @@ def _place(p: Vector, x: Vector) -> Triple:
 def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
     """Write where each actuator stands and how fast it moves, both along its effort.
 
-    A force on the platform: place and velocity along it [m, m/s]; a torque or a wheel: the
-    platform's turn and rate [rad, rad/s]; a thruster: these times its lever r x d about the body
-    origin [m, m/s]; a hinge: its angle and rate; a force or a torque on an
-    appendage: its elastic displacement or turn there and its rate.
+    A force on the platform: place and velocity along it [m, m/s]; a torque, a wheel or, along
+    its torque at angle zero, a gyro: the platform's turn and rate [rad, rad/s]; a thruster: these
+    times its lever r x d about the body origin [m, m/s]; a hinge: its angle and rate; a force or a
+    torque on an appendage: its elastic displacement or turn there and its rate.
 
     Args:
         p: packed spacecraft.
@@ -85,7 +85,7 @@ def read(p: Vector, x: Vector, position: Vector, velocity: Vector) -> None:
             lever = cross(triple(p, d + at.AT), direction)
             position[k] = dot(lever, turn)
             velocity[k] = dot(lever, spin)
-        elif what == at.TORQUE or what == at.WHEEL:
+        elif what == at.TORQUE or what == at.WHEEL or what == at.GYRO:
             position[k] = dot(direction, turn)
             velocity[k] = dot(direction, spin)
         elif what == at.HINGE:

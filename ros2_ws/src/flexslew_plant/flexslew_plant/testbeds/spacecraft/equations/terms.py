@@ -23,6 +23,7 @@ from flexslew_plant.testbeds.spacecraft.equations.frames import (
     hinge_frame,
     offsets,
     platform_velocity,
+    rotor,
     shortening_rates,
 )
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
@@ -76,11 +77,16 @@ def unprojected(
     table = int(p[at.WHEEL_TABLE])
     for k in range(wheels):
         axis, inertia = triple(p, table), p[table + at.WHEEL_INERTIA]
-        own = scaled(inertia, axis)
-        row = 6 + hinges + k
-        mass[row, row] = inertia
-        mass[3, row], mass[4, row], mass[5, row] = own
-        angular = plus(angular, scaled(x[hinge_v + hinges + k], own))
+        row, rate = 6 + hinges + k, x[hinge_v + hinges + k]
+        momentum = p[table + at.ROTOR_MOMENTUM]
+        if momentum > 0.0:  # a gyro: h times the rate of its gimbal is what it is asked for
+            mass[row, row] = momentum
+            angular = plus(angular, scaled(momentum, rotor(p, table, rate)[0]))
+        else:
+            own = scaled(inertia, axis)
+            mass[row, row] = inertia
+            mass[3, row], mass[4, row], mass[5, row] = own
+            angular = plus(angular, scaled(rate, own))
         table += at.WHEEL_SIZE
     put(bias, 0, cross(spin, linear))
     put(bias, 3, plus(cross(spin, angular), cross(velocity, linear)))
