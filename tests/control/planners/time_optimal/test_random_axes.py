@@ -4,6 +4,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from flexslew_control.law import ActiveLaw, PlantDescription
@@ -44,9 +45,11 @@ def craft() -> PlantDescription:
     return PlantDescription(read_testbed(values, "here"), PERIOD, np.full(3, LIMIT))
 
 
-def test_a_random_turn_flies_as_predicted_and_hardly_later_than_rigid() -> None:
-    rng = np.random.default_rng(33)
-    turn = rng.standard_normal(3)
+@pytest.mark.share(0.1)
+def test_a_random_turn_flies_as_predicted_and_hardly_later_than_rigid(
+    case: np.random.Generator,
+) -> None:
+    turn = case.standard_normal(3)
     turn *= np.radians(30.0) / np.linalg.norm(turn)
     bench = craft()
     goal = {"axis": turn.tolist(), "angle": "30 deg"}
@@ -63,7 +66,7 @@ def test_a_random_turn_flies_as_predicted_and_hardly_later_than_rigid() -> None:
     position = np.array([model.joint_state(x)[0] for x in flown])
     np.testing.assert_allclose(position, plan.position[1:], atol=1e-5)
     missed, found = transcribed(model, turn, plan)
-    assert missed < 1e-3  # the equations of first order in the modes, in those of the bench
+    assert missed < 2e-3  # of first order in the modes, efforts averaged over pieces of .15 s
     assert summary["duration"] <= 1.02 * found
 
 
@@ -113,7 +116,8 @@ def transcribed(model: Model, turn: Vector, plan: Plan) -> tuple[float, float]:
     problem.set_initial(x, (np.array(states) / scale).T)
     problem.set_initial(s, shares.T)
     problem.set_initial(longer, 1.0)
-    quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-6, "mu_strategy": "adaptive"}
+    # it starts at a slew: with the usual, larger barrier it leaves that for where steps fail
+    quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-6, "mu_init": 1e-3}
     problem.solver("ipopt", {"print_time": False}, quiet)
     return missed, total * float(problem.solve().value(longer))
 
