@@ -131,6 +131,7 @@ FILTERED = {"weights": {"time": 3.0}}  # by the default filter
 LAWS: dict[str, Any] = {
     "lqr": FILTERED,
     "proportional_integral": FILTERED,
+    "model_predictive": FILTERED,
     "output_feedback": {"weight_frequency": 0.5},
     "linear": {"system": {"d": np.hstack((12.0 * np.eye(M), 60.0 * np.eye(M))).tolist()}},
 }
@@ -147,6 +148,9 @@ LAWS: dict[str, Any] = {
         ("output_feedback", "wheels", [], 2e-5),
         ("output_feedback", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
         ("output_feedback", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+        ("model_predictive", "wheels", [], 2e-5),
+        ("model_predictive", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+        ("model_predictive", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
     ],
 )
 def test_it_follows_a_slew_about_a_skew_axis_and_settles_after_a_fault(
