@@ -131,7 +131,7 @@ FILTERED = {"weights": {"time": 3.0}}  # by the default filter
 LAWS: dict[str, Any] = {
     "lqr": FILTERED,
     "proportional_integral": FILTERED,
-    "model_predictive": FILTERED,
+    "model_predictive": {"weights": {"time": 2.0}},
     "output_feedback": {"weight_frequency": 0.5},
     "linear": {"system": {"d": np.hstack((12.0 * np.eye(M), 60.0 * np.eye(M))).tolist()}},
 }

@@ -7,7 +7,7 @@ import numpy as np
 from flexslew_control.controllers.model_predictive.ahead import (
     Ahead,
     HorizonLimits,
-    Question,
+    HorizonQuestion,
     Steps,
     program,
 )
@@ -60,7 +60,7 @@ class AboutPlan:
         """Forget the program."""
         self._made = None
 
-    def ahead(self, question: Question) -> Ahead:
+    def ahead(self, question: HorizonQuestion) -> Ahead:
         """Return what efforts do from this tick on."""
         q, n, m = question, self.steps.count, self.limits.effort.size
         at = np.array([one.velocity for one in q.references])

@@ -42,7 +42,7 @@ class Steps(NamedTuple):
         return np.where(np.arange(self.count) < moving, self.on_the_way, 1.0)
 
 
-class Question(NamedTuple):
+class HorizonQuestion(NamedTuple):
     """What the horizon is asked with."""
 
     tick: int
@@ -61,7 +61,7 @@ class Ahead(NamedTuple):
     readings: Matrix  # of the soft rows with V = 0, (N, s)
 
 
-class Prediction(Protocol):
+class HorizonPrediction(Protocol):
     """Says what efforts do over the horizon."""
 
     @property
@@ -75,7 +75,7 @@ class Prediction(Protocol):
     def restart(self) -> None:
         """Forget what was prepared for the steps that came next."""
 
-    def ahead(self, question: Question) -> Ahead:
+    def ahead(self, question: HorizonQuestion) -> Ahead:
         """Return what efforts do from this tick on."""
 
 
@@ -136,7 +136,7 @@ class AboutRest:
     def restart(self) -> None:
         """Nothing to forget."""
 
-    def ahead(self, question: Question) -> Ahead:
+    def ahead(self, question: HorizonQuestion) -> Ahead:
         """Return what efforts do from this tick on.
 
         The model itself is followed under the last answer's efforts; so what is predicted of the

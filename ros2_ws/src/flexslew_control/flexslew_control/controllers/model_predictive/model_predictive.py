@@ -19,8 +19,8 @@ from flexslew_control.controllers.model_predictive.ahead import (
     AboutRest,
     Ahead,
     HorizonLimits,
-    Prediction,
-    Question,
+    HorizonPrediction,
+    HorizonQuestion,
     Steps,
 )
 from flexslew_control.controllers.model_predictive.prediction import Costs, costs
@@ -44,6 +44,7 @@ from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import Positive, section
 
 _RESOLVED = 2.0  # of the fastest motion in a substep of the integration [rad]
+_ITERATIONS, _ITERATIONS_TURNING = 200, 2000  # of the solver, unless they are given
 _DISTINCT = 1e-9  # of two tips that are one, or mirrored
 
 
@@ -64,9 +65,11 @@ class ModelPredictive:
     effort_rate: Positive | None = None  # largest rate of every effort [N m/s or N/s]; null: any
     # least and largest position by joint, as `{JOINT: [-0.1, 1.1]}` [rad or m]; null: any
     joint_range: dict[str, tuple[float, float]] | None = None
-    tip_limit: Positive | None = None  # largest deflection of every tip [m]; null: any
-    # of the solver in a tick, at most; where they do not suffice, the last answer is applied again
-    iterations: Annotated[int, Field(ge=1)] = 200
+    # largest deflection of every tip [m], not of a craft that turns in three axes; null: any
+    tip_limit: Positive | None = None
+    # of the solver in a tick, at most; where they do not suffice, the last answer is applied again.
+    # null: 200, of a craft that turns in three axes 2000
+    iterations: Annotated[int, Field(ge=1)] | None = None
 
 
 class ModelPredictiveLaw:
@@ -83,7 +86,7 @@ class ModelPredictiveLaw:
         prediction: of the model.
     """
 
-    def __init__(self, prediction: Prediction) -> None:
+    def __init__(self, prediction: HorizonPrediction) -> None:
         self._prediction, self._steps, self._limits = (
             prediction,
             prediction.steps,
@@ -149,7 +152,7 @@ class ModelPredictiveLaw:
         self._fresh = False
         requested = np.array([reference.effort, *(one.effort for one in ahead[:-1])])
         known = self._prediction.ahead(
-            Question(
+            HorizonQuestion(
                 measurement.tick,
                 measurement.time,
                 estimate,
@@ -208,10 +211,11 @@ def build(
             or a limit names what the testbed has not.
     """
     ticks = max(1, round(settings.step / plant.period))
-    steps = Steps(settings.steps, ticks, plant.period, settings.on_the_way, settings.iterations)
     believed = plant.believed(settings.model)
     at = operating_point_of(plant, believed, settings.operating_point)
     turning = turning_platform(believed, at)
+    most = settings.iterations or (_ITERATIONS if turning is None else _ITERATIONS_TURNING)
+    steps = Steps(settings.steps, ticks, plant.period, settings.on_the_way, most)
     model = joints_first(believed, at) if turning is None else turning.small
     rest = operating_point_of(plant, model, settings.operating_point)
     linear = model.linearise(rest)
