@@ -66,7 +66,8 @@ def test_a_path_is_one_hold_after_the_other() -> None:
 def test_nominal_states_of_many_references_are_those_of_each(modes: int, free: bool) -> None:
     csa = CsaTestbed(modes=modes).model()
     linear = csa.linearise(csa.rest({}))
-    model = LinearModel(csa.joint_names, linear, csa.appendages) if free else csa
+    own = linear.mass[2:, 2:]
+    model = LinearModel(csa.joint_names, linear, csa.appendages, own) if free else csa
     rng = np.random.default_rng(modes)
     references = [
         Reference(rng.normal(size=2), rng.normal(size=2), rng.normal(size=2), rng.normal(size=n))

@@ -96,6 +96,8 @@ def test_a_push_dies_out_far_from_the_identity_where_the_error_is_a_rotation(
         ),
         ("lqr", {"weights": {"time": 2.0}, "filter": {"disturbance_walk": 0.1}}),
         ("proportional_integral", {"weights": {"time": 4.0}, "filter": {"disturbance_walk": 0.1}}),
+        ("output_feedback", {"weight_frequency": 0.5, "reaching_rate": 1.0}),
+        ("model_predictive", {"weights": {"time": 2.0}, "filter": {"disturbance_walk": 0.1}}),
         ("linear", {"system": {"d": np.hstack((np.diag(KP), np.diag(KD))).tolist()}}),
     ],
 )

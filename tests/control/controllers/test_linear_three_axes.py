@@ -14,6 +14,7 @@ from flexslew_control.free_platform import rate_readings
 from flexslew_control.law import PlantDescription, Reference
 from flexslew_control.turning_platform import TurningPlatform, turning_platform
 from flexslew_lab.analysis.analysis import analysed
+from flexslew_lab.analysis.proof import proved
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.run.run_trial import run_trial
@@ -130,6 +131,8 @@ FILTERED = {"weights": {"time": 3.0}}  # by the default filter
 LAWS: dict[str, Any] = {
     "lqr": FILTERED,
     "proportional_integral": FILTERED,
+    "model_predictive": {"weights": {"time": 2.0}},
+    "output_feedback": {"weight_frequency": 0.5},
     "linear": {"system": {"d": np.hstack((12.0 * np.eye(M), 60.0 * np.eye(M))).tolist()}},
 }
 
@@ -142,6 +145,12 @@ LAWS: dict[str, Any] = {
         ("lqr", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
         ("proportional_integral", "wheels", [], 2e-5),
         ("linear", "wheels", [], 2e-5),
+        ("output_feedback", "wheels", [], 2e-5),
+        ("output_feedback", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+        ("output_feedback", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+        ("model_predictive", "wheels", [], 2e-5),
+        ("model_predictive", "torques", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
+        ("model_predictive", "rigid", [{"at": 5.0, "until": 8.0, "fault": WEAK}], 1e-3),
     ],
 )
 def test_it_follows_a_slew_about_a_skew_axis_and_settles_after_a_fault(
@@ -174,17 +183,31 @@ def test_it_follows_a_slew_about_a_skew_axis_and_settles_after_a_fault(
     assert abs(metrics["residual_tip_deflection"] - promised) < 1e-9
 
 
-@pytest.mark.parametrize(("law", "least"), [("lqr", 1.5), ("proportional_integral", 1.0)])
-def test_margins_of_the_default_filter_stand_where_the_panels_are_not_as_believed(
-    law: str, least: float
+@pytest.mark.parametrize(
+    ("law", "settings", "least", "least_at_sensors"),
+    [
+        ("lqr", {}, 1.5, 0.5),
+        ("proportional_integral", {}, 1.0, 0.5),
+        ("output_feedback", {}, 0.44, 0.1),
+        ("linear", LAWS["linear"], 1.2, 0.4),
+    ],
+)
+def test_margins_stand_where_the_panels_are_not_as_believed_and_are_flown(
+    law: str, settings: dict[str, Any], least: float, least_at_sensors: float
 ) -> None:
-    """Those at the input stay near the 1.69 and 1.04 of the panels as they are believed."""
-    values = {"plan": {"method": "none"}, "controllers": {law: {}}, "active": law}
-    found = analysed(trial_of_values(shipped_values("three_axes") | values, "here"), "here")
+    """Disk margins at the input stay near those of the panels as they are believed."""
+    values = {"plan": {"method": "none"}, "controllers": {law: settings}, "active": law}
+    what = trial_of_values(shipped_values("three_axes") | values, "here")
+    found = analysed(what, "here")
     assert {other.stiffness for other in found.others} == {0.8, 1.0, 1.2}
     assert found.worst is not None
     assert found.worst.alpha > least
-    assert found.disks["output"].alpha > 0.5
+    assert found.disks["output"].alpha > least_at_sensors
+    proof = proved(what, found)
+    assert proof.holds
+    assert {(one.channel, one.kind) for one in proof.margins} >= {
+        (f"effort.{joint}", kind) for joint in TORQUES for kind in ("gain up", "delay")
+    }
 
 
 def test_a_tip_is_not_read_about_a_plan_that_does_not_tell_it() -> None:

@@ -34,11 +34,13 @@ class LinearModel:
         joint_names: of the first coordinates.
         linear: its matrices, shapes (n, n) and (n, joints).
         appendages: readings of the tips, as maps of the coordinates after the joints.
+        modal_mass: M of these coordinates by the deflections alone, without what wheels store.
     """
 
     joint_names: tuple[str, ...]
     linear: Linearisation
     appendages: Appendages
+    modal_mass: Matrix
     time_varying: bool = False
     _steps: dict[float, tuple[Matrix, Matrix]] = field(default_factory=dict)
 
@@ -165,7 +167,7 @@ def independent(model: Model, rest: Vector) -> Independent:
 def small_motions(model: Model, found: Independent) -> LinearModel:
     """Return the small motions in these coordinates."""
     linear, basis, tips = found.linear, found.basis, model.appendages
-    elastic = found.elastic(model.modes)
+    elastic, modes = found.elastic(model.modes), slice(model.before_modes, None)
     return LinearModel(
         model.joint_names,
         Linearisation(
@@ -175,6 +177,7 @@ def small_motions(model: Model, found: Independent) -> LinearModel:
             basis.T @ linear.input_matrix,
         ),
         Appendages(tips.names, tips.tip @ elastic, tips.curvature @ elastic),
+        elastic.T @ linear.mass[modes, modes] @ elastic,
     )
 
 

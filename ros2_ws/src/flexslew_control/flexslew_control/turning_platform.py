@@ -76,6 +76,24 @@ def turning_platform(model: Model, rest: Vector) -> TurningPlatform | None:
     return TurningPlatform(small_motions(model, found), linear, quadratic)
 
 
+def free_platform(model: Model, rest: Vector) -> TurningPlatform:
+    """Return the small motions of any free craft about plans; of one axis they are those of rest.
+
+    Args:
+        model: what a law believes.
+        rest: q at rest, shape (positions,).
+
+    Raises:
+        BadInput: the joints do not move independently of each other.
+    """
+    turning = turning_platform(model, rest)
+    if turning is not None:
+        return turning
+    small, m = small_motions(model, independent(model, rest)), model.joints
+    size = 2 * small.coordinates
+    return TurningPlatform(small, np.zeros((m, size, size)), np.zeros((m, m, size, size)))
+
+
 def _turning(model: Model, rest: Vector, found: Independent, rates: Vector) -> Matrix:
     """Return A about these rates of the joints, without deflections."""
     basis, readings = found.basis, found.readings

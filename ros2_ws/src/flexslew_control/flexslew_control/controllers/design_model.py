@@ -26,11 +26,33 @@ def inverse(a: Matrix) -> Matrix:
 
 
 class DesignModel(Protocol):
-    """z' = f(z, u) + known disturbances, y = C z, and what belongs to it on the bench."""
+    """z' = f(z, u) + known disturbances, as the law controls it, and what belongs to it."""
 
     @property
     def joint_rows(self) -> Mask:
         """Which entries of z are joints and their rates, shape (k,)."""
+
+    def drift(self, z: Vector, reference: Reference) -> Vector:
+        """Return f(z, 0), known disturbances with it, shape (k,)."""
+
+    def effectiveness(self, z: Vector, surface: Matrix) -> Matrix:
+        """Return (G B)^-1, shape (m, m)."""
+
+    def nominal_state(self, reference: Reference) -> tuple[Vector, Vector]:
+        """Return z* and z*', each of shape (k,)."""
+
+    def on_bench(self, effort: Vector) -> Vector:
+        """Return efforts of B in the order of the bench's joints, shape (joints,)."""
+
+    def platform(self, measurement: Measurement, reference: Reference) -> dict[str, Vector]:
+        """Return efforts by name that hold what z leaves out, each of shape (joints,)."""
+
+    def state(self, estimate: Estimate) -> Vector:
+        """Return z of an estimate, shape (k,)."""
+
+
+class ObservedModel(Protocol):
+    """The same as an observer with a stationary gain sees it, y = C z."""
 
     @property
     def system(self) -> LinearSystem:
@@ -58,26 +80,8 @@ class DesignModel(Protocol):
             reference: of that tick, if it is known.
         """
 
-    def drift(self, z: Vector, reference: Reference) -> Vector:
-        """Return f(z, 0), known disturbances with it, shape (k,)."""
-
-    def effectiveness(self, z: Vector, surface: Matrix) -> Matrix:
-        """Return (G B)^-1, shape (m, m)."""
-
-    def nominal_state(self, reference: Reference) -> tuple[Vector, Vector]:
-        """Return z* and z*', each of shape (k,)."""
-
-    def on_bench(self, effort: Vector) -> Vector:
-        """Return efforts of B in the order of the bench's joints, shape (joints,)."""
-
-    def platform(self, measurement: Measurement, reference: Reference) -> dict[str, Vector]:
-        """Return efforts by name that hold what z leaves out, each of shape (joints,)."""
-
     def estimate(self, z: Vector, measurement: Measurement) -> tuple[Vector, Vector]:
         """Return positions and rates, the joints first."""
-
-    def state(self, estimate: Estimate) -> Vector:
-        """Return z of an estimate, shape (k,)."""
 
 
 def held_step(system: LinearSystem, gain: Matrix, period: float) -> Matrix:

@@ -11,6 +11,9 @@ Observers:
             rest and in a slew.
     steady  the paper's (5): the stationary gain K_f, the measurement held over the tick. It lags
             by omega T / 2 in a slew, and P of (7), which it states, is right at rest alone.
+
+A craft that is free in space is controlled about its plan: see plan_deviation. The observer is then
+a TurningFilter, and tracking_b has the A of rest in the law.
 """
 
 from typing import Literal
@@ -23,16 +26,21 @@ from flexslew_control.controllers.appendage_feedback import (
 )
 from flexslew_control.controllers.design_model import JointsAndModes
 from flexslew_control.controllers.entry import LawEntry
+from flexslew_control.controllers.plan_deviation import PlanDeviation
 from flexslew_control.controllers.sampled_loop import (
     LinearPlant,
     appendage_loop,
+    integrating_loop,
     require_sampled_stability,
 )
 from flexslew_control.controllers.sliding_law import SampledObserver, SlidingLaw, sliding_form
 from flexslew_control.controllers.sliding_surface import LinearSystem, design
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter
+from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
+from flexslew_control.free_platform import LinearModel
 from flexslew_control.law import PlantDescription
 from flexslew_control.linear_design import (
+    Designed,
     OperatingPoint,
     operating_point_of,
     output_matrix,
@@ -40,10 +48,16 @@ from flexslew_control.linear_design import (
     state_names,
 )
 from flexslew_control.shared_keys import BelievedModel
+from flexslew_control.turning_platform import free_platform
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.model import Model
+
+_MODAL_NOISE = 0.00025  # of joints and modes, unless it is given [N^2 s]
+# of a free craft, of the noise on efforts [1/m^2]: with less, its filter holds on to modes that are
+# not as believed, and the loop is lost on panels that are 20 % softer
+_FREE_NOISE = 10.0
 
 
 @section
@@ -59,7 +73,9 @@ class OutputFeedback:
     weight_frequency: Positive = 0.3  # frequency omega_r of the joints in Q_s [rad/s]
     attitude_gain: NonNegative = 0.0  # gain kappa of eq. (51) [1/s]
     effort_noise: Positive = 0.1  # density of each effort in L Q L^T [(N m)^2 s]
-    modal_noise: Positive = 0.00025  # density of the force on each mode alone [N^2 s]
+    # density of the force on each mode alone [N^2 s]; null: 0.00025, of a craft that is free in
+    # space ten times effort_noise
+    modal_noise: Positive | None = None
     angle_sigma: Positive = 1e-4  # standard deviation of the joint encoders [rad or m]
     rate_sigma: Positive = 1e-4  # standard deviation of the joint rate sensors [rad/s or m/s]
     tip_sigma: Positive | None = None  # standard deviation of the tip sensor [m]; null: not used
@@ -70,12 +86,12 @@ class OutputFeedback:
     # standard deviation of each mode [m] and of its rate [m/s] at a reset, of kalman
     initial_deflection: NonNegative = 0.01
     # of a spacecraft: one appendage alone, apart from the platform's, see spacecraft; null: joints
-    # and modes
+    # and modes, about the plan
     appendage: AppendageFeedback | None = None
 
 
 def testbed_system(
-    model: Model, rest: Vector, settings: OutputFeedback, period: float
+    model: Designed, rest: Vector, settings: OutputFeedback, period: float
 ) -> LinearSystem:
     """Return the linearisation at the rest q with the noises of the settings.
 
@@ -86,30 +102,39 @@ def testbed_system(
     modal = np.zeros((2 * n, n - m))
     modal[n + m :] = np.linalg.inv(linear.mass[m:, m:])
     b, tip = linear.state_input_matrix, settings.tip_sigma
+    usual = _FREE_NOISE * settings.effort_noise if isinstance(model, LinearModel) else _MODAL_NOISE
+    modal_noise = usual if settings.modal_noise is None else settings.modal_noise
     sigmas = [settings.angle_sigma] * m + [settings.rate_sigma] * m + ([] if tip is None else [tip])
     return LinearSystem(
         linear.state_matrix,
         b,
         output_matrix(model, tip is not None),
         np.hstack((b, modal)),
-        np.diag([settings.effort_noise] * m + [settings.modal_noise] * (n - m)),
+        np.diag([settings.effort_noise] * m + [modal_noise] * (n - m)),
         np.diag(np.square(sigmas)) * period,
         state_names(model),
     )
 
 
-def testbed_weight(model: Model, rest: Vector, settings: OutputFeedback) -> Matrix:
-    """Return Q_s = diag(M_jj omega_r^2, K_qq, M_jj, M_qq), an energy, shape (2 n, 2 n)."""
+def testbed_weight(model: Designed, rest: Vector, settings: OutputFeedback) -> Matrix:
+    """Return Q_s = diag(M_jj omega_r^2, K_qq, M_jj, M_qq), an energy, shape (2 n, 2 n).
+
+    Of a free craft M_jj is what the joint's effort turns and M_qq the deflections' own, both
+    without what the spin of a wheel adds.
+    """
     linear = model.linearise(rest)
-    mass, stiffness = np.diag(linear.mass), np.diag(linear.stiffness).copy()
+    mass, stiffness = np.diag(linear.mass).copy(), np.diag(linear.stiffness).copy()
     m = model.joints
+    if isinstance(model, LinearModel):
+        mass[:m] /= np.diag(linear.input_matrix)[:m]
+        mass[m:] = np.diag(model.modal_mass)
     stiffness[:m] = mass[:m] * settings.weight_frequency**2
     return np.diag(np.concatenate((stiffness, mass)))
 
 
 def build(
     settings: OutputFeedback, plant: PlantDescription
-) -> tuple[SampledObserver | KalmanFilter, SlidingLaw]:
+) -> tuple[SampledObserver | KalmanFilter | TurningFilter, SlidingLaw]:
     """Return the observer and the law; the drive limits the effort.
 
     Raises:
@@ -119,16 +144,12 @@ def build(
     if settings.appendage is not None:
         return _of_appendage(settings, settings.appendage, plant)
     model = plant.believed(settings.model)
-    if model.efforts != model.joints or model.positions != model.coordinates:
-        free = model.positions != model.coordinates
-        has = (
-            "turns freely in space; `lqr` turns it in three axes, or"
-            if free
-            else f"has {model.efforts} efforts for {model.joints} joints;"
-        )
+    if model.leading is not None:
+        return _about_plan(settings, model, plant)
+    if model.efforts != model.joints:
         raise BadInput(
-            f"output_feedback: needs one motor in each joint, and {plant.testbed.kind} {has} give "
-            "the key appendage, whose efforts it then takes"
+            f"output_feedback: needs one motor in each joint, and {plant.testbed.kind} has "
+            f"{model.efforts} efforts for {model.joints} joints; take pd_feedforward"
         )
     rest = operating_point_of(plant, model, settings.operating_point, 0.5)
     system = testbed_system(model, rest, settings, plant.period)
@@ -146,14 +167,60 @@ def build(
     law = SlidingLaw(observed, found, settings.attitude_gain)
     if settings.observer == "steady":
         return SampledObserver(observed, found, plant.period), law
-    sensors = FilterSettings(
+    return KalmanFilter(model, rest, _sensors(settings), plant.period, _noise(system)), law
+
+
+def _about_plan(
+    settings: OutputFeedback, model: Model, plant: PlantDescription
+) -> tuple[TurningFilter, SlidingLaw]:
+    """Return the filter and the law of a craft that is free in space; see plan_deviation."""
+    for key, value, other in (
+        ("mode", settings.mode, "rigid_hold"),
+        ("observer", settings.observer, "steady"),
+    ):
+        if value == other:
+            raise BadInput(
+                "a craft that is free in space is controlled about its plan, deflections included; "
+                "leave it out, or give the key appendage",
+                key=key,
+                value=value,
+            )
+    craft = free_platform(model, operating_point_of(plant, model, settings.operating_point))
+    small, rest = craft.small, np.zeros(craft.small.coordinates)
+    system = testbed_system(small, rest, settings, plant.period)
+    found = design(system, testbed_weight(small, rest, settings), settings.reaching_rate)
+    sensors = _sensors(settings)
+    estimator = turning_filter(craft, sensors, plant, _noise(system), "tip_sigma")
+    law = SlidingLaw(
+        PlanDeviation(craft, settings.mode != "tracking_b"),
+        found,
+        settings.attitude_gain,
+        drifts=False,
+    )
+    gain = law.at_rest(system.a)
+    n = small.coordinates
+    require_sampled_stability(
+        lambda period: integrating_loop(small.linear, gain[:, :n], gain[:, n:], None, period),
+        plant.period,
+        "output_feedback",
+        "; a lower reaching_rate takes a longer one",
+    )
+    return estimator, law
+
+
+def _sensors(settings: OutputFeedback) -> FilterSettings:
+    """Return the noises of the sensors, and of the start, for a filter."""
+    return FilterSettings(
         angle_sigma=settings.angle_sigma,
         rate_sigma=settings.rate_sigma,
         tip_sigma=settings.tip_sigma,
         initial_deflection=settings.initial_deflection,
     )
-    noise = system.noise_input @ system.noise_density @ system.noise_input.T  # L Q L^T of (3)
-    return KalmanFilter(model, rest, sensors, plant.period, noise), law
+
+
+def _noise(system: LinearSystem) -> Matrix:
+    """Return L Q L^T of (3)."""
+    return system.noise_input @ system.noise_density @ system.noise_input.T
 
 
 def _of_appendage(

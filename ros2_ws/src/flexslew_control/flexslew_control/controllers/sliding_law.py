@@ -4,7 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flexslew_control.controllers.design_model import DesignModel, JointsAndModes, held_step
+from flexslew_control.controllers.design_model import (
+    DesignModel,
+    JointsAndModes,
+    ObservedModel,
+    held_step,
+)
 from flexslew_control.controllers.sliding_surface import SlidingDesign
 from flexslew_control.estimators.kalman import KalmanFilter
 from flexslew_control.law import Estimate, Estimator, Reference
@@ -16,7 +21,7 @@ from flexslew_control.linear_form import (
     kalman_form,
     no_integral,
 )
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.measurement import Measurement
 
 
@@ -32,7 +37,7 @@ class SampledObserver:
         period: one tick [s].
     """
 
-    observed: DesignModel
+    observed: ObservedModel
     found: SlidingDesign
     period: float
     _z: Vector = field(init=False)
@@ -95,11 +100,14 @@ class SlidingLaw:
         observed: what is controlled.
         found: G and nu.
         attitude_gain: kappa, on the joints' rows of z_hat - z* [1/s].
+        drifts: whether K_f e moves z_hat between ticks, too; False: without that term, as the
+            observer has corrected z_hat at the tick.
     """
 
     observed: DesignModel
     found: SlidingDesign
     attitude_gain: float = 0.0
+    drifts: bool = True
     terms: dict[str, Vector] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -108,6 +116,15 @@ class SlidingLaw:
         # nu G + kappa G on the joints' columns alone
         self._reaching = self.found.surface * (nu + kappa * self.observed.joint_rows)
         self._innovation_gain = self.found.surface @ self.found.observer_gain
+
+    def at_rest(self, a: Matrix) -> Matrix:
+        """Return (G B)^-1 (G A + nu G + kappa G), which multiplies -(z - z*) at the rest z = 0.
+
+        Args:
+            a: A, shape (k, k).
+        """
+        inverse = self.observed.effectiveness(np.zeros(len(a)), self.found.surface)
+        return inverse @ (self.found.surface @ a + self._reaching)
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
@@ -123,9 +140,10 @@ class SlidingLaw:
         summands = {
             "feedforward": inverse @ (surface @ slope),
             "equivalent": -inverse @ (surface @ drift),
-            "innovation": -inverse @ (self._innovation_gain @ estimate.innovation),
             "reaching": -inverse @ (self._reaching @ (z - nominal)),
         }
+        if self.drifts:
+            summands["innovation"] = -inverse @ (self._innovation_gain @ estimate.innovation)
         self.terms = {name: observed.on_bench(effort) for name, effort in summands.items()}
         self.terms |= observed.platform(measurement, reference)
         total: Vector = sum(self.terms.values(), start=_NOTHING)

@@ -19,7 +19,7 @@ _SECOND = 1.0  # times the square of that limit is the density of the noise on e
 
 @dataclass
 class TurningFilter:
-    """The estimator of [e, e', d]: the deviation of joints and modes, and disturbing efforts.
+    """The estimator of [e, e', d]: the deviation of joints and modes, and what disturbs efforts.
 
     The joints' part of e is the rotation from the plan to what is measured, in body axes, and that
     of e' the difference of body rates, so it is the same from every inertial frame. Over a tick
@@ -30,13 +30,11 @@ class TurningFilter:
 
     Args:
         platform: the small motions about any rates.
-        settings: noises.
         period: one tick [s].
         still: the filter about rest, whose constants it shares.
     """
 
     platform: TurningPlatform
-    settings: FilterSettings
     period: float
     still: KalmanFilter
     _x: Vector = field(init=False, default_factory=lambda: NOTHING)
@@ -104,10 +102,10 @@ class TurningFilter:
         """Return F and G of [e, e', d] over a tick about these rates."""
         if self._held is None or not np.array_equal(self._held[0], rates):
             b = self.platform.input_matrix
-            k, m = b.shape
-            f, g = np.eye(k + m), np.zeros((k + m, m))
+            (k, m), states = b.shape, len(self._p)
+            f, g = np.eye(states), np.zeros((states, m))
             f[:k, :k], g[:k] = zero_order_hold(self.platform.state_matrix(rates), b, self.period)
-            f[:k, k:] = g[:k]
+            f[:k, k:] = g[:k, : states - k]
             self._held = rates, f, g
         return self._held[1:]
 
@@ -127,7 +125,11 @@ class TurningFilter:
 
 
 def turning_filter(
-    platform: TurningPlatform, settings: FilterSettings, plant: PlantDescription
+    platform: TurningPlatform,
+    settings: FilterSettings,
+    plant: PlantDescription,
+    noise: Matrix | None = None,
+    key: str = "filter.tip_sigma",
 ) -> TurningFilter:
     """Return the filter of a craft that turns in three axes.
 
@@ -140,6 +142,8 @@ def turning_filter(
         platform: the small motions about any rates.
         settings: noises.
         plant: for the effort limits and the period.
+        noise: of a filter without disturbances, see KalmanFilter; None: with them.
+        key: of the tip's noise, for the error.
 
     Raises:
         BadInput: a motion or a disturbance does not show in the joints, or a tip shall be read.
@@ -148,16 +152,16 @@ def turning_filter(
         raise BadInput(
             "a craft that turns in three axes is estimated about its plan, which does not tell "
             "what a tip reads; leave it out",
-            key="filter.tip_sigma",
+            key=key,
             value=settings.tip_sigma,
         )
     small = platform.small
     most = float(plant.effort_limit.max())
-    walk, noise = settings.disturbance_walk, settings.effort_noise
+    walk, density = settings.disturbance_walk, settings.effort_noise
     noises = replace(
         settings,
         disturbance_walk=_WALK * most if walk is None else walk,
-        effort_noise=_SECOND * most**2 if noise is None else noise,
+        effort_noise=_SECOND * most**2 if density is None else density,
     )
-    still = KalmanFilter(small, np.zeros(small.coordinates), noises, plant.period)
-    return TurningFilter(platform, noises, plant.period, still)
+    still = KalmanFilter(small, np.zeros(small.coordinates), noises, plant.period, noise)
+    return TurningFilter(platform, plant.period, still)

@@ -180,6 +180,18 @@ class AttitudeJoints:
         _write_errors(self.axes, start, end, left.reshape(-1, left.shape[-1]))
         return left
 
+    def moved(self, position: Vector, by: Vector) -> Vector:
+        """Return positions of which `error`, from these, is `by`, shape (..., joints).
+
+        Args:
+            position: of the joints, shape (..., joints).
+            by: a turn in body axes along the joints that read it, moves of others, same shape.
+        """
+        turns = quaternion(self.turn_of(position)), quaternion(self.turn_of(by))
+        turned = rotation_vector(product(*turns)) @ self.axes.T
+        there: Vector = np.where(self.axes.any(axis=1), turned, position + by)
+        return there
+
     def turn_of(self, position: Vector) -> Vector:
         """Return the rotation vector that the joints read, shape (..., 3) [rad]."""
         turn: Vector = position @ self._from_joints.T

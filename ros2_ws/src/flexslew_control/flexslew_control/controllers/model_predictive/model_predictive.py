@@ -1,27 +1,32 @@
 """Model predictive control: the efforts of a horizon are found anew at every tick.
 
-The prediction is that of the believed model's small motions about the operating point; its state
-and the disturbance of each effort come from the Kalman filter. Limits of efforts and of their rates
-hold always; those of joints and tips are softened where they cannot, with an event.
+The prediction is that of the believed model's small motions about the operating point, of a craft
+that turns in three axes about its plan (about_plan); its state and the disturbance of each effort
+come from the Kalman filter. Limits of efforts and of their rates hold always; those of joints and
+tips are softened where they cannot, with an event.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from flexslew_control.controllers.entry import LawEntry
 from flexslew_control.controllers.lqr import ScaledWeights, scaled_problem
-from flexslew_control.controllers.model_predictive.prediction import (
-    Costs,
-    Program,
-    costs,
-    horizon,
+from flexslew_control.controllers.model_predictive.about_plan import AboutPlan
+from flexslew_control.controllers.model_predictive.ahead import (
+    AboutRest,
+    Ahead,
+    HorizonLimits,
+    HorizonPrediction,
+    HorizonQuestion,
+    Steps,
 )
+from flexslew_control.controllers.model_predictive.prediction import Costs, costs
 from flexslew_control.estimators.kalman import FilterSettings, KalmanFilter, discretised
-from flexslew_control.free_platform import joints_first, nominal_states
+from flexslew_control.estimators.turning_filter import TurningFilter, turning_filter
+from flexslew_control.free_platform import joints_first
 from flexslew_control.law import Estimate, PlantDescription, Reference
 from flexslew_control.linear_design import (
     Designed,
@@ -31,6 +36,7 @@ from flexslew_control.linear_design import (
     state_names,
 )
 from flexslew_control.shared_keys import BelievedModel
+from flexslew_control.turning_platform import TurningPlatform, turning_platform
 from flexslew_plant.arrays import Matrix, Vector, kept
 from flexslew_plant.errors import BadInput
 from flexslew_plant.events import LimitSoftened
@@ -38,6 +44,7 @@ from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import Positive, section
 
 _RESOLVED = 2.0  # of the fastest motion in a substep of the integration [rad]
+_ITERATIONS, _ITERATIONS_TURNING = 200, 2000  # of the solver, unless they are given
 _DISTINCT = 1e-9  # of two tips that are one, or mirrored
 
 
@@ -58,47 +65,11 @@ class ModelPredictive:
     effort_rate: Positive | None = None  # largest rate of every effort [N m/s or N/s]; null: any
     # least and largest position by joint, as `{JOINT: [-0.1, 1.1]}` [rad or m]; null: any
     joint_range: dict[str, tuple[float, float]] | None = None
-    tip_limit: Positive | None = None  # largest deflection of every tip [m]; null: any
-    # of the solver in a tick, at most; where they do not suffice, the last answer is applied again
-    iterations: Annotated[int, Field(ge=1)] = 200
-
-
-class HorizonLimits(NamedTuple):
-    """What a law keeps to, as rows of the prediction."""
-
-    effort: Vector  # (m,)
-    rate: float | None  # [N m/s or N/s]
-    rows: Matrix  # of one state, (s, k): those that are soft
-    lower: Vector  # (s,)
-    upper: Vector  # (s,)
-    names: tuple[str, ...]  # of the rows, for the log
-
-
-@dataclass
-class Predicted:
-    """Everything that a tick needs of the model.
-
-    Args:
-        model: for the nominal state.
-        rest: x about which it is linear, shape (k,).
-        forced: of its horizon, see prediction.horizon.
-        costs: of a step.
-        limits: that hold at its end.
-        steps: N.
-        ticks: in a step.
-        substeps: of the integration of a step.
-        period: one tick [s].
-    """
-
-    model: Designed
-    rest: Vector
-    forced: Matrix
-    costs: Costs
-    limits: HorizonLimits
-    steps: int
-    ticks: int
-    substeps: int
-    period: float
+    # largest deflection of every tip [m], not of a craft that turns in three axes; null: any
+    tip_limit: Positive | None = None
+    # of the solver in a tick, at most; where they do not suffice, the last answer is applied again.
+    # null: 200, of a craft that turns in three axes 2000
+    iterations: Annotated[int, Field(ge=1)] | None = None
 
 
 class ModelPredictiveLaw:
@@ -112,44 +83,39 @@ class ModelPredictiveLaw:
     anew at every tick.
 
     Args:
-        predicted: of the model.
-        on_the_way: share of the weights while the reference moves [-].
-        iterations: of the solver, at most.
+        prediction: of the model.
     """
 
-    def __init__(self, predicted: Predicted, on_the_way: float, iterations: int) -> None:
-        self._p = p = predicted
-        n, m = p.steps, p.limits.effort.size
-        rate = p.limits.rate
-        hard = np.zeros((0, n * m)) if rate is None else _differences(n, m)
-        between = np.full(len(hard), (rate or 0.0) * p.ticks * p.period)
-        self._widest = np.concatenate((np.tile(p.limits.effort, n), between))
-        self._soft = np.tile(p.limits.lower, n), np.tile(p.limits.upper, n)
-        soft = np.asarray(np.kron(np.eye(n), p.limits.rows), dtype=np.float64)
-        self._programs = [
-            Program(p.forced, p.costs, np.where(np.arange(n) < moving, on_the_way, 1.0),
-                    p.limits.effort, hard, soft, iterations)
-            for moving in (range(n + 1) if on_the_way != 1.0 else (0,))
-        ]  # fmt: skip
-        for program in self._programs:
-            program.prepare()
+    def __init__(self, prediction: HorizonPrediction) -> None:
+        self._prediction, self._steps, self._limits = (
+            prediction,
+            prediction.steps,
+            prediction.limits,
+        )
+        limits, steps = self._limits, self._steps
+        n, m = steps.count, limits.effort.size
+        rates = 0 if limits.rate is None else (n - 1) * m
+        between = np.full(rates, (limits.rate or 0.0) * steps.ticks * steps.period)
+        self._widest = np.concatenate((np.tile(limits.effort, n), between))
+        self._soft = np.tile(limits.lower, n), np.tile(limits.upper, n)
         # an effort whose rate is limited must be free to go on at every tick
-        self._by_steps = on_the_way != 1.0 and rate is None
+        self._by_steps = steps.on_the_way != 1.0 and limits.rate is None
         self._ahead: list[Reference] = []  # of the coming answer; none: the reference stays
         self._whole = True  # whole steps lead from this tick to the end, or it is far
         self._fresh = True  # no answer yet
-        self._active, self._last = np.zeros(n * m + len(hard) + len(soft)), kept(np.zeros((n, m)))
+        self._active = np.zeros(n * m + rates + n * len(limits.names))
+        self._last = kept(np.zeros((n, m)))
         self._softened = False
         self.remarks: list[Any] = []  # of the last answer, for the log
         self.terms: dict[str, Vector] = {}
 
     def foresee(self, reference: Callable[[int], Reference], tick: int) -> None:
         """Look up the references at the ends of the steps from this tick on."""
-        p = self._p
-        self._ahead = [reference(tick + (i + 1) * p.ticks) for i in range(p.steps)]
+        steps = self._steps
+        self._ahead = [reference(tick + (i + 1) * steps.ticks) for i in range(steps.count)]
         moving = _moving(self._ahead)
-        last = reference(tick + (moving + 1) * p.ticks - 1)
-        self._whole = moving == p.steps or bool(last.velocity.any())
+        last = reference(tick + (moving + 1) * steps.ticks - 1)
+        self._whole = moving == steps.count or bool(last.velocity.any())
 
     def reset(
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
@@ -157,6 +123,7 @@ class ModelPredictiveLaw:
         """Begin without an answer before."""
         self._active, self._softened = np.zeros_like(self._active), False
         self._last, self._fresh = kept(np.zeros_like(self._last)), True
+        self._prediction.restart()
 
     def update(self, measurement: Measurement, estimate: Estimate, reference: Reference) -> Vector:
         """Return the joint efforts, shape (joints,) [N m or N].
@@ -167,7 +134,7 @@ class ModelPredictiveLaw:
         by_steps = self._by_steps and bool(reference.velocity.any())
         if self._whole or self._fresh or not by_steps:
             self._solve(measurement, estimate, reference, by_steps)
-        limit = self._p.limits.effort
+        limit = self._limits.effort
         effort: Vector = np.clip(self._last[0] - d, -limit, limit)
         regulating = effort - reference.effort + d
         self.terms = {"feedforward": reference.effort, "regulator": regulating, "disturbance": -d}
@@ -177,45 +144,40 @@ class ModelPredictiveLaw:
         self, measurement: Measurement, estimate: Estimate, reference: Reference, by_steps: bool
     ) -> None:
         """Find the efforts of the horizon anew, from those before; see update."""
-        p, d = self._p, estimate.disturbance
-        ahead, self._ahead = self._ahead or [reference] * p.steps, []
+        d, n = estimate.disturbance, self._steps.count
+        ahead, self._ahead = self._ahead or [reference] * n, []
         moving = _moving(ahead)
-        if by_steps and not self._fresh and moving < p.steps:  # a step has gone by
+        if by_steps and not self._fresh and moving < n:  # a step has gone by
             self._last = kept(np.vstack((self._last[1:], self._last[-1:])))
         self._fresh = False
-        x = np.concatenate((estimate.position, estimate.velocity))
-        free = self._without_efforts(x, measurement.time)
-        target = nominal_states(p.model, ahead) - p.rest
         requested = np.array([reference.effort, *(one.effort for one in ahead[:-1])])
-        lower, upper = self._bounds(measurement.applied_effort, d, (free @ p.limits.rows.T).ravel())
-        program = self._programs[min(moving, len(self._programs) - 1)]
-        solved, active = program.solve(free - target, requested, lower, upper, self._active)
+        known = self._prediction.ahead(
+            HorizonQuestion(
+                measurement.tick,
+                measurement.time,
+                estimate,
+                [reference, *ahead],
+                moving,
+                self._last,
+            )
+        )
+        lower, upper = self._bounds(measurement.applied_effort, d, known.readings.ravel())
+        solved, active = known.program.solve(known.off, requested, lower, upper, self._active)
         if solved.optimal:
             self._active, self._last = active, kept(solved.efforts)
             if solved.softened and not self._softened:
-                self.remarks = [self._passed(free, solved.efforts)]
+                self.remarks = [self._passed(known, solved.efforts)]
             self._softened = solved.softened
-
-    def _without_efforts(self, x: Vector, t: float) -> Matrix:
-        """Return x(1 ... N) about the rest as the linear prediction adds the efforts to it, (N, k).
-
-        The model itself is followed under the last answer's efforts; so what is predicted of the
-        answer is right to the first order about it, and exact where the answers settle.
-        """
-        p = self._p
-        found = p.model.path(x, self._last, p.ticks * p.period, p.substeps, t) - p.rest
-        return found - (p.forced @ self._last.ravel()).reshape(found.shape)
 
     def _bounds(self, applied: Vector, d: Vector, free: Vector) -> tuple[Vector, Vector]:
         """Return the limits of V, of its differences, and of the soft rows less their free part."""
-        p = self._p
-        limits, m = p.limits, len(d)
+        limits, m, steps = self._limits, len(d), self._steps
         lower, upper = -self._widest, self._widest.copy()
         for bound in (lower, upper):
-            bound[: p.steps * m].reshape(-1, m)[:] += d
+            bound[: steps.count * m].reshape(-1, m)[:] += d
         if limits.rate is not None:
             # the next effort is one tick away, whatever the step
-            near = limits.rate * p.period
+            near = limits.rate * steps.period
             now = np.clip(applied, -limits.effort, limits.effort) + d
             lower[:m] = np.maximum(lower[:m], now - near)
             upper[:m] = np.minimum(upper[:m], now + near)
@@ -224,14 +186,13 @@ class ModelPredictiveLaw:
             np.concatenate((upper, self._soft[1] - free)),
         )
 
-    def _passed(self, free: Matrix, efforts: Matrix) -> LimitSoftened:
+    def _passed(self, known: Ahead, efforts: Matrix) -> LimitSoftened:
         """Return which limit the prediction passes, and by how much."""
-        p = self._p
-        forced = (p.forced @ efforts.ravel()).reshape(free.shape)
-        seen = (free + forced) @ p.limits.rows.T
-        excess = np.maximum(seen - p.limits.upper, p.limits.lower - seen)
+        forced = (known.program.soft @ efforts.ravel()).reshape(known.readings.shape)
+        seen = known.readings + forced
+        excess = np.maximum(seen - self._limits.upper, self._limits.lower - seen)
         worst = int(excess.max(axis=0).argmax())
-        return LimitSoftened(p.limits.names[worst], float(excess[:, worst].max()))
+        return LimitSoftened(self._limits.names[worst], float(excess[:, worst].max()))
 
 
 def _moving(ahead: list[Reference]) -> int:
@@ -242,7 +203,7 @@ def _moving(ahead: list[Reference]) -> int:
 
 def build(
     settings: ModelPredictive, plant: PlantDescription
-) -> tuple[KalmanFilter, ModelPredictiveLaw]:
+) -> tuple[KalmanFilter | TurningFilter, ModelPredictiveLaw]:
     """Return the filter and the law.
 
     Raises:
@@ -250,28 +211,54 @@ def build(
             or a limit names what the testbed has not.
     """
     ticks = max(1, round(settings.step / plant.period))
-    step = ticks * plant.period
     believed = plant.believed(settings.model)
-    model = joints_first(believed, operating_point_of(plant, believed, settings.operating_point))
+    at = operating_point_of(plant, believed, settings.operating_point)
+    turning = turning_platform(believed, at)
+    most = settings.iterations or (_ITERATIONS if turning is None else _ITERATIONS_TURNING)
+    steps = Steps(settings.steps, ticks, plant.period, settings.on_the_way, most)
+    model = joints_first(believed, at) if turning is None else turning.small
     rest = operating_point_of(plant, model, settings.operating_point)
     linear = model.linearise(rest)
     a, b = linear.state_matrix, linear.state_input_matrix
     require_controllable(a, b, state_names(model))
     problem = scaled_problem(linear, settings.weights)
-    f, g, _ = discretised(a, b, np.zeros_like(a), step)
-    predicted = Predicted(
+    f, g, _ = discretised(a, b, np.zeros_like(a), steps.length)
+    cost = costs(f, g, problem.q, problem.effort_weight)
+    if turning is not None:
+        return _about_plan(settings, plant, turning, cost, steps)
+    about = AboutRest(
         model,
         np.concatenate((rest, np.zeros_like(rest))),
-        horizon(f, g, settings.steps),
-        costs(f, g, problem.q, problem.effort_weight),
+        (f, g),
+        cost,
         _limits(settings, model, rest, plant.effort_limit),
-        settings.steps,
-        ticks,
-        max(1, int(np.ceil(step * np.abs(np.linalg.eigvals(a)).max() / _RESOLVED))),
-        plant.period,
+        steps,
+        max(1, int(np.ceil(steps.length * np.abs(np.linalg.eigvals(a)).max() / _RESOLVED))),
     )
-    law = ModelPredictiveLaw(predicted, settings.on_the_way, settings.iterations)
-    return KalmanFilter(model, rest, settings.filter, plant.period), law
+    filtering = KalmanFilter(model, rest, settings.filter, plant.period)
+    return filtering, ModelPredictiveLaw(about)
+
+
+def _about_plan(
+    settings: ModelPredictive,
+    plant: PlantDescription,
+    craft: TurningPlatform,
+    cost: Costs,
+    steps: Steps,
+) -> tuple[TurningFilter, ModelPredictiveLaw]:
+    """Return filter and law of a craft that turns in three axes; see about_plan."""
+    if settings.tip_limit is not None:
+        raise BadInput(
+            "a craft that turns in three axes is predicted about its plan, which does not tell "
+            "how far it bends; leave it out",
+            key="tip_limit",
+            value=settings.tip_limit,
+        )
+    attitude = plant.testbed.model().attitude
+    assert attitude is not None
+    limits = _limits(settings, craft.small, craft.small.rest({}), plant.effort_limit)
+    law = ModelPredictiveLaw(AboutPlan(craft, attitude, cost, limits, steps))
+    return turning_filter(craft, settings.filter, plant), law
 
 
 def _limits(s: ModelPredictive, model: Designed, rest: Vector, effort: Vector) -> HorizonLimits:
@@ -316,11 +303,6 @@ def _distinct(names: tuple[str, ...], tips: Matrix) -> list[tuple[str, Vector]]:
         if all(min(abs(tip - of).max(), abs(tip + of).max()) > size for _, of in kept):
             kept.append((name, tip))
     return kept
-
-
-def _differences(n: int, m: int) -> Matrix:
-    """Return D of D V = v(1) - v(0), ..., shape ((n - 1) m, n m)."""
-    return np.eye((n - 1) * m, n * m, m) - np.eye((n - 1) * m, n * m)
 
 
 MODEL_PREDICTIVE = LawEntry("model_predictive", ModelPredictive, build)

@@ -46,6 +46,21 @@ def horizon(f: Matrix, g: Matrix, steps: int) -> Matrix:
     return forced
 
 
+def varying_horizon(steps: list[tuple[Matrix, Matrix]]) -> Matrix:
+    """Return the same of steps that differ, shape (N k, N m).
+
+    Args:
+        steps: F and G of each.
+    """
+    n, (k, m) = len(steps), steps[0][1].shape
+    forced = np.zeros((n, k, n, m))
+    for i, (f, g) in enumerate(steps):
+        if i:
+            forced[i] = (f @ forced[i - 1].reshape(k, -1)).reshape(k, n, m)
+        forced[i, :, i] = g
+    return forced.reshape(n * k, n * m)
+
+
 def costs(f: Matrix, g: Matrix, state: Matrix, effort: Matrix) -> Costs:
     """Return the weights, with what follows the horizon under the regulator in the last one.
 
@@ -100,7 +115,8 @@ class Program:
         hessian = forced.T @ self._weighted + np.kron(np.eye(n), self._r)
         hessian = self._size[:, None] * (0.5 * (hessian + hessian.T)) * self._size
         self._scale = float(np.abs(hessian).max())
-        self._rows = np.vstack((hard, soft @ forced)) * self._size
+        self.soft = soft @ forced  # how the soft rows change with V, (s, N m)
+        self._rows = np.vstack((hard, self.soft)) * self._size
         # rows of one size, as the solver's tolerance is absolute
         row_size = np.abs(self._rows).max(axis=1, initial=0.0)
         row_size[row_size == 0.0] = 1.0

@@ -1,0 +1,126 @@
+"""How model predictive control foresees a craft that turns: by its deviation from the plan."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flexslew_control.controllers.model_predictive.ahead import (
+    Ahead,
+    HorizonLimits,
+    HorizonQuestion,
+    Steps,
+    program,
+)
+from flexslew_control.controllers.model_predictive.prediction import (
+    Costs,
+    Program,
+    varying_horizon,
+)
+from flexslew_control.free_platform import nominal
+from flexslew_control.law import Reference
+from flexslew_control.turning_platform import TurningPlatform
+from flexslew_control.zero_order_hold import zero_order_hold
+from flexslew_plant.arrays import Matrix, Tensor, Vector
+from flexslew_plant.testbeds.attitude import AttitudeJoints
+
+_TURN = 1e-4  # of the differences of what joints read [rad]
+
+
+@dataclass
+class AboutPlan:
+    """(e, e')(k + 1) = F(w) (e, e')(k) + G(w) (v - u_d)(k), w the mean rates of the plan in a step.
+
+    e of the attitude is a rotation in body axes, see turning_platform, so nothing here depends on
+    the inertial frame but the limits of what joints read. A plan that the craft can fly within the
+    limits is left alone: all e are zero under its own efforts.
+
+    The program is made anew once a step, as F and G change along the plan. What the last answer
+    leads to is followed at every tick with F, G and readings as they then are, so what is predicted
+    of an answer is exact where the answers settle.
+
+    Args:
+        craft: A(w) and B.
+        attitude: what its joints read of a turn.
+        costs: of a step.
+        limits: that hold at its end; their rows are joints'.
+        steps: the horizon.
+    """
+
+    craft: TurningPlatform
+    attitude: AttitudeJoints
+    costs: Costs
+    limits: HorizonLimits
+    steps: Steps
+    _known: dict[bytes, tuple[Matrix, Matrix]] = field(init=False, default_factory=dict)
+    _made: tuple[int, int] | None = field(init=False, default=None)  # which step, how many move
+    _forced: Matrix = field(init=False)
+    _program: Program = field(init=False)
+
+    def restart(self) -> None:
+        """Forget the program."""
+        self._made = None
+
+    def ahead(self, question: HorizonQuestion) -> Ahead:
+        """Return what efforts do from this tick on."""
+        q, n, m = question, self.steps.count, self.limits.effort.size
+        at = np.array([one.velocity for one in q.references])
+        steps = [self._step(w) for w in 0.5 * (at[:-1] + at[1:])]
+        beyond = q.last - np.array([one.effort for one in q.references[:-1]])
+        x = np.concatenate((q.estimate.position, q.estimate.velocity))
+        x, path = x - nominal(self.craft.small, q.references[0]), []
+        for (f, g), effort in zip(steps, beyond, strict=True):
+            x = f @ x + g @ effort
+            path.append(x)
+        off = np.array(path)
+        read = np.zeros((n, 0))
+        rows = np.zeros((n, 0, m))
+        if self.limits.names:
+            read, rows = self._read(q.references[1:], off[:, :m])
+        shared = self.steps.on_the_way != 1.0
+        which = q.tick // self.steps.ticks, q.moving if shared else 0
+        if self._made != which:
+            self._forced = varying_horizon(steps)
+            self._program = program(
+                self._forced, self.costs, self.steps.shares(which[1]), self.steps, self.limits,
+                _along(rows, off.shape[1]),
+            )  # fmt: skip
+            self._made = which
+        readings = read - (self._program.soft @ q.last.ravel()).reshape(read.shape)
+        off = off - (self._forced @ q.last.ravel()).reshape(off.shape)
+        return Ahead(self._program, off, readings)
+
+    def _step(self, rates: Vector) -> tuple[Matrix, Matrix]:
+        """Return F and G of a step about these rates."""
+        key = rates.tobytes()
+        if key not in self._known:
+            if len(self._known) > 2 * self.steps.count * self.steps.ticks:
+                self._known = {}
+            a, b = self.craft.state_matrix(rates), self.craft.input_matrix
+            self._known[key] = zero_order_hold(a, b, self.steps.length)
+        return self._known[key]
+
+    def _read(self, references: list[Reference], e: Matrix) -> tuple[Matrix, Tensor]:
+        """Return what the limited joints read, and how it changes with e.
+
+        Args:
+            references: of N.
+            e: turns and moves from there, shape (N, joints).
+
+        Returns:
+            shapes (N, s) and (N, s, joints).
+        """
+        chosen = self.limits.rows.argmax(axis=1)
+        planned = np.array([one.position for one in references])
+        slopes = np.empty((len(e), len(chosen), e.shape[1]))
+        for k, one in enumerate(_TURN * np.eye(e.shape[1])):
+            there, back = (self.attitude.moved(planned, e + s * one) for s in (1.0, -1.0))
+            slopes[:, :, k] = (there - back)[:, chosen] / (2.0 * _TURN)
+        return self.attitude.moved(planned, e)[:, chosen], slopes
+
+
+def _along(rows: Tensor, states: int) -> Matrix:
+    """Return rows on the joints of each step as rows of all states, shape (N s, N k)."""
+    n, s, m = rows.shape
+    out = np.zeros((n, s, n, states))
+    out[np.arange(n), :, np.arange(n), :m] = rows
+    return out.reshape(n * s, n * states)
