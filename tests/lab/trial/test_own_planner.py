@@ -13,6 +13,7 @@ from flexslew_control.plan_file import load_plan
 from flexslew_control.planning import Iteration, Planning, plan_request
 from flexslew_lab.cli.main import app
 from flexslew_lab.comparison.comparison import compared
+from flexslew_lab.comparison.laws import laws
 from flexslew_lab.comparison.planners import planners
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
@@ -88,6 +89,12 @@ def test_compare_flies_it_beside_the_others(method: str) -> None:
     assert first.name == method
     assert first.nominal.metrics["residual_tip"] < 0.01
     assert "input_shaping" in {entry.name for entry in others}
+
+
+def test_every_law_flies_its_plan(method: str) -> None:
+    trial = parse_trial(trial_text(method), "own.yaml", ANY_CODE)
+    found = compared(laws(trial, "own.yaml", ()))
+    assert {entry.plan.method for entry in found.flown if entry.plan} == {method}
 
 
 def test_a_study_flies_it_and_a_received_one_does_not(method: str, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -132,26 +133,21 @@ def _view(trial: Trial, entries: Entries) -> Comparison:
         for q in (quantities(nominal[0]) if nominal else ())
         if any(q.of(metrics) is not None for metrics in nominal)
     ]
+    drawn = [q for q in by if q.drawn]
     short = [
-        TableColumn(
-            f"{q.title}{f' [{q.unit}]' if q.unit else ''}",
-            lambda entry, q=q: _cell(q.of(entry.nominal.metrics)),
-        )
+        TableColumn(f"{q.title}{f' [{q.unit}]' if q.unit else ''}", partial(_nominal, q))
         for q in by
     ]
-    worst = [
-        TableColumn(f"{q.title}, worst", lambda entry, q=q: _worst(q, entry)) for q in by if q.drawn
-    ]
-    drawn = [
+    worst = [TableColumn(f"{q.title}, worst", partial(_worst, q)) for q in drawn]
+    panels = [
         DrawnQuantity(
             f"{q.title} against {name}",
             q.unit,
             f"error of the {name} [%]{f', {q.title}' if q.unit else ''}",
             kind,
-            lambda flight, q=q: _number(q, flight),
+            partial(_number, q),
         )
-        for q in by
-        if q.drawn
+        for q in drawn
         for kind, name in _ERROR_NAMES.items()
     ]
     return Comparison(
@@ -169,7 +165,7 @@ def _view(trial: Trial, entries: Entries) -> Comparison:
         groups=[
             robustness(
                 flown,
-                drawn,
+                panels,
                 "On benches whose stiffness, or whose carrier's mass and inertia, is not what "
                 "every law was designed for. A law that does not hold the bench has no point "
                 "there.",
@@ -193,6 +189,10 @@ def _by_error(by: Sequence[ComparedQuantity], entry: ComparedEntry) -> dict[str,
         }
         for kind, name in _ERROR_NAMES.items()
     }
+
+
+def _nominal(quantity: ComparedQuantity, entry: ComparedEntry) -> str:
+    return _cell(quantity.of(entry.nominal.metrics))
 
 
 def _worst(quantity: ComparedQuantity, entry: ComparedEntry) -> str:

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
-from functools import reduce
-from operator import getitem
 from typing import Any
 
 import numpy as np
@@ -273,7 +271,9 @@ def _cell(form: str, *path: str | int) -> Callable[[ComparedEntry], str]:
     """Return what writes a number of the nominal flight; its unit stands in the title."""
 
     def cell(entry: ComparedEntry) -> str:
-        value: Any = reduce(getitem, path, entry.nominal.metrics)
+        value: Any = entry.nominal.metrics
+        for key in path:
+            value = value[key]
         return "-" if value is None else format(value, form).rstrip("%")
 
     return cell
