@@ -54,7 +54,7 @@ def test_an_interrupted_import_ends_in_one_line(tmp_path: Path, moment: str) -> 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_an_interrupted_command_ends_in_one_line(tmp_path: Path, command: str) -> None:
     moment = {"trial": "flexslew_lab.run.in_process", "plan": "flexslew_control.plan_file",
-              "compare": "flexslew_lab.comparison.planners"}[command]  # fmt: skip
+              "compare": "flexslew_lab.comparison.comparison"}[command]  # fmt: skip
     code, said = interrupted(COMMANDS[command], moment, tmp_path)
     assert code == 130
     assert said == ["interrupted"]

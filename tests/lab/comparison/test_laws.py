@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 
 from flexslew_control.controllers import CONTROLLERS
-from flexslew_lab.comparison.laws import ALONE, LawComparison, compared_laws
-from flexslew_lab.comparison.laws_page import laws_page, short_table
+from flexslew_lab.comparison.comparison import Comparison, compared
+from flexslew_lab.comparison.laws import ALONE, laws
+from flexslew_lab.comparison.page import comparison_page
 from flexslew_lab.reproduce.scole_flights import shipped
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import parse_trial
@@ -28,16 +29,16 @@ schedule: [{at: 5.0, switch: lqr}]
 
 
 @pytest.fixture(scope="module")
-def oscillator() -> LawComparison:
+def oscillator() -> Comparison:
     heard: list[tuple[int, int]] = []
     trial = shipped("antenna_3", SHORT)
-    found = compared_laws(trial, "antenna_3", lambda *at: heard.append(at), (-0.2, 0.2))
+    found = compared(laws(trial, "antenna_3", (-0.2, 0.2)), lambda *at: heard.append(at))
     assert heard[-1][0] == heard[-1][1]
     assert heard == sorted(heard)
     return found
 
 
-def test_every_law_is_flown_or_says_in_one_line_why_not(oscillator: LawComparison) -> None:
+def test_every_law_is_flown_or_says_in_one_line_why_not(oscillator: Comparison) -> None:
     names = [entry.name for entry in oscillator.entries]
     assert names[:3] == [f"planned_gains, {k}" for k in ("constant", "perturbation", "adiabatic")]
     assert names[-1] == ALONE
@@ -49,14 +50,14 @@ def test_every_law_is_flown_or_says_in_one_line_why_not(oscillator: LawCompariso
     assert {"modal_space", "disturbance_accommodating", ALONE} <= flown
 
 
-def test_the_law_in_charge_flies_as_in_its_trial(oscillator: LawComparison, tmp_path: Path) -> None:
+def test_the_law_in_charge_flies_as_in_its_trial(oscillator: Comparison, tmp_path: Path) -> None:
     own = run_trial(shipped("antenna_3", SHORT), "t", tmp_path / "t", in_process=True, report=False)
     [entry] = [e for e in oscillator.entries if e.name == "planned_gains, perturbation"]
     assert entry.nominal.metrics["trajectory_hash"] == own.metrics["trajectory_hash"]
 
 
 def test_no_feedback_gives_no_effort_and_control_is_worth_something(
-    oscillator: LawComparison,
+    oscillator: Comparison,
 ) -> None:
     rows = {row["law"]: row for row in oscillator.rows()}
     alone = rows[ALONE]
@@ -68,36 +69,36 @@ def test_no_feedback_gives_no_effort_and_control_is_worth_something(
             assert other["joint_error"] != rows[name]["joint_error"]
 
 
-def test_the_page_shows_all_of_it_and_fetches_nothing(oscillator: LawComparison) -> None:
-    text = laws_page(oscillator)
+def test_the_page_shows_all_of_it_and_fetches_nothing(oscillator: Comparison) -> None:
+    text = comparison_page(oscillator)
     for entry in oscillator.entries:
         assert entry.name.split(",")[0].split("_")[0] in text
     assert text.count("data-panels=") == 2
     assert "Robustness" in text
     assert "<script src" not in text
     assert "<link" not in text
-    head, table = short_table(oscillator)
-    assert [row[0] for row in table] == [entry.name for entry in oscillator.flown]
-    assert all(len(row) == len(head) for row in table)
+    table = oscillator.table(oscillator.short)
+    assert [name for name, _ in table] == [entry.name for entry in oscillator.flown]
 
 
 def test_laws_of_a_slew_are_compared_by_its_joints_without_the_schedule_s_switches() -> None:
-    found = compared_laws(parse_trial(YAW, "yaw.yaml"), "yaw.yaml", errors=(0.3,))
+    found = compared(laws(parse_trial(YAW, "yaw.yaml"), "yaw.yaml", (0.3,)))
     rows: dict[str, dict[str, Any]] = {row["law"]: row for row in found.rows()}
+    assert len(rows) == len(found.entries)
     assert [e.name for e in found.entries][:2] == ["soft", "lqr"]
     assert "pd_feedforward" not in rows  # it runs as soft
     assert "plan has no gains" in rows["planned_gains"]["refused"]
     assert "cannot follow a moving reference" in rows["modal_space"]["refused"]
     for name in ("soft", "lqr"):
         [entry] = [e for e in found.entries if e.name == name]
-        assert {(f.stiffness, f.inertia) for f in entry.flights} == {(0, 0), (0.3, 0), (0, 0.3)}
+        assert {(f.stiffness, f.carried) for f in entry.flights} == {(0, 0), (0.3, 0), (0, 0.3)}
         assert entry.nominal.metrics["switches"] == 0
         assert rows[name]["by_inertia"]["+0.3"]["joint_error"] > 0.0
 
 
 def test_laws_that_cannot_fly_an_antenna_say_why() -> None:
     trial = shipped("antenna_2", {"duration": 0.05})
-    found = compared_laws(trial, "antenna_2", errors=())
+    found = compared(laws(trial, "antenna_2", ()))
     refused = {entry.name: entry.refused for entry in found.entries if entry.refused}
     assert "needs one motor in each joint" in refused["output_feedback"]
     assert {"disturbance_minimisation", "modal_space"} <= {entry.name for entry in found.flown}
@@ -106,4 +107,4 @@ def test_laws_that_cannot_fly_an_antenna_say_why() -> None:
 def test_errors_that_leave_nothing_are_refused() -> None:
     trial = replace(shipped("antenna_3", SHORT))
     with pytest.raises(BadInput, match="errors"):
-        compared_laws(trial, "antenna_3", errors=(-1.0,))
+        laws(trial, "antenna_3", (-1.0,))

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from flexslew_control.planners import PLANNERS
-from flexslew_lab.comparison.planners import compared
-from flexslew_lab.comparison.planners_page import comparison_page, durations, short_table
+from flexslew_lab.comparison.comparison import CARRIED, STIFFNESS, compared
+from flexslew_lab.comparison.page import comparison_page
+from flexslew_lab.comparison.planners import planners
+from flexslew_lab.comparison.slew import slew_comparison, worst_residual
 from flexslew_lab.report.page import write_page
 from flexslew_lab.trial.sources import trial_path
 from flexslew_lab.trial.trial import load_trial, parse_trial
@@ -26,9 +28,8 @@ HUB = trial_path("time_optimal_hub")
 @pytest.fixture(scope="module")
 def yaw() -> Any:
     heard = []
-    found = compared(
-        parse_trial(YAW, "yaw.yaml"), "yaw.yaml", lambda *at: heard.append(at), (-0.2, 0.0)
-    )
+    described = planners(parse_trial(YAW, "yaw.yaml"), "yaw.yaml", (-0.2, 0.0))
+    found = compared(described, lambda *at: heard.append(at))
     assert heard[-1][0] == heard[-1][1] == len(heard) == 4 * len(found.flown)
     return found
 
@@ -43,9 +44,9 @@ def test_every_method_flies_the_same_yaw_slew(yaw: Any) -> None:
     assert not [entry for entry in yaw.entries if entry.refused]
     for entry in flown.values():
         np.testing.assert_allclose(entry.plan.position[-1], [1.0, 0.0], atol=1e-6)
-        assert [flight.error for flight in entry.by_stiffness] == [-0.2, 0.0]
-        assert [flight.payload for flight in entry.by_payload] == [-0.2, 0.0, 0.2]
-        assert np.all(entry.nominal.peak_effort <= 150.0)
+        assert [flight.stiffness for flight in entry.by(STIFFNESS)] == [-0.2, 0.0]
+        assert [flight.carried for flight in entry.by(CARRIED)] == [-0.2, 0.0, 0.2]
+        assert max(entry.nominal.metrics["peak_effort"]) <= 150.0
 
 
 def test_no_row_of_a_method_is_there_twice(yaw: Any) -> None:
@@ -55,9 +56,10 @@ def test_no_row_of_a_method_is_there_twice(yaw: Any) -> None:
 
 
 def test_the_rigid_body_is_the_lower_bound(yaw: Any) -> None:
-    assert yaw.lower_bound == pytest.approx(2.0 * np.sqrt((4000.0 + 3972.0) / 150.0))
+    limits = slew_comparison(parse_trial(YAW, "yaw.yaml"), yaw.entries, (-0.2, 0.0))
+    assert limits.lower_bound == pytest.approx(2.0 * np.sqrt((4000.0 + 3972.0) / 150.0))
     planned = [entry.plan.duration for entry in yaw.flown if entry.plan.duration > 0.0]
-    assert min(planned) > yaw.lower_bound
+    assert min(planned) > limits.lower_bound
 
 
 def test_feedforward_is_worth_something_and_robust_is_robust(yaw: Any) -> None:
@@ -80,7 +82,7 @@ def test_feedforward_is_worth_something_and_robust_is_robust(yaw: Any) -> None:
 
 def test_another_testbed_says_what_does_not_apply(tmp_path: Path) -> None:
     trial = replace(load_trial(HUB), period=0.02)
-    found = compared(trial, "hub.yaml", errors=(0.0, 0.1))
+    found = compared(planners(trial, "hub.yaml", (0.0, 0.1)))
     page = write_page(comparison_page(found), tmp_path / "deep" / "hub.html")
     text = page.read_text(encoding="utf-8")
     assert "Not flown" in text
@@ -98,9 +100,9 @@ def test_another_testbed_says_what_does_not_apply(tmp_path: Path) -> None:
 def test_what_cannot_be_compared_is_said_in_one_line(tmp_path: Path) -> None:
     trial = parse_trial(YAW, "yaw.yaml")
     with pytest.raises(BadInput, match=r"yaw\.yaml: plan: is missing"):
-        compared(replace(trial, plan=None), "yaw.yaml")
+        planners(replace(trial, plan=None), "yaw.yaml")
     with pytest.raises(BadInput, match="errors"):
-        compared(trial, "yaw.yaml", errors=(-1.0,))
+        planners(trial, "yaw.yaml", (-1.0,))
 
 
 def test_the_swing_of_every_joint_is_told(yaw: Any) -> None:
@@ -111,9 +113,9 @@ def test_the_swing_of_every_joint_is_told(yaw: Any) -> None:
         assert row["overshoot"]["base_yaw"] >= 0.0
         over = 1.0 + row["overshoot"]["base_yaw"]
         assert row["peak_position"]["base_yaw"] == pytest.approx(over, abs=1e-3)
-    columns, table = short_table(yaw)
-    assert [row[0] for row in table] == [entry.name for entry in yaw.flown]
-    assert columns[-2:] == ["base_yaw over [%]", "hub_pitch over [%]"]
+    assert [name for name, _ in yaw.table(yaw.short)] == [entry.name for entry in yaw.flown]
+    titles = [column.title for column in yaw.short]
+    assert titles[-2:] == ["base_yaw over [%]", "hub_pitch over [%]"]
 
 
 OSCILLATOR = """
@@ -129,28 +131,31 @@ active: pd_feedforward
 
 @pytest.fixture(scope="module")
 def oscillator() -> Any:
-    return compared(parse_trial(OSCILLATOR, "o.yaml"), "o.yaml", errors=(-0.2, 0.0, 0.2))
+    return compared(planners(parse_trial(OSCILLATOR, "o.yaml"), "o.yaml", (-0.2, 0.0, 0.2)))
 
 
 def test_nothing_is_below_the_convex_optimum_of_a_linear_plant(oscillator: Any) -> None:
-    limit = oscillator.limit
+    found = slew_comparison(parse_trial(OSCILLATOR, "o.yaml"), oscillator.entries, (-0.2, 0.0, 0.2))
+    limit = found.limit
+    assert limit is not None
     assert limit.least_time == pytest.approx(4.218, rel=5e-3)
-    assert oscillator.lower_bound == pytest.approx(2.0 * np.sqrt(2.0))
+    assert found.lower_bound == pytest.approx(2.0 * np.sqrt(2.0))
     assert list(limit.residual) == sorted(limit.residual, reverse=True)
     for entry in oscillator.flown:
         if limit.duration[0] < entry.plan.duration < limit.duration[-1]:
             below = np.interp(entry.plan.duration, limit.duration, np.log(limit.residual))
-            assert np.log(entry.worst_residual + 1e-9) > below - 0.05
-    words = durations(oscillator)
+            assert np.log(worst_residual(entry) + 1e-9) > below - 0.05
+    words = oscillator.note
     assert "NOT AT" in words
     assert "4.2" in words
     assert "a bound" in comparison_page(oscillator)
 
 
 def test_where_the_plant_is_not_linear_the_line_says_that_it_is_no_bound(yaw: Any) -> None:
-    assert yaw.limit is None
+    found = slew_comparison(parse_trial(YAW, "yaw.yaml"), yaw.entries, (-0.2, 0.0))
+    assert found.limit is None
     assert "not a bound" in comparison_page(yaw)
-    x, y = yaw.best_found
+    x, y = found.best_found
     assert list(x) == sorted(x)
     assert list(y) == sorted(y, reverse=True)
 

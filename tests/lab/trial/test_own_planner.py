@@ -1,7 +1,6 @@
 """A planner of one's own goes through every door that a built-in one goes through."""
 
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,9 @@ from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
 from flexslew_control.planning import Iteration, Planning, plan_request
 from flexslew_lab.cli.main import app
-from flexslew_lab.comparison.planners import compared
+from flexslew_lab.comparison.comparison import compared
+from flexslew_lab.comparison.laws import laws
+from flexslew_lab.comparison.planners import planners
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.run.run_trial import run_trial
@@ -83,11 +84,17 @@ def test_the_command_plans_with_it(method: str, tmp_path: Path) -> None:
 
 def test_compare_flies_it_beside_the_others(method: str) -> None:
     trial = parse_trial(trial_text(method), "own.yaml", ANY_CODE)
-    found = compared(trial, "own.yaml", errors=(0.0,))
+    found = compared(planners(trial, "own.yaml", (0.0,)))
     first, *others = found.entries
     assert first.name == method
-    assert first.nominal.residual_tip < 0.01
+    assert first.nominal.metrics["residual_tip"] < 0.01
     assert "input_shaping" in {entry.name for entry in others}
+
+
+def test_every_law_flies_its_plan(method: str) -> None:
+    trial = parse_trial(trial_text(method), "own.yaml", ANY_CODE)
+    found = compared(laws(trial, "own.yaml", ()))
+    assert {entry.plan.method for entry in found.flown if entry.plan} == {method}
 
 
 def test_a_study_flies_it_and_a_received_one_does_not(method: str, tmp_path: Path) -> None:
@@ -116,8 +123,7 @@ def test_the_planner_process_runs_it_only_where_it_is_trusted(method: str, trust
     assert not isinstance(request, Refusal)
     planning.ask(request)
     while not found:
-        found = planning.news()
-        time.sleep(0.01)
+        found = planning.news(wait=10.0)
     planning.close()
     if not trusted:
         assert isinstance(found[-1], Refusal)

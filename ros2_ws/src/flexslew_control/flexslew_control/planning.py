@@ -63,13 +63,17 @@ class Planning:
             self._start()
         self._pipe.send(request)
 
-    def news(self) -> list[Iteration | Plan | Refusal]:
-        """Return what has come out since the last call; a plan or a refusal is the last word."""
+    def news(self, wait: float = 0.0) -> list[Iteration | Plan | Refusal]:
+        """Return what has come out since the last call; a plan or a refusal is the last word.
+
+        Args:
+            wait: for the first of it, at most [wall s].
+        """
         found: list[Iteration | Plan | Refusal] = []
         if self._process is None:
             return found
         try:
-            while self._pipe.poll():
+            while self._pipe.poll(0.0 if found else wait):
                 found.append(self._pipe.recv())
         except (EOFError, OSError):
             code = self._process.exitcode

@@ -40,7 +40,7 @@ from flexslew_plant.ros.parameters import serve_changes
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import read_testbed
 
-SOON = 1.0  # until a plan that is asked for now can begin [wall s]
+START_MARGIN = 1.0  # until a plan that is asked for now can begin [wall s]
 ADOPT, REFUSE = "adopt", "refuse"
 MODEL = "model"  # the parameter of the node that may be set at run time
 Gains = tuple[tuple[float, ...], tuple[float, ...]]  # kp and kd, of the one in charge
@@ -203,7 +203,7 @@ class PlanRelease:
     def soonest(self) -> float:
         """Return from which tick on a plan can begin that is asked for now [s]."""
         now, period = self._clock.now(), self._testbed.period
-        return period * ceil((now + self._clock.later(SOON)) / period) if now > 0.0 else 0.0
+        return period * ceil((now + self._clock.later(START_MARGIN)) / period) if now > 0.0 else 0.0
 
     def keep(self, plan: Plan, who: str) -> msg.Plan:
         """Keep a draft in the place of the last one; return it as a message."""

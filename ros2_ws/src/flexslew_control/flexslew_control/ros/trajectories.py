@@ -54,7 +54,7 @@ def trajectory_section(message: JointTrajectory, start: float) -> dict[str, Any]
         BadInput: a point has numbers for other joints than those that are named.
     """
     names = list(message.joint_names)
-    said = seconds_of(message.header.stamp)
+    stamped = seconds_of(message.header.stamp)
     points = []
     for k, point in enumerate(message.points):
         after = point.time_from_start
@@ -66,4 +66,4 @@ def trajectory_section(message: JointTrajectory, start: float) -> dict[str, Any]
                 raise BadInput(words, METHOD, f"points.{k}.{field}", given)
             values[key] = dict(zip(names, given, strict=False))
         points.append(values)
-    return {"method": METHOD, "start": said or start, "points": points}
+    return {"method": METHOD, "start": stamped or start, "points": points}

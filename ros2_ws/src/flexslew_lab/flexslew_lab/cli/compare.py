@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -23,7 +23,7 @@ Sets = Annotated[
 def compare(
     file: TrialFile = None,
     sets: Sets = None,
-    laws: Annotated[bool, typer.Option("--laws", help="Every law, not every planner.")] = False,
+    by_law: Annotated[bool, typer.Option("--laws", help="Every law, not every planner.")] = False,
     out: Annotated[
         Path | None, typer.Option(help="The HTML file; else a new one below runs/.")
     ] = None,
@@ -33,30 +33,28 @@ def compare(
 
     Example: `./flexslew compare antenna_2 --laws --out laws.html`
     """
-    from flexslew_lab.comparison import laws as by_law
-    from flexslew_lab.comparison import laws_page, planners, planners_page
+    from flexslew_lab.comparison.comparison import compared
+    from flexslew_lab.comparison.laws import laws
+    from flexslew_lab.comparison.page import comparison_page
+    from flexslew_lab.comparison.planners import planners
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
     requested, source = read_trial(file, sets)
-    words = "laws" if laws else "compare"
+    words = "laws" if by_law else "compare"
     target = writable_file(out or new_file(f"{requested.name}-{words}.html"), "--out")
-    compared: Any
-    compared, table_of, page_of = (
-        (by_law.compared_laws, laws_page.short_table, laws_page.laws_page)
-        if laws
-        else (planners.compared, planners_page.short_table, planners_page.comparison_page)
-    )
+    described = (laws if by_law else planners)(requested, source)
     with progress("compare", "flights") as advance:
-        found = compared(requested, source, advance)
+        found = compared(described, advance)
     if as_json:
         print(json.dumps(found.rows(), indent=2))
     else:
-        print_table(*table_of(found))
-        if not laws and (words_of := planners_page.durations(found)):
-            say(words_of)
+        heads = (found.word, *(column.title for column in found.short))
+        print_table(heads, [(name, *cells) for name, cells in found.table(found.short)])
+        if found.note:
+            say(found.note)
         for entry in found.entries:
             if entry.refused:
                 say(f"not flown: {entry.name}: {entry.refused}")
     if out is not None or not as_json:
-        say(f"written {link(write_page(page_of(found), target))}")
+        say(f"written {link(write_page(comparison_page(found), target))}")

@@ -54,12 +54,12 @@ def gains(
     from flexslew_lab.report.page import write_page
     from flexslew_lab.trial.sources import read_trial
 
-    wanted, source = read_trial(file, sets)
-    target = writable_file(out or new_file(f"{wanted.name}-gains.html"), "--out")
-    varied = gains_of(wanted, source, controller, gain or ())
+    requested, source = read_trial(file, sets)
+    target = writable_file(out or new_file(f"{requested.name}-gains.html"), "--out")
+    varied = gains_of(requested, source, controller, gain or ())
     with for_people.status("flying"):
         found = searched(
-            GainEnsemble(wanted, source, varied), varied, trials, octaves, margin, journal, seed
+            GainEnsemble(requested, source, varied), varied, trials, octaves, margin, journal, seed
         )
     if as_json:
         print(json.dumps(found.plain(), indent=2))
@@ -67,6 +67,6 @@ def gains(
         print_table(columns(found), summary_rows(found))
         say(verdict(found))
     if out is not None or not as_json:
-        say(f"written {link(write_page(gains_page(found, wanted.name), target))}")
+        say(f"written {link(write_page(gains_page(found, requested.name), target))}")
     if found.gain <= 0.0:
         raise typer.Exit(1)

@@ -57,7 +57,7 @@ def identify(
     trust: TrustOption = None,
     as_json: Json = False,
 ) -> None:
-    """Identify modes, inertias and parameters of a bench from what its sensors said.
+    """Identify modes, inertias and parameters of a bench from what its sensors measured.
 
     Leaves identified.yaml, which `plan.model: {file: ...}` believes, and a page. Of a CSV file or
     a rosbag2 of another bench, name the columns: `--inputs "u=hub" --outputs "x=position.hub"`.

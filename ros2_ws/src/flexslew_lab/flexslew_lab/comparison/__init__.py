@@ -1,4 +1,4 @@
-"""The same manoeuvre by every planner, or by every law, side by side on one page.
+"""One manoeuvre by every planner, or by every law, side by side: presets of one comparison.
 
-Offers: laws, laws_page, planners, planners_page.
+Offers: comparison, laws, page, planners.
 """

@@ -1,245 +1,87 @@
 """The same manoeuvre by every method, on benches that are not what the planner believes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
-from flexslew_control.plan import Plan
-from flexslew_control.planners import PLANNERS, Variant, make_plan, other_method, planner_of
-from flexslew_control.planners.minimax.limit_curve import LimitCurve, limit_curve
-from flexslew_control.planners.slew import slew_of
-from flexslew_control.planners.trajectories import rigid_duration
-from flexslew_lab.comparison.flight import PlanFlight, flown
-from flexslew_lab.trial.trial import (
-    SavedPlan,
-    Trial,
-    feedback_of,
-    law_in_charge,
-    plan_section_of,
-    plant_of,
+from flexslew_control.planners import PLANNERS, Variant, planner_of
+from flexslew_lab.comparison.comparison import (
+    CARRIED,
+    STIFFNESS,
+    Candidate,
+    ComparedEntry,
+    Comparison,
+    Description,
+    Entries,
+    TableColumn,
+    largest_tip,
+    other_benches,
 )
-from flexslew_plant.arrays import Vector
-from flexslew_plant.errors import BadInput, PlanFailed, without_source
+from flexslew_lab.comparison.page import DrawnQuantity, motion, robustness
+from flexslew_lab.comparison.slew import (
+    SlewComparison,
+    duration_of,
+    slew_comparison,
+    tip_of,
+    worst_residual,
+)
+from flexslew_lab.metrics.settling import settling_band
+from flexslew_lab.run.flight_log import FlightLog
+from flexslew_lab.trial.trial import SavedPlan, Trial, plan_section_of, set_up
+from flexslew_plant.arrays import Matrix
+from flexslew_plant.bench.bench import Truth
+from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
-from flexslew_plant.testbeds import initial_positions
 
 ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of the stiffness, relative [-]
 PAYLOADS = (-0.2, 0.2)  # of what the testbed carries, relative [-]
+_ERROR_NAMES = {STIFFNESS: "stiffness", CARRIED: "payload"}
 _WATCHED = 40.0  # at least, after the longest slew [s]
+_WORDS = (
+    "No rigid body could do it in less than {bound:.3f} s with these drives. Tip: the largest "
+    "deflection after the end of the slew, for errors of the stiffness and of the payload; the "
+    "other columns are for the bench without errors. Overshoot: the part of the commanded move by "
+    "which a joint goes beyond its goal. A step has no end: what is left is measured from the end "
+    "of the longest slew on."
+)
 
 
-@dataclass(frozen=True)
-class ComparedPlan:
-    """One method: its plan and its flights, or why there are none."""
-
-    name: str
-    plan: Plan | None
-    refused: str
-    flights: tuple[PlanFlight, ...] = ()
-
-    @property
-    def by_stiffness(self) -> tuple[PlanFlight, ...]:
-        """The flights with errors of the stiffness alone."""
-        return tuple(flight for flight in self.flights if flight.payload == 0.0)
-
-    @property
-    def by_payload(self) -> tuple[PlanFlight, ...]:
-        """The flights with errors of the payload alone, the nominal one among them."""
-        middle = self.nominal.error
-        return tuple(
-            sorted((f for f in self.flights if f.error == middle), key=lambda f: f.payload)
-        )
-
-    @property
-    def nominal(self) -> PlanFlight:
-        """The flight with the smallest error."""
-        return min(self.by_stiffness, key=lambda flight: abs(flight.error))
-
-    @property
-    def worst_residual(self) -> float:
-        """Largest residual tip deflection over all errors of the stiffness [m]."""
-        return max(flight.residual_tip for flight in self.by_stiffness)
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Every method on the manoeuvre of a trial."""
-
-    trial: Trial
-    joint_names: tuple[str, ...]
-    joint_units: tuple[str, ...]
-    lower_bound: float  # of the duration, for a rigid body under the limits [s]
-    entries: tuple[ComparedPlan, ...]
-    limit: LimitCurve | None = None  # of a linear plant
-
-    @property
-    def other_durations(self) -> tuple[str, ...]:
-        """The methods that fly at another duration than the trial's own."""
-        own = self.flown[0].plan if self.flown else None
-        return tuple(
-            entry.name
-            for entry in self.flown
-            if own is not None
-            and entry.plan is not None
-            and abs(entry.plan.duration - own.duration) > 1e-9
-        )
-
-    @property
-    def best_found(self) -> tuple[Vector, Vector]:
-        """Durations and the least worst residual of any method that takes no longer [s, m]."""
-        made = [
-            (e.plan.duration, e.worst_residual) for e in self.flown if e.plan and e.plan.duration
-        ]
-        rows = np.array(sorted(made)).reshape(-1, 2)
-        return rows[:, 0], np.minimum.accumulate(rows[:, 1])
-
-    @property
-    def flown(self) -> tuple[ComparedPlan, ...]:
-        """The methods that have a plan."""
-        return tuple(entry for entry in self.entries if entry.flights)
-
-    def rows(self) -> list[dict[str, Any]]:
-        """Return the numbers as plain data, one row per method."""
-        out: list[dict[str, Any]] = []
-        least = None if self.limit is None else self.limit.least_time
-        for entry in self.entries:
-            row: dict[str, Any] = {"method": entry.name, "refused": entry.refused}
-            if entry.plan is not None and entry.flights:
-                nominal = entry.nominal
-                row |= {
-                    "duration": entry.plan.duration,
-                    "same_duration": entry.name not in self.other_durations,
-                    "over_lower_bound": entry.plan.duration / self.lower_bound,
-                    "over_least_time": least and entry.plan.duration / least,
-                    "settling_time": nominal.settling_time,
-                    "residual_tip": nominal.residual_tip,
-                    "residual_joint": nominal.residual_joint,
-                    "peak_position": dict(
-                        zip(self.joint_names, nominal.peak_position.tolist(), strict=True)
-                    ),
-                    "overshoot": {
-                        name: value if value == value else None  # NaN: nowhere to go
-                        for name, value in zip(
-                            self.joint_names, nominal.overshoot.tolist(), strict=True
-                        )
-                    },
-                    "worst_residual_tip": entry.worst_residual,
-                    "residual_tip_by_error": {
-                        f"{f.error:+g}": f.residual_tip for f in entry.by_stiffness
-                    },
-                    "residual_tip_by_payload": {
-                        f"{f.payload:+g}": f.residual_tip for f in entry.by_payload
-                    },
-                    "peak_effort": nominal.peak_effort.tolist(),
-                    "effort": nominal.effort,
-                }
-            out.append(row)
-        return out
-
-
-def compared(
-    trial: Trial,
-    source: str,
-    progress: Callable[[int, int], None] = lambda done, last: None,
-    errors: Sequence[float] = ERRORS,
-) -> Comparison:
-    """Return what every method does with the manoeuvre of a trial.
+def planners(trial: Trial, source: str, errors: Sequence[float] = ERRORS) -> Description:
+    """Return the comparison of every method on the manoeuvre of a trial.
 
     Args:
         trial: the bench, the controller in charge, and in `plan` the manoeuvre.
         source: its file, for messages.
-        progress: called with the flights done and their number.
         errors: of the stiffness, relative [-].
 
     Raises:
-        BadInput: the trial asks for no manoeuvre, or an error is not allowed.
+        BadInput: the trial asks for no manoeuvre, its controllers cannot be built, or an error is
+            not allowed.
     """
     section = plan_section_of(trial, source)
     if section is None:
         raise BadInput("plan: is missing; add the manoeuvre to compare", source)
-    trial = replace(trial, plan=section)
     if not errors or min(errors) <= -1.0:
         raise BadInput("one or more, each above -1", key="errors", value=list(errors))
-    candidates = _candidates(trial)
-    entries = _distinct(
-        [(method, _planned(trial, source, method, variant)) for method, variant in candidates]
+    trial = replace(trial, plan=section)
+    set_up(trial, source)  # refused before all planning
+    return Description(
+        trial,
+        source,
+        [_candidate(trial, method, variant) for method, variant in _variants(trial)],
+        other_benches(trial.testbed, errors, PAYLOADS, lambda t, by: t.scaled(payload=by)),
+        True,
+        _metrics,
+        _curves,
+        lambda entries: _view(trial, entries, errors),
+        rest=_WATCHED,
+        distinct=True,
     )
-    plans = [entry.plan for entry in entries if entry.plan is not None]
-    longest = max((plan.end for plan in plans), default=0.0)
-    long_enough = replace(trial, duration=max(trial.duration, longest + _WATCHED))
-    middle = min(errors, key=abs)
-    payloads = PAYLOADS if _carries_payload(trial) else ()
-    benches = [(error, 0.0) for error in errors] + [(middle, payload) for payload in payloads]
-    last = len(plans) * len(benches)
-    done = 0
-    for k, entry in enumerate(entries):
-        flights = []
-        for error, payload in benches if entry.plan is not None else ():
-            assert entry.plan is not None
-            refused, flight = flown(long_enough, source, entry.plan, error, payload, longest)
-            done += 1
-            progress(done, last)
-            if flight is None:
-                entry = replace(entry, refused=refused)
-                break
-            flights.append(flight)
-        entries[k] = replace(entry, flights=tuple(flights))
-    model = trial.testbed.model()
-    resting = initial_positions(trial.testbed)
-    first = np.array([resting[name] for name in model.joint_names])
-    limit = np.array(trial.testbed.effort_limit)
-    bound = max(
-        (rigid_duration(model, first, plan.position[-1], limit) for plan in plans), default=0.0
-    )
-    limits = _limit(trial, errors, longest)
-    units = model.joint_units
-    return Comparison(trial, model.joint_names, units, bound, tuple(entries), limits)
 
 
-def _distinct(planned: Sequence[tuple[str, ComparedPlan]]) -> list[ComparedPlan]:
-    """Return the entries without variants whose plan is that of an earlier one of their method."""
-    kept: list[tuple[str, ComparedPlan]] = []
-    for method, entry in planned:
-        plan = entry.plan
-        same = (
-            other.plan
-            for name, other in kept
-            if name == method and other.plan is not None and plan is not None
-        )
-        if plan is None or not any(_same(plan, other) for other in same):
-            kept.append((method, entry))
-    return [entry for _, entry in kept]
-
-
-def _same(one: Plan, other: Plan) -> bool:
-    """Return whether two plans ask for the same motion."""
-    parts = ("start", "duration", "position", "velocity", "effort", "state", "gains")
-    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in parts)
-
-
-def _limit(trial: Trial, errors: Sequence[float], longest: float) -> LimitCurve | None:
-    """Return the convex optimum over the duration; None: the plant is not linear."""
-    try:
-        slew = slew_of(trial.plan, plant_of(trial), feedback_of(trial))
-    except (BadInput, AttributeError):  # no slew, or of a section without a goal
-        return None
-    if slew.effort_limit.size != slew.goal.size:
-        return None
-    return limit_curve(slew, (min(errors), max(errors)), longest)
-
-
-def _carries_payload(trial: Trial) -> bool:
-    """Return whether the testbed's payload can change."""
-    try:
-        trial.testbed.scaled(payload=1.0 + PAYLOADS[0])
-    except BadInput:
-        return False
-    return True
-
-
-def _candidates(trial: Trial) -> list[tuple[str, Variant]]:
+def _variants(trial: Trial) -> list[tuple[str, Variant]]:
     """Return the methods and their variants, the trial's own first, bare references last.
 
     A trial that asks for a variant itself has that one first, then the method with its defaults.
@@ -253,7 +95,7 @@ def _candidates(trial: Trial) -> list[tuple[str, Variant]]:
         (name, variant) for name, entry in methods.items() for variant in (usual, *entry.variants)
     ]
     given = plain(trial.plan)
-    asked = [v for v in own.variants if plain_keys(v) == {k: given.get(k) for k in v.keys}]
+    asked = [v for v in own.variants if _plain_keys(v) == {k: given.get(k) for k in v.keys}]
     if not asked:
         return found
     defaults = {item.name: item.default for item in fields(own.settings)}
@@ -262,27 +104,176 @@ def _candidates(trial: Trial) -> list[tuple[str, Variant]]:
     return [(own.name, asked[0]), (own.name, bare), *rest]
 
 
-def plain_keys(variant: Variant) -> dict[str, Any]:
+def _plain_keys(variant: Variant) -> dict[str, Any]:
     """Return the keys of a variant as a section holds them as plain data."""
     return {k: list(v) if isinstance(v, tuple) else v for k, v in variant.keys.items()}
 
 
-def _planned(trial: Trial, source: str, method: str, variant: Variant) -> ComparedPlan:
-    """Return the method's plan for the trial's manoeuvre, or why it has none."""
+def _candidate(trial: Trial, method: str, variant: Variant) -> Candidate:
+    """Return a method with what it needs to plan the trial's manoeuvre in the same time."""
     assert not isinstance(trial.plan, SavedPlan | None)
-    name = f"{method}, {variant.name}" if variant.name else method
     given = planner_of(trial.plan)
     requested = given if method == trial.plan.method else PLANNERS[method]
-    own: dict[str, Any] = dict(variant.keys)
+    keys: dict[str, Any] = dict(variant.keys)
     duration = plain(trial.plan).get("duration")
     if duration and requested.takes_duration and given.takes_duration:
-        own["duration"] = duration * variant.longer
+        keys["duration"] = duration * variant.longer
     if requested is not given:
-        own |= requested.compared
-    plant, feedback = plant_of(trial), feedback_of(trial)
-    try:
-        settings = other_method(trial.plan, method, f"{source}: plan", **own)
-        plan = make_plan(settings, plant, feedback, law=law_in_charge(trial))
-    except (BadInput, PlanFailed) as refused:
-        return ComparedPlan(name, None, without_source(refused))
-    return ComparedPlan(name, plan, "")
+        keys |= requested.compared
+    name = f"{method}, {variant.name}" if variant.name else method
+    return Candidate(name, method, keys, trial.controllers, trial.active)
+
+
+def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
+    """Return what a slew is compared by; a step's end is that of the longest slew.
+
+    Returns:
+        `settling_time` of the slowest joint, from the start of the plan [s]; `residual_tip` [m] and
+        `residual_joint` [rad or m], the largest after the end; by joint `peak_position`, farthest
+        from the start, and `overshoot`, a fraction of the distance (None: nowhere to go);
+        `peak_effort`; `effort`, the integral of the sum of squared efforts over the run.
+
+    Raises:
+        BadInput: the bench was lost.
+    """
+    plan = seen.plan
+    assert plan is not None
+    if seen.bench.failure:
+        raise BadInput(seen.bench.failure)
+    joints = len(plan.joint_names)
+    time = np.array([truth.time for truth in seen.truths])
+    position = np.array([truth.position[:joints] for truth in seen.truths])
+    applied = np.array([truth.applied_effort for truth in seen.truths])
+    goal = plan.position[-1]
+    away = np.abs(position - goal)
+    distance = np.abs(goal - position[0])
+    outside = (away > settling_band(distance)).any(axis=1)
+    over = time >= end - 1e-9
+    moved = np.abs(position - position[0]).argmax(axis=0)[None]
+    beyond = np.maximum(((position - goal) * np.sign(goal - position[0])).max(axis=0), 0.0)
+    overshoot = np.divide(beyond, distance, out=np.full(joints, np.nan), where=distance > 0.0)
+    peak = np.take_along_axis(position, moved, axis=0)[0]
+    return {
+        "settling_time": float(time[outside][-1]) - plan.start if outside.any() else 0.0,
+        "residual_tip": float(np.abs(largest_tip(seen.truths)[over]).max()),
+        "residual_joint": float(away[over].max()),
+        "peak_position": dict(zip(plan.joint_names, peak.tolist(), strict=True)),
+        "overshoot": {
+            name: value if value == value else None
+            for name, value in zip(plan.joint_names, overshoot.tolist(), strict=True)
+        },
+        "peak_effort": np.abs(applied).max(axis=0).tolist(),
+        "effort": float((applied**2).sum(axis=1) @ np.diff(time, prepend=time[0])),
+    }
+
+
+def _curves(seen: FlightLog, truths: Sequence[Truth]) -> Matrix:
+    """Return joints, the largest tip deflection, and efforts."""
+    position = [truth.position[: seen.bench.model.joints] for truth in truths]
+    applied = [truth.applied_effort for truth in truths]
+    return np.column_stack((position, largest_tip(truths), applied))
+
+
+def _view(trial: Trial, entries: Entries, errors: Sequence[float]) -> Comparison:
+    found = slew_comparison(trial, entries, errors)
+    named, flown = found.named, found.flown
+    plan = entries[0].plan
+    goal = [] if plan is None else zip(plan.joint_names, plan.position[-1], strict=True)
+    to = ", ".join(f"{name} {at:.4g} {dict(named)[name]}" for name, at in goal)
+    curves = [*named, ("largest tip deflection", "m")]
+    curves += [(f"effort on {name}", "N" if unit == "m" else "N m") for name, unit in named]
+    drawn = [
+        DrawnQuantity(
+            f"error of the {words}, residual tip deflection",
+            "m",
+            f"error of the {words} [%]",
+            kind,
+            tip_of,
+        )
+        for kind, words in _ERROR_NAMES.items()
+    ]
+    return Comparison(
+        word="method",
+        title=f"{trial.name}: every method",
+        about=f"to {to} · {trial.testbed.kind}, {trial.testbed.modes} modes, {trial.active} in "
+        "charge",
+        words=_WORDS.format(bound=found.lower_bound),
+        note=found.durations(),
+        entries=entries,
+        numbers=found.numbers,
+        short=_short(found),
+        columns=_columns(found),
+        groups=[
+            robustness(
+                flown,
+                drawn,
+                "Residual tip deflection when the bench differs from the planner's model.",
+                260,
+            ),
+            found.cost(),
+            motion(flown, curves),
+        ],
+    )
+
+
+def _columns(found: SlewComparison) -> list[TableColumn]:
+    """Return the columns of the page, those of each flight beside each other."""
+    linear = all(unit == "m" for _, unit in found.named)
+    torque, joint = ("N", "m") if linear else ("N m", "rad")
+    names, bound = [name for name, _ in found.named], found.lower_bound
+
+    def over(entry: ComparedEntry) -> str:
+        duration = duration_of(entry)
+        return f"{duration / bound:.2f}" if bound > 0.0 and duration > 0.0 else "-"
+
+    def tip(kind: str, k: int) -> Callable[[ComparedEntry], str]:
+        return lambda entry: f"{tip_of(entry.by(kind)[k]):.4f}"
+
+    tips = [
+        TableColumn(f"tip, {words} {getattr(flight, kind):+.0%} [m]", tip(kind, k))
+        for kind, words in _ERROR_NAMES.items()
+        for k, flight in enumerate(found.flown[0].by(kind) if found.flown else ())
+        if kind == STIFFNESS or flight.carried
+    ]
+    peaks = [(f"peak {n} [{unit}]", _cell(".3f", "peak_position", n)) for n, unit in found.named]
+    overs = [(f"overshoot {name} [%]", _cell(".1%", "overshoot", name)) for name in names]
+    efforts = [
+        (f"peak effort on {name} [{torque}]", _cell(".4g", "peak_effort", k))
+        for k, name in enumerate(names)
+    ]
+    return [
+        TableColumn("duration [s]", lambda entry: _step_or(entry, ".3f")),
+        TableColumn("over bound", over),
+        TableColumn("settled [s]", _cell(".2f", "settling_time")),
+        TableColumn(f"joint error [{joint}]", _cell(".2e", "residual_joint")),
+        *tips,
+        *(TableColumn(*column) for column in (*peaks, *overs, *efforts)),
+        TableColumn(f"effort [({torque})² s]", _cell(".4g", "effort")),
+    ]
+
+
+def _short(found: SlewComparison) -> list[TableColumn]:
+    """Return the columns of a table that fits into a terminal of 80 characters."""
+    return [
+        TableColumn("time [s]", lambda entry: _step_or(entry, ".2f")),
+        TableColumn("settled [s]", _cell(".1f", "settling_time")),
+        TableColumn("tip [m]", _cell(".4f", "residual_tip")),
+        TableColumn("worst tip [m]", lambda entry: f"{worst_residual(entry):.4f}"),
+        *(TableColumn(f"{n} over [%]", _cell(".1%", "overshoot", n)) for n, _ in found.named),
+    ]
+
+
+def _step_or(entry: ComparedEntry, form: str) -> str:
+    return format(duration_of(entry), form) if duration_of(entry) > 0.0 else "step"
+
+
+def _cell(form: str, *path: str | int) -> Callable[[ComparedEntry], str]:
+    """Return what writes a number of the nominal flight; its unit stands in the title."""
+
+    def cell(entry: ComparedEntry) -> str:
+        value: Any = entry.nominal.metrics
+        for key in path:
+            value = value[key]
+        return "-" if value is None else format(value, form).rstrip("%")
+
+    return cell

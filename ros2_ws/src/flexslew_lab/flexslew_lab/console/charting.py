@@ -23,7 +23,7 @@ class ChartData(NamedTuple):
 
 
 def options(curves: list[Curve], title: str = "") -> dict[str, Any]:
-    """Return the axes and the looks of curves: a reference is dashed in the colour of its joint."""
+    """Return the axes and the style of curves: a reference is dashed in the colour of its joint."""
     series: list[dict[str, Any]] = [
         {
             "type": "line", "name": curve.label, "showSymbol": False, "silent": True,
@@ -63,11 +63,11 @@ def options(curves: list[Curve], title: str = "") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def logarithmic(looks: dict[str, Any]) -> dict[str, Any]:
-    """Return the looks of a chart with both axes logarithmic."""
-    axes: dict[str, Any] = {axis: {**looks[axis], "type": "log"} for axis in ("xAxis", "yAxis")}
+def logarithmic(layout: dict[str, Any]) -> dict[str, Any]:
+    """Return the layout of a chart with both axes logarithmic."""
+    axes: dict[str, Any] = {axis: {**layout[axis], "type": "log"} for axis in ("xAxis", "yAxis")}
     axes["yAxis"].pop("scale", None)
-    return {**looks, **axes}
+    return {**layout, **axes}
 
 
 def news(axis: Vector, rows: list[Vector], events: Vector) -> dict[str, Any]:

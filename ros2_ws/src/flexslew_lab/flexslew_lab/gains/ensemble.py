@@ -84,13 +84,13 @@ def gains_of(trial: Trial, source: str, controller: str | None, keys: Sequence[s
         raise BadInput(f"{source}: --controller: {name} is no built-in law; allowed: those of docs")
     section = plain(CONTROLLERS[law].settings(**{k: v for k, v in own.items() if k != "law"}))
     positive = [key for key, value in section.items() if _positive(value)]
-    wanted = tuple(keys) or CONTROLLERS[law].lane_gains
-    if not wanted or not set(wanted) <= set(positive):
-        asked = ", ".join(wanted) or "none"
+    requested = tuple(keys) or CONTROLLERS[law].lane_gains
+    if not requested or not set(requested) <= set(positive):
+        asked = ", ".join(requested) or "none"
         raise BadInput(
             f"{source}: --gain: {asked}; positive numbers of {law}: {', '.join(positive)}"
         )
-    return Gains(name, {key: section[key] for key in wanted})
+    return Gains(name, {key: section[key] for key in requested})
 
 
 def _positive(value: Any) -> bool:

@@ -10,15 +10,7 @@ from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.logged_controllers import trial_of
 from flexslew_lab.run.in_process import fly
 from flexslew_lab.run.metrics_observer import MetricsObserver
-from flexslew_lab.trial.trial import (
-    Trial,
-    bench_settings,
-    build_controllers,
-    follow,
-    plan_of_trial,
-    trial_of_values,
-)
-from flexslew_plant.bench.bench import Bench
+from flexslew_lab.trial.trial import Trial, follow, plan_of_trial, set_up, trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import initial_positions
@@ -77,8 +69,7 @@ def _on(trial: Trial, bench: IdentifiedTestbed, changes: dict[str, object], plac
 
 
 def _residual(trial: Trial, plan: Plan) -> float:
-    bench = Bench(bench_settings(trial))
-    controllers = build_controllers(trial, bench, trial.name)
+    bench, controllers = set_up(trial, trial.name)
     if (refused := follow(controllers, trial.active, plan)) is not None:
         raise BadInput(f"{trial.name}: {refused}")
     seen = MetricsObserver(bench, plan)

@@ -112,7 +112,7 @@ def _track(name: str, look: Matrix, color: str) -> str:
     )
 
 
-def _curve(direction: Matrix, looks: str) -> str:
+def _curve(direction: Matrix, attributes: str) -> str:
     """Return a curve on the sphere, cut where it leaves the sheet on one side."""
     points = projected(direction)
     jumps = 1 + np.flatnonzero(abs(np.diff(points[:, 0])) > _WIDE)
@@ -120,4 +120,4 @@ def _curve(direction: Matrix, looks: str) -> str:
     for begin, end in pairwise([0, *jumps.tolist(), len(points)]):
         rows = (_SCALE * points[begin:end]).tolist()
         parts.append("M" + "L".join(f"{x:.4g} {y:.4g}" for x, y in rows))
-    return f'<path d="{"".join(parts)}" fill="none" {looks}/>'
+    return f'<path d="{"".join(parts)}" fill="none" {attributes}/>'

@@ -20,9 +20,8 @@ from flexslew_lab.reproduce.scole_flights import (
     flown,
     shipped,
 )
-from flexslew_lab.trial.trial import bench_settings, build_controllers
+from flexslew_lab.trial.trial import set_up
 from flexslew_plant.arrays import Vector
-from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.spacecraft.testbed import SpacecraftTestbed
 
@@ -121,7 +120,7 @@ def _eight_modes() -> list[Row]:
     for letter in "ab":
         trial = shipped(f"scole_s_{letter}", UNDAMPED)
         try:
-            build_controllers(trial, Bench(bench_settings(trial)), trial.name)
+            set_up(trial, trial.name)
         except BadInput as error:
             why = (
                 f"its numbers are those of a method of order 4, which damps the fastest mode; "

@@ -6,18 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_lab.run.in_process import Observer, fly
-from flexslew_lab.run.metrics_observer import MetricsObserver
-from flexslew_lab.trial.trial import (
-    SavedPlan,
-    Trial,
-    bench_settings,
-    build_controllers,
-    plan_of_trial,
-    trial_of_values,
-)
+from flexslew_lab.run.flight_log import FlightLog
+from flexslew_lab.run.in_process import fly
+from flexslew_lab.trial.trial import SavedPlan, Trial, plan_of_trial, set_up, trial_of_values
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds.spacecraft.motions import Pointing
 from flexslew_plant.testbeds.spacecraft.units import UNITS
@@ -49,17 +41,6 @@ class ScoleFlight(NamedTuple):
         held = np.diff(self.time, prepend=self.time[0])
         growing: Vector = np.cumsum(square.sum(axis=1) * held)
         return growing
-
-
-class _Collector(Observer):
-    def __init__(self, measured: MetricsObserver) -> None:
-        self.rows: list[Truth] = []
-        self.measured = measured
-
-    def truth(self, truth: Truth) -> None:
-        """Keep the state."""
-        self.rows.append(truth)
-        self.measured.truth(truth)
 
 
 def shipped_values(name: str, changes: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -126,18 +107,17 @@ def fly_trial(trial: Trial) -> ScoleFlight:
     assert trial.plan is not None
     assert not isinstance(trial.plan, SavedPlan)
     assert isinstance(trial.testbed, Pointing)
-    bench = Bench(bench_settings(trial))
-    controllers = build_controllers(trial, bench, trial.name)
+    bench, controllers = set_up(trial, trial.name)
     plan = plan_of_trial(trial)
     assert plan is not None
     for controller in controllers.values():
         controller.adopt(plan)
-    seen = _Collector(MetricsObserver(bench, plan))
+    seen = FlightLog(bench, plan)
     fly(bench, controllers, seen)
-    position = np.array([row.position for row in seen.rows])
-    velocity = np.array([row.velocity for row in seen.rows])
-    effort = np.array([row.applied_effort for row in seen.rows])
-    time = np.array([row.time for row in seen.rows])
+    position = np.array([row.position for row in seen.truths])
+    velocity = np.array([row.velocity for row in seen.truths])
+    effort = np.array([row.applied_effort for row in seen.truths])
+    time = np.array([row.time for row in seen.truths])
     names = bench.model.joint_names
     goal = dict(zip(names, plan.position[-1].tolist(), strict=True))
     motions = trial.testbed.motions(position, velocity, goal)
@@ -150,5 +130,5 @@ def fly_trial(trial: Trial) -> ScoleFlight:
         motions.attitude,
         motions.turns["mast"],
         plan.end,
-        seen.measured.result(),
+        seen.metrics(),
     )

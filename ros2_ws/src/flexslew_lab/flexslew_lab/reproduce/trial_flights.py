@@ -6,10 +6,10 @@ import numpy as np
 
 from flexslew_lab.reproduce.rows import Row, relative
 from flexslew_lab.reproduce.scole_flights import shipped
-from flexslew_lab.run.in_process import Observer, fly
-from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers, plan_of_trial
+from flexslew_lab.run.flight_log import FlightLog
+from flexslew_lab.run.in_process import fly
+from flexslew_lab.trial.trial import Trial, plan_of_trial, set_up
 from flexslew_plant.arrays import Matrix
-from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.testbeds.spacecraft.motions import Pointing
 from flexslew_plant.testbeds.spacecraft.units import FOOT
 
@@ -47,27 +47,18 @@ _TRIALS: tuple[tuple[str, dict[str, Any], float, dict[str, float]], ...] = (
 )
 
 
-class _States(Observer):
-    def __init__(self) -> None:
-        self.rows: list[Truth] = []
-
-    def truth(self, truth: Truth) -> None:
-        """Keep the state."""
-        self.rows.append(truth)
-
-
 def states(trial: Trial) -> tuple[Matrix, Matrix]:
     """Return q and v of a trial's flight at all ticks, its controller in charge alone."""
-    bench, seen = Bench(bench_settings(trial)), _States()
-    controller = build_controllers(trial, bench, trial.name)[trial.active]
-    plan = plan_of_trial(trial)
+    bench, controllers = set_up(trial, trial.name)
+    controller, plan = controllers[trial.active], plan_of_trial(trial)
+    seen = FlightLog(bench, plan)
     refused = controller.adopt(plan) if plan is not None else None
     assert refused is None, refused
     fly(bench, {trial.active: controller}, seen)
     assert not bench.failure, bench.failure
     return (
-        np.array([row.position for row in seen.rows]),
-        np.array([row.velocity for row in seen.rows]),
+        np.array([row.position for row in seen.truths]),
+        np.array([row.velocity for row in seen.truths]),
     )
 
 

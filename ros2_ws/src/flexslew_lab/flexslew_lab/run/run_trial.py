@@ -27,14 +27,7 @@ from flexslew_lab.run.outcome import Outcome
 from flexslew_lab.run.prediction_gap import prediction_gap
 from flexslew_lab.trial.outputs import WITHOUT, new_folder
 from flexslew_lab.trial.own_code import HASHES, own_code_of
-from flexslew_lab.trial.trial import (
-    Trial,
-    bench_settings,
-    build_controllers,
-    follow,
-    plan_of_trial,
-    trial_text,
-)
+from flexslew_lab.trial.trial import Trial, follow, plan_of_trial, set_up, trial_text
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.events import BecameUnready, BrakeTookOver, Event, FallbackTookOver
@@ -157,8 +150,7 @@ def _prepared(trial: Trial, source: str) -> _Prepared:
     Raises:
         BadInput, PlanFailed: with the place in the trial file.
     """
-    bench = Bench(bench_settings(trial))
-    controllers = build_controllers(trial, bench, source)
+    bench, controllers = set_up(trial, source)
     try:
         plan = plan_of_trial(trial)
     except BadInput as error:  # says its key

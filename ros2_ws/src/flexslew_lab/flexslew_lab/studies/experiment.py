@@ -10,14 +10,7 @@ from flexslew_lab.identification.modes import identify_modes
 from flexslew_lab.identification.physical_fit import fit_parameters
 from flexslew_lab.identification.record import Record
 from flexslew_lab.run.in_process import fly
-from flexslew_lab.trial.trial import (
-    Trial,
-    bench_settings,
-    build_controllers,
-    follow,
-    plan_of_trial,
-)
-from flexslew_plant.bench.bench import Bench
+from flexslew_lab.trial.trial import Trial, follow, plan_of_trial, set_up
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds import Testbed, varied
@@ -58,8 +51,7 @@ def heard_in(experiment: Trial, shakes: bool = True) -> tuple[Record, tuple[floa
         BadInput: it cannot be flown, or shakes nothing.
     """
     place = f"{experiment.name}: plan"
-    bench = Bench(bench_settings(experiment))
-    controllers = build_controllers(experiment, bench, experiment.name)
+    bench, controllers = set_up(experiment, experiment.name)
     plan = plan_of_trial(experiment)
     band = band_of(plan, experiment.name)
     if shakes and (plan is None or plan.method != EXCITATION.name):

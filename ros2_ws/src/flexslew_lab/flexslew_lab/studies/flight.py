@@ -16,12 +16,11 @@ from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.study import Study
 from flexslew_lab.trial.trial import (
     Trial,
-    bench_settings,
-    build_controllers,
     feedback_of,
     follow,
     law_in_charge,
     plan_of_trial,
+    set_up,
 )
 from flexslew_plant.bench.bench import Bench
 from flexslew_plant.bench.schedule import command_delays
@@ -144,8 +143,7 @@ def failed(number: int, reason: str) -> Flown:
 def _flown(
     trial: Trial, source: str, plans: Plans
 ) -> tuple[dict[str, float | None], str | None, str]:
-    bench = Bench(bench_settings(trial))
-    controllers = build_controllers(trial, bench, source)
+    bench, controllers = set_up(trial, source)
     plan = plans.of(trial)
     if (refused := follow(controllers, trial.active, plan)) is not None:
         return {}, None, str(refused)

@@ -19,8 +19,7 @@ from flexslew_lab.studies.identity import identity_of, require_same
 from flexslew_lab.studies.seals import opened_json
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study, known_metric
-from flexslew_lab.trial.trial import Trial, bench_settings, build_controllers
-from flexslew_plant.bench.bench import Bench
+from flexslew_lab.trial.trial import Trial, set_up
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain, yaml_text
 
@@ -103,8 +102,7 @@ def checked(study: Study, samples: pa.Table) -> tuple[list[str], list[Trial]]:
     trials = []
     for k in range(len(study.variants)):
         typical = case_trial(study, typical_case(study, samples, k))
-        bench = Bench(bench_settings(typical))
-        build_controllers(typical, bench, study.source)
+        bench, _ = set_up(typical, study.source)
         own = own_metrics(typical.metrics, f"{study.source}: metrics", typical.trust)
         columns |= dict.fromkeys(metric_columns(bench, own))
         trials.append(typical)

@@ -38,7 +38,7 @@ from flexslew_plant.settings import (
     validated,
     yaml_text,
 )
-from flexslew_plant.testbeds import with_model_file
+from flexslew_plant.testbeds import Testbed, with_model_file
 
 
 def _default_law_alone() -> dict[str, dict[str, Any]]:
@@ -207,6 +207,24 @@ def build_controllers(trial: Trial, bench: Bench, source: str) -> dict[str, Cont
             f"{source}: controllers.{name}",
         )
     return built
+
+
+def set_up(
+    trial: Trial, source: str, testbed: Testbed | None = None
+) -> tuple[Bench, dict[str, Controller]]:
+    """Return the trial's bench at tick 0 and its controllers.
+
+    Args:
+        trial: what the controllers are designed for.
+        source: its file, for messages.
+        testbed: what stands on the bench; None: the trial's own.
+
+    Raises:
+        BadInput: a law or one of its values is not allowed.
+    """
+    stands = trial if testbed is None else replace(trial, testbed=testbed)
+    bench = Bench(bench_settings(stands))
+    return bench, build_controllers(trial, bench, source)
 
 
 def follow(controllers: dict[str, Controller], active: str, plan: Plan | None) -> Refusal | None:

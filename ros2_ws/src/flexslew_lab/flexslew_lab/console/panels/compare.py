@@ -36,6 +36,7 @@ class ComparePanel:
         self._reply = DeskReply(desk)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="compare")
         self._reading: Future[Curves] | None = None
+        self._earlier: Curves = {}  # what is overlaid
         self._compared = -1  # ticks
 
     def refresh(self) -> None:
@@ -43,17 +44,19 @@ class ComparePanel:
         if self._reading is not None and self._reading.done():
             done, self._reading = self._reading, None
             try:
-                self._charts.overlays = done.result()
+                self._earlier = done.result()
+                self._charts.overlays = {
+                    name: [_beside(curve) for curve in curves]
+                    for name, curves in self._earlier.items()
+                }
                 self._compared = -1
             except Exception as error:  # of a log, which may hold anything; the page goes on
                 words = str(error) if isinstance(error, BadInput | OSError) else one_line(error)
                 self._reply.tell(RequestResult(False, words))
         ticks = self._view.truth.time.size
-        if self._charts.overlays and abs(ticks - self._compared) >= 100:
+        if self._earlier and abs(ticks - self._compared) >= 100:
             self._compared = ticks
-            self._reply.tell(
-                RequestResult(True, _largest(self._view_curves(), self._charts.overlays))
-            )
+            self._reply.tell(RequestResult(True, _largest(self._view_curves(), self._earlier)))
 
     def _view_curves(self) -> Curves:
         return {name: quantities.curves_of(self._view, name) for name in _COMPARED}
@@ -64,7 +67,7 @@ class ComparePanel:
         self._reading = self._worker.submit(_read, place)
 
     def _remove(self, who: str) -> None:
-        self._charts.overlays = {}
+        self._earlier, self._charts.overlays = {}, {}
         self._reply.clear()
 
 
@@ -78,18 +81,19 @@ def _read(place: Path) -> Curves:
         raise BadInput(f"Earlier run: {place}: no such run")
     log = Replay(place / "bag" if (place / "bag").is_dir() else place)
     log.seek(log.last)
-    return {
-        name: [c._replace(label=f"earlier {c.label}", dashed=True, color=None) for c in curves]
-        for name in _COMPARED
-        if (curves := quantities.curves_of(log.view, name))
-    }
+    return {name: curves for name in _COMPARED if (curves := quantities.curves_of(log.view, name))}
+
+
+def _beside(curve: Curve) -> Curve:
+    """Return a curve as it is drawn over those of the run that is seen."""
+    return curve._replace(label=f"earlier {curve.label}", dashed=True, color=None)
 
 
 def _largest(now: Curves, earlier: Curves) -> str:
     """Return the largest difference of each quantity on the ticks that both have."""
     words = []
     for name in _COMPARED:
-        others = {c.label.removeprefix("earlier "): c for c in earlier.get(name, ())}
+        others = {c.label: c for c in earlier.get(name, ())}
         found = [
             (float(np.nanmax(np.abs(c.value[a] - others[c.label].value[b]))), c.label)
             for c in now.get(name, ())

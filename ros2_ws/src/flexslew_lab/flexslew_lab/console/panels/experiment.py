@@ -226,8 +226,8 @@ class ExperimentPanel:
         title = f"|{self._output.value}| per effort, frequency [rad/s], {found.periods} periods"
         self._size.data = ChartData(logarithmic(options(curves, title)), _rows(curves))
         coherence = [Curve(self._output.value, found.frequency, found.coherence[:, row])]
-        looks = options(coherence, "coherence [-], frequency [rad/s]")
-        self._coherence.data = ChartData(looks, _rows(coherence))
+        layout = options(coherence, "coherence [-], frequency [rad/s]")
+        self._coherence.data = ChartData(layout, _rows(coherence))
 
 
 def _magnitudes(found: FrequencyResponse, row: int) -> list[Curve]:
