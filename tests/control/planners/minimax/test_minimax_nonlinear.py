@@ -13,7 +13,7 @@ from tests.present import present
 from flexslew_control.planners import PLANNERS, make_plan, plan_settings
 from flexslew_control.planners.minimax.members import members_of
 from flexslew_control.planners.minimax.minimax_feedforward import question_of
-from flexslew_control.planners.minimax.nonlinear_path import channels, deviation, flight, tabled
+from flexslew_control.planners.minimax.nonlinear_path import channels, deviation, tabled
 from flexslew_control.planners.minimax.search import search_of
 from flexslew_control.planners.prediction import predicted
 from flexslew_control.planners.slew import Feedback, slew_of
@@ -52,30 +52,29 @@ def test_the_derivatives_of_a_flight_are_exact(kind: str, lag: float, delay: flo
     motors = slew.motors(0.1)
     question = question_of(settings, slew)
     member = members_of(settings.ensemble, slew)[1].model
-    nominal, m = slew.model, slew.goal.size
+    nominal, m, motion = slew.model, slew.goal.size, question.motion
     grid = question.grid()
     rng = np.random.default_rng(0)
     weights = 0.3 * rng.standard_normal(grid.size) * np.tile(limit, 5)
-    still = np.zeros(2 * nominal.coordinates)
 
     def flown(weights: Any) -> Any:
-        first = flight(nominal, still, grid.held(weights), question.gains, None, motors)
-        other = flight(member, still, grid.held(weights), question.gains, first.states, motors)
+        first = motion.flight(nominal, grid.held(weights), question.gains, None, motors)
+        other = motion.flight(member, grid.held(weights), question.gains, first.states, motors)
         return first, other
 
     first, other = flown(weights)
     every = range(1 + 3 * m)
-    fixed = question.gains, motors, slew.goal, grid, weights, every
-    about = tabled(nominal, first, None, *fixed)
-    found = tabled(member, other, about.states, *fixed).path
-    np.testing.assert_allclose(found.flown(weights), channels(member, other), atol=1e-12)
+    fixed = question.gains, motors, grid, weights, every
+    about = tabled(motion, nominal, first, None, *fixed)
+    found = tabled(motion, member, other, about, *fixed).path
+    np.testing.assert_allclose(found.flown(weights), channels(motion, member, other), atol=1e-12)
     for k in (0, 2 * m, grid.size - 1):
         step = 1e-3 * np.eye(grid.size)[k]
         (_, ahead), (_, behind) = flown(weights + step), flown(weights - step)
-        slopes = (channels(member, ahead) - channels(member, behind)) / 2e-3
+        slopes = (channels(motion, member, ahead) - channels(motion, member, behind)) / 2e-3
         for channel in every:
             np.testing.assert_allclose(found.slopes[channel][:, k], slopes[:, channel], atol=1e-7)
-        end = (deviation(ahead, slew.goal) - deviation(behind, slew.goal)) / 2e-3
+        end = (deviation(motion, member, ahead) - deviation(motion, member, behind)) / 2e-3
         np.testing.assert_allclose(found.end[0][:, k], end, atol=1e-8)
 
 

@@ -50,7 +50,7 @@ from flexslew_control.planners.time_optimal.time_optimal import FASTEST as FASTE
 PLANNERS: dict[str, PlannerEntry] = table(globals(), PlannerEntry)
 
 # what sections of several methods share
-_MANOEUVRE = ("goal", "start", "model", "initial", "feedback", "reference")
+_MANOEUVRE = ("goal", "start", "model", "initial", "feedback", "reference", "drives")
 
 
 @runtime_checkable

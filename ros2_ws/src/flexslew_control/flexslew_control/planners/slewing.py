@@ -190,8 +190,13 @@ class Slewing:
         for k in plant.testbed.model().one_way[:1]:
             words = f"{plant.joint_names[k]} is a thruster, which pushes one way; take moving"
             raise BadInput(words, "plan", "drives", "all")
-        slew = slew_of(settings, plant, feedback)
-        plan = self.plan(settings, slew, progress)
+        slew = slew_of(settings, plant, feedback, self.late_motors)
+        try:
+            plan = self.plan(settings, slew, progress)
+        except PlanFailed:
+            if not self.open_loop:
+                _require_holding(slew)
+            raise
         plan = replace(
             plan,
             request=self._complete(settings, slew),

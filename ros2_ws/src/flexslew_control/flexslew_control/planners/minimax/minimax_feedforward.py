@@ -14,18 +14,22 @@ import numpy as np
 from pydantic import Field
 
 from flexslew_control.plan import Plan
+from flexslew_control.planners.attitude_goal import GoalKey
 from flexslew_control.planners.entry import PlannerEntry
 from flexslew_control.planners.minimax.members import Ensemble
 from flexslew_control.planners.minimax.optimum import Found, found_optimum
 from flexslew_control.planners.minimax.program import Limits
 from flexslew_control.planners.minimax.question import Question
 from flexslew_control.planners.minimax.shortest import enough_time, shortest
+from flexslew_control.planners.minimax.turn import turn_of
+from flexslew_control.planners.minimax.turning_motion import TurningMotion
 from flexslew_control.planners.motors import give, matrices
 from flexslew_control.planners.progress import Progress
 from flexslew_control.planners.rest_at_goal import require_rest
 from flexslew_control.planners.slew import FeedbackKey, Slew, tick_times
 from flexslew_control.planners.slewing import Slewing
 from flexslew_control.shared_keys import BelievedModel, Initial, Start
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
 
@@ -37,7 +41,7 @@ class MinimaxFeedforward:
     method: Literal["minimax_feedforward"] = "minimax_feedforward"
     model: BelievedModel = None
     initial: Initial = None
-    goal: dict[str, float] | None = None  # joint positions at the end, at rest, by name [rad or m]
+    goal: GoalKey = None
     start: Start = 0.0
     # duration of the manoeuvre; with `residual_bound` the longest that is allowed [s]
     duration: Positive = 25.0
@@ -45,12 +49,15 @@ class MinimaxFeedforward:
     # duration is given
     residual_bound: Positive | None = None
     feedback: FeedbackKey = None
+    # drives in use of a craft that turns in three axes: moving (those about the eigenaxis), all
+    # (several at once, about any axis); other testbeds use all
+    drives: Literal["moving", "all"] = "moving"
     ensemble: Ensemble = Ensemble()  # members that the slew must suit
     # over which each effort is held, at most; null: 60, for a plant that is not linear 40
     pieces: Annotated[int, Field(ge=2, le=400)] | None = None
     exact_nominal: bool = False  # whether the planner's own model ends at rest, modes included
     # lowest and highest position that a joint may have on any member, by name [rad or m]; null:
-    # free
+    # free; none of a turn by all drives
     joint_range: dict[str, tuple[float, float]] | None = None
     # largest rate of a joint on any member, by name [rad/s or m/s]; null: free
     rate_limit: dict[str, Positive] | None = None
@@ -80,18 +87,23 @@ def plan_minimax_feedforward(settings: MinimaxFeedforward, slew: Slew, progress:
             found = found_optimum(question, progress)
         except PlanFailed as refused:
             raise PlanFailed(f"{refused}; {enough_time(question)}") from None
-    return _plan(settings, slew, found)
+    return _plan(settings, question, found)
 
 
 def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
     """Return what a section asks for.
 
     Raises:
-        BadInput: a range or a limit is of no joint, or does not hold start and goal; or nothing
-            rests at the goal without an effort.
+        BadInput: a range or a limit is of no joint, or does not hold start and goal; nothing
+            rests at the goal without an effort; or the craft is there already, or a drive does not
+            turn it.
     """
     require_rest(slew, settings.start + settings.duration)
-    names = slew.model.joint_names
+    names, demand = slew.model.joint_names, (1.0 - settings.reserve) * slew.effort_limit
+    turn = turn_of(slew, demand)
+    if turn is not None and settings.joint_range is not None:
+        words = "null; a turn by all drives has no range, take moving for one about an axis"
+        raise BadInput(words, "plan", "joint_range", settings.joint_range)
     joint = np.tile([[-np.inf], [np.inf]], len(names))
     for name, (low, high) in (settings.joint_range or {}).items():
         j = _joint(name, names, "joint_range")
@@ -108,7 +120,7 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
     for name, most in (settings.rate_limit or {}).items():
         rate[_joint(name, names, "rate_limit")] = most
     tip = np.inf if settings.tip_limit is None else settings.tip_limit
-    limits = Limits((1.0 - settings.reserve) * slew.effort_limit, joint, rate, tip)
+    limits = Limits(demand, joint, rate, tip)
     return Question(
         slew,
         settings.ensemble,
@@ -118,6 +130,7 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
         settings.exact_nominal,
         settings.rho,
         settings.max_steps,
+        turn=turn,
     )
 
 
@@ -128,24 +141,16 @@ def _joint(name: str, names: tuple[str, ...], key: str) -> int:
     return names.index(name)
 
 
-def _plan(settings: MinimaxFeedforward, slew: Slew, found: Found) -> Plan:
+def _plan(settings: MinimaxFeedforward, question: Question, found: Found) -> Plan:
     """Return efforts and the nominal member's path under them as a Plan on the ticks."""
-    m, n = slew.model.joints, slew.model.coordinates
+    slew = question.slew
     ticks = tick_times(settings.start, found.duration, slew.period)
-    state = np.empty((ticks.size, 2 * n))
-    state[0] = 0.0
-    state[0, :m] = slew.start
-    efforts, driven = found.efforts, found.grid.ticks
-    effort = np.vstack((efforts, np.zeros((ticks.size - 1 - driven, m))))
-    motors = matrices(slew.motors(slew.period))
-    late = np.zeros(len(motors[0]))
-    for k, held in enumerate(efforts.copy()):
-        give(motors, late, held)
-        state[k + 1] = slew.model.advance(state[k], held, slew.period, t=float(ticks[k]))
-    state[driven + 1 :] = np.concatenate((slew.goal, np.zeros(2 * n - m)))
-    position, velocity = state[:, :m].copy(), state[:, n : n + m].copy()
-    position[driven:], velocity[driven:] = slew.goal, 0.0
-    optimum = found.optimum
+    efforts, optimum = found.efforts, found.optimum
+    rest = np.zeros((ticks.size - 1 - found.grid.ticks, slew.goal.size))
+    if question.turn is None:
+        position, velocity, state = _by_joint(slew, found, ticks)
+    else:
+        position, velocity, state = _turned(slew, question.turn.motion, found, len(rest))
     summary: dict[str, Any] = {
         "duration": found.duration,
         "peak_effort": np.abs(efforts).max(axis=0).tolist(),
@@ -157,6 +162,7 @@ def _plan(settings: MinimaxFeedforward, slew: Slew, found: Found) -> Plan:
             {"errors": member.errors, "residual": residual}
             for member, residual in zip(found.members, optimum.residuals.tolist(), strict=True)
         ],
+        "predicted_residual_tip_deflection": float(optimum.residuals[0]),
     }
     return Plan(
         method=settings.method,
@@ -165,16 +171,47 @@ def _plan(settings: MinimaxFeedforward, slew: Slew, found: Found) -> Plan:
         period=slew.period,
         position=position,
         velocity=velocity,
-        effort=effort,
+        effort=np.vstack((efforts, rest)),
         state=state,
         duration=found.duration,
         summary=summary,
     )
 
 
+def _by_joint(slew: Slew, found: Found, ticks: Vector) -> tuple[Matrix, Matrix, Matrix]:
+    """Return positions, rates and states at the ticks of the nominal member."""
+    m, n, driven = slew.model.joints, slew.model.coordinates, found.grid.ticks
+    state = np.empty((ticks.size, 2 * n))
+    state[0] = 0.0
+    state[0, :m] = slew.start
+    motors = matrices(slew.motors(slew.period))
+    late = np.zeros(len(motors[0]))
+    for k, held in enumerate(found.efforts):
+        give(motors, late, held)
+        state[k + 1] = slew.model.advance(state[k], held, slew.period, t=float(ticks[k]))
+    state[driven + 1 :] = np.concatenate((slew.goal, np.zeros(2 * n - m)))
+    position, velocity = state[:, :m].copy(), state[:, n : n + m].copy()
+    position[driven:], velocity[driven:] = slew.goal, 0.0
+    return position, velocity, state
+
+
+def _turned(
+    slew: Slew, motion: TurningMotion, found: Found, rest: int
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Return the same of a craft that turns in three axes, which rests for some ticks; no states.
+
+    What laws take for a state is that of joints, see free_platform.nominal.
+    """
+    none = np.zeros((slew.goal.size, 2 * slew.goal.size))
+    motors, turn = slew.motors(slew.period), motion.nominal
+    states = motion.flight(slew.model, found.efforts, none, None, motors).states
+    position, velocity = turn.joints(np.vstack((states[:-1], np.tile(turn.rest, (rest + 1, 1)))))
+    return position, velocity, np.zeros((len(position), 0))
+
+
 MINIMAX = PlannerEntry(
     MinimaxFeedforward,
-    Slewing(plan_minimax_feedforward, late_motors=True),
+    Slewing(plan_minimax_feedforward, late_motors=True, whole=lambda s: s.drives == "all"),
     takes_duration=True,
     compared={"pieces": 30, "ensemble": {"count": 5}},
     example={"pieces": 12, "ensemble": {"draw": "corners"}, "max_steps": 8},

@@ -84,8 +84,7 @@ class ConeProgram:
     def end_rows(self) -> Matrix:
         """What of the nominal member's deviation from the rest at the goal is zero at the end."""
         rest = self.responses[0].rest
-        bound = len(rest.rigid) < 2 * self.grid.joints  # a spring holds a joint: it has to be led
-        return rest.settled if self.exact or bound else rest.rigid
+        return rest.settled if self.exact or rest.bound else rest.rigid  # what is bound is led
 
     def end_missed(self, end: Vector) -> Vector:
         """Return what is not zero of a deviation at the end, as shares of the whole way.

@@ -6,10 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
+from flexslew_control.planners.minimax.joint_motion import JointMotion
 from flexslew_control.planners.minimax.linear_path import is_linear, linear_path
 from flexslew_control.planners.minimax.members import Ensemble, Member
+from flexslew_control.planners.minimax.motion import Motion
 from flexslew_control.planners.minimax.program import ConeProgram, Limits
 from flexslew_control.planners.minimax.response import AtRest, Grid, Response, at_rest, grid_of
+from flexslew_control.planners.minimax.turn import Turn
 from flexslew_control.planners.prediction import WATCHED
 from flexslew_control.planners.slew import Slew
 from flexslew_control.planners.trajectories import rigid_duration
@@ -19,6 +22,7 @@ from flexslew_plant.testbeds import Model
 _PIECES, _FEWER = 60, 40  # of a linear plant, of another one
 _PIECE = 0.75  # of the period of the fastest mode, longest of a plant that is not linear [-]
 _FINE = 0.125  # of that period, at which shorter pieces gain nothing [-]
+_FASTER = 0.95  # of the fastest turn that was found of a rigid craft, that none takes [-]
 _RIGID = 2.0  # times that a rigid body needs, for which efforts are applied at least
 
 
@@ -36,6 +40,7 @@ class Question:
         rho: what effort costs [m/N^2 or m/(N m)^2].
         steps: of a plant that is not linear, at most.
         feasible: whether any efforts do that keep to the limits.
+        turn: in three axes; None: joints move one by one.
     """
 
     slew: Slew
@@ -47,15 +52,25 @@ class Question:
     rho: float
     steps: int
     feasible: bool = False
+    turn: Turn | None = None
 
     @property
     def gains(self) -> Matrix:
         """[Kp Kd], shape (joints, 2 joints)."""
         return np.hstack((np.diag(self.slew.kp), np.diag(self.slew.kd)))
 
+    @cached_property
+    def motion(self) -> Motion:
+        """How the members move."""
+        if self.turn is not None:
+            return self.turn.motion
+        return JointMotion(self.slew.start, self.slew.goal)
+
     @property
     def span(self) -> float:
-        """Farthest way of a joint [rad or m]."""
+        """Farthest way of a joint, or the angle of a turn in three axes [rad or m]."""
+        if self.turn is not None:
+            return self.turn.angle
         return float(np.abs(self.slew.goal - self.slew.start).max()) or 1.0
 
     @property
@@ -86,7 +101,14 @@ class Question:
     def rigid(self) -> float:
         """The least duration of a rigid body within the limits [s]."""
         slew = self.slew
+        if self.turn is not None:
+            return self.turn.rigid
         return rigid_duration(slew.model, slew.start, slew.goal, self.limits.demand)
+
+    @property
+    def too_short(self) -> float:
+        """A duration in which no slew is [s]."""
+        return self.rigid * (1.0 if self.turn is None else _FASTER)
 
     @cached_property
     def driven(self) -> float:
@@ -123,9 +145,9 @@ def convex_program(question: Question, members: Sequence[Member]) -> ConeProgram
 
 def rests_of(question: Question, members: Sequence[Member], grid: Grid) -> list[AtRest]:
     """Return the motion of every member about its rest at the goal."""
-    goal, gains = question.slew.goal, question.gains
     motors = question.slew.motors(grid.period)
-    return [at_rest(m.model, goal, gains, motors, grid.watched) for m in members]
+    motions = (question.motion.at_rest(member.model) for member in members)
+    return [at_rest(motion, question.gains, motors, grid.watched) for motion in motions]
 
 
 def program_of(

@@ -19,9 +19,9 @@ import numpy as np
 from scipy.linalg import solve_sylvester
 
 from flexslew_control.analysis.lti import Lti
-from flexslew_control.controllers.sampled_loop import LinearPlant
+from flexslew_control.zero_order_hold import zero_order_hold
 from flexslew_plant.arrays import Matrix, Tensor, Vector
-from flexslew_plant.testbeds import Model
+from flexslew_plant.testbeds.linearisation import Linearisation
 
 Indices = Sequence[int] | np.ndarray
 
@@ -93,31 +93,36 @@ class AtRest(NamedTuple):
     rigid: Matrix  # from deviation to position and rate of rigid motions, (2 rigid, 2 n + s)
     # from deviation to the one that goes on alike without the motors' states, (2 n, 2 n + s)
     settled: Matrix
+    bound: bool  # whether a spring holds a joint
 
 
-def at_rest(model: Model, goal: Vector, gains: Matrix, motors: Lti, watched: int) -> AtRest:
-    """Return the motion of a model about its rest at the goal.
+class RestMotion(NamedTuple):
+    """The small motions about the rest at the goal: of k coordinates and their rates."""
+
+    linear: Linearisation
+    seen: Matrix  # positions and rates of the joints, (2 joints, 2 k)
+    tip: Matrix  # (tips, 2 k)
+    free: int  # coordinates that no spring holds, unless one holds a joint
+
+
+def at_rest(motion: RestMotion, gains: Matrix, motors: Lti, watched: int) -> AtRest:
+    """Return the motion after the last tick.
 
     With K phi = w^2 M phi, phi^T M phi = 1 the amplitude of a free mode is |(eta, eta'/w)|,
     eta = phi^T M e; what moves without being bent has w = 0.
 
     Args:
-        model: equations of motion.
-        goal: joint positions, shape (joints,).
+        motion: about the goal.
         gains: [Kp Kd] on positions and rates of the joints, shape (joints, 2 joints).
         motors: from commands to efforts, tick by tick.
         watched: ticks after the last one.
     """
-    n, m = model.coordinates, model.joints
-    place = model.rest(dict(zip(model.joint_names, goal.tolist(), strict=True)))
-    plant = LinearPlant(model, place)
-    f, g = plant.step(motors.period)
+    linear = motion.linear
+    f, g = zero_order_hold(linear.state_matrix, linear.state_input_matrix, motors.period)
     settled = _settled(f, g, motors)
     f, g = with_motors(f, g, motors)
-    seen = joint_readings(n, m, len(f))
-    tip = np.zeros((len(model.appendages.names), len(f)))
-    tip[:, m:n] = model.appendages.tip
-    linear = model.linearise(place)
+    late = np.zeros((len(motion.tip) + len(motion.seen), len(motors.a)))
+    tip, seen = np.split(np.hstack((np.vstack((motion.tip, motion.seen)), late)), [len(motion.tip)])
     factor = np.linalg.cholesky(linear.mass)
     inner = np.linalg.solve(factor, linear.stiffness)
     square, vectors = np.linalg.eigh(np.linalg.solve(factor, inner.T))
@@ -130,9 +135,10 @@ def at_rest(model: Model, goal: Vector, gains: Matrix, motors: Lti, watched: int
     return AtRest(
         _reads(np.vstack((tip, -gains @ seen, seen)), f - g @ gains @ seen, watched + 1),
         np.vstack((bent[~rest], rate[~rest] / w[:, None])) @ settled,
-        np.abs(tip[:, :n] @ shapes[:, ~rest]),
+        np.abs(tip[:, : len(shapes)] @ shapes[:, ~rest]),
         np.vstack((bent[rest], rate[rest])) @ settled,
         settled,
+        int(rest.sum()) < motion.free,
     )
 
 

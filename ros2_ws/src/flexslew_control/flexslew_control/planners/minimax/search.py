@@ -38,6 +38,7 @@ _BEHIND = 1.3  # times its cost
 _WIDER = 4.0  # than the region of the last step is that of the first with more members [-]
 _NARROW = 0.02  # of the limits, the smallest first region with more members [-]
 _MORE = 6  # rounds in which members join, or an unsettled search goes on
+_ROUNDS, _CLOSE = 5, 1e-9  # of Newton's method, and share of the end that is missed then [-]
 _AT_ONCE = 6  # members that join in a round
 
 
@@ -71,9 +72,10 @@ class Search:
         """The members as they are flown."""
         q = self.question
         rests = self.known_rests or rests_of(q, self.members, self.grid)
-        ends = q.slew.start, q.slew.goal
         motors = q.slew.motors(self.grid.period)
-        return Flown(self.members, rests, ends, q.gains, motors, self.grid, q.limits)
+        return Flown(
+            self.members, rests, q.motion, q.slew.goal, q.gains, motors, self.grid, q.limits
+        )
 
     @cached_property
     def price(self) -> float:
@@ -122,6 +124,26 @@ class Search:
             used = [*used, *sorted(new, key=lambda i: -float(price[i]))[:_AT_ONCE]]
         return local, used
 
+    def ended(self, weights: Vector) -> Vector:
+        """Return the weights with which the nominal member's end is met, by Newton's method.
+
+        The smallest change is weighed by the room below the limits, see held_efforts.
+        """
+        alone = self.of([0])
+        limit = np.tile(self.question.limits.demand, self.grid.pieces)
+        for _ in range(_ROUNDS):
+            response = alone.ensemble.responses(weights, alone.ensemble.flown(weights))
+            program, (slope, offset) = alone.program(response), response[0].path.end
+            missed = program.end_missed(slope @ weights + offset)
+            if np.abs(missed).max(initial=0.0) < _CLOSE:
+                break
+            room = np.maximum(limit - abs(weights), 0.0) ** 2
+            slopes = program.end_missed(slope)
+            weighed = slopes * room
+            change = weighed.T @ np.linalg.lstsq(weighed @ slopes.T, missed, rcond=1e-12)[0]
+            weights = np.clip(weights - change, -limit, limit)
+        return weights
+
     def merit(self, weights: Vector) -> Merit:
         """Return what all members come to."""
         return merit_of(
@@ -168,6 +190,11 @@ def local_optimum(
     if merit.residuals.max() > max(most, NOTHING) or merit.missed > MET:
         weights = search.joined(weights, used)[0].weights
         merit = search.merit(weights)
+    if question.turn is not None and not question.feasible:
+        ended = search.ended(weights)
+        exact = search.merit(ended)
+        if exact.missed <= max(merit.missed, MET):
+            weights, merit = ended, exact
     if merit.missed > _MISSED:
         raise PlanFailed(
             f"no efforts were found that lead to the goal in {question.duration:g} s within the "
@@ -197,20 +224,27 @@ def _stride(question: Question) -> int:
 
 
 def _starts(question: Question, grid: Grid) -> list[Vector]:
-    """Return efforts to start from: those of a smooth rigid turn, and none."""
+    """Return efforts to start from: those of a smooth rigid turn, and none.
+
+    In three axes the fastest ones of a rigid craft, slowed down, come instead of none.
+    """
     limit = np.tile(question.limits.demand, grid.pieces)
-    return [np.clip(smooth(question, grid), -limit, limit), np.zeros(grid.size)]
+    other = np.zeros(grid.size) if question.turn is None else question.turn.slowed(grid)
+    return [np.clip(start, -limit, limit) for start in (smooth(question, grid), other)]
 
 
 def smooth(question: Question, grid: Grid) -> Vector:
     """Return the efforts of a rigid turn whose acceleration falls linearly, as 3 s^2 - 2 s^3."""
     slew = question.slew
-    rest = slew.model.rest(slew.named(0.5 * (slew.start + slew.goal)))
-    m = slew.goal.size
-    inertia = slew.model.mass_matrix(rest)[:m, :m]
     edges = grid.period * np.array(grid.edges)
     long, left = np.diff(edges), edges[-1] - 0.5 * (edges[1:] + edges[:-1])
     shape = np.vstack((left - 0.5 * edges[-1], np.ones_like(left)))
     ends = np.vstack((long, long * left))  # rate and position at the end
     acceleration = np.linalg.solve(ends @ shape.T, [0.0, 1.0]) @ shape
+    if question.turn is not None:
+        rate = np.cumsum(acceleration * long) - 0.5 * acceleration * long
+        return question.turn.about_eigenaxis(acceleration, rate).ravel()
+    rest = slew.model.rest(slew.named(0.5 * (slew.start + slew.goal)))
+    m = slew.goal.size
+    inertia = slew.model.mass_matrix(rest)[:m, :m]
     return np.outer(acceleration, inertia @ (slew.goal - slew.start)).ravel()

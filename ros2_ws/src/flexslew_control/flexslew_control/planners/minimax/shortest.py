@@ -35,7 +35,7 @@ def shortest(question: Question, bound: float, progress: Progress) -> Found:
     best = _within(question, high, bound, progress)
     if best is None:
         raise PlanFailed(_no_duration(question, bound, progress))
-    low = min(int(question.rigid / period), high - 1)  # nothing is faster
+    low = min(int(question.too_short / period), high - 1)
     return _shortest(question, low, best, bound, progress)
 
 
@@ -49,6 +49,8 @@ def least_duration(question: Question) -> float | None:
     linear = all(is_linear(member.model) for member in members)
     period, close = question.slew.period, _CLOSE if linear else _ROUGH
     low = int(question.duration / period)
+    if question.turn is not None:  # a search for what cannot be is long
+        low = max(low, int(question.too_short / period))
     high = max(2 * low, int(np.ceil(question.rigid / period)), 2)
     for _ in range(_LONGER):
         if _feasible(question, members, high, linear):

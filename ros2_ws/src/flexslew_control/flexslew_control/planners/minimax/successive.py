@@ -15,12 +15,11 @@ import numpy as np
 
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.members import Member
+from flexslew_control.planners.minimax.motion import MemberFlight, Motion
 from flexslew_control.planners.minimax.nonlinear_path import (
-    MemberFlight,
     TabledPath,
     channels,
     deviation,
-    flight,
     tabled,
 )
 from flexslew_control.planners.minimax.program import (
@@ -35,6 +34,7 @@ from flexslew_control.planners.minimax.response import AtRest, Grid, Indices, Re
 from flexslew_control.planners.minimax.rounds import Goal, solved
 from flexslew_control.planners.whole_bench import NOTHING
 from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds import Model
 
 _GOAL = Goal(close=0.02, rounds=3)  # of every program
 FIRST_RADIUS = 0.3  # of the limits
@@ -54,7 +54,8 @@ class EnsembleProblem:
     Args:
         members: the nominal one first.
         rests: about the goal, one per member.
-        ends: joint positions at the start and at the goal, shape (joints,) each.
+        motion: how they move.
+        goal: joint positions, shape (joints,).
         gains: [Kp Kd], shape (joints, 2 joints).
         motors: from commands to efforts, tick by tick.
         grid: ticks and pieces.
@@ -63,7 +64,8 @@ class EnsembleProblem:
 
     members: Sequence[Member]
     rests: Sequence[AtRest]
-    ends: tuple[Vector, Vector]
+    motion: Motion
+    goal: Vector
     gains: Matrix
     motors: Lti
     grid: Grid
@@ -80,32 +82,28 @@ class EnsembleProblem:
         """Return the flights of all members."""
         efforts, flights = self.grid.held(weights), list[MemberFlight]()
         for i, member in enumerate(self.members):
-            model = member.model
-            start = np.zeros(2 * model.coordinates)
-            start[: model.joints] = self.ends[0]
             path = flights[0].states if i else None
-            flights.append(flight(model, start, efforts, self.gains, path, self.motors))
+            flights.append(self.motion.flight(member.model, efforts, self.gains, path, self.motors))
         return flights
 
     def responses(self, weights: Vector, flights: Sequence[MemberFlight]) -> list[Response]:
         """Return the answers of all members about their flights."""
-        goal, requested = self.ends[1], self.limited
-        fixed = self.gains, self.motors, goal, self.grid, weights, requested
-        nominal = tabled(self.members[0].model, flights[0], None, *fixed)
+        fixed = self.gains, self.motors, self.grid, weights, self.limited
+        nominal = tabled(self.motion, self.members[0].model, flights[0], None, *fixed)
         paths = [nominal.path]  # the other members' derivatives of all states are not kept
         for member, flown in zip(self.members[1:], flights[1:], strict=True):
-            paths.append(tabled(member.model, flown, nominal.states, *fixed).path)
+            paths.append(tabled(self.motion, member.model, flown, nominal, *fixed).path)
         return [
-            Response(path, rest, self.grid, goal)
+            Response(path, rest, self.grid, self.goal)
             for path, rest in zip(paths, self.rests, strict=True)
         ]
 
     def fixed(self, weights: Vector, flights: Sequence[MemberFlight]) -> list[Response]:
         """Return what was flown as responses that know no other weights."""
-        goal, found = self.ends[1], []
+        found = []
         for member, rest, flown in zip(self.members, self.rests, flights, strict=True):
-            path = FlownPath(channels(member.model, flown), weights.size, deviation(flown, goal))
-            found.append(Response(path, rest, self.grid, goal))
+            values, end = self._read(member.model, flown)
+            found.append(Response(FlownPath(values, weights.size, end), rest, self.grid, self.goal))
         return found
 
     def moved(
@@ -116,14 +114,16 @@ class EnsembleProblem:
         for old, member, flown in zip(program.responses, self.members, flights, strict=True):
             assert isinstance(old.path, TabledPath)
             slope = old.path.end[0]
+            values, end = self._read(member.model, flown)
             path = replace(
-                old.path,
-                about=weights,
-                values=channels(member.model, flown),
-                end=(slope, deviation(flown, self.ends[1]) - slope @ weights),
+                old.path, about=weights, values=values, end=(slope, end - slope @ weights)
             )
             found.append(replace(old, path=path))
         return found
+
+    def _read(self, model: Model, flown: MemberFlight) -> tuple[Matrix, Vector]:
+        """Return a flight's channels and its deviation at the last tick."""
+        return channels(self.motion, model, flown), deviation(self.motion, model, flown)
 
 
 class FlownPath(NamedTuple):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.free_platform import rate_readings
+from flexslew_control.planners.eigenaxis import continuous
 from flexslew_control.planners.time_optimal.held_pieces import Pieces, flown_pieces
 from flexslew_control.planners.time_optimal.path_limits import FREE, PathLimits
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
@@ -134,6 +135,22 @@ class Reorientation:
         turn = -turn_of(self.model.joint_error(position, self.last))
         return np.concatenate((turn, turn_of(rate), *self.model.modal_state(x)))
 
+    def joints(self, states: Matrix) -> tuple[Matrix, Matrix]:
+        """Return positions and rates of the joints, without jumps of a whole turn.
+
+        Args:
+            states: of a flight from its start on, shape (k, size).
+
+        Returns:
+            shape (k, joints) each [rad, rad/s].
+        """
+        rows = [self.model.joint_state(x) for x in states]
+        turn = self.attitude.turn_of(np.array([position for position, _ in rows]))
+        turn[0] = self.attitude.turn_of(self.first)
+        position = continuous(turn) @ self.attitude.axes.T
+        position[0] = self.first
+        return position, np.array([rate for _, rate in rows])
+
     def states(self, efforts: Matrix, duration: float) -> Matrix:
         """Return the states at the ends of equal pieces, shape (pieces + 1, size).
 
@@ -154,8 +171,8 @@ class Reorientation:
             durations: shape (pieces,) [s].
         """
         step = min(self.step, float(durations.max()))
-        flown = flown_pieces(self.model, self.start, efforts, durations, step, self._columns)
-        slopes = self._slopes(flown.states[-1])
+        flown = flown_pieces(self.model, self.start, efforts, durations, step, self.columns)
+        slopes = self.missed_slopes(flown.states[-1])
         by_effort = np.empty((len(slopes), *efforts.shape))
         by_duration = np.empty((len(slopes), len(durations)))
         for k in range(len(durations) - 1, -1, -1):
@@ -184,7 +201,7 @@ class Reorientation:
         for k in range(pieces - 1, -1, -1):
             if near[k].any():
                 x = flown.states[k + 1]
-                slopes = self.limits.slopes(self.model, x, self._columns)[near[k]]
+                slopes = self.limits.slopes(self.model, x, self.columns)[near[k]]
                 units = np.where(np.flatnonzero(near[k]) < len(self.limits.cones), 0, 3)
                 held = np.vstack((held, slopes / self.scale[units][:, None]))
             if len(held):
@@ -194,14 +211,14 @@ class Reorientation:
                 held = held @ flown.by_state[k]
         return Along(excess[::-1][near[::-1]], by_effort, by_duration)
 
-    def _slopes(self, x: Vector) -> Matrix:
+    def missed_slopes(self, x: Vector) -> Matrix:
         """Return the derivatives of the end conditions by a state, (conditions, size)."""
         change = _CHANGE * np.eye(x.size)
         columns = [(self.missed(x + c) - self.missed(x - c)) / (2.0 * _CHANGE) for c in change]
         return np.array(columns).T
 
     @cached_property
-    def _columns(self) -> Indices:
+    def columns(self) -> Indices:
         """Which entries of a state lead to the end conditions: not where a wheel stands."""
         rng = np.random.default_rng(1)
         x = self.start.copy()
@@ -209,7 +226,7 @@ class Reorientation:
         held = self.shares[None] * self.amplitude
         after = np.array([0.1 * self.duration])
         flown = flown_pieces(self.model, x, held, after, self.step)
-        matters = (abs(self._slopes(flown.states[-1])) > _MATTERS).any(axis=0)
+        matters = (abs(self.missed_slopes(flown.states[-1])) > _MATTERS).any(axis=0)
         for _ in range(x.size):
             more = matters | (abs(flown.by_state[0][matters]) > _MATTERS).any(axis=0)
             if (more == matters).all():

@@ -36,48 +36,36 @@ class LocalArcs(NamedTuple):
     missed: float  # largest end condition or excess, of Reorientation.scale [-]
 
 
+class _Trial(NamedTuple):
+    """A flight alone, scaled."""
+
+    duration: float
+    shares: Matrix
+    missed: Vector  # (conditions,)
+    excess: Vector  # beyond the limits of the path: at all ends of pieces, or where it has slopes
+
+    def merit(self, price: float) -> float:
+        """Return T + mu (|r|_1 + |max(g, 0)|_1)."""
+        beyond = np.abs(self.missed).sum() + np.maximum(self.excess, 0.0).sum()
+        merit = self.duration + price * float(beyond)
+        return merit if np.isfinite(merit) else np.inf
+
+
 class _About(NamedTuple):
     """A flight and its slopes, scaled."""
 
-    duration: float
-    shares: Matrix
-    missed: Vector  # (conditions,)
+    flight: _Trial
     by_share: Matrix  # (conditions, pieces joints)
     by_duration: Vector  # (conditions,)
-    excess: Vector  # beyond the limits of the path, (rows,)
     excess_by_share: Matrix  # (rows, pieces joints)
     excess_by_duration: Vector  # (rows,)
 
-    def merit(self, price: float) -> float:
-        """Return T + mu (|r|_1 + |max(g, 0)|_1)."""
-        return _merit(self.duration, self.missed, self.excess, price)
-
-    def about(self, trial: "_Trial") -> "_About":
+    def about(self, trial: _Trial) -> "_About":
         """Return the same slopes, about what a trial has really missed: of second order."""
-        moved = (trial.shares - self.shares).ravel()
-        longer = trial.duration - self.duration
-        return self._replace(
-            missed=trial.missed - self.by_share @ moved - self.by_duration * longer,
-        )
-
-
-class _Trial(NamedTuple):
-    """A flight alone."""
-
-    duration: float
-    shares: Matrix
-    missed: Vector  # (conditions,)
-    excess: Vector  # beyond the limits of the path, at all ends of pieces
-
-    def merit(self, price: float) -> float:
-        """Return T + mu (|r|_1 + |max(g, 0)|_1)."""
-        return _merit(self.duration, self.missed, self.excess, price)
-
-
-def _merit(duration: float, missed: Vector, excess: Vector, price: float) -> float:
-    beyond = np.abs(missed).sum() + np.maximum(excess, 0.0).sum()
-    merit = duration + price * float(beyond)
-    return merit if np.isfinite(merit) else np.inf
+        moved = (trial.shares - self.flight.shares).ravel()
+        longer = trial.duration - self.flight.duration
+        missed = trial.missed - self.by_share @ moved - self.by_duration * longer
+        return self._replace(flight=self.flight._replace(missed=missed))
 
 
 def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: int) -> LocalArcs:
@@ -95,14 +83,14 @@ def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: in
         step = _step(here, price, radius)
         if step is None:
             break
-        predicted = here.merit(price) - step[2]
+        predicted = here.flight.merit(price) - step[2]
         there = _tried(slew, step[0], step[1])
-        gain = here.merit(price) - there.merit(price)
+        gain = here.flight.merit(price) - there.merit(price)
         if gain < _GOOD * predicted:
             again = _step(here.about(there), price, radius)
             other = there if again is None else _tried(slew, again[0], again[1])
             if other.merit(price) < there.merit(price):
-                there, gain = other, here.merit(price) - other.merit(price)
+                there, gain = other, here.flight.merit(price) - other.merit(price)
         if gain > 0.0:
             steps -= 1
             here = _flown(slew, there.shares, there.duration)
@@ -110,10 +98,11 @@ def fastest_near(slew: Reorientation, shares: Matrix, duration: float, steps: in
             radius = min(2.0 * radius, _LARGEST_RADIUS)
         elif gain < _POOR * predicted:
             radius *= 0.5 if gain > 0.0 else 0.3
-        if predicted < _SETTLED * here.duration or radius < _SMALLEST_RADIUS or not steps:
+        if predicted < _SETTLED * here.flight.duration or radius < _SMALLEST_RADIUS or not steps:
             break
-    missed = max(float(np.abs(here.missed).max()), float(here.excess.max(initial=0.0)))
-    return LocalArcs(here.duration, here.shares, missed)
+    found = here.flight
+    missed = max(float(np.abs(found.missed).max()), float(found.excess.max(initial=0.0)))
+    return LocalArcs(found.duration, found.shares, missed)
 
 
 def settled_arcs(slew: Reorientation, signs: Matrix, guess: Vector) -> tuple[Matrix, Vector]:
@@ -182,12 +171,9 @@ def _flown(slew: Reorientation, shares: Matrix, duration: float) -> _About:
     scale = slew.scale
     by_share = end.by_effort * slew.amplitude / scale[:, None, None]
     return _About(
-        duration,
-        shares,
-        end.missed / scale,
+        _Trial(duration, shares, end.missed / scale, end.along.excess),
         by_share.reshape(scale.size, -1),
         end.by_duration.mean(axis=1) / scale,
-        end.along.excess,
         (end.along.by_effort * slew.amplitude).reshape(end.along.excess.size, shares.size),
         end.along.by_duration.mean(axis=1),
     )
@@ -195,8 +181,8 @@ def _flown(slew: Reorientation, shares: Matrix, duration: float) -> _About:
 
 def _step(here: _About, price: float, radius: float) -> tuple[Matrix, float, float] | None:
     """Return shares, duration and predicted merit of the program's solution; None: it has none."""
-    r, count, now = here.missed.size, here.shares.size, here.shares.ravel()
-    g = here.excess.size
+    duration, shares, missed, excess = here.flight
+    r, count, now, g = missed.size, shares.size, shares.ravel(), excess.size
     cost = np.concatenate((np.zeros(count), [1.0], np.full(2 * r + g, price)))
     rows = np.hstack(
         (here.by_share, here.by_duration[:, None], -np.eye(r), np.eye(r), np.zeros((r, g)))
@@ -205,14 +191,17 @@ def _step(here: _About, price: float, radius: float) -> tuple[Matrix, float, flo
         (here.excess_by_share, here.excess_by_duration[:, None], np.zeros((g, 2 * r)), -np.eye(g))
     )
     low, high = np.maximum(-1.0, now - radius), np.minimum(1.0, now + radius)
-    longer = _OF_DURATION * min(radius, 1.0) * here.duration
+    most_longer = _OF_DURATION * min(radius, 1.0) * duration
     bounds: Any = np.vstack(
-        (np.column_stack((low, high)), [[-longer, longer]], np.tile([0.0, np.inf], (2 * r + g, 1)))
+        (
+            np.column_stack((low, high)),
+            [[-most_longer, most_longer]],
+            np.tile([0.0, np.inf], (2 * r + g, 1)),
+        )
     )
-    right, most = here.by_share @ now - here.missed, here.excess_by_share @ now - here.excess
+    right, most = here.by_share @ now - missed, here.excess_by_share @ now - excess
     found = linprog(cost, below, most, rows, right, bounds, method="highs-ds")
     if found.x is None or found.fun is None:
         return None
-    shares = found.x[:count].reshape(here.shares.shape)
-    duration = here.duration + float(found.x[count])
-    return shares, duration, here.duration + float(found.fun)
+    longer = float(found.x[count])
+    return found.x[:count].reshape(shares.shape), duration + longer, duration + float(found.fun)

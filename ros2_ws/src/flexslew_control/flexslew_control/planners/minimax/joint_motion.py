@@ -1,0 +1,141 @@
+"""Members whose joints are the first coordinates, q' = v: everything but a free platform."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, cast
+
+import numpy as np
+from numba import types
+
+from flexslew_control.analysis.lti import Lti
+from flexslew_control.planners.feedforward.shooting import final_sensitivity, roll_out
+from flexslew_control.planners.minimax.motion import MemberFlight
+from flexslew_control.planners.minimax.response import RestMotion, joint_readings
+from flexslew_control.planners.motors import Matrices, give, matrices
+from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled
+from flexslew_plant.testbeds import Model
+from flexslew_plant.testbeds.compiled.bound import ADVANCE
+from flexslew_plant.testbeds.compiled.dynamics import STAGES
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """See motion.Motion.
+
+    Args:
+        start, goal: joint positions, shape (joints,) [rad or m].
+    """
+
+    start: Vector
+    goal: Vector
+
+    def at_rest(self, model: Model) -> RestMotion:
+        """Return the small motions about the rest at the goal."""
+        n, m = model.coordinates, model.joints
+        place = model.rest(dict(zip(model.joint_names, self.goal.tolist(), strict=True)))
+        tip = np.zeros((len(model.appendages.names), 2 * n))
+        tip[:, m:n] = model.appendages.tip
+        return RestMotion(model.linearise(place), joint_readings(n, m, 2 * n), tip, m)
+
+    def flight(
+        self, model: Model, efforts: Matrix, gains: Matrix, path: Matrix | None, motors: Lti
+    ) -> MemberFlight:
+        """Return the flight of a member."""
+        m, n = model.joints, model.coordinates
+        start = np.zeros(2 * n)
+        start[:m] = self.start
+        if path is None:
+            gains, path = np.zeros_like(gains), np.zeros((len(efforts) + 1, start.size))
+        drive = efforts + np.hstack((path[:-1, :m], path[:-1, n : n + m])) @ gains.T
+        flown = _kernel()(
+            model.integrate, model.packed, start, np.ascontiguousarray(drive),
+            np.ascontiguousarray(gains), matrices(motors), motors.period, n, model.before_modes,
+        )  # fmt: skip
+        return MemberFlight(*flown)
+
+    def step_derivatives(
+        self, model: Model, flown: MemberFlight, period: float
+    ) -> tuple[Tensor, Tensor]:
+        """Return the exact ones of the integrator's step, see feedforward.shooting."""
+        n, m, ticks = model.coordinates, model.joints, len(flown.applied)
+        sizes, none = ((0,) * n, (0,) * m), np.zeros(m)
+        edges = period * np.arange(ticks + 1, dtype=np.float64)
+        states, accelerations = np.empty((ticks * STAGES, 2 * n)), np.empty((ticks * STAGES, n))
+        drive = np.repeat(flown.applied, STAGES, axis=0)
+        kernels, p = model.kernels, model.packed
+        roll_out(
+            kernels, p, flown.states[0], edges, drive, none, none, sizes, states, accelerations
+        )
+        by_stage, flat = np.empty((ticks * STAGES, m * 2 * n)), np.empty((ticks, 4 * n * n))
+        final_sensitivity(
+            kernels, p, edges, none, none, sizes, states, accelerations, by_stage, flat
+        )  # fmt: skip
+        by_joint = by_stage.reshape(ticks, STAGES, m, 2 * n).sum(axis=1)
+        return flat.reshape(ticks, 2 * n, 2 * n).swapaxes(1, 2), by_joint.swapaxes(1, 2)
+
+    def feedback_derivatives(
+        self, gains: Matrix, states: Matrix, path: Matrix
+    ) -> tuple[Tensor, Tensor]:
+        """Return those of Kp (r - y) + Kd (r' - y'), the same at every tick."""
+        seen = joint_readings(states.shape[1] // 2, len(gains), states.shape[1])
+        by_path = np.tile(gains @ seen, (len(states), 1, 1))
+        return -by_path, by_path
+
+    def readings(self, model: Model) -> Matrix:
+        """Return what reads tips, positions and rates off a state, (tips + 2 joints, size)."""
+        rest = self.at_rest(model)
+        return np.vstack((rest.tip, rest.seen))
+
+    def deviation(self, model: Model, x: Vector) -> Vector:
+        """Return how far a state is from the rest at the goal, shape (2 n,)."""
+        away = x.copy()
+        away[: self.goal.size] -= self.goal
+        return away
+
+    def deviation_slopes(self, model: Model, x: Vector) -> Matrix:
+        """Return the unit matrix."""
+        return np.eye(x.size)
+
+
+@lru_cache
+def _kernel() -> Callable[..., tuple[Matrix, Matrix, Matrix, Vector]]:
+    """Return _flown as machine code, the same for all testbeds."""
+    vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
+    kernel: Any = compiled(_flown)
+    sizes = types.float64, types.int64, types.int64
+    found = types.Tuple((matrix, matrix, matrix, vector))
+    motors = types.UniTuple(matrix, 4)
+    kernel.compile(found(ADVANCE, vector, vector, matrix, matrix, motors, *sizes))
+    kernel.disable_compile()  # never for the type of one testbed's function
+    return cast(Callable[..., tuple[Matrix, Matrix, Matrix, Vector]], kernel)
+
+
+def _flown(
+    advance: Callable[..., None],
+    p: Vector,
+    start: Vector,
+    drive: Matrix,
+    gains: Matrix,
+    motors: Matrices,
+    period: float,
+    n: int,
+    before_modes: int,
+) -> tuple[Matrix, Matrix, Matrix, Vector]:
+    """Return states, commands, efforts and the motors' states under u = drive - [Kp Kd] y."""
+    ticks, m = drive.shape
+    path, x, u = np.empty((ticks + 1, start.size)), start.copy(), np.empty(m)
+    commanded, applied = np.empty((ticks, m)), np.empty((ticks, m))
+    z = np.zeros(len(motors[0]))
+    path[0] = x
+    for k in range(ticks):
+        for j in range(m):
+            u[j] = drive[k, j]
+            for i in range(m):
+                u[j] -= gains[j, i] * x[i] + gains[j, m + i] * x[n + i]
+            commanded[k, j] = u[j]
+        give(motors, z, u)
+        applied[k] = u
+        advance(p, k * period, u, period, 1, before_modes, x)
+        path[k + 1] = x
+    return path, commanded, applied, z

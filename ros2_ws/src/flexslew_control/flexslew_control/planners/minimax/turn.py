@@ -1,0 +1,97 @@
+"""A turn in three axes as it is sought: the rigid craft's efforts to start from, and its time."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from flexslew_control.planners.minimax.response import Grid
+from flexslew_control.planners.minimax.turning_motion import TurningMotion, platform_of
+from flexslew_control.planners.progress import ignore
+from flexslew_control.planners.slew import Slew
+from flexslew_control.planners.time_optimal.fastest_turns import Fastest, fastest_rigid, means
+from flexslew_control.planners.time_optimal.reorientation import Reorientation
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import BadInput
+from flexslew_plant.testbeds.contract import ThreeAxes
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A turn of a craft in three axes.
+
+    Args:
+        testbed: that the planner believes in.
+        motion: of its members.
+    """
+
+    testbed: ThreeAxes
+    motion: TurningMotion
+
+    @cached_property
+    def angle(self) -> float:
+        """About the eigenaxis [rad]."""
+        return float(np.linalg.norm(self.motion.nominal.turn))
+
+    @cached_property
+    def fastest(self) -> Fastest:
+        """The fastest turn of the craft without modes, by all drives.
+
+        Raises:
+            PlanFailed: none was found.
+        """
+        rigid = self.testbed.rigid().model()
+        return fastest_rigid(replace(self.motion.nominal, model=rigid), ignore)
+
+    @cached_property
+    def rigid(self) -> float:
+        """Its duration [s]."""
+        return float(self.fastest.durations.sum())
+
+    def about_eigenaxis(self, acceleration: Vector, rate: Vector) -> Matrix:
+        """Return the efforts of a turn about the eigenaxis, shape (pieces, joints) [N m or N].
+
+        Args:
+            acceleration: of the share of the way, shape (pieces,) [1/s^2].
+            rate: of it, shape (pieces,) [1/s].
+        """
+        nominal, angle = self.motion.nominal, self.angle
+        rigid = self.testbed.rigid_turn_about(nominal.turn / angle)
+        efforts = np.outer(angle * acceleration, rigid.tangential)
+        return np.asarray(efforts + np.outer((angle * rate) ** 2, rigid.centrifugal))
+
+    def slowed(self, grid: Grid) -> Vector:
+        """Return the weights of the fastest turn, along the same path in the time of a grid.
+
+        With s times the duration, s^-2 times the efforts do: so do gyroscopic torques change.
+        """
+        knots = np.concatenate(([0.0], np.cumsum(self.fastest.durations)))
+        edges = np.array(grid.edges) * grid.period
+        longer = edges[-1] / knots[-1]
+        return means(self.fastest.efforts / longer**2, longer * knots, edges).ravel()
+
+
+def turn_of(slew: Slew, demand: Vector) -> Turn | None:
+    """Return the turn that a slew is; None: its joints move one by one.
+
+    Args:
+        slew: what is asked for.
+        demand: limits of the drives, shape (joints,) [N m or N].
+
+    Raises:
+        BadInput: nothing turns, a drive does not turn the craft, or it does not float.
+    """
+    attitude, testbed = slew.model.attitude, slew.testbed
+    if attitude is None:
+        return None
+    if slew.still:
+        raise BadInput("plan: goal: the craft is there already; give another goal")
+    for name, axis in zip(slew.model.joint_names, attitude.axes, strict=True):
+        if not axis.any():
+            words = f"{name} does not turn the platform; take moving, about the eigenaxis"
+            raise BadInput(words, "plan", "drives", "all")
+    if not isinstance(testbed, ThreeAxes):
+        words = "this testbed turns about one axis at a time; take moving"
+        raise BadInput(words, "plan", "drives", "all")
+    nominal = Reorientation(slew.model, slew.start, slew.goal, demand)
+    return Turn(testbed, TurningMotion(nominal, platform_of(slew.testbed)))

@@ -1,0 +1,169 @@
+"""The fastest turns by all drives: several starts for a rigid craft, one from there for modes.
+
+Successive programs find the efforts' arcs, and Newton's method on the conditions of Karush, Kuhn
+and Tucker makes those of a rigid craft exact. A flexible craft starts from the rigid one's efforts,
+and ends with its modes at rest.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_control.planners.progress import Progress, Update
+from flexslew_control.planners.time_optimal.all_drives import structure_of
+from flexslew_control.planners.time_optimal.optimal_switching import (
+    nearest_durations,
+    shortest_durations,
+)
+from flexslew_control.planners.time_optimal.reorientation import Arcs, Reorientation
+from flexslew_control.planners.time_optimal.sequential_programs import (
+    LocalArcs,
+    fastest_near,
+    settled_arcs,
+)
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.errors import PlanFailed
+
+_PIECES, _FLEXIBLE_PIECES = 60, 120
+_STARTS, _SEED = 6, 1
+STEPS = 40  # of the programs
+_ASIDE = 0.7  # how far starts are from the eigenaxis, of the amplitude
+_LEVELS = 6  # of their efforts
+_SAME = 1e-4  # relative difference of durations of one slew
+_SETTLED_AT_MOST, _MOST_ARCS = 2, 14  # slews whose arcs are made exact, and of how many
+_MET = 1e-6  # share of the end conditions that may be missed
+_CHECKED = 240  # pieces on which Pontryagin's condition is looked at
+
+
+class Fastest(NamedTuple):
+    """The fastest slew that was found."""
+
+    efforts: Matrix  # of its pieces, (pieces, joints) [N m]
+    durations: Vector  # of the pieces [s]
+    exact: bool  # whether these are arcs that Newton's method has settled
+    violation: float  # wrong-signed part of the switching functions; NaN: not looked at
+    found: int  # starts that led to a slew
+
+
+def fastest_rigid(slew: Reorientation, progress: Progress) -> Fastest:
+    """Return the fastest slew of a craft without modes, from several starts.
+
+    Raises:
+        PlanFailed: none leads to one.
+    """
+    found = from_starts(slew, progress)
+    near = [one for one in found if one.duration < (1.0 + _SAME) * found[0].duration]
+    for local in near[:_SETTLED_AT_MOST]:
+        exact = _exact(slew, local)
+        if exact is not None:
+            efforts = exact[0] * slew.amplitude
+            wrong = _violation(slew, efforts, exact[1])
+            return Fastest(efforts, exact[1], True, wrong, len(found))
+    return transcribed(slew, found[0], len(found))
+
+
+def from_starts(slew: Reorientation, progress: Progress) -> list[LocalArcs]:
+    """Return the slews that starts beside the eigenaxis lead to, the fastest first.
+
+    Raises:
+        PlanFailed: none leads to one.
+    """
+    rng, found = np.random.default_rng(_SEED), list[LocalArcs]()
+    half = np.where(np.arange(_PIECES) < _PIECES // 2, 1.0, -1.0)
+    for k in range(_STARTS):
+        levels = rng.uniform(-1.0, 1.0, (_LEVELS, slew.amplitude.size))
+        aside = _ASIDE * np.repeat(levels, _PIECES // _LEVELS, axis=0)
+        shares = np.clip(np.outer(half, slew.shares) + aside, -1.0, 1.0)
+        local = fastest_near(slew, shares, slew.duration, STEPS)
+        if local.missed < _MET:
+            found.append(local)
+        least = min((one.duration for one in found), default=np.inf)
+        progress(Update(k + 1, least, np.nan, np.nan, np.nan, True))
+    if not found:
+        raise PlanFailed(f"none of {_STARTS} starts led to a slew; use another goal or limits")
+    return sorted(found, key=lambda one: one.duration)
+
+
+def _exact(slew: Reorientation, local: LocalArcs) -> tuple[Matrix, Vector] | None:
+    """Return signs and durations of the exact arcs of a local optimum; None: they do not settle.
+
+    Two switches that are close may come in the other order than on the pieces.
+    """
+    signs, guess = settled_arcs(slew, *structure_of(local.duration, local.shares))
+    if not 2 < len(signs) <= _MOST_ARCS:
+        return None
+    durations = shortest_durations(Arcs(slew, signs), guess)
+    if durations is not None:
+        return signs, durations
+    k = 1 + int(np.argmin(guess[1:-1]))
+    other = signs.copy()
+    other[k] = signs[k - 1] + signs[k + 1] - signs[k]
+    if (abs(other[k]) == 1.0).all():
+        other, again = settled_arcs(slew, other, guess)
+        durations = shortest_durations(Arcs(slew, other), again)
+        if durations is not None:
+            return other, durations
+    durations = nearest_durations(Arcs(slew, signs), guess)
+    return None if durations is None else (signs, durations)
+
+
+def fastest_flexible(slew: Reorientation, rigid: Fastest) -> Fastest:
+    """Return the fastest slew of a craft with modes, near that of the rigid one.
+
+    Raises:
+        PlanFailed: the modes are not brought to rest.
+    """
+    longer = float(rigid.durations.sum())
+    knots = np.concatenate(([0.0], np.cumsum(rigid.durations)))
+    ends = np.linspace(0.0, longer, _FLEXIBLE_PIECES + 1)
+    shares = means(rigid.efforts, knots, ends) / slew.amplitude
+    local = fastest_near(slew, shares, longer, STEPS)
+    if local.missed > 1e3 * _MET:
+        raise PlanFailed(
+            f"no fast slew that ends with the modes at rest was found near the rigid craft's "
+            f"({longer:.4f} s): {local.missed:.2g} of them is left; take drives: moving, about the "
+            "eigenaxis"
+        )
+    return transcribed(slew, local, rigid.found)
+
+
+def rigid_near(stiff: Reorientation, flexible: Fastest) -> float:
+    """Return what the rigid craft takes near a flexible one's slew [s]; infinite: none.
+
+    The flexible craft's programs go on from the rigid one's slew, and may leave its optimum.
+    """
+    duration = float(flexible.durations.sum())
+    local = fastest_near(stiff, flexible.efforts / stiff.amplitude, duration, STEPS)
+    return local.duration if local.missed < _MET else np.inf
+
+
+def transcribed(slew: Reorientation, local: LocalArcs, found: int) -> Fastest:
+    """Return a local optimum on equal pieces as it is."""
+    pieces = len(local.shares)
+    durations = np.full(pieces, local.duration / pieces)
+    return Fastest(local.shares * slew.amplitude, durations, False, np.nan, found)
+
+
+def _violation(slew: Reorientation, efforts: Matrix, durations: Vector) -> float:
+    """Return the largest wrong-signed part of the switching functions, of their largest value.
+
+    With (dr/dd)^T mu = 1 for all arcs, a change of the effort of a piece by du lets the duration
+    change by -mu^T (dr/du) du: Pontryagin's condition asks mu^T dr/du for the sign of the effort.
+    """
+    each = np.maximum(1, np.round(_CHECKED * durations / durations.sum()).astype(int))
+    fine = slew.ended(np.repeat(efforts, each, axis=0), np.repeat(durations / each, each))
+    edges = np.concatenate(([0], np.cumsum(each)))
+    by_arc = np.add.reduceat(fine.by_duration, edges[:-1], axis=1) / each
+    mu = np.linalg.lstsq(by_arc.T, np.ones(len(durations)), rcond=None)[0]
+    sigma = np.einsum("r,rkj->kj", mu, fine.by_effort)
+    sigma /= np.repeat(durations / each, each)[:, None] * abs(sigma).max(axis=0)
+    sigma /= abs(sigma).max(axis=0)
+    signed = sigma * np.sign(np.repeat(efforts, each, axis=0))
+    return float(max(0.0, -signed.min()))
+
+
+def means(efforts: Matrix, knots: Vector, ends: Vector) -> Matrix:
+    """Return the mean efforts between some times of efforts held between knots."""
+    held = np.vstack((np.zeros(efforts.shape[1]), np.cumsum(efforts * np.diff(knots)[:, None], 0)))
+    gained = np.column_stack([np.interp(ends, knots, column) for column in held.T])
+    return np.asarray(np.diff(gained, axis=0) / np.diff(ends)[:, None])

@@ -1,0 +1,161 @@
+"""A flexible craft turned in three axes by all drives: promises kept, exact ends, refusals."""
+
+import re
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.control.planners.time_optimal.test_three_axes_flexible import AXES, booms
+from tests.present import present
+
+from flexslew_control.law import ActiveLaw, PlantDescription
+from flexslew_control.plan import Plan
+from flexslew_control.planners import make_plan, plan_settings
+from flexslew_control.planners.minimax.members import members_of
+from flexslew_control.planners.minimax.minimax_feedforward import question_of
+from flexslew_control.planners.minimax.nonlinear_path import channels, deviation, tabled
+from flexslew_control.planners.minimax.question import Question
+from flexslew_control.planners.minimax.search import search_of, smooth
+from flexslew_control.planners.slew import Feedback, slew_of
+from flexslew_control.planners.whole_bench import flown_on_bench
+from flexslew_plant.errors import BadInput, PlanFailed
+from flexslew_plant.testbeds import read_testbed
+
+LIMIT, PERIOD = 1.5, 0.1
+GAINS = Feedback(kp=(20.0,), kd=(60.0,))
+LAW = ActiveLaw("pd_feedforward", {"kp": [20.0], "kd": [60.0]})
+QUICK = {
+    "method": "minimax_feedforward",
+    "drives": "all",
+    "pieces": 10,
+    "max_steps": 5,
+    "ensemble": {"count": 3},
+}
+
+
+@lru_cache
+def bench() -> PlantDescription:
+    """Return a craft with two booms, each with a mode across in each direction."""
+    values = {
+        "kind": "spacecraft",
+        "platform": {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 60.0, "zz": 50.0}},
+        "appendages": booms(),
+        "actuators": {
+            name: {"kind": "torque", "direction": axis, "limit": LIMIT}
+            for name, axis in AXES.items()
+        },
+    }
+    return PlantDescription(read_testbed(values, "here"), PERIOD, np.full(3, LIMIT))
+
+
+def planned(goal: Any, duration: float, **more: Any) -> Plan:
+    section = plan_settings({**QUICK, "goal": goal, "duration": duration, **more}, "here")
+    return make_plan(section, bench(), GAINS, law=LAW)
+
+
+def question(goal: Any, duration: float, **more: Any) -> Question:
+    values = {**QUICK, "goal": goal, "duration": duration, **more}
+    settings: Any = plan_settings(values, "here")
+    return question_of(settings, slew_of(settings, bench(), GAINS))
+
+
+def turn(rng: np.random.Generator) -> tuple[dict[str, float], dict[str, Any], float]:
+    """Return a random turn by joint and as an attitude, and 1.2 times what a rigid craft takes."""
+    axis, angle = rng.standard_normal(3), float(rng.uniform(0.2, 0.5))
+    by_joint = dict(zip(AXES, (angle * axis / np.linalg.norm(axis)).tolist(), strict=True))
+    rigid = question(by_joint, 1.0).rigid
+    return by_joint, {"axis": axis.tolist(), "angle": angle}, 1.2 * rigid
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_random_turns_keep_their_promise_on_members_and_between(seed: int) -> None:
+    """Flown by the law's own controller on the bench; 1e-5 m is what counts as none."""
+    by_joint, goal, duration = turn(np.random.default_rng([33, seed]))
+    plan = planned(goal, duration)
+    promised = plan.summary["worst_residual"]
+    found = []
+    for error in (-0.2, -0.1, 0.0, 0.03, 0.1, 0.2):
+        other = replace(bench(), testbed=bench().testbed.scaled(stiffness=1.0 + error))
+        found.append(present(flown_on_bench(plan, other, LAW)))
+    worst = max(one.tip_deflection for one in found)
+    assert worst < 1.1 * promised + 1e-5
+    assert abs(found[2].tip_deflection - plan.summary["predicted_residual_tip_deflection"]) < 1e-9
+    asked = question(by_joint, duration)
+    search = search_of(asked)
+    rigid = search.merit(smooth(asked, search.grid)).residuals.max()
+    assert promised < 0.2 * rigid
+    assert np.abs(plan.effort).max() <= LIMIT
+
+
+def test_the_nominal_craft_ends_at_rest_at_the_goal() -> None:
+    goal = {"to": [0.3, -0.2, 0.9]}
+    plan = planned(goal, 8.0, exact_nominal=True, ensemble={"vary": {}})
+    model = bench().testbed.model()
+    x = np.concatenate((model.rest({}), np.zeros(model.coordinates)))
+    position, rate = model.joint_state(model.path(x, plan.effort, PERIOD)[-1])
+    assert np.abs(model.joint_error(position, plan.position[-1])).max() < 1e-5
+    assert np.abs(rate).max() < 1e-5
+    assert plan.summary["predicted_residual_tip_deflection"] < 1e-5
+
+
+def test_the_derivatives_of_a_turn_are_those_of_its_flight() -> None:
+    asked = question({"roll": 1.3, "pitch": 0.5, "yaw": -1.0}, 12.0, pieces=8)
+    motion, slew, gains = asked.motion, asked.slew, asked.gains
+    motors = slew.motors(PERIOD)
+    member = members_of(asked.ensemble, slew)[1].model
+    grid = asked.grid()
+    rng = np.random.default_rng(0)
+    weights = 0.5 * LIMIT * rng.standard_normal(grid.size)
+
+    def flown(weights: Any) -> Any:
+        first = motion.flight(slew.model, grid.held(weights), gains, None, motors)
+        return first, motion.flight(member, grid.held(weights), gains, first.states, motors)
+
+    first, other = flown(weights)
+    tips = len(member.appendages.names)
+    limited = range(tips, tips + 3)
+    fixed = gains, motors, grid, weights, limited
+    about = tabled(motion, slew.model, first, None, *fixed)
+    found = tabled(motion, member, other, about, *fixed).path
+    for k in (0, 10, grid.size - 1):
+        step = 1e-3 * np.eye(grid.size)[k]
+        (_, ahead), (_, behind) = flown(weights + step), flown(weights - step)
+        by = (channels(motion, member, ahead) - channels(motion, member, behind)) / 2e-3
+        for channel in limited:
+            np.testing.assert_allclose(found.slopes[channel][:, k], by[:, channel], atol=1e-5)
+        end = (deviation(motion, member, ahead) - deviation(motion, member, behind)) / 2e-3
+        np.testing.assert_allclose(found.end[0][:, k], end, atol=1e-5)
+
+
+def test_too_short_a_turn_names_a_duration_that_can_be_planned() -> None:
+    goal = {"roll": 0.1, "pitch": 0.3, "yaw": 0.05}
+    more = {"pieces": 8, "max_steps": 5, "ensemble": {"vary": {}}}
+    rigid = question(goal, 1.0).rigid
+    with pytest.raises(PlanFailed, match="no efforts were found that lead") as caught:
+        planned(goal, 0.9 * rigid, **more)
+    named = re.search(r"a duration of ([\d.]+) s", str(caught.value))
+    enough = float(present(named)[1])
+    assert rigid < enough < 1.2 * rigid
+    assert planned(goal, enough, **more).duration == pytest.approx(enough, abs=PERIOD)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"joint_range": {"roll": [-1.0, 1.0]}}, "a turn by all drives has no range"),
+        ({"goal": {"roll": 0.0}}, "the craft is there already"),
+    ],
+)
+def test_what_makes_no_sense_in_three_axes_is_refused(more: Any, words: str) -> None:
+    with pytest.raises(BadInput, match=words):
+        planned(**{"goal": {"roll": 0.5}, "duration": 12.0, **more})
+
+
+def test_an_attitude_is_turned_to_about_the_eigenaxis_by_default() -> None:
+    plan = planned(
+        {"euler": [0.3, 0.2, 0.1], "order": "zyx"}, 12.0, drives="moving", ensemble={"vary": {}}
+    )
+    assert plan.summary["predicted_residual_tip_deflection"] < 1e-4
+    assert "eigenaxis" in plan.summary["believes"]
