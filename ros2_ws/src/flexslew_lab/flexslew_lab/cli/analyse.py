@@ -17,12 +17,12 @@ def analyse(
     file: TrialFile = None,
     sets: Sets = None,
     controller: Annotated[
-        str | None, typer.Option(help="Which of the trial's; none: the one in charge.")
+        str | None, typer.Option(help="Controller of the trial; default: the one in charge.")
     ] = None,
     at: At = None,
     rest: Joints = None,
     out: Annotated[
-        Path | None, typer.Option(help="The HTML file; else a new one below runs/.")
+        Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
     ] = None,
     prove: Annotated[
         bool, typer.Option("--prove", help="Fly the bench beside each margin, and compare.")

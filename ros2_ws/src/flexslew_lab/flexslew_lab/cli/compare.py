@@ -12,7 +12,7 @@ from flexslew_lab.trial.outputs import new_file, writable_file
 
 TrialFile = Annotated[
     str | None,
-    typer.Argument(help="Trial file, or the name of a shipped one (see trials); none: m1."),
+    typer.Argument(help="Trial file, or the name of a shipped one (see trials); default: m1."),
 ]
 Sets = Annotated[
     list[str] | None,
@@ -23,9 +23,9 @@ Sets = Annotated[
 def compare(
     file: TrialFile = None,
     sets: Sets = None,
-    by_law: Annotated[bool, typer.Option("--laws", help="Every law, not every planner.")] = False,
+    by_law: Annotated[bool, typer.Option("--laws", help="Compare laws, not planners.")] = False,
     out: Annotated[
-        Path | None, typer.Option(help="The HTML file; else a new one below runs/.")
+        Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
     ] = None,
     as_json: Json = False,
 ) -> None:

@@ -20,7 +20,7 @@ def conform(
         str, typer.Option(help="Shipped trial or file whose testbed is announced.")
     ] = "m1",
     patience: Annotated[
-        float, typer.Option(min=0.1, max=600.0, help="For anything that must come [wall s].")
+        float, typer.Option(min=0.1, max=600.0, help="Longest wait for an answer [wall s].")
     ] = 10.0,
     as_json: Json = False,
 ) -> None:

@@ -30,13 +30,13 @@ _ENDLESS = 1e9  # of a run without an end [s]
 
 def console(
     file: Annotated[
-        str | None, typer.Argument(help="Trial file, or the name of a shipped one; none: m1.")
+        str | None, typer.Argument(help="Trial file, or the name of a shipped one; default: m1.")
     ] = None,
-    attach: Annotated[bool, typer.Option("--attach", help="Join a bench that runs.")] = False,
+    attach: Annotated[bool, typer.Option("--attach", help="Join a running bench.")] = False,
     replay: Annotated[
         Path | None, typer.Option(help="A run's folder or bag, with a time slider.")
     ] = None,
-    port: Annotated[int, typer.Option(help="Of the page; 0: any free one.")] = 8080,
+    port: Annotated[int, typer.Option(help="Port of the page; 0: any free one.")] = 8080,
     host: Annotated[
         str, typer.Option(help="Listening address; not loopback: other machines can connect.")
     ] = "127.0.0.1",
@@ -45,9 +45,9 @@ def console(
         typer.Option("--set", help="key.path=value, replaces the file's; may be repeated."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
-    rate: Annotated[float, typer.Option(help="At the start; 1 is real time, 0 fast.")] = 1.0,
+    rate: Annotated[float, typer.Option(help="Rate at the start; 1: real time, 0: fast.")] = 1.0,
     open_ended: Annotated[
-        bool, typer.Option("--open-ended", help="Without an end: Ctrl-C ends the run.")
+        bool, typer.Option("--open-ended", help="Run until Ctrl-C, without an end.")
     ] = False,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Only print the address of the page.")
@@ -55,7 +55,7 @@ def console(
     namespace: Namespace = "",
     trust: TrustOption = None,
 ) -> None:
-    """Work at a bench from the browser: start, pause, swap, break, watch.
+    """Operate a bench from the browser: start, pause, switch controllers, inject faults, watch.
 
     Without --attach and --replay it opens the bench of a trial, which waits for its start.
 

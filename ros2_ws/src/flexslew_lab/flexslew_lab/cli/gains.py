@@ -16,28 +16,28 @@ def gains(
     file: TrialFile = None,
     sets: Sets = None,
     controller: Annotated[
-        str | None, typer.Option(help="Which of the trial's; none: the one in charge.")
+        str | None, typer.Option(help="Controller of the trial; default: the one in charge.")
     ] = None,
     gain: Annotated[
         list[str] | None,
-        typer.Option(help="A key of its section; may be repeated; none: the gains of its law."),
+        typer.Option(help="Gain to vary; may be repeated; default: all gains of the law."),
     ] = None,
     margin: Annotated[
         float | None,
-        typer.Option(min=1e-6, max=2.0, help="Disk margin to be kept; none: the trial's own."),
+        typer.Option(min=1e-6, max=2.0, help="Disk margin to be kept; default: the trial's own."),
     ] = None,
-    trials: Annotated[int, typer.Option(min=1, max=100_000, help="How many are tried.")] = 200,
+    trials: Annotated[int, typer.Option(min=1, max=100_000, help="Number of gains tried.")] = 200,
     octaves: Annotated[
         float,
-        typer.Option(min=0.01, max=20.0, help="Each is doubled and halved so often, at most."),
+        typer.Option(min=0.01, max=20.0, help="Largest change of a gain, in factors of 2."),
     ] = 2.0,
     journal: Annotated[
         Path | None,
         typer.Option(help="A file that notes every choice: the same command goes on from there."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the search.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the search.")] = 1,
     out: Annotated[
-        Path | None, typer.Option(help="The HTML file; else a new one below runs/.")
+        Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
     ] = None,
     as_json: Json = False,
 ) -> None:

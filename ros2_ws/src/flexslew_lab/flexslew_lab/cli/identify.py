@@ -33,13 +33,15 @@ def identify(
         list[str] | None, typer.Option(help="key=value, where a fit begins; may be repeated.")
     ] = None,
     band: Annotated[
-        str | None, typer.Option(help="low,high [rad/s]; else the excitation's own.")
+        str | None, typer.Option(help="Band low,high [rad/s]; default: that of the excitation.")
     ] = None,
     inputs: Annotated[
         str | None, typer.Option(help="Columns of efforts in a file of another bench.")
     ] = None,
-    outputs: Annotated[str | None, typer.Option(help="Columns of its sensors.")] = None,
-    period: Annotated[float | None, typer.Option(help="Its ticks [s]; else the median.")] = None,
+    outputs: Annotated[str | None, typer.Option(help="Columns of sensors in that file.")] = None,
+    period: Annotated[
+        float | None, typer.Option(help="Its sampling period [s]; default: the median.")
+    ] = None,
     past: Annotated[
         bool, typer.Option("--past", help="Efforts are stamped when they end, not when they begin.")
     ] = False,
@@ -52,7 +54,8 @@ def identify(
         typer.Option(help="joint=axis,...: also modal data for a spacecraft."),
     ] = None,
     replan: Annotated[
-        bool, typer.Option(help="Of a slew: what its plan leaves on what was found, and a new one.")
+        bool,
+        typer.Option(help="Residual of a slew on the model found, and of a new plan."),
     ] = False,
     trust: TrustOption = None,
     as_json: Json = False,

@@ -129,9 +129,7 @@ def reading_limits(
     ] = 64,
     version: Annotated[
         bool,
-        typer.Option(
-            "--version", is_eager=True, callback=_version, help="Say which version it is."
-        ),
+        typer.Option("--version", is_eager=True, callback=_version, help="Print the version."),
     ] = False,
 ) -> None:
     """Take the options that stand before a subcommand."""

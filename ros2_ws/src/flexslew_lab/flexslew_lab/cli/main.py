@@ -74,7 +74,7 @@ def trial(
         bool, typer.Option("--no-report", help="Do not write report.html.")
     ] = False,
     rate: Annotated[
-        float | None, typer.Option(help="Replaces the file's rate_factor; 1 is real time.")
+        float | None, typer.Option(help="Replaces the file's rate_factor; 1: real time.")
     ] = None,
     open_it: Open = False,
     as_json: Json = False,

@@ -11,7 +11,8 @@ from flexslew_lab.trial.outputs import writable_file
 from flexslew_plant.errors import BadInput
 
 At = Annotated[
-    float | None, typer.Option(help="Simulated time [s]: the rest that the plan passes then.")
+    float | None,
+    typer.Option(help="Linearise about the plan's position at this simulated time [s]."),
 ]
 Joints = Annotated[
     list[str] | None,

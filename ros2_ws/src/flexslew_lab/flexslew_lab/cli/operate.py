@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _BY_HAND = 1.5  # patience where no run has left its domain [wall s]
 
-Namespace = Annotated[str, typer.Option(help="Of the bench, if it runs in one.")]
+Namespace = Annotated[str, typer.Option(help="Namespace of the bench, if it has one.")]
 At = Annotated[float, typer.Option(help="Simulated time [s]; 0: the next tick.")]
 
 
@@ -63,7 +63,7 @@ def reset(namespace: Namespace = "") -> None:
 def brake(
     release: Annotated[bool, typer.Option("--release", help="Take the brake off.")] = False,
     every: Annotated[
-        bool, typer.Option("--all", help="On all benches of yours on this machine.")
+        bool, typer.Option("--all", help="Brake all your benches on this machine.")
     ] = False,
     namespace: Namespace = "",
 ) -> None:
@@ -82,7 +82,7 @@ def inject(
     at: At = 0.0,
     namespace: Namespace = "",
 ) -> None:
-    """Break or disturb something on a running bench whose trial has allow_faults: true.
+    """Inject a fault or disturbance into a running bench whose trial has allow_faults: true.
 
     Example: `./flexslew inject "{kind: command_lost, probability: 0.2, until: 30.0}"`
     """
@@ -121,7 +121,7 @@ def controllers(as_json: Json = False, namespace: Namespace = "") -> None:
 
 
 def switch(
-    controller: Annotated[str, typer.Argument(help="Who takes over.")],
+    controller: Annotated[str, typer.Argument(help="Controller that takes over.")],
     at: At = 0.0,
     strict: Annotated[bool, typer.Option(help="Refuse a larger step of the effort.")] = False,
     max_effort_step: Annotated[float, typer.Option(help="For --strict [N m].")] = 1.0,

@@ -87,7 +87,7 @@ def check(
     controller: Annotated[
         str, typer.Argument(help="Name of the controller in the log; default: the first in it.")
     ] = "",
-    law: Annotated[str | None, typer.Option(help="Replaces the recorded one.")] = None,
+    law: Annotated[str | None, typer.Option(help="Law instead of the recorded one.")] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -161,10 +161,12 @@ def play(
         float, typer.Option(help="Speed relative to real time; 0: as fast as possible.")
     ] = 1.0,
     start: Annotated[float, typer.Option(help="Simulated time at which to begin [s].")] = 0.0,
-    duration: Annotated[float | None, typer.Option(help="How long, simulated [s].")] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Simulated time to play [s]; default: all.")
+    ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="Start over at the end.")] = False,
     topics: Annotated[
-        list[str] | None, typer.Option(help="Only this topic; may be repeated.")
+        list[str] | None, typer.Option(help="Topic to play; default: all; may be repeated.")
     ] = None,
     remap: Annotated[list[str] | None, typer.Option(help="old:=new; may be repeated.")] = None,
     clock: Annotated[
@@ -174,7 +176,9 @@ def play(
     wait_for: Annotated[
         list[str] | None, typer.Option(help="Node that must be listening first; may be repeated.")
     ] = None,
-    namespace: Annotated[str, typer.Option(help="Of the topics; none: as recorded.")] = "",
+    namespace: Annotated[
+        str, typer.Option(help="Namespace of the topics; default: as recorded.")
+    ] = "",
 ) -> None:
     """Publish the messages of a bag again, in order, with their stamps.
 
@@ -207,13 +211,13 @@ def play(
 
 def live(
     port: Annotated[int, typer.Option(help="Port on 127.0.0.1; 0: any free one.")] = 8765,
-    namespace: Annotated[str, typer.Option(help="Of the bench, if it runs in one.")] = "",
+    namespace: Annotated[str, typer.Option(help="Namespace of the bench, if it has one.")] = "",
     operate: Annotated[
         bool, typer.Option("--operate", help="Clients may command the bench, too.")
     ] = False,
     origin: Annotated[
         list[str] | None,
-        typer.Option(help="Of a page that may connect, besides Foxglove's; may be repeated."),
+        typer.Option(help="Origin of another page that may connect; may be repeated."),
     ] = None,
 ) -> None:
     """Show a running bench in the Foxglove app, over a WebSocket server on this machine only.

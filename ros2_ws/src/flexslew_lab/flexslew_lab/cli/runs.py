@@ -15,7 +15,7 @@ from flexslew_plant.errors import BadInput
 
 
 def runs(
-    folder: Annotated[Path, typer.Argument(help="With one folder per run.")] = RUNS,
+    folder: Annotated[Path, typer.Argument(help="Folder with one folder per run.")] = RUNS,
     trial: Annotated[str, typer.Option(help="Only runs of this trial.")] = "",
     law: Annotated[str, typer.Option(help="Only runs that began with this law.")] = "",
     testbed: Annotated[str, typer.Option(help="Only runs on this kind of testbed.")] = "",

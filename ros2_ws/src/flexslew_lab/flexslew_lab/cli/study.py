@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import Study
 
-study = typer.Typer(no_args_is_help=True, help="Fly thousands of trials and say what they show.")
+study = typer.Typer(no_args_is_help=True, help="Fly thousands of trials and summarise the results.")
 
 File = Annotated[str, typer.Argument(help="A study file, or the name of a shipped one.")]
 Place = Annotated[str, typer.Argument(help="A study file, a shipped name, or a study's folder.")]
@@ -88,7 +88,7 @@ def run(
 
 @study.command()
 def status(file: Place, out: Out = None, trust: TrustOption = None, as_json: Json = False) -> None:
-    """Say how far a study is.
+    """Show the progress of a study.
 
     Example: `./flexslew study status csa_robustness`
     """

@@ -46,7 +46,7 @@ class ComparePanel:
             try:
                 self._earlier = done.result()
                 self._charts.overlays = {
-                    name: [_beside(curve) for curve in curves]
+                    name: [beside(curve) for curve in curves]
                     for name, curves in self._earlier.items()
                 }
                 self._compared = -1
@@ -56,7 +56,9 @@ class ComparePanel:
         ticks = self._view.truth.time.size
         if self._earlier and abs(ticks - self._compared) >= 100:
             self._compared = ticks
-            self._reply.tell(RequestResult(True, _largest(self._view_curves(), self._earlier)))
+            self._reply.tell(
+                RequestResult(True, largest_difference(self._view_curves(), self._earlier))
+            )
 
     def _view_curves(self) -> Curves:
         return {name: quantities.curves_of(self._view, name) for name in _COMPARED}
@@ -84,12 +86,12 @@ def _read(place: Path) -> Curves:
     return {name: curves for name in _COMPARED if (curves := quantities.curves_of(log.view, name))}
 
 
-def _beside(curve: Curve) -> Curve:
+def beside(curve: Curve) -> Curve:
     """Return a curve as it is drawn over those of the run that is seen."""
     return curve._replace(label=f"earlier {curve.label}", dashed=True, color=None)
 
 
-def _largest(now: Curves, earlier: Curves) -> str:
+def largest_difference(now: Curves, earlier: Curves) -> str:
     """Return the largest difference of each quantity on the ticks that both have."""
     words = []
     for name in _COMPARED:
