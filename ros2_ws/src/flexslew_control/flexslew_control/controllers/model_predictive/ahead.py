@@ -23,7 +23,8 @@ class HorizonLimits(NamedTuple):
     names: tuple[str, ...]  # of the rows, for the log
 
 
-class Steps(NamedTuple):
+@dataclass(frozen=True)
+class Steps:
     """A horizon of N steps."""
 
     count: int  # N
