@@ -208,7 +208,6 @@ FLOWN = {  # by efforts alone: what they leave, [rad] and [rad/s]
 REFUSED: dict[tuple[str, str], str] = {
     ("excitation", "one axis"): "band: is missing: the model has no modes",
     ("excitation", "three axes"): "band: is missing: the model has no modes",
-    ("minimax_feedforward", "three axes"): "goal.axis: .* is not allowed: give a number",
     ("retargeting", "one axis"): "no hinge turns",
     ("retargeting", "three axes"): "no hinge turns",
 }

@@ -21,7 +21,7 @@ from flexslew_plant.testbeds.compiled.dynamics import STAGES
 
 @dataclass(frozen=True)
 class JointMotion:
-    """See motion.Motion.
+    """See motion.MemberMotion.
 
     Args:
         start, goal: joint positions, shape (joints,) [rad or m].

@@ -17,7 +17,7 @@ class MemberFlight(NamedTuple):
     motors: Vector  # their states at the last tick, (s,)
 
 
-class Motion(Protocol):
+class MemberMotion(Protocol):
     """How members move from the start to the goal.
 
     A deviation from the rest at the goal has k coordinates and their rates, see RestMotion.

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_control.analysis.lti import Lti
-from flexslew_control.planners.minimax.motion import MemberFlight, Motion
+from flexslew_control.planners.minimax.motion import MemberFlight, MemberMotion
 from flexslew_control.planners.minimax.response import Grid, Indices
 from flexslew_control.planners.motors import Matrices, give, matrices
 from flexslew_plant.arrays import Matrix, Tensor, Vector, called, compiled
@@ -121,14 +121,14 @@ class TabledPath:
         return slopes, self.values[ticks, channel] - slopes @ self.about
 
 
-def channels(motion: Motion, model: Model, flown: MemberFlight) -> Matrix:
+def channels(motion: MemberMotion, model: Model, flown: MemberFlight) -> Matrix:
     """Return the channels at every tick but the last, (ticks, channels)."""
     read = flown.states[:-1] @ motion.readings(model).T
     tips = len(model.appendages.names)
     return np.hstack((read[:, :tips], flown.commanded, read[:, tips:]))
 
 
-def deviation(motion: Motion, model: Model, flown: MemberFlight) -> Vector:
+def deviation(motion: MemberMotion, model: Model, flown: MemberFlight) -> Vector:
     """Return how far a flight ends from the rest at the goal, shape (2 k + s,)."""
     return np.concatenate((motion.deviation(model, flown.states[-1]), flown.motors))
 
@@ -142,7 +142,7 @@ class Derived(NamedTuple):
 
 
 def tabled(
-    motion: Motion,
+    motion: MemberMotion,
     model: Model,
     flown: MemberFlight,
     nominal: Derived | None,

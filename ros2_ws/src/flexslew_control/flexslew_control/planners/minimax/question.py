@@ -9,10 +9,10 @@ import numpy as np
 from flexslew_control.planners.minimax.joint_motion import JointMotion
 from flexslew_control.planners.minimax.linear_path import is_linear, linear_path
 from flexslew_control.planners.minimax.members import Ensemble, Member
-from flexslew_control.planners.minimax.motion import Motion
+from flexslew_control.planners.minimax.motion import MemberMotion
 from flexslew_control.planners.minimax.program import ConeProgram, Limits
 from flexslew_control.planners.minimax.response import AtRest, Grid, Response, at_rest, grid_of
-from flexslew_control.planners.minimax.turn import Turn
+from flexslew_control.planners.minimax.turn import AllDrivesTurn
 from flexslew_control.planners.prediction import WATCHED
 from flexslew_control.planners.slew import Slew
 from flexslew_control.planners.trajectories import rigid_duration
@@ -52,7 +52,7 @@ class Question:
     rho: float
     steps: int
     feasible: bool = False
-    turn: Turn | None = None
+    turn: AllDrivesTurn | None = None
 
     @property
     def gains(self) -> Matrix:
@@ -60,7 +60,7 @@ class Question:
         return np.hstack((np.diag(self.slew.kp), np.diag(self.slew.kd)))
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> MemberMotion:
         """How the members move."""
         if self.turn is not None:
             return self.turn.motion

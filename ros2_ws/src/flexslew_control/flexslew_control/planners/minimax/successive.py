@@ -15,7 +15,7 @@ import numpy as np
 
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.members import Member
-from flexslew_control.planners.minimax.motion import MemberFlight, Motion
+from flexslew_control.planners.minimax.motion import MemberFlight, MemberMotion
 from flexslew_control.planners.minimax.nonlinear_path import (
     TabledPath,
     channels,
@@ -64,7 +64,7 @@ class EnsembleProblem:
 
     members: Sequence[Member]
     rests: Sequence[AtRest]
-    motion: Motion
+    motion: MemberMotion
     goal: Vector
     gains: Matrix
     motors: Lti

@@ -17,7 +17,7 @@ from flexslew_plant.testbeds.contract import ThreeAxes
 
 
 @dataclass(frozen=True)
-class Turn:
+class AllDrivesTurn:
     """A turn of a craft in three axes.
 
     Args:
@@ -71,7 +71,7 @@ class Turn:
         return means(self.fastest.efforts / longer**2, longer * knots, edges).ravel()
 
 
-def turn_of(slew: Slew, demand: Vector) -> Turn | None:
+def turn_of(slew: Slew, demand: Vector) -> AllDrivesTurn | None:
     """Return the turn that a slew is; None: its joints move one by one.
 
     Args:
@@ -94,4 +94,4 @@ def turn_of(slew: Slew, demand: Vector) -> Turn | None:
         words = "this testbed turns about one axis at a time; take moving"
         raise BadInput(words, "plan", "drives", "all")
     nominal = Reorientation(slew.model, slew.start, slew.goal, demand)
-    return Turn(testbed, TurningMotion(nominal, platform_of(slew.testbed)))
+    return AllDrivesTurn(testbed, TurningMotion(nominal, platform_of(slew.testbed)))

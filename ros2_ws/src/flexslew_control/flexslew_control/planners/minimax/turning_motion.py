@@ -35,14 +35,14 @@ _CHANGE = 1e-6  # of a quaternion, for the slopes of the rotation
 _SPRING = 1e-9  # of the largest stiffness: none, but for rounding
 
 
-class Platform(NamedTuple):
+class PlatformEntries(NamedTuple):
     """Where a state holds the platform's attitude and rate."""
 
     attitude: Indices  # of the quaternion x y z w, (4,)
     rate: Indices  # of the body rates, (3,)
 
 
-def platform_of(testbed: Testbed) -> Platform:
+def platform_of(testbed: Testbed) -> PlatformEntries:
     """Return where a testbed's state holds its platform.
 
     Raises:
@@ -54,12 +54,12 @@ def platform_of(testbed: Testbed) -> Platform:
         raise BadInput(words, "plan", "drives", "all")
     model = testbed.model()
     place = floating.motion(np.arange(model.positions + model.coordinates, dtype=np.float64))
-    return Platform(place.attitude.astype(int), place.rate.astype(int))
+    return PlatformEntries(place.attitude.astype(int), place.rate.astype(int))
 
 
 @dataclass(frozen=True)
 class TurningMotion:
-    """See motion.Motion.
+    """See motion.MemberMotion.
 
     Args:
         nominal: from rest to rest, on the model that the planner believes in.
@@ -67,7 +67,7 @@ class TurningMotion:
     """
 
     nominal: Reorientation
-    platform: Platform
+    platform: PlatformEntries
 
     @cached_property
     def _axes(self) -> Matrix:
