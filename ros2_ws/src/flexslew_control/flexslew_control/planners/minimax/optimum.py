@@ -1,7 +1,8 @@
 """The optimum of one slew: which program a plant leads to, and what its solution is worth.
 
-More time is never worse: the efforts of a shorter slew, held at the goal until the end of a longer
-one, leave it no more. So where a longer slew gains nothing for certain, a shorter one is held.
+Of linear plants more time is never worse: the efforts of a shorter slew, held at the goal until the
+end of a longer one, leave it no more. So where a longer slew gains nothing for certain, a shorter
+one is held.
 """
 
 from dataclasses import replace
