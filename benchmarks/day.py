@@ -107,7 +107,7 @@ def record(folder: Path, hours: float) -> dict[str, float]:
     seconds = max(hours * 3600.0, SAMPLE)
     trial: Trial = parse_trial(TRIAL.format(seconds=seconds, period=PERIOD), "day")
     bench = Bench(bench_settings(trial))
-    controllers = build_controllers(trial, bench, "day")
+    controllers = build_controllers(trial, "day")
     plan = plan_of_trial(trial)
     for controller in controllers.values():
         if plan is not None:

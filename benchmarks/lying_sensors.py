@@ -99,7 +99,7 @@ def trial_of(law: str, lie: str, guarded: bool = True, seed: int = 1) -> Trial:
 def flown(trial: Trial) -> Outcome:
     """Return what happens in a trial."""
     bench, watch = Bench(bench_settings(trial)), _Watch()
-    controllers = build_controllers(trial, bench, "campaign")
+    controllers = build_controllers(trial, "campaign")
     plan = plan_of_trial(trial)
     for controller in controllers.values():
         if plan is not None:

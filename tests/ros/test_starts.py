@@ -9,7 +9,7 @@ from threading import Event
 import pytest
 
 from flexslew_lab.run.domain import own_domain
-from flexslew_lab.run.processes import node_processes, parameter_file
+from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run.supervisor import Outcome, Supervisor
 
 from .bystander import held
@@ -95,3 +95,19 @@ def test_a_node_that_stands_still_in_dds_is_started_again(
     assert flight.log.count("[stuck] stands still in DDS") == 1
     assert flight.log.count("[stuck] killed: started again") == 1
     assert flight.log.count("stands still") == 1
+
+
+@pytest.mark.parametrize(
+    ("patience", "words"), [(4.0, "stands still in DDS"), (1e9, "does not leave: ended")]
+)
+def test_a_node_that_stands_still_when_the_plant_has_left_mars_no_run(
+    patience: float, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexslew_lab.run.standstill.PATIENCE", patience)
+    monkeypatch.setattr("flexslew_lab.run.supervisor._LEAVING", 15.0)
+    monkeypatch.setattr("flexslew_lab.run.supervisor._GRACE", 1.0)
+    standing = NodeProcess("standing", "tests", "standing", {})
+    flight = Flight(slew(1.0), tmp_path / "run", extra=[standing])
+    assert flight.outcome == (0, ""), flight.log
+    assert flight.log.count(f"[standing] {words}") == 1
+    assert flight.metrics["log_complete"]

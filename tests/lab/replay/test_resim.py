@@ -85,7 +85,7 @@ def record(
     trial = parse_trial(text, "test")
     bench = Operated(bench_settings(trial))
     bench.unheard, bench.again = unheard, False
-    bench.controllers = controllers = build_controllers(trial, bench, "test")
+    bench.controllers = controllers = build_controllers(trial, "test")
     plan = present(plan_of_trial(trial))
     bench.wishes = [*wishes, (taken - 1, lambda _: adopt())]
 

@@ -56,7 +56,7 @@ SWITCH = {
 def test_metrics_in_flight_are_those_of_the_bag(tmp_path: Path, values: dict[str, object]) -> None:
     trial: Trial = trial_of_values({"duration": 12.0} | values, "test")
     bench = Bench(bench_settings(trial))
-    controllers = build_controllers(trial, bench, "test")
+    controllers = build_controllers(trial, "test")
     plan = plan_of_trial(trial)
     for controller in controllers.values():
         if plan is not None:

@@ -11,8 +11,7 @@ from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.trial.trial import bench_settings, build_controllers, trial_of_values
-from flexslew_plant.bench.bench import Bench
+from flexslew_lab.trial.trial import build_controllers, trial_of_values
 from flexslew_plant.errors import BadInput
 
 SENSORS: dict[str, Any] = {
@@ -110,7 +109,7 @@ def test_a_law_without_its_sensors_is_refused(sensors: Any, attitude: Any, words
     changed["testbed"]["sensors"] = sensors
     trial = trial_of_values(changed, "here")
     with pytest.raises(BadInput, match=words) as error:
-        build_controllers(trial, Bench(bench_settings(trial)), "here")
+        build_controllers(trial, "here")
     assert "\n" not in str(error.value)
 
 
@@ -118,4 +117,4 @@ def test_only_a_craft_that_turns_in_three_axes_finds_an_attitude() -> None:
     one = shipped_values("own_spacecraft", {"controllers": {"pd_feedforward": PD}})
     trial = trial_of_values(one, "here")
     with pytest.raises(BadInput, match="attitude: the joints of this testbed do not turn it"):
-        build_controllers(trial, Bench(bench_settings(trial)), "here")
+        build_controllers(trial, "here")

@@ -17,7 +17,6 @@ from flexslew_lab.trial.trial import (
     parse_trial,
     plan_of_trial,
 )
-from flexslew_plant.bench.bench import Bench
 from flexslew_plant.errors import BadInput, PlanFailed
 
 HOLDING = [name for name, entry in CONTROLLERS.items() if not entry.follows_reference]
@@ -60,7 +59,7 @@ def test_laws_refuse_plans_that_move_as_their_entries_say() -> None:
     for name in sorted(set(CONTROLLERS) - {"planned_gains"}):
         settings = dict(CONTROLLERS[name].compared)
         trial = parse_trial(STEP.format(law=name, duration=2.0).replace("{}", str(settings)), "t")
-        controllers = build_controllers(trial, Bench.__new__(Bench), "t")
+        controllers = build_controllers(trial, "t")
         refused = follow(controllers, name, plan_of_trial(trial))
         assert bool(refused) != CONTROLLERS[name].follows_reference, (name, refused)
 
@@ -120,5 +119,5 @@ def test_on_the_oscillator_nothing_needs_nan(method: str, law: str, tmp_path: Pa
 @pytest.mark.parametrize("shipped", shipped_trials(), ids=lambda trial: trial.name)
 def test_every_law_of_a_shipped_trial_follows_its_plan(shipped: Any) -> None:
     trial = load_trial(shipped.path)
-    controllers = build_controllers(trial, Bench.__new__(Bench), shipped.name)
+    controllers = build_controllers(trial, shipped.name)
     assert follow(controllers, trial.active, plan_of_trial(trial)) is None

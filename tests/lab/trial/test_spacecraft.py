@@ -9,8 +9,7 @@ from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.trial.trial import bench_settings, build_controllers, trial_of_values
-from flexslew_plant.bench.bench import Bench
+from flexslew_lab.trial.trial import build_controllers, trial_of_values
 from flexslew_plant.errors import BadInput
 from flexslew_plant.faults import FAULTS
 
@@ -80,7 +79,7 @@ def test_a_law_that_is_unstable_at_the_period_is_refused_with_one_that_works(law
     }
     trial = trial_of_values(values, "here")
     with pytest.raises(BadInput, match=rf"{law}.* spectral radius of one tick is .*; ") as error:
-        build_controllers(trial, Bench(bench_settings(trial)), "here")
+        build_controllers(trial, "here")
     assert "\n" not in str(error.value)
 
 

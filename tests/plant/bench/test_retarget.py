@@ -46,7 +46,7 @@ class TruthLog(Observer):
 def flown(trial: Trial, wish: str = "") -> list[tuple[float, ...]]:
     bench = Bench(bench_settings(trial))
     truth_log = TruthLog(bench, wish)
-    fly(bench, build_controllers(trial, bench, "trial"), truth_log)
+    fly(bench, build_controllers(trial, "trial"), truth_log)
     return truth_log.states
 
 

@@ -91,7 +91,7 @@ def _fly(trial: Trial, plan: Any) -> None:
         model.jacobian(x, idle)
     model.derivative(x, idle)
     model.energy(x)
-    controllers = build_controllers(trial, bench, "warm-up")
+    controllers = build_controllers(trial, "warm-up")
     for controller in controllers.values():
         if plan is not None:
             controller.adopt(plan)

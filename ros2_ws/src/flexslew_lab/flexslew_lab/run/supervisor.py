@@ -66,6 +66,7 @@ class Supervisor:
         self._rest: dict[str, bytes] = {}
         self._standstill, self._next_look = Standstill(), monotonic() + _LOOK
         self._stuck: set[str] = set()  # killed for it
+        self._held_up: set[str] = set()  # who had to be ended after the plant
         self._parameters = parameters
         self._environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
         for process in processes:
@@ -170,12 +171,19 @@ class Supervisor:
             self._log.flush()
 
     def _wait_for_rest(self) -> None:
-        """The others leave by themselves once the plant is gone and they were heard."""
-        end = monotonic() + _LEAVING
+        """The others leave by themselves once the plant is gone and they were heard.
+
+        Whom DDS holds up is ended. The run is over, so that mars it only where it is the recorder.
+        """
+        self._again.clear()
+        left, end = {*self._running} - self._stuck, monotonic() + _LEAVING
         while self._running and monotonic() < end:
             self._serve(0.05)
-        if self._running:
-            self._end()
+            self._kill_the_stuck()
+        self._held_up = (left & self._stuck | {*self._running}) - {"recorder"}
+        for name in self._running:
+            self._note(name, "does not leave: ended")
+        self._end()
 
     def _end(self) -> None:
         """End what still runs: the plant first, so that the recorder gets its last messages."""
@@ -196,7 +204,7 @@ class Supervisor:
         if self._codes[self._plant] not in (0, 3):
             return self._outcome(3, "the plant ended by itself")
         for name, code in self._codes.items():
-            if name != self._plant and code:
+            if name != self._plant and code and name not in self._held_up:
                 return self._outcome(3, f"{name} ended during the run")
         if self._codes[self._plant]:
             if self._complaint:

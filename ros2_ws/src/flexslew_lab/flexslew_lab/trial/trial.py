@@ -189,7 +189,7 @@ def law_of(name: str, values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     return str(own.pop("law", name)), own
 
 
-def build_controllers(trial: Trial, bench: Bench, source: str) -> dict[str, Controller]:
+def build_controllers(trial: Trial, source: str) -> dict[str, Controller]:
     """Return the trial's controllers by name.
 
     Raises:
@@ -224,7 +224,7 @@ def set_up(
     """
     stands = trial if testbed is None else replace(trial, testbed=testbed)
     bench = Bench(bench_settings(stands))
-    return bench, build_controllers(trial, bench, source)
+    return bench, build_controllers(trial, source)
 
 
 def follow(controllers: dict[str, Controller], active: str, plan: Plan | None) -> Refusal | None:
