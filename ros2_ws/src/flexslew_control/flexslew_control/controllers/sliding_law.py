@@ -140,10 +140,10 @@ class SlidingLaw:
         summands = {
             "feedforward": inverse @ (surface @ slope),
             "equivalent": -inverse @ (surface @ drift),
-            "reaching": -inverse @ (self._reaching @ (z - nominal)),
         }
         if self.drifts:
             summands["innovation"] = -inverse @ (self._innovation_gain @ estimate.innovation)
+        summands["reaching"] = -inverse @ (self._reaching @ (z - nominal))
         self.terms = {name: observed.on_bench(effort) for name, effort in summands.items()}
         self.terms |= observed.platform(measurement, reference)
         total: Vector = sum(self.terms.values(), start=_NOTHING)
