@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexslew_control.allocation.room import scaled_to, with_null_motion
 from flexslew_plant.arrays import Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 
@@ -74,15 +75,10 @@ class GyroSet:
         x, y, z = self.dither * np.sin(self.frequency * time + _PHASES)
         blend = near * np.array([[1.0, z, y], [z, 1.0, x], [y, x, 1.0]])
         first = sizes * (levers.T @ np.linalg.pinv(square + blend) @ torque)
-        over = float((abs(first) / self.limit).max())
-        if over > 1.0:
-            first = first / over
+        first = scaled_to(self.limit, np.asarray(first))
         if self.gain == 0.0:
-            return np.asarray(first)
+            return first
         away = self.gain * (self.preferred - angles)
         # a positive effort turns its gimbal back
         own = -self.momentum * (away - np.linalg.pinv(levers) @ (levers @ away))
-        room = np.where(own > 0.0, self.limit - first, self.limit + first)
-        size = abs(own)
-        share = np.divide(room, size, out=np.full(size.size, np.inf), where=size > 0.0)
-        return np.asarray(first + min(1.0, max(float(share.min()), 0.0)) * own)
+        return with_null_motion(self.limit, first, own)

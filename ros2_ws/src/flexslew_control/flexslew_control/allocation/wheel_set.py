@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from flexslew_control.allocation.room import scaled_to, with_null_motion
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 
@@ -59,14 +60,8 @@ class WheelSet:
         Returns:
             shape (wheels,) [N m].
         """
-        first = self._inverse @ torque
-        over = float((abs(first) / self.limit).max())
-        if over > 1.0:
-            first = first / over
+        first = scaled_to(self.limit, np.asarray(self._inverse @ torque))
         if speeds is None or self.gain == 0.0:
-            return np.asarray(first)
+            return first
         own = self.gain * (self._null @ (self.inertia * speeds - self.bias))
-        room = np.where(own > 0.0, self.limit - first, self.limit + first)
-        size = abs(own)
-        share = np.divide(room, size, out=np.full(size.size, np.inf), where=size > 0.0)
-        return np.asarray(first + min(1.0, max(float(share.min()), 0.0)) * own)
+        return with_null_motion(self.limit, first, own)

@@ -51,3 +51,21 @@ class Instrument(Protocol):
 def channels(instrument: Instrument) -> slice:
     """Return where an instrument's channels stand among the readings of the tips."""
     return slice(instrument.first, instrument.first + len(instrument.axes))
+
+
+def with_noise(exact: Reader, noise: float, rng: np.random.Generator | None) -> Reader:
+    """Return a reader with white noise of a standard deviation; without a generator there is none.
+
+    Args:
+        exact: without it.
+        noise: in the unit of the readings, each tick.
+        rng: of the noise.
+    """
+    if rng is None or not noise:
+        return exact
+
+    def read(body: MovingBody) -> Vector:
+        reading = exact(body)
+        return np.asarray(reading + noise * rng.standard_normal(reading.size))
+
+    return read

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Vector
 from flexslew_plant.settings import NonNegative, section
-from flexslew_plant.testbeds.instruments.instrument import MovingBody, Reader
+from flexslew_plant.testbeds.instruments.instrument import MovingBody, Reader, with_noise
 
 
 @section
@@ -40,12 +40,4 @@ class Tachometer:
 
     def begin(self, period: float, rng: np.random.Generator | None) -> Reader:
         """Return what reads it; see Instrument."""
-        noise = self.settings.noise
-
-        def read(body: MovingBody) -> Vector:
-            if rng is None or not noise:
-                return body.wheels
-            reading: Vector = body.wheels + noise * rng.standard_normal(body.wheels.size)
-            return reading
-
-        return read
+        return with_noise(self.exact, self.settings.noise, rng)
