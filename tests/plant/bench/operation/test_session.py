@@ -1,5 +1,6 @@
 """A run against a wall clock that the test moves."""
 
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -140,6 +141,44 @@ def test_as_fast_as_it_goes_one_that_is_due_and_held_up_is_waited_for() -> None:
     lab.die("a")
     lab.until(320)  # but not for ever
     assert lab.kinds("switched", "switch_dropped") == ["switched", "switch_dropped"]
+
+
+@pytest.mark.parametrize(
+    ("long_before", "back_after", "taken_over"),
+    [(0.0, 1.5, ["fallback"]), (0.0, inf, ["brake"]), (3.0, inf, ["brake"])],
+)
+def test_as_fast_as_it_goes_a_fallback_that_was_held_up_with_the_one_in_charge_is_waited_for(
+    long_before: float, back_after: float, taken_over: list[str]
+) -> None:
+    lab = Lab(fallback=("b",), max_missed=3).until(10)
+    lab.dead.add("b")
+    died = lab.now
+    while lab.now < died + long_before:
+        lab.poll()
+    lab.dead.add("a")
+    while not lab.it.bench.drive.one_miss_left:  # nobody answers within 2 s
+        lab.poll()
+    due = lab.now
+    while lab.it.bench.drive.active == "a":
+        if lab.now - due > back_after:
+            lab.dead.discard("b")
+            lab.stopped.discard("b")
+        lab.poll()
+    assert lab.kinds("fallback", "brake") == taken_over
+    waited = lab.now - due
+    assert waited < back_after + 0.5
+    assert waited < 0.5 if long_before else waited > min(back_after, 2.0)  # the answer's timeout
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0])
+def test_paced_no_fallback_is_waited_for(rate: float) -> None:
+    lab = Lab(rate=rate, fallback=("b",), max_missed=round(200 * rate)).until(10)
+    lab.dead |= {"a", "b"}
+    died = lab.now
+    while lab.it.bench.drive.active == "a":
+        lab.poll()
+    assert lab.kinds("fallback", "brake") == ["brake"]
+    assert lab.now - died < 2.0 + 1.0
 
 
 @pytest.mark.parametrize("stall", [0.1, 1.0, 30.0])

@@ -122,6 +122,19 @@ class Handover:
         """Return who takes over at this tick, if all goes well."""
         return [request.controller for request in self._queue if request.tick <= tick]
 
+    def heirs(self) -> list[str]:
+        """Return who takes over if the one in charge misses one answer too many, best first.
+
+        All but the last are not ready; without one that is ready the brake follows.
+        """
+        heirs: list[str] = []
+        for name in self._chain():
+            if name != self._drive.active and name not in self._fallen | self._misled:
+                heirs.append(name)
+                if name not in self._unready:
+                    break
+        return heirs
+
     def begin(self, tick: int) -> None:
         """Let happen what is due at the tick that begins."""
         self._tick = tick
@@ -205,19 +218,21 @@ class Handover:
     def _replace(self, controller: str, cause: Cause) -> None:
         """Let the next one take over: the predecessor of a newcomer, a fallback, or the brake."""
         self._fallen.add(controller)
-        chain = list(self._fallback)
-        request = None
-        if self._handover is not None:
-            (request, before), self._handover = self._handover, None
-            chain.insert(0, before)
         unfit = self._fallen | self._misled | self._unready.keys()
-        successor = next((name for name in chain if name not in unfit), "")
+        successor = next((name for name in self._chain() if name not in unfit), "")
+        request = self._handover and self._handover[0]
+        self._handover = None
         self._drive.hand_over(successor)
         self.faulted = True
         self._tell((FallbackTookOver if successor else BrakeTookOver)(successor, controller, cause))
         if request is not None:
             words = f"{controller} never answered; {successor or 'the brake'} is in charge"
             self._fail(request, self._tick, Refusal(words, cause=Cause.NO_ANSWER))
+
+    def _chain(self) -> list[str]:
+        """Return who is asked in turn to take over, ready or not."""
+        before = [self._handover[1]] if self._handover is not None else []
+        return before + list(self._fallback)
 
     def note_readiness(self, controller: str, why: Refusal | None) -> None:
         """Say it as an event when a controller can no longer take charge, or can again.

@@ -63,10 +63,12 @@ class Presence:
 
     def lost(self, names: Iterable[str], patience: float, now: float) -> set[str]:
         """Return those of these names that were heard once, and not for `patience` [wall s]."""
-        last: dict[str, float] = {}
-        for beat, at in self._heard.values():
-            last[beat.node] = max(at, last.get(beat.node, at))
-        return {name for name in names if name in last and now - last[name] > patience}
+        known = self._known.keys() & set(names)
+        return {name for name in known if now - self.last_heard(name) > patience}
+
+    def last_heard(self, name: str) -> float:
+        """Return when a node of this name gave its last sign of life [wall s]; -inf: never."""
+        return max((at for beat, at in self._heard.values() if beat.node == name), default=-inf)
 
     def of_role(self, role: str) -> list[str]:
         """Return all names with this role that were ever heard."""

@@ -287,8 +287,8 @@ class Session:
 
         A recorder is waited for, with or without a heartbeat: one that is starved of processor time
         gives none either, and what it does not have is lost if it dies. Paced nobody else is. Not
-        paced, a busy machine must not decide whether a switch happens: who is due to take over and
-        sends no heartbeat is waited for.
+        paced, a busy machine must not decide who takes over: whose turn it is by a switch, or as
+        a fallback after the answer that is missing now, and who sends no heartbeat is waited for.
         """
         tick, epoch = self.bench.tick + 1, self.bench.epoch
         slow = self.backlog.slow(tick, epoch, now)
@@ -297,14 +297,22 @@ class Session:
             return True
         if self.pacing.paced:
             return False
-        due = self.bench.handover.due(tick)
-        held = any(self.presence.silent(name, now) for name in due)
-        if not held:
+        due = [*self.bench.handover.due(tick), *self._heirs(now)]
+        if not any(self.presence.silent(name, now) for name in due):
             self._held_since = None
             self._refresh(due, now)
             return False
         self._held_since = now if self._held_since is None else self._held_since
         return now - self._held_since <= self.backlog.patience
+
+    def _heirs(self, now: float) -> list[str]:
+        """Return who takes over if this tick passes now, but those who fell silent long before."""
+        drive = self.bench.drive
+        if self.bench.answered or not drive.active or not drive.one_miss_left:
+            return []
+        since = min(now, self.presence.last_heard(drive.active))
+        heirs = self.bench.handover.heirs()
+        return sorted({*heirs} - self.presence.lost(heirs, self.backlog.patience, since))
 
     def _refresh(self, controllers: Iterable[str], now: float) -> None:
         """Note who of these can take charge at this moment."""
