@@ -50,12 +50,14 @@ def test_numbers_of_numpy_are_numbers() -> None:
         ("no_such_trial", {}, "m1"),
         (SHORT, {"testbed.wings": 2}, "testbed.wings"),
         (SHORT, {"duration": -1.0}, "duration"),
+        ("three_axes", {"wings": 2}, "three_axes: wings"),
     ],
 )
 def test_a_wrong_trial_is_one_line(source: Any, changes: dict[str, Any], named: str) -> None:
     with pytest.raises(BadInput) as refused:
         trial(source, changes)
     assert named in str(refused.value)
+    assert "ros2_ws" not in str(refused.value)  # where it is installed helps nobody
     assert "\n" not in str(refused.value)
 
 

@@ -80,7 +80,7 @@ TOLD = "        self.effort.publish("
 def test_an_answer_that_a_bench_would_reject_is_told(
     tmp_path: Path, old: str, new: str, rule: str, words: str
 ) -> None:
-    patience = 3.0 if rule == "status" else 120.0
+    patience = 10.0 if rule == "status" else 120.0
     code, wrong = examined(*of_example(tmp_path, (old, new)), patience=patience)
     assert code == 1
     assert wrong[rule]

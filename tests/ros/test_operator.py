@@ -30,6 +30,7 @@ from flexslew_lab.log.checks.check import check_log
 from flexslew_lab.ros.operator import connected
 from flexslew_lab.run.domain import RunningBench, bench_to_operate, own_domain
 from flexslew_plant.policies import OWN_SERVICES, OWN_TOPICS, ROLES
+from flexslew_plant.refusal import NO_TESTBED
 from flexslew_plant.ros.messages import stamp
 from flexslew_plant.ros.offers import qos
 from flexslew_plant.settings import load_yaml, plain, yaml_text
@@ -159,6 +160,7 @@ def operator() -> Iterator[Operator]:
         at_work = Operator(commands)
         try:
             at_work.until(lambda: [c.ready for c in at_work.controllers()] == [True, True])
+            at_work.until(lambda: at_work.plan("{")[0].message != str(NO_TESTBED))
             yield at_work
         finally:
             rclpy.shutdown()
@@ -406,9 +408,10 @@ def test_planning_is_cancelled_in_any_method_and_bad_goals_have_words(operator: 
     newest = operator.plan("{method: none, start: 9500}")[0].plan
     operator.until(lambda: plans and plans[-1].hash == newest.hash)
     known = len(plans)
-    for request in (
+    long = "goal: {base_yaw: 1.0}, functions: 200, basis: hat, duration: 600.0"
+    for request in (  # half a minute of a processor each
         "{method: time_optimal, goal: {base_yaw: 1.0, hub_pitch: 0.5}}",
-        "{method: optimized_feedforward, goal: {base_yaw: 1.0}, functions: 60, basis: hat}",
+        f"{{method: optimized_feedforward, {long}}}",
     ):
         goal = action.PlanSlew.Goal(request=request, period=0.01, effort_limit=[150.0, 150.0])
         handle = operator._result(client.send_goal_async(goal))
@@ -617,15 +620,16 @@ def test_the_command_line_operates_the_bench(
         assert call("brake")[0] == 0
         assert call("brake", "--release")[0] == 0
         gone = RunningBench(int(os.environ["ROS_DOMAIN_ID"]) + 1, "gone", known=False)
-        benches = [gone, bench_to_operate()]  # never those of others who work on this machine
+        known = bench_to_operate()._replace(known=True)  # so that it is waited for
+        benches = [gone, known]  # never those of others who work on this machine
         monkeypatch.setattr("flexslew_lab.cli.operate.running_benches", lambda: benches)
         with monkeypatch.context() as hasty:
             hasty.setattr("flexslew_lab.cli.operate._BY_HAND", 0.2)
             code, words = call("brake", "--all")
-        assert code == 1
-        assert "(gone, ROS_DOMAIN_ID" in words
-        assert words.endswith(here)
-        assert call("brake", "--all", "--release")[0] == 1
+            assert code == 1
+            assert "(gone, ROS_DOMAIN_ID" in words
+            assert words.endswith(here)
+            assert call("brake", "--all", "--release")[0] == 1
         assert call("brake", "--release")[0] == 1  # it has been released
         assert call("reset")[0] == 0
         assert asked_by_the_command_line() <= absolute(ROLES["operator"].request, "operator")

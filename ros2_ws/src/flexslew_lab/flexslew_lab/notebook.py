@@ -24,7 +24,7 @@ from flexslew_lab.metrics.from_bag import metrics_from
 from flexslew_lab.report.signals import read_signals
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.overrides import overridden
-from flexslew_lab.trial.sources import trial_path
+from flexslew_lab.trial.sources import label_of, trial_path
 from flexslew_lab.trial.trial import Trial, checked_trial, parse_trial, plant_of, text_of
 from flexslew_plant.arrays import Matrix
 from flexslew_plant.errors import BadInput
@@ -148,4 +148,4 @@ def _keys(source: str | Path | Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     values = load_yaml(text_of(path), str(path))
     if not isinstance(values, dict):
         raise BadInput("holds no keys", path)
-    return str(path), values
+    return label_of(path), values

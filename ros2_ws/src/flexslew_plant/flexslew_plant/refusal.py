@@ -84,6 +84,9 @@ class Refusal:
         return replace(self, key=whole, source=source or self.source)
 
 
+NO_TESTBED = Refusal("no testbed announced yet", cause=Cause.NO_TESTBED)
+
+
 def one_line(text: str) -> str:
     """Return a text in which what would break its line, or does not show, is escaped."""
     return text if text.isprintable() else "".join(map(_escaped, text))

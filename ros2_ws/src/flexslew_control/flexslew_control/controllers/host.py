@@ -26,7 +26,7 @@ from flexslew_plant.events import (
     event_of,
 )
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.refusal import NO_TESTBED, Cause, Refusal
 
 _LONGEST = 200  # characters of a value in an answer
 
@@ -76,7 +76,7 @@ class ControllerHost:
         self.plan_from = 0, 0  # epoch and tick of the first question answered with it
         self.events: deque[Event] = deque()
         self._build: Build | None = None
-        self._unfit = Refusal("no testbed announced yet", cause=Cause.NO_TESTBED)
+        self._unfit = NO_TESTBED
         self._appendages = 0  # of the testbed
         self._plan_refused: Refusal | None = None
         self._tunings: list[_Tuning] = []

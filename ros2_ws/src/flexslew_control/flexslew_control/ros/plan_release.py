@@ -30,12 +30,12 @@ from flexslew_plant.events import (
     fact_of,
 )
 from flexslew_plant.own_code import Trust
-from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.refusal import NO_TESTBED, Cause, Refusal
 from flexslew_plant.ros.alive import Alive
 from flexslew_plant.ros.event_log import EventLog
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import message_of, stamp
-from flexslew_plant.ros.offers import publisher, subscription
+from flexslew_plant.ros.offers import publisher, service, subscription
 from flexslew_plant.ros.parameters import serve_changes
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import read_testbed
@@ -90,7 +90,7 @@ class PlanRelease:
         self._events = EventLog(node)
         subscription(node, topics.CONTROLLER_STATUS, self._answers.status)
         subscription(node, topics.EVENTS, self._on_event)
-        node.create_service(srv.Operate, topics.DECIDE_PLAN, self._on_decide)
+        service(node, srv.Operate, topics.DECIDE_PLAN, self._on_decide)
 
     def announce(self, testbed: msg.Testbed) -> bool:
         """Return whether this is what stands on the bench: a new run begins."""
@@ -148,9 +148,11 @@ class PlanRelease:
     ) -> PlanRequest | Refusal:
         """Return what a client asks for, in YAML or plain data.
 
-        Period and limits need not be said.
+        Period and limits need not be said, once a testbed is known.
         """
         here = self._testbed
+        if not here.settings and not (period and limit):
+            return NO_TESTBED
         found = plan_request(
             section, here.settings, period or here.period, limit or here.effort_limit, self._gains,
             self._rest_at, self._trust,

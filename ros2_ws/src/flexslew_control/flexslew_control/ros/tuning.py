@@ -14,6 +14,7 @@ from flexslew_control.controllers.host import ControllerHost
 from flexslew_plant import topics
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.messages import seconds_of
+from flexslew_plant.ros.offers import service
 from flexslew_plant.ros.parameters import declare, requested_text, serve_changes
 from flexslew_plant.settings import flat, load_yaml, validated
 from flexslew_plant.settings_fields import meanings
@@ -47,7 +48,7 @@ class Tuning:
             own = law_values(host.values)
             settings = validated(CONTROLLERS[law].settings, own, f"node {host.name}")
             declare(node, settings, meanings(settings))
-        node.create_service(srv.Tune, topics.TUNE, self._on_tune)
+        service(node, srv.Tune, topics.TUNE, self._on_tune)
         serve_changes(node, self._set)
 
     def _set(self, changes: dict[str, Any]) -> str:

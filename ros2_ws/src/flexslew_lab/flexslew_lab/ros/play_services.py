@@ -9,6 +9,7 @@ from std_srvs.srv import Trigger
 from flexslew_lab.replay.player import Outgoing, Player
 from flexslew_plant.errors import BadInput
 from flexslew_plant.ros.messages import seconds_of
+from flexslew_plant.ros.offers import service
 
 
 class PlayServices:
@@ -29,10 +30,10 @@ class PlayServices:
         sought: Callable[[], None],
     ) -> None:
         self._player, self._send, self._sought = player, send, sought
-        node.create_service(Trigger, "~/pause", self._on_pause)
-        node.create_service(Trigger, "~/resume", self._on_resume)
-        node.create_service(srv.Step, "~/step", self._on_step)
-        node.create_service(srv.Seek, "~/seek", self._on_seek)
+        service(node, Trigger, "~/pause", self._on_pause)
+        service(node, Trigger, "~/resume", self._on_resume)
+        service(node, srv.Step, "~/step", self._on_step)
+        service(node, srv.Seek, "~/seek", self._on_seek)
 
     def _tick(self) -> int:
         return round(self._player.time / self._player.period)

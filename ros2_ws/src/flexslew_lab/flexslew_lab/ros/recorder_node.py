@@ -24,7 +24,8 @@ from flexslew_plant.ros.offers import publisher
 from flexslew_plant.ros.parameters import new_node, serve_changes, settings_of
 from flexslew_plant.settings import section
 
-_AFTER_PLANT = ("/effort_command", "/controller_state", "/plan")  # who leaves after the plant
+# who leaves after the plant
+_AFTER_PLANT = ("/effort_command", "/controller_state", "/plan", "/planned_trajectory")
 _FRAMES = (topics.TF, topics.TF_STATIC)  # of all benches of a domain
 _TAKE_EVERY = 0.005  # [wall s]
 _SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s

@@ -62,6 +62,11 @@ def trial_path(name: str | Path | None) -> Path:
     )
 
 
+def label_of(path: Path) -> str:
+    """Return what messages call the file of a trial: a shipped one by its name."""
+    return path.stem if path.parent == FOLDER else str(path)
+
+
 def changes_of(assignments: list[str] | None) -> dict[str, Any]:
     """Return `key.path=value` assignments as changes, the values read as YAML.
 
@@ -90,13 +95,13 @@ def read_trial(name: str | Path | None, assignments: list[str] | None = None) ->
         BadInput: the file cannot be read, or one of its values is not allowed.
     """
     path, changes = trial_path(name), changes_of(assignments)
+    label = label_of(path)
     values = load_yaml(text_of(path), str(path))
     if changes and isinstance(values, dict):
         try:
             values = overridden(values, changes)
         except BadInput as error:
             raise BadInput(f"--set: {error}") from None
-    label = path.stem if path.parent == FOLDER else str(path)
     source = label + "".join(f" --set {assignment}" for assignment in assignments or [])
     try:
         return checked_trial(trial_of_values(values, label, ANY_CODE), label), source

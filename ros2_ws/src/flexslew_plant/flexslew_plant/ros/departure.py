@@ -7,7 +7,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 
 from flexslew_plant.ros.alive import Alive
-from flexslew_plant.ros.graph import listeners_of
+from flexslew_plant.ros.graph import listeners_of, unmatched
 
 # How long a node stays at most until all have heard it [wall s]. For a listener that was held up,
 # DDS repairs 256 messages of a topic with every heartbeat: 3 s, or 0.02 s by profiles/loopback.xml.
@@ -15,6 +15,7 @@ DEPARTURE_TIMEOUT = 60.0
 INTERRUPTED_TIMEOUT = (
     5.0  # the same when somebody has interrupted it, or for one that sends no heartbeat
 )
+_MATCHING = 1.0  # for a listener that was discovered and is not matched yet [wall s]
 _ANSWERS = 1.0  # for clients, who may still wait for an answer [wall s]
 _SEVERAL = 50  # callbacks between two polls at who has heard what
 
@@ -39,7 +40,12 @@ def wait_until_acknowledged(
     services = [service.srv_name for service in node.services]
     while unheard and (waited := monotonic() - start) < patience:
         unheard[0].wait_for_all_acked(Duration(seconds=0.05))
-        unheard = [p for p in unheard if not p.wait_for_all_acked(Duration())]
+        matching = waited < _MATCHING
+        unheard = [
+            p
+            for p in unheard
+            if not p.wait_for_all_acked(Duration()) or (matching and unmatched(node, [p], []))
+        ]
         for _ in range(_SEVERAL):  # else signs of life would come later than they are sent
             serve()
         names = ", ".join(publisher.topic_name for publisher in unheard)

@@ -1,5 +1,6 @@
-"""Publishers and subscriptions as the table of topics has them."""
+"""Publishers and subscriptions as the table of topics has them, and services that are answered."""
 
+import warnings
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
@@ -12,6 +13,7 @@ from rclpy.subscription import Subscription
 
 from flexslew_plant.topics import TOPICS, Topic
 
+_SENDINGS = 10  # of an answer, 0.1 s each
 SEVERAL = 100  # latched samples a listener takes at least: several nodes may publish one each
 
 
@@ -75,3 +77,25 @@ def subscription(
     return node.create_subscription(
         message_class(topic.type), at or name, callback, profile, raw=raw
     )
+
+
+def service(node: Node, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -> None:
+    """Offer a service whose answer reaches a client that this node has not discovered yet.
+
+    A client may find the server before the server finds it, on a busy machine long before: Fast
+    DDS waits 0.1 s for the listener of the answer, rclpy warns, and the answer is lost. It is sent
+    again.
+    """
+    made = node.create_service(kind, name, answer)
+    send = made.send_response
+
+    def patiently(response: Any, header: Any) -> None:
+        for _ in range(_SENDINGS - 1):
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always")
+                send(response, header)
+            if not told:
+                return
+        send(response, header)
+
+    made.send_response = patiently
