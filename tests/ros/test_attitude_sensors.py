@@ -54,7 +54,16 @@ def test_sensors_estimator_fault_and_swap_are_the_same_bits(tmp_path: Path) -> N
     assert flight.metrics["switches"] == flight.metrics["faults"] == 1
     assert resim(flight.bag).identical
     assert check(flight.bag, "pd_feedforward").ok
-    assert BagReader(flight.bag).overview.cut is None
+    over_ros, in_process = BagReader(flight.bag), BagReader(tmp_path / "here/bag")
+    assert over_ros.overview.cut is None
+    assert over_ros.overview.plans[0].orientation.tobytes() == (
+        in_process.overview.plans[0].orientation.tobytes()
+    )
+    fields = {"reference_orientation", "estimate_orientation"}
+    rows = [bag.columns("/controller_state", fields) for bag in (over_ros, in_process)]
+    for name in fields:
+        assert rows[0][name].shape[1] == 4
+        assert rows[0][name].tobytes() == rows[1][name].tobytes()
 
 
 def test_gyro_and_star_tracker_are_heard_in_standard_messages(tmp_path: Path) -> None:
