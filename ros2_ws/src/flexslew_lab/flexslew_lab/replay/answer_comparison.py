@@ -152,7 +152,7 @@ class AnswerComparison:
         self.ticks += 1
         theirs, mine = self._recorded.pop(key), self._ours.pop(key)
         for name in FIELDS:
-            if name in _LATER and not len(theirs[name]):
+            if name in _LATER and len(theirs[name]) < len(mine[name]):
                 continue
             wrong = self.rows[name].add(key[1], theirs[name], mine[name])
             if wrong is not None:
