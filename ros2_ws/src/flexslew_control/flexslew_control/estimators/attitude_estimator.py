@@ -97,6 +97,7 @@ class AttitudeEstimator:
     period: float
     filter: TurnFilter
     _belief: Any = field(init=False)
+    _covariance: Matrix = field(init=False)  # of the estimate; its shape tells beliefs apart
     _rates: deque[tuple[Vector, Vector]] = field(
         init=False
     )  # gyro and efforts since the time of the belief
@@ -191,7 +192,7 @@ class AttitudeEstimator:
         self, measurement: Measurement, now: Any, innovation: Vector, nis: float
     ) -> Estimate:
         """Return what the joints would read, as positions about the reference."""
-        axes = self.joints.axes
+        self._covariance, axes = self.filter.covariance(now), self.joints.axes
         reads = np.abs(axes).max(axis=1) > 0.0
         turn, rate = (
             rotation_vector(now.attitude),
@@ -200,7 +201,7 @@ class AttitudeEstimator:
         position = np.where(reads, axes @ turn, measurement.joint_position)
         velocity = np.where(reads, axes @ rate, measurement.joint_velocity)
         position = self.joints.about(self._wanted(measurement), position)
-        return Estimate(position, velocity, NOTHING, self.filter.covariance(now), innovation, nis)
+        return Estimate(position, velocity, NOTHING, self._covariance, innovation, nis)
 
     def _reading(self, measurement: Measurement) -> Vector:
         return measurement.tip_deflection[channels(self.gyro)]
