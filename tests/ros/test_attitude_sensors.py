@@ -34,7 +34,7 @@ CHANGES: dict[str, Any] = {
     "plan": {"method": "reference_only", "goal": {"to": [0.1, 0.0, 1.0]}, "duration": 40.0},
     "controllers": {
         "pd_feedforward": FOUND,
-        "pid": {"law": "collocated_pid", **FOUND, "ki": [3.0]},
+        "pid": {"law": "collocated_pid", **FOUND, "attitude": {"modes": {}}, "ki": [3.0]},
     },
     "schedule": [{"at": 4.0, "until": 4.5, "fault": FROZEN}, {"at": 5.0, "switch": "pid"}],
 }
@@ -54,7 +54,21 @@ def test_sensors_estimator_fault_and_swap_are_the_same_bits(tmp_path: Path) -> N
     assert flight.metrics["switches"] == flight.metrics["faults"] == 1
     assert resim(flight.bag).identical
     assert check(flight.bag, "pd_feedforward").ok
-    assert BagReader(flight.bag).overview.cut is None
+    assert check(flight.bag, "pid").ok
+    over_ros, in_process = BagReader(flight.bag), BagReader(tmp_path / "here/bag")
+    assert over_ros.overview.cut is None
+    assert over_ros.overview.plans[0].orientation.tobytes() == (
+        in_process.overview.plans[0].orientation.tobytes()
+    )
+    fields = ("reference_orientation", "estimate_orientation")
+    rows = [bag.columns("/controller_state", {"tick", *fields}) for bag in (over_ros, in_process)]
+    # a question that is asked again is answered again
+    each = [np.unique(found["tick"], return_index=True) for found in rows]
+    assert each[0][0].tobytes() == each[1][0].tobytes()
+    for name in fields:
+        one, other = (found[name][first] for found, (_, first) in zip(rows, each, strict=True))
+        assert one.shape[1] == 4
+        assert one.tobytes() == other.tobytes()
 
 
 def test_gyro_and_star_tracker_are_heard_in_standard_messages(tmp_path: Path) -> None:

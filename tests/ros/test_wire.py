@@ -86,6 +86,7 @@ def test_a_controller_state_has_the_bytes_of_the_message(
         reference,
         estimate,
         {t: next(rows) for t in terms},
+        *((np.array([0.5, -0.5, 0.5, 0.5]), np.array([0.0, 0.0, 0.0, 1.0])) if joints == 3 else ()),
     )
     data = state_bytes(answer, Stamp(12, 340_000_000))
     message = deserialize_message(data, msg.ControllerState)

@@ -14,6 +14,7 @@ from flexslew_control.estimators.attitude_estimator import (
     AttitudeEstimator,
     AttitudeFilterSettings,
 )
+from flexslew_control.estimators.attitude_filter import GyroNoise, RigidFilter
 from flexslew_control.law import Reference
 from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.measurement import Measurement
@@ -87,6 +88,7 @@ def sensed(
     it = AttitudeEstimator(
         AttitudeJoints(JOINTS), gyro, (star,), tuple(suns),
         AttitudeFilterSettings(initial_bias=GYRO["bias_spread"]), PERIOD,
+        RigidFilter(GyroNoise(GYRO["angle_random_walk"], GYRO["rate_random_walk"]), PERIOD),
     )  # fmt: skip
     rows = []
     for k, (q, w) in enumerate(zip(path.as_quat(), rates, strict=True)):

@@ -5,14 +5,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.trial.trial import build_controllers, trial_of_values
+from flexslew_lab.trial.trial import build_controllers, plan_of_trial, trial_of_values
 from flexslew_plant.errors import BadInput
+from flexslew_plant.measurement import Measurement
 
 SENSORS: dict[str, Any] = {
     "gyro": {"kind": "gyro", "angle_random_walk": 2e-6, "bias": [1e-5, -2e-5, 1e-5]},
@@ -59,6 +61,60 @@ def test_a_slew_by_gyro_and_star_tracker_ends_at_the_goal(tmp_path: Path) -> Non
     ):
         assert abs(error - exact) < 4e-5  # about a boresight a star tracker sees worst
     assert blind["trajectory_hash"] != seen["trajectory_hash"]
+
+
+def knowledge_error(folder: Path, seed: int, modes: Any) -> float:
+    """Return how far off attitudes are at a slew that shakes the panels, root mean square [rad]."""
+    noisy = {"kind": "gyro", "angle_random_walk": 2e-4, "bias_spread": 5e-5}
+    attitude = {"initial_bias": 5e-5, "modes": modes}
+    changed = values(
+        seed=seed, plan=slew(8.0, 0.05), duration=16.0,
+        controllers={"pd_feedforward": {**PD, "attitude": attitude}},
+    )  # fmt: skip
+    changed["testbed"]["sensors"] = {**SENSORS, "gyro": noisy}
+    trial = trial_of_values(changed, "here")
+    run_trial(trial, "here", folder, in_process=True, report=False)
+    bag = BagReader(folder / "bag")
+    answers = bag.columns("/controller_state", {"tick", "estimate_orientation"})
+    ticks = np.asarray(answers["tick"], dtype=int)
+    true = bag.columns("/truth", {"position"})["position"][ticks, 3:7]
+    believed = Rotation.from_quat(answers["estimate_orientation"])
+    off = (believed.inv() * Rotation.from_quat(true)).magnitude()
+    return float(np.sqrt(np.mean(np.asarray(off)[40:] ** 2)))  # from 2 s on
+
+
+def test_with_appendage_modes_the_attitude_of_a_flight_is_known_better(tmp_path: Path) -> None:
+    """Slewing through a dropout of the star tracker, with a gyro that is noisy."""
+    chosen: list[dict[str, Any] | None] = [{}, None]
+    off = [
+        [knowledge_error(tmp_path / f"{seed}_{k}", seed, modes) for seed in (1, 2)]
+        for k, modes in enumerate(chosen)
+    ]
+    assert np.mean(off[0]) < 0.3 * np.mean(off[1])
+    bag = tmp_path / "1_0" / "bag"
+    assert resim(bag).identical
+    assert check(bag, "pd_feedforward").ok
+
+
+def test_modes_that_are_tuned_in_flight_start_the_filter_afresh(tmp_path: Path) -> None:
+    with_modes = {**PD, "attitude": {"initial_bias": 5e-5, "modes": {}}}
+    trials = [trial_of_values(values(controllers={"pd_feedforward": one}), "here")
+              for one in (PD, with_modes)]  # fmt: skip
+    older, newer = (build_controllers(trial, "here")["pd_feedforward"] for trial in trials)
+    plan = plan_of_trial(trials[0])
+    assert plan is not None
+    older.adopt(plan)
+    none, tips = np.zeros(3), np.zeros(len(trials[0].testbed.model().appendages.names))
+    for tick in range(6):
+        if tick == 3:
+            newer.take_over(older)
+            older = newer
+        seen = Measurement(
+            tick, 0, 0.05 * tick, "pd_feedforward", none, none, tips, 0.0 * tips, none
+        )
+        answer = older.observe(seen)
+        assert answer is not None
+        assert np.isfinite(answer.command.effort).all()
 
 
 @pytest.mark.parametrize(

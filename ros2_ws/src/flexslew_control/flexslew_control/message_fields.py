@@ -11,6 +11,7 @@ from flexslew_plant.arrays import Matrix
 from flexslew_plant.bench.wire import Stamp, stamped_bytes
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import load_yaml, yaml_text
+from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 _NO_GAINS: Matrix = np.zeros((0, 0))
 TEXTS = ("request", "summary", "versions")  # YAML in the message
@@ -18,16 +19,18 @@ TEXTS = ("request", "summary", "versions")  # YAML in the message
 
 def answer_fields(answer: Answer) -> dict[str, Any]:
     """Return the fields of flexslew_msgs/ControllerState but for its header."""
-    command, reference, estimate, terms = answer
+    command, reference, estimate, terms = answer[:4]
     return {
         "tick": command.tick,
         "epoch": command.epoch,
         "controller": command.controller,
         "reference_position": reference.position,
         "reference_velocity": reference.velocity,
+        "reference_orientation": answer.reference_orientation,
         "feedforward": reference.effort,
         "estimate_position": estimate.position,
         "estimate_velocity": estimate.velocity,
+        "estimate_orientation": answer.estimate_orientation,
         "estimate_disturbance": estimate.disturbance,
         "covariance_diagonal": np.diagonal(estimate.covariance),
         "innovation": estimate.innovation,
@@ -44,8 +47,13 @@ def state_bytes(answer: Answer, at: Stamp) -> bytes:
     return stamped_bytes(at, tick, epoch, fields)
 
 
-def plan_fields(plan: Plan) -> dict[str, Any]:
-    """Return the fields of flexslew_msgs/Plan but for its stamp."""
+def plan_fields(plan: Plan, attitude: AttitudeJoints | None = None) -> dict[str, Any]:
+    """Return the fields of flexslew_msgs/Plan but for its stamp.
+
+    Args:
+        plan: of the joints of a bench.
+        attitude: those that read an attitude there; None: none do.
+    """
     return {
         "method": plan.method,
         "hash": plan_hash(plan),
@@ -58,6 +66,9 @@ def plan_fields(plan: Plan) -> dict[str, Any]:
         "effort": plan.effort.ravel(),
         "state": plan.state.ravel(),
         **({"gains": plan.gains.ravel()} if plan.gains.size else {}),
+        **(
+            {} if attitude is None else {"orientation": attitude.orientation(plan.position).ravel()}
+        ),
         **{name: yaml_text(getattr(plan, name)) for name in TEXTS},
     }
 

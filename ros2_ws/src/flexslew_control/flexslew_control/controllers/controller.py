@@ -25,7 +25,7 @@ from flexslew_plant.arrays import NOTHING, Vector, handed_out, kept
 from flexslew_plant.events import EstimateDoubted, Event, event_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
-from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.attitude import AttitudeJoints, conjugate, product
 
 _NONE = -2  # tick of a measurement that has not come: not even the one before tick 0
 
@@ -37,6 +37,8 @@ class Answer(NamedTuple):
     reference: Reference
     estimate: Estimate
     terms: dict[str, Vector]
+    reference_orientation: Vector = NOTHING  # quaternion x y z w, (4,); empty: no attitude
+    estimate_orientation: Vector = NOTHING  # the same of the estimate
 
 
 class Controller:
@@ -287,7 +289,18 @@ class Controller:
             effort = effort + blend
             terms = {**terms, "handover": blend}
         command = EffortCommand(measurement.tick, measurement.epoch, self.name, handed_out(effort))
-        return Answer(command, reference, estimate, terms)
+        return Answer(command, reference, estimate, terms, *self._orientations(reference, estimate))
+
+    def _orientations(self, reference: Reference, estimate: Estimate) -> tuple[Vector, Vector]:
+        """Return the quaternions of reference and estimate; empty where there is no attitude."""
+        if self._attitude is None:
+            return NOTHING, NOTHING
+        believed = estimate.position[: len(self.joint_names)]
+        planned = handed_out(self._attitude.orientation(reference.position))
+        if believed.size < len(self.joint_names):
+            return planned, NOTHING
+        left = self._attitude.orientation(reference.position - believed)
+        return planned, handed_out(product(planned, conjugate(left)))
 
     def warm(self, appendages: int) -> None:
         """Compile and load what the first answers need, so that none of them comes late.

@@ -2,22 +2,25 @@
 
 from collections import deque
 from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 
 from flexslew_control.estimators.attitude_filter import (
-    Belief,
+    Correction,
     GyroNoise,
-    corrected_by_attitude,
-    corrected_by_direction,
-    propagated,
+    RigidFilter,
+)
+from flexslew_control.estimators.flexible_attitude_filter import (
+    AppendageModesSettings,
+    flexible_filter,
 )
 from flexslew_control.law import Estimate, Estimator, MeasuredJoints, PlantDescription, Reference
-from flexslew_plant.arrays import NOTHING, Vector
+from flexslew_plant.arrays import NOTHING, Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import NonNegative, Positive, section
-from flexslew_plant.testbeds.attitude import AttitudeJoints, quaternion, rotation_vector
+from flexslew_plant.testbeds.attitude import AttitudeJoints, rotation_vector
 from flexslew_plant.testbeds.instruments import Gyro, StarTracker, SunSensor
 from flexslew_plant.testbeds.instruments.instrument import channels
 
@@ -33,6 +36,38 @@ class AttitudeFilterSettings:
     noise_factor: Positive = 1.0  # on all noises that the sensors state [-]
     initial_attitude: NonNegative = 1.0  # standard deviation until the first reading [rad]
     initial_bias: NonNegative = 1e-3  # of the gyro's bias at the start [rad/s]
+    modes: AppendageModesSettings | None = None  # with appendages' modes; null: by the gyro alone
+
+
+class TurnFilter(Protocol):
+    """What an estimate of attitude, bias and perhaps more is made of; beliefs are its own."""
+
+    @property
+    def channels(self) -> int:
+        """How many innovations the gyro gives."""
+
+    def begin(self, attitude: Vector, reading: Vector, sigmas: tuple[float, float]) -> Any:
+        """Return the first belief; sigmas are of attitude [rad] and bias [rad/s]."""
+
+    def carried(self, belief: Any, reading: Vector, effort: Vector) -> Correction:
+        """Return the belief a tick later, of the gyro's reading and the efforts of that tick."""
+
+    def told_attitude(self, belief: Any, measured: Vector, noise: Matrix) -> Correction:
+        """Return the belief after a measured attitude."""
+
+    def told_direction(
+        self, belief: Any, measured: Vector, inertial: Vector, sigma: float
+    ) -> Correction:
+        """Return the belief after a measured direction."""
+
+    def first_told(self, belief: Any, measured: Vector, noise: Matrix) -> Any:
+        """Return the belief in the first measured attitude."""
+
+    def rate(self, belief: Any, reading: Vector) -> Vector:
+        """Return the rate in body axes, shape (3,) [rad/s]."""
+
+    def covariance(self, belief: Any) -> Matrix:
+        """Return that of small turn and bias, then of what else is believed."""
 
 
 @dataclass
@@ -51,6 +86,7 @@ class AttitudeEstimator:
         trackers, suns: what corrects them.
         settings: what is believed.
         period: one tick [s].
+        filter: of attitude, bias and perhaps modes.
     """
 
     joints: AttitudeJoints
@@ -59,8 +95,12 @@ class AttitudeEstimator:
     suns: tuple[SunSensor, ...]
     settings: AttitudeFilterSettings
     period: float
-    _belief: Belief = field(init=False)
-    _rates: deque[Vector] = field(init=False)  # read since the time of the belief
+    filter: TurnFilter
+    _belief: Any = field(init=False)
+    _covariance: Matrix = field(init=False)  # of the estimate; its shape tells beliefs apart
+    _rates: deque[tuple[Vector, Vector]] = field(
+        init=False
+    )  # gyro and efforts since the time of the belief
     _seen: deque[Vector] = field(init=False)  # tips of the ticks whose readings may still count
     _first: int = field(init=False, default=0)  # tick of the reset
     _tick: int = field(init=False, default=-1)
@@ -75,9 +115,8 @@ class AttitudeEstimator:
     def reset(self, measurement: Measurement) -> None:
         """Start where the reference is, without a bias, and take in the first readings."""
         s, there = self.settings, self._wanted(measurement)
-        sigmas = np.repeat([s.initial_attitude, s.initial_bias], 3)
-        start = quaternion(self.joints.turn_of(there))
-        self._belief = Belief(start, np.zeros(3), np.diag(sigmas**2))
+        start, reading = self.joints.orientation(there), self._reading(measurement)
+        self._belief = self.filter.begin(start, reading, (s.initial_attitude, s.initial_bias))
         self._rates, self._found = deque(), False
         self._seen = deque(maxlen=self.late + 1)
         self._first = measurement.tick
@@ -86,11 +125,12 @@ class AttitudeEstimator:
     def update(self, measurement: Measurement) -> Estimate:
         """Return the joints' positions and rates as they are believed."""
         if measurement.tick != self._tick:
-            self._rates.append(measurement.tip_deflection[channels(self.gyro)])
+            self._rates.append((self._reading(measurement), measurement.applied_effort))
+            told = None
             if measurement.tick - self._first > self.late:
-                reading = self._rates.popleft()
-                self._belief = propagated(self._belief, reading, self._gyro_noise, self.period)
-            self._take(measurement)
+                told = self.filter.carried(self._belief, *self._rates.popleft())
+                self._belief = told.belief
+            self._take(measurement, told)
         return self._last
 
     @property
@@ -98,16 +138,19 @@ class AttitudeEstimator:
         """By how many ticks the latest reading is late."""
         return max((tracker.delay_ticks(self.period) for tracker in self.trackers), default=0)
 
-    def _take(self, measurement: Measurement) -> None:
+    def _take(self, measurement: Measurement, told: Correction | None = None) -> None:
         """Correct the belief by what was measured at its time, and carry it to the present."""
         self._tick = measurement.tick
         self._seen.append(measurement.tip_deflection)
-        innovation, nis = np.zeros(3 * len(self.trackers) + 2 * len(self.suns)), 0.0
+        first = self.filter.channels
+        innovation, nis = np.zeros(first + 3 * len(self.trackers) + 2 * len(self.suns)), 0.0
+        if told is not None:
+            innovation[:first], nis = told.innovation, told.nis
         if len(self._seen) > self.late:
-            nis = self._corrected(innovation)
+            nis += self._corrected(innovation[first:])
         now = self._belief
-        for reading in self._rates:
-            now = propagated(now, reading, self._gyro_noise, self.period)
+        for reading, effort in self._rates:
+            now = self.filter.carried(now, reading, effort).belief
         self._last = self._estimate(measurement, now, innovation, nis)
 
     def _corrected(self, innovation: Vector) -> float:
@@ -122,7 +165,7 @@ class AttitudeEstimator:
             read = self._seen[0][channels(sun)]
             if _present(read) and self._found:
                 sigma = self.settings.noise_factor * sun.settings.noise + _LEAST
-                told = corrected_by_direction(self._belief, read, sun.sun, sigma)
+                told = self.filter.told_direction(self._belief, read, sun.sun, sigma)
                 self._belief, nis = told.belief, nis + told.nis
                 innovation[at : at + 2] = told.innovation
             at += 2
@@ -134,38 +177,34 @@ class AttitudeEstimator:
         noise = self.settings.noise_factor**2 * tracker.covariance_at(float(np.linalg.norm(rate)))
         noise = noise + _LEAST**2 * np.eye(3)
         if not self._found:
-            self._found, covariance = True, self._belief.covariance.copy()
-            covariance[:3, :3], covariance[:3, 3:], covariance[3:, :3] = noise, 0.0, 0.0
-            self._belief = Belief(read, self._belief.bias, covariance)
+            self._found = True
+            self._belief = self.filter.first_told(self._belief, read, noise)
             return 0.0
-        told = corrected_by_attitude(self._belief, read, noise)
+        told = self.filter.told_attitude(self._belief, read, noise)
         self._belief, innovation[:] = told.belief, told.innovation
         return told.nis
-
-    @property
-    def _gyro_noise(self) -> GyroNoise:
-        s, factor = self.gyro.settings, self.settings.noise_factor
-        return GyroNoise(factor * s.angle_random_walk, factor * s.rate_random_walk)
 
     def _wanted(self, measurement: Measurement) -> Vector:
         """Return where the joints shall be; where they are measured if nobody has told."""
         return self._reference if self._reference.size else measurement.joint_position
 
     def _estimate(
-        self, measurement: Measurement, now: Belief, innovation: Vector, nis: float
+        self, measurement: Measurement, now: Any, innovation: Vector, nis: float
     ) -> Estimate:
         """Return what the joints would read, as positions about the reference."""
-        axes = self.joints.axes
+        self._covariance, axes = self.filter.covariance(now), self.joints.axes
         reads = np.abs(axes).max(axis=1) > 0.0
-        turn, rate = rotation_vector(now.attitude), self._rate(measurement, now)
+        turn, rate = (
+            rotation_vector(now.attitude),
+            self.filter.rate(now, self._reading(measurement)),
+        )
         position = np.where(reads, axes @ turn, measurement.joint_position)
         velocity = np.where(reads, axes @ rate, measurement.joint_velocity)
         position = self.joints.about(self._wanted(measurement), position)
-        return Estimate(position, velocity, NOTHING, now.covariance, innovation, nis)
+        return Estimate(position, velocity, NOTHING, self._covariance, innovation, nis)
 
-    def _rate(self, measurement: Measurement, now: Belief) -> Vector:
-        rate: Vector = measurement.tip_deflection[channels(self.gyro)] - now.bias
-        return rate
+    def _reading(self, measurement: Measurement) -> Vector:
+        return measurement.tip_deflection[channels(self.gyro)]
 
 
 def attitude_estimator(
@@ -191,7 +230,14 @@ def attitude_estimator(
         (name,) = gyros
     if name not in gyros:
         raise BadInput(f"one of {', '.join(gyros)}", key="attitude.gyro", value=name)
-    return AttitudeEstimator(model.attitude, gyros[name], trackers, suns, settings, plant.period)
+    told, factor, period = gyros[name].settings, settings.noise_factor, plant.period
+    noise = GyroNoise(factor * told.angle_random_walk, factor * told.rate_random_walk)
+    carries: TurnFilter = RigidFilter(noise, period)
+    if settings.modes is not None:
+        carries = flexible_filter(
+            plant.believed(settings.modes.model), noise, settings.modes, period
+        )
+    return AttitudeEstimator(model.attitude, gyros[name], trackers, suns, settings, period, carries)
 
 
 def joint_estimator(plant: PlantDescription, settings: AttitudeFilterSettings | None) -> Estimator:

@@ -6,7 +6,8 @@ body axes, q_true = q dq(theta), that of the bias b_true - b; covariances are of
 order.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,7 +41,7 @@ class Belief(NamedTuple):
 class Correction(NamedTuple):
     """What became of a reading."""
 
-    belief: Belief
+    belief: Any  # as it was given
     innovation: Vector  # measured minus predicted, shape (l,) [rad]
     nis: float  # innovation^T S^-1 innovation
 
@@ -117,10 +118,69 @@ def corrected_by_direction(
         sigma: standard deviation in each direction across it [rad].
     """
     seen = to_body(belief.attitude) @ inertial
-    across = np.linalg.svd(seen[None])[2][1:]
+    two = across(seen)
     shows = np.zeros((2, 6))
-    shows[:, :3] = across @ skew(seen)
-    return _corrected(belief, across @ measured, shows, sigma**2 * np.eye(2))
+    shows[:, :3] = two @ skew(seen)
+    return _corrected(belief, two @ measured, shows, sigma**2 * np.eye(2))
+
+
+def across(seen: Vector) -> Matrix:
+    """Return two unit vectors across a direction and each other, shape (2, 3)."""
+    two: Matrix = np.linalg.svd(seen[None])[2][1:]
+    return two
+
+
+@dataclass(frozen=True)
+class RigidFilter:
+    """Implements TurnFilter, see attitude_estimator: the gyro carries the attitude.
+
+    Args:
+        noise: of the gyro.
+        period: one tick [s].
+    """
+
+    noise: GyroNoise
+    period: float
+
+    @property
+    def channels(self) -> int:
+        """How many innovations the gyro gives: it is believed."""
+        return 0
+
+    def begin(self, attitude: Vector, reading: Vector, sigmas: tuple[float, float]) -> Any:
+        """Return a belief in an attitude and no bias."""
+        return Belief(attitude, np.zeros(3), np.diag(np.repeat(sigmas, 3) ** 2))
+
+    def carried(self, belief: Any, reading: Vector, effort: Vector) -> Correction:
+        """Return the belief a tick later, turned by what the gyro has read."""
+        after = propagated(belief, reading, self.noise, self.period)
+        return Correction(after, np.zeros(0), 0.0)
+
+    def told_attitude(self, belief: Any, measured: Vector, noise: Matrix) -> Correction:
+        """Return the belief after a measured attitude."""
+        return corrected_by_attitude(belief, measured, noise)
+
+    def told_direction(
+        self, belief: Any, measured: Vector, inertial: Vector, sigma: float
+    ) -> Correction:
+        """Return the belief after a measured direction."""
+        return corrected_by_direction(belief, measured, inertial, sigma)
+
+    def first_told(self, belief: Any, measured: Vector, noise: Matrix) -> Any:
+        """Return the belief in the first measured attitude."""
+        covariance = belief.covariance.copy()
+        covariance[:3, :3], covariance[:3, 3:], covariance[3:, :3] = noise, 0.0, 0.0
+        return Belief(measured, belief.bias, covariance)
+
+    def rate(self, belief: Any, reading: Vector) -> Vector:
+        """Return the rate in body axes: what the gyro reads less its bias, shape (3,) [rad/s]."""
+        rate: Vector = reading - belief.bias
+        return rate
+
+    def covariance(self, belief: Any) -> Matrix:
+        """Return that of small turn and bias."""
+        covariance: Matrix = belief.covariance
+        return covariance
 
 
 def _corrected(belief: Belief, innovation: Vector, shows: Matrix, noise: Matrix) -> Correction:

@@ -5,7 +5,6 @@ import numpy as np
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import PlanFailed
 from flexslew_plant.testbeds import Testbed
-from flexslew_plant.testbeds.attitude import quaternion
 from flexslew_plant.testbeds.spacecraft.sky import HasSky
 
 _TOUCHES = 1e-9  # rounding [rad]
@@ -25,7 +24,7 @@ def require_clear(plan: Plan, testbed: Testbed) -> None:
     joints = testbed.model().attitude
     if sky is None or joints is None or not sky.cones or not len(plan.position):
         return
-    attitude = quaternion(joints.turn_of(plan.position))
+    attitude = joints.orientation(plan.position)
     for cone in sky.cones:
         margin = cone.margin(attitude)
         inside = np.flatnonzero(margin < -_TOUCHES)

@@ -39,6 +39,7 @@ from flexslew_plant.ros.offers import publisher, service, subscription
 from flexslew_plant.ros.parameters import serve_changes
 from flexslew_plant.settings import load_yaml
 from flexslew_plant.testbeds import read_testbed
+from flexslew_plant.testbeds.attitude import AttitudeJoints
 
 START_MARGIN = 1.0  # until a plan that is asked for now can begin [wall s]
 ADOPT, REFUSE = "adopt", "refuse"
@@ -82,6 +83,7 @@ class PlanRelease:
         self._draft: tuple[Plan, msg.Plan] | None = None
         self._course: PlannedCourse | None = None
         self._testbed = msg.Testbed()
+        self._attitude: AttitudeJoints | None = None  # of the testbed
         self._stray = False  # a strange message was told of
         self._answers, self._pending = PlanAnswers(), list[_Pending]()
         self._clock = BenchClock(node)
@@ -95,9 +97,8 @@ class PlanRelease:
     def announce(self, testbed: msg.Testbed) -> bool:
         """Return whether this is what stands on the bench: a new run begins."""
         try:
-            self._course = PlannedCourse(
-                described(testbed.settings, f"/{topics.TESTBED}", self._trust)
-            )
+            plant = described(testbed.settings, f"/{topics.TESTBED}", self._trust)
+            self._course = PlannedCourse(plant)
         except BadInput as error:
             if not self._stray:
                 self._stray = True
@@ -105,7 +106,7 @@ class PlanRelease:
                 fact = StrayMessage(topics.TESTBED, "planner", str(error))
                 self._events.tell(event_of(fact, 0, now, epoch, "planner"))
             return False
-        self._testbed = testbed
+        self._testbed, self._attitude = testbed, plant.testbed.model().attitude
         return True
 
     def serve_model(self, node: Node, text: str) -> None:
@@ -246,7 +247,8 @@ class PlanRelease:
             self._answers.refusal(what.controller, what.hash, what.reason or "")
 
     def _message(self, plan: Plan) -> msg.Plan:
-        return message_of(msg.Plan, {"stamp": stamp(self._clock.now()), **plan_fields(plan)})
+        fields = plan_fields(plan, self._attitude)
+        return message_of(msg.Plan, {"stamp": stamp(self._clock.now()), **fields})
 
     def _tell(self, kind: _Kind, plan: Plan, message: msg.Plan, who: str) -> None:
         now, epoch = self._clock.now(), self._clock.epoch

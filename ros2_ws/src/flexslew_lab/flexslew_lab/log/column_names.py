@@ -13,6 +13,8 @@ _COORDINATES = (  # joints first, then modes
     "estimate_position",
     "estimate_velocity",
 )
+_ORIENTATIONS = ("reference_orientation", "estimate_orientation")
+_PARTS = ("x", "y", "z", "w")  # of a quaternion
 _EFFORTS = ("applied_effort", "disturbance", "effort", "feedforward", "estimate_disturbance")
 _APPENDAGES = ("tip_deflection", "root_curvature")
 
@@ -28,13 +30,14 @@ def column_name(overview: Overview, topic: str, field: str, place: int) -> str:
     """
     testbed = overview.testbed
     if testbed is not None and topic in _TICKED:
-        joints, appendages = list(testbed.joint_names), list(testbed.appendage_names)
-        modes = [f"mode_{k + 1}" for k in range(testbed.modes)]
+        joints, appendages = tuple(testbed.joint_names), tuple(testbed.appendage_names)
+        modes = tuple(f"mode_{k + 1}" for k in range(testbed.modes))
         names = {
             **dict.fromkeys(_COORDINATES, joints + modes),
             **dict.fromkeys(_EFFORTS, joints),
+            **dict.fromkeys(_ORIENTATIONS, _PARTS),
             **dict.fromkeys(_APPENDAGES, appendages),
-        }.get(field, [])
+        }.get(field, ())
         if place < len(names):
             return f"{field}.{names[place]}"
     return f"{field}_{place}"

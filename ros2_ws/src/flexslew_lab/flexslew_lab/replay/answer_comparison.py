@@ -7,10 +7,12 @@ import numpy as np
 from flexslew_lab.replay.logged_controllers import Key
 
 FIELDS = (
-    *("reference_position", "reference_velocity", "feedforward"),
-    *("estimate_position", "estimate_velocity", "estimate_disturbance", "covariance_diagonal"),
+    *("reference_position", "reference_velocity", "reference_orientation", "feedforward"),
+    *("estimate_position", "estimate_velocity", "estimate_orientation", "estimate_disturbance"),
+    "covariance_diagonal",
     *("innovation", "nis", "term_names", "terms", "effort"),
 )
+_LATER = frozenset({"reference_orientation", "estimate_orientation"})  # older logs have none
 _PATIENCE = 5000  # ticks until what has no counterpart will have none
 _BUCKETS = 2048  # of a curve of differences
 
@@ -150,6 +152,8 @@ class AnswerComparison:
         self.ticks += 1
         theirs, mine = self._recorded.pop(key), self._ours.pop(key)
         for name in FIELDS:
+            if name in _LATER and len(theirs[name]) < len(mine[name]):
+                continue
             wrong = self.rows[name].add(key[1], theirs[name], mine[name])
             if wrong is not None:
                 place = _term(theirs, wrong[0]) if name == "terms" else wrong[0]

@@ -197,6 +197,10 @@ class AttitudeJoints:
         turn: Vector = position @ self._from_joints.T
         return turn
 
+    def orientation(self, position: Vector) -> Vector:
+        """Return the attitude that the joints read, quaternions x y z w, shape (..., 4)."""
+        return quaternion(self.turn_of(position))
+
     def displacement(self, first: Vector, last: Vector) -> Vector:
         """Return how far each joint goes from one position to another, shape (joints,).
 

@@ -50,7 +50,7 @@ class BagObserver:
         )
         digest = ""
         if plan is not None:
-            fields = plan_fields(plan)
+            fields = plan_fields(plan, bench.model.attitude)
             digest = fields["hash"]
             self._put("/plan", stamp=self._now, **fields)
         for name, controller in controllers.items():
