@@ -21,7 +21,7 @@ from flexslew_control.planners.minimax.question import Question
 from flexslew_control.planners.minimax.search import search_of, smooth
 from flexslew_control.planners.minimax.turning_motion import platform_of
 from flexslew_control.planners.slew import Feedback, slew_of
-from flexslew_control.planners.whole_bench import flown_on_bench
+from flexslew_control.planners.whole_bench import flown_on_bench, not_counted
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import read_testbed
 
@@ -183,6 +183,29 @@ def test_too_short_a_turn_names_a_duration_that_can_be_planned() -> None:
 def test_what_makes_no_sense_in_three_axes_is_refused(more: Any, words: str) -> None:
     with pytest.raises(BadInput, match=words):
         planned(**{"goal": {"roll": 0.5}, "duration": 12.0, **more})
+
+
+@pytest.mark.parametrize(
+    ("law", "settings", "words"),
+    [
+        ("pd_feedforward", {"kp": [20.0], "kd": [60.0], "gyroscopic": False}, ""),
+        (
+            "pd_feedforward",
+            {"kp": [20.0], "gyroscopic": True, "attitude": {}},
+            "pd_feedforward without attitude, gyroscopic",
+        ),
+        (
+            "collocated_pid",
+            {"ki": [1.0]},
+            "kp and kd of the joints alone instead of collocated_pid",
+        ),
+        ("lqr", {}, "kp and kd of the joints alone instead of lqr"),
+    ],
+)
+def test_what_a_law_does_beyond_the_gains_that_a_plan_counts_with_is_named(
+    law: str, settings: dict[str, Any], words: str
+) -> None:
+    assert not_counted(ActiveLaw(law, settings)) == words
 
 
 def test_an_attitude_is_turned_to_about_the_eigenaxis_by_default() -> None:
