@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tests.control.planners.time_optimal.test_three_axes_flexible import AXES, booms
 from tests.present import present
 
@@ -18,8 +19,9 @@ from flexslew_control.planners.minimax.minimax_feedforward import question_of
 from flexslew_control.planners.minimax.nonlinear_path import channels, deviation, tabled
 from flexslew_control.planners.minimax.question import Question
 from flexslew_control.planners.minimax.search import search_of, smooth
+from flexslew_control.planners.minimax.turning_motion import platform_of
 from flexslew_control.planners.slew import Feedback, slew_of
-from flexslew_control.planners.whole_bench import flown_on_bench
+from flexslew_control.planners.whole_bench import flown_on_bench, not_counted
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import read_testbed
 
@@ -124,9 +126,39 @@ def test_the_derivatives_of_a_turn_are_those_of_its_flight() -> None:
         (_, ahead), (_, behind) = flown(weights + step), flown(weights - step)
         by = (channels(motion, member, ahead) - channels(motion, member, behind)) / 2e-3
         for channel in limited:
-            np.testing.assert_allclose(found.slopes[channel][:, k], by[:, channel], atol=1e-5)
+            np.testing.assert_allclose(found.slopes[channel][:, k], by[:, channel], atol=1e-6)
         end = (deviation(motion, member, ahead) - deviation(motion, member, behind)) / 2e-3
-        np.testing.assert_allclose(found.end[0][:, k], end, atol=1e-5)
+        np.testing.assert_allclose(found.end[0][:, k], end, atol=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-7, 1e-3, 0.4, 3.0])
+def test_the_slopes_of_the_rotation_are_those_of_its_differences(angle: float) -> None:
+    """About any axis, either sign of the quaternions, and not quite normalised."""
+    rng = np.random.default_rng([34, int(1e3 * angle)])
+    motion = question({"roll": 0.3}, 12.0).motion
+    gains = rng.standard_normal((3, 6))
+    size = bench().testbed.model().positions + bench().testbed.model().coordinates
+    states, path = rng.standard_normal((2, 6, size))
+    at, rate = platform_of(bench().testbed)
+    turns = rng.standard_normal((6, 3))
+    turns *= angle / np.linalg.norm(turns, axis=1)[:, None]
+    path[:, at] = Rotation.random(6, random_state=3).as_quat()
+    measured = (Rotation.from_quat(path[:, at]) * Rotation.from_rotvec(-turns)).as_quat()
+    signs = rng.choice([-1.0, 1.0], (6, 1))
+    states[:, at] = signs * measured * (1.0 + 1e-3 * rng.standard_normal((6, 1)))
+    own, nominal = motion.feedback_derivatives(gains, states, path)
+
+    def fed_back(x: Any, r: Any) -> Any:
+        between = Rotation.from_quat(x[:, at]).inv() * Rotation.from_quat(r[:, at])
+        return np.hstack((between.as_rotvec(), r[:, rate] - x[:, rate])) @ gains.T
+
+    by, step = rng.standard_normal((6, size)), 1e-5
+    for found, ahead, behind in (
+        (own, fed_back(states + step * by, path), fed_back(states - step * by, path)),
+        (nominal, fed_back(states, path + step * by), fed_back(states, path - step * by)),
+    ):
+        expected = (ahead - behind) / (2.0 * step)
+        np.testing.assert_allclose(np.einsum("kjs,ks->kj", found, by), expected, atol=1e-8)
 
 
 def test_too_short_a_turn_names_a_duration_that_can_be_planned() -> None:
@@ -151,6 +183,29 @@ def test_too_short_a_turn_names_a_duration_that_can_be_planned() -> None:
 def test_what_makes_no_sense_in_three_axes_is_refused(more: Any, words: str) -> None:
     with pytest.raises(BadInput, match=words):
         planned(**{"goal": {"roll": 0.5}, "duration": 12.0, **more})
+
+
+@pytest.mark.parametrize(
+    ("law", "settings", "words"),
+    [
+        ("pd_feedforward", {"kp": [20.0], "kd": [60.0], "gyroscopic": False}, ""),
+        (
+            "pd_feedforward",
+            {"kp": [20.0], "gyroscopic": True, "attitude": {}},
+            "pd_feedforward without attitude, gyroscopic",
+        ),
+        (
+            "collocated_pid",
+            {"ki": [1.0]},
+            "kp and kd of the joints alone instead of collocated_pid",
+        ),
+        ("lqr", {}, "kp and kd of the joints alone instead of lqr"),
+    ],
+)
+def test_what_a_law_does_beyond_the_gains_that_a_plan_counts_with_is_named(
+    law: str, settings: dict[str, Any], words: str
+) -> None:
+    assert not_counted(ActiveLaw(law, settings)) == words
 
 
 def test_an_attitude_is_turned_to_about_the_eigenaxis_by_default() -> None:

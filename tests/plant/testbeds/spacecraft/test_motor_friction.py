@@ -96,6 +96,18 @@ def test_a_wheel_spins_down_as_the_closed_form_says(motion: str, speed: float) -
         assert states[-1, model.positions + 5] == pytest.approx(0.05 * speed, rel=1e-6)
 
 
+def test_a_craft_turns_by_a_wheel_with_friction_as_the_closed_form_says_over_1000_s() -> None:
+    """W' = -(u + c W) / (J (1 - J / I)) of the wheel's speed, w = -J W / I of the platform."""
+    model = craft(boom=None).model()
+    c, u, period, ticks = 0.001, 5e-5, 0.5, 2000
+    own = {"viscous_friction": c}
+    x = flown(model, spinning(model, 0.0), period, ticks, lambda t: np.array([u]), **own)[-1]
+    t, pace = period * ticks, c / (0.1 * (1.0 - 0.1 / 2.0))
+    turn = 0.1 / 2.0 * u / c * (t + np.expm1(-pace * t) / pace)
+    assert turn > 1.0
+    assert 2.0 * np.arctan2(x[5], x[6]) == pytest.approx(turn, abs=1e-6)
+
+
 def test_a_hinge_sticks_below_its_dry_friction_and_swings_to_the_next_stop_above() -> None:
     inertia = {"xx": 1.5, "yy": 0.5, "zz": 1.5}
     body = {"mass": 1.0, "centre": [0.0, 1.0, 0.0], "inertia": inertia}

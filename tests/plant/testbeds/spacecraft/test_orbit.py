@@ -45,11 +45,11 @@ def drifted(orbit: dict[str, Any], yaw: float = 0.0) -> Bench:
     return bench
 
 
-def turned(bench: Bench) -> float:
-    """Return the turn about z, after nothing else has moved [rad]."""
-    x, y, z, w = bench.truth().position[3:7]
-    assert max(abs(x), abs(y)) < 1e-12
-    return float(2.0 * np.arctan2(z, w))
+def turned(bench: Bench, axis: int = 2) -> float:
+    """Return the turn about z or another axis, after nothing else has moved [rad]."""
+    *v, w = bench.truth().position[3:7]
+    assert max(map(abs, np.delete(v, axis))) < 1e-12
+    return float(2.0 * np.arctan2(v[axis], w))
 
 
 def swung(acceleration: Any, start: float) -> float:
@@ -74,6 +74,25 @@ def test_sunlight_swings_a_craft_as_a_pendulum() -> None:
     push = 4.56e-6 * 8.0 * 1.5 / INERTIA[2]  # the Sun along x: c x (-P A s)
     expected = swung(lambda t, angle: push * np.cos(angle), 0.0)
     found = turned(drifted(light))
+    assert found == pytest.approx(expected, abs=1e-6)
+    assert abs(found) > 0.1
+
+
+def test_air_swings_a_craft_about_its_course_as_a_pendulum() -> None:
+    air = {"drag_area": 3.0, "air_density": 1e-12, "drag_centre": [0.0, 0.4, 0.0]}
+    speed = RATE * (RADIUS + ALTITUDE)
+    push = 0.5 * 1e-12 * speed**2 * 3.0 * 0.4 / INERTIA[2]
+    expected = swung(lambda t, angle: push * np.sin(angle - RATE * t), 0.3)
+    found = turned(drifted({**air, "gravity_gradient": False}, 0.3))
+    assert found == pytest.approx(expected, abs=1e-6)
+    assert abs(found - 0.3) > 0.04
+
+
+def test_a_dipole_above_the_equator_swings_as_a_pendulum() -> None:
+    field = 3.12e-5 * (RADIUS / (RADIUS + ALTITUDE)) ** 3  # along z, everywhere on this orbit
+    push = 0.5 * field / INERTIA[0]  # 0.5 A m^2 along y: m x B is about x
+    expected = swung(lambda t, angle: push * np.cos(angle), 0.0)
+    found = turned(drifted({"dipole": [0.0, 0.5, 0.0], "gravity_gradient": False}), axis=0)
     assert found == pytest.approx(expected, abs=1e-6)
     assert abs(found) > 0.1
 

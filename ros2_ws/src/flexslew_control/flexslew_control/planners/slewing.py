@@ -33,6 +33,7 @@ from flexslew_control.planners.whole_bench import (
     by_feedback,
     counted_with,
     flown_on_bench,
+    not_counted,
     not_flown,
     told,
     told_by_law,
@@ -66,6 +67,7 @@ class Slewing:
         whole: says of a section whether a craft that turns in three axes is planned as a whole,
             instead of about the eigenaxis; None: of none.
         late_motors: whether lag and delay of the motors are counted with.
+        with_feedback: whether a plan as a whole depends on kp and kd of the joints that fly it.
     """
 
     plan: Callable[[Any, Slew, Progress], Plan]
@@ -75,6 +77,7 @@ class Slewing:
     open_loop: bool = False
     whole: Callable[[Any], bool] | None = None
     late_motors: bool = False
+    with_feedback: bool = False
 
     def __call__(
         self,
@@ -204,6 +207,9 @@ class Slewing:
         )
         gains = getattr(settings, "feedback", None) or feedback
         flies = law or (by_feedback(gains) if gains else None)
+        if self.with_feedback and flies is not None:
+            words = ", ".join(filter(None, (slew.beliefs, not_counted(flies))))
+            plan = replace(plan, summary={**plan.summary, "believes": words})
         prediction = (
             None
             if flies is None

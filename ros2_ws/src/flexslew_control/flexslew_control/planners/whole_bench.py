@@ -121,6 +121,14 @@ def counted_with(law: ActiveLaw, slew: Slew) -> bool:
     return bool((kp == slew.kp).all() and (kd == slew.kd).all())
 
 
+def not_counted(law: ActiveLaw) -> str:
+    """Return in one line what a law does beyond kp and kd joint by joint; empty: nothing."""
+    if law.law != PD_FEEDFORWARD.name:
+        return f"kp and kd of the joints alone instead of {law.law}"
+    more = [k for k, v in law.settings.items() if k not in ("kp", "kd") and v not in (None, False)]
+    return f"{law.law} without {', '.join(sorted(more))}" if more else ""
+
+
 def _also(plan: Plan, words: str) -> str:
     """Return a warning after those that a plan has."""
     earlier = plan.summary.get("warning")

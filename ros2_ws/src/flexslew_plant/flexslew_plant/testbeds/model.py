@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_plant.arrays import Indices, Matrix, Vector
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
 from flexslew_plant.testbeds.attitude import AttitudeJoints
 from flexslew_plant.testbeds.compiled.bound import Bound, bound
-from flexslew_plant.testbeds.compiled.variations import flight_with_slopes
+from flexslew_plant.testbeds.compiled.variations import flight_with_slopes, slopes_of_pieces
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.tangent import tangent_jacobian
@@ -287,10 +287,38 @@ class Model:
             The states at the ticks, shape (ticks + 1, size of a state), and their derivatives,
             shape (ticks + 1, parameters, size of a state).
         """
-        square = self.coordinates if self.kernels.full_mass else self.before_modes
-        extra = self.kernels.extra_positions
-        given = along, start, start_slopes, effort, period, square, extra
+        given = along, start, start_slopes, effort, period, *self._sizes
         return flight_with_slopes(self._bound, self.packed, *given)
+
+    def slopes_of_pieces(
+        self,
+        states: Matrix,
+        effort: Matrix,
+        durations: Vector,
+        steps: Indices,
+        columns: Indices | None = None,
+    ) -> tuple[Tensor, Tensor]:
+        """Return the exact derivatives of what `advance` finds, piece by piece of a flight.
+
+        Args:
+            states: at the begins of the pieces, shape (k, size of a state).
+            effort: held over every piece, shape (k, actuators) [N m or N].
+            durations: of the pieces, the first from time zero on, shape (k,) [s].
+            steps: equal ones, of every piece, shape (k,).
+            columns: entries of a state by which they are taken; None: all.
+
+        Returns:
+            of the ends by the begins, (k, size, size), and by the efforts, (k, size, actuators).
+        """
+        which = np.arange(states.shape[1]) if columns is None else columns
+        given = states, effort, durations, steps, which, *self._sizes
+        return slopes_of_pieces(self._bound, self.packed, *given)
+
+    @property
+    def _sizes(self) -> tuple[int, int]:
+        """Of the joint block of M, and by how much q has more entries than v."""
+        square = self.coordinates if self.kernels.full_mass else self.before_modes
+        return square, self.kernels.extra_positions
 
     def residual_slopes(
         self, x: Vector, acceleration: Vector, t: float = 0.0

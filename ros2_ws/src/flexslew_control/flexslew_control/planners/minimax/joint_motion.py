@@ -1,21 +1,16 @@
 """Members whose joints are the first coordinates, q' = v: everything but a free platform."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, cast
 
 import numpy as np
-from numba import types
 
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.feedforward.shooting import final_sensitivity, roll_out
+from flexslew_control.planners.minimax.closed_loop import closed_loop, feedback
 from flexslew_control.planners.minimax.motion import MemberFlight
 from flexslew_control.planners.minimax.response import RestMotion, joint_readings
-from flexslew_control.planners.motors import Matrices, give, matrices
-from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.testbeds import Model
-from flexslew_plant.testbeds.compiled.bound import ADVANCE
 from flexslew_plant.testbeds.compiled.dynamics import STAGES
 
 
@@ -48,11 +43,8 @@ class JointMotion:
         if path is None:
             gains, path = np.zeros_like(gains), np.zeros((len(efforts) + 1, start.size))
         drive = efforts + np.hstack((path[:-1, :m], path[:-1, n : n + m])) @ gains.T
-        flown = _kernel()(
-            model.integrate, model.packed, start, np.ascontiguousarray(drive),
-            np.ascontiguousarray(gains), matrices(motors), motors.period, n, model.before_modes,
-        )  # fmt: skip
-        return MemberFlight(*flown)
+        places, none = np.concatenate((np.arange(m), n + np.arange(m))), np.zeros((len(drive), 0))
+        return closed_loop(model, start, drive, _by_joint, none, gains, places, motors)
 
     def step_derivatives(
         self, model: Model, flown: MemberFlight, period: float
@@ -98,44 +90,10 @@ class JointMotion:
         return np.eye(x.size)
 
 
-@lru_cache
-def _kernel() -> Callable[..., tuple[Matrix, Matrix, Matrix, Vector]]:
-    """Return _flown as machine code, the same for all testbeds."""
-    vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
-    kernel: Any = compiled(_flown)
-    sizes = types.float64, types.int64, types.int64
-    found = types.Tuple((matrix, matrix, matrix, vector))
-    motors = types.UniTuple(matrix, 4)
-    kernel.compile(found(ADVANCE, vector, vector, matrix, matrix, motors, *sizes))
-    kernel.disable_compile()  # never for the type of one testbed's function
-    return cast(Callable[..., tuple[Matrix, Matrix, Matrix, Vector]], kernel)
-
-
-def _flown(
-    advance: Callable[..., None],
-    p: Vector,
-    start: Vector,
-    drive: Matrix,
-    gains: Matrix,
-    motors: Matrices,
-    period: float,
-    n: int,
-    before_modes: int,
-) -> tuple[Matrix, Matrix, Matrix, Vector]:
-    """Return states, commands, efforts and the motors' states under u = drive - [Kp Kd] y."""
-    ticks, m = drive.shape
-    path, x, u = np.empty((ticks + 1, start.size)), start.copy(), np.empty(m)
-    commanded, applied = np.empty((ticks, m)), np.empty((ticks, m))
-    z = np.zeros(len(motors[0]))
-    path[0] = x
-    for k in range(ticks):
-        for j in range(m):
-            u[j] = drive[k, j]
-            for i in range(m):
-                u[j] -= gains[j, i] * x[i] + gains[j, m + i] * x[n + i]
-            commanded[k, j] = u[j]
-        give(motors, z, u)
-        applied[k] = u
-        advance(p, k * period, u, period, 1, before_modes, x)
-        path[k + 1] = x
-    return path, commanded, applied, z
+@feedback
+def _by_joint(x: Vector, _: Vector, gains: Matrix, places: Indices, effort: Vector) -> None:
+    """Subtract [Kp Kd] y, where places tell the joints' positions and rates in a state."""
+    m = effort.size
+    for j in range(m):
+        for i in range(m):
+            effort[j] -= gains[j, i] * x[places[i]] + gains[j, m + i] * x[places[m + i]]

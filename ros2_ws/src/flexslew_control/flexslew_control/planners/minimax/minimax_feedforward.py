@@ -211,7 +211,12 @@ def _turned(
 
 MINIMAX = PlannerEntry(
     MinimaxFeedforward,
-    Slewing(plan_minimax_feedforward, late_motors=True, whole=lambda s: s.drives == "all"),
+    Slewing(
+        plan_minimax_feedforward,
+        whole=lambda s: s.drives == "all",
+        late_motors=True,
+        with_feedback=True,
+    ),
     takes_duration=True,
     compared={"pieces": 30, "ensemble": {"count": 5}},
     example={"pieces": 12, "ensemble": {"draw": "corners"}, "max_steps": 8},

@@ -6,32 +6,28 @@ the coordinates are the turn from there, in body axes, and the modes. Where the 
 far its wheels have turned decides nothing; both follow from what momentum is conserved.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import Any, NamedTuple, cast
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from scipy.linalg import null_space
 
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.free_platform import rate_readings
+from flexslew_control.planners.minimax.closed_loop import closed_loop, feedback
 from flexslew_control.planners.minimax.motion import MemberFlight
 from flexslew_control.planners.minimax.response import RestMotion
-from flexslew_control.planners.motors import Matrices, give, matrices
-from flexslew_control.planners.time_optimal.held_pieces import flown_pieces
 from flexslew_control.planners.time_optimal.reorientation import Reorientation
-from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, compiled
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import Model, Testbed
-from flexslew_plant.testbeds.attitude import conjugate, product, rotation_vector
-from flexslew_plant.testbeds.compiled.bound import ADVANCE
+from flexslew_plant.testbeds.attitude import conjugate, product
 from flexslew_plant.testbeds.floating import CanFloat
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.quaternions import multiplied, turn_of
 
-_CHANGE = 1e-6  # of a quaternion, for the slopes of the rotation
+_LITTLE = 1e-4  # half angle of a rotation whose slopes are those of its series [rad]
 _SPRING = 1e-9  # of the largest stiffness: none, but for rounding
 
 
@@ -118,38 +114,35 @@ class TurningMotion:
         if path is None:
             gains, path = np.zeros_like(gains), np.zeros((len(efforts) + 1, start.size))
         about_axes = np.hstack((gains[:, :joints] @ self._axes, gains[:, joints:] @ self._axes))
-        places = np.concatenate(self.platform)
-        flown = _kernel()(
-            model.integrate, model.packed, start, np.ascontiguousarray(efforts),
-            np.ascontiguousarray(path), about_axes, places, matrices(motors), motors.period,
-            model.before_modes,
-        )  # fmt: skip
-        return MemberFlight(*flown)
+        return closed_loop(
+            model, start, efforts, _by_rotation, path, about_axes, self._places, motors
+        )
+
+    @property
+    def _places(self) -> Indices:
+        """Of the quaternion and the body rates, shape (7,)."""
+        return np.concatenate(self.platform)
 
     def step_derivatives(
         self, model: Model, flown: MemberFlight, period: float
     ) -> tuple[Tensor, Tensor]:
-        """Return central differences of the integrator's step; see held_pieces."""
-        held = np.full(len(flown.applied), period)
+        """Return the exact ones of the integrator's step."""
+        ticks = len(flown.applied)
+        held, one = np.full(ticks, period), np.ones(ticks, dtype=np.int64)
         columns = self.nominal.columns
-        found = flown_pieces(model, flown.states[0], flown.applied, held, period, columns)
-        return found.by_state, found.by_effort
+        return model.slopes_of_pieces(flown.states[:-1], flown.applied, held, one, columns)
 
     def feedback_derivatives(
         self, gains: Matrix, states: Matrix, path: Matrix
     ) -> tuple[Tensor, Tensor]:
-        """Return those of the feedback, by central differences of the rotation."""
+        """Return those of the feedback."""
         (ticks, size), joints = states.shape, len(self._axes)
         kp = gains[:, :joints] @ self._axes
         kd = gains[:, joints:] @ self._axes
         at, rate = self.platform
         own, nominal = np.zeros((2, ticks, joints, size))
-        for k, column in enumerate(at):
-            change = _CHANGE * np.eye(4)[k]
-            for found, (mine, other) in ((own, (change, 0.0 * change)), (nominal, (0.0, change))):
-                ahead = _between(states[:, at] + mine, path[:, at] + other)
-                back = _between(states[:, at] - mine, path[:, at] - other)
-                found[:, :, column] = (ahead - back) @ kp.T / (2.0 * _CHANGE)
+        by_own, by_nominal = _slopes(states[:, at], path[:, at])
+        own[:, :, at], nominal[:, :, at] = kp @ by_own, kp @ by_nominal
         own[:, :, rate], nominal[:, :, rate] = -kd, kd
         return own, nominal
 
@@ -169,8 +162,15 @@ class TurningMotion:
 
     def deviation_slopes(self, model: Model, x: Vector) -> Matrix:
         """Return the derivatives of the deviation by the state, shape (2 k, size)."""
-        slopes: Matrix = self._of(model).missed_slopes(x)[self._order(model)]
-        return slopes
+        k, q = 3 + model.modes, model.positions
+        at, rate = self.platform
+        found = np.zeros((2 * k, x.size))
+        found[:3, at] = -_slopes(x[None, at], self._of(model).rest[None, at])[0][0]
+        found[k : k + 3, rate] = np.eye(3)
+        modes = np.arange(model.modes)
+        found[3 + modes, q - model.modes + modes] = 1.0
+        found[k + 3 + modes, x.size - model.modes + modes] = 1.0
+        return found
 
     def _order(self, model: Model) -> Indices:
         """Return coordinates first, then rates: indices of Reorientation.missed."""
@@ -178,56 +178,38 @@ class TurningMotion:
         return np.concatenate(([0, 1, 2], 6 + modes, [3, 4, 5], 6 + model.modes + modes))
 
 
-def _between(measured: Matrix, goal: Matrix) -> Matrix:
-    """Return the rotation vectors of q_measured^-1 q_goal, shape (k, 3) [rad]."""
-    return rotation_vector(product(conjugate(measured), goal))
+@feedback
+def _by_rotation(
+    x: Vector, reference: Vector, gains: Matrix, places: Indices, effort: Vector
+) -> None:
+    """Add A (Kp theta + Kd (w_0 - w)), where places tell attitude and body rates in a state."""
+    r, (a, b, c, d) = reference, places[:4]
+    turn = turn_of(multiplied((-x[a], -x[b], -x[c], x[d]), (r[a], r[b], r[c], r[d])))
+    for j in range(effort.size):
+        for i in range(3):
+            w = places[4 + i]
+            effort[j] += gains[j, i] * turn[i] + gains[j, 3 + i] * (r[w] - x[w])
 
 
-@lru_cache
-def _kernel() -> Callable[..., tuple[Matrix, Matrix, Matrix, Vector]]:
-    """Return _flown as machine code, the same for all testbeds."""
-    vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "C")
-    places = types.Array(types.int64, 1, "C")
-    kernel: Any = compiled(_flown)
-    found = types.Tuple((matrix, matrix, matrix, vector))
-    given = vector, vector, matrix, matrix, matrix, places
-    motors = types.UniTuple(matrix, 4)
-    kernel.compile(found(ADVANCE, *given, motors, types.float64, types.int64))
-    kernel.disable_compile()  # never for the type of one testbed's function
-    return cast(Callable[..., tuple[Matrix, Matrix, Matrix, Vector]], kernel)
+def _slopes(measured: Matrix, goal: Matrix) -> tuple[Tensor, Tensor]:
+    """Return the derivatives of the rotation vectors of q_measured^-1 q_goal by either, (k, 3, 4).
 
-
-def _flown(
-    advance: Callable[..., None],
-    p: Vector,
-    start: Vector,
-    efforts: Matrix,
-    nominal: Matrix,
-    gains: Matrix,
-    places: Indices,
-    motors: Matrices,
-    period: float,
-    before_modes: int,
-) -> tuple[Matrix, Matrix, Matrix, Vector]:
-    """Return states, commands, efforts and the motors' states."""
-    ticks, m = efforts.shape
-    path, x, u = np.empty((ticks + 1, start.size)), start.copy(), np.empty(m)
-    commanded, applied = np.empty((ticks, m)), np.empty((ticks, m))
-    z = np.zeros(len(motors[0]))
-    at, rate = places[:4], places[4:]
-    path[0] = x
-    for k in range(ticks):
-        r = nominal[k]
-        back = -x[at[0]], -x[at[1]], -x[at[2]], x[at[3]]
-        there = r[at[0]], r[at[1]], r[at[2]], r[at[3]]
-        turn = turn_of(multiplied(back, there))
-        for j in range(m):
-            u[j] = efforts[k, j]
-            for i in range(3):
-                u[j] += gains[j, i] * turn[i] + gains[j, 3 + i] * (r[rate[i]] - x[rate[i]])
-            commanded[k, j] = u[j]
-        give(motors, z, u)
-        applied[k] = u
-        advance(p, k * period, u, period, 1, before_modes, x)
-        path[k + 1] = x
-    return path, commanded, applied, z
+    With p = q_measured^-1 q_goal = (v, w), |v| = s and theta = f v, f = 2 atan2(s, w) / s:
+        d theta = f dv + v (f_s (v . dv) / s + f_w dw),
+        f_s / s = (2 w / (s^2 + w^2) - f) / s^2,  f_w = -2 / (s^2 + w^2).
+    """
+    between = product(conjugate(measured), goal)
+    sign = np.where(between[:, 3:] < 0.0, -1.0, 1.0)  # the shorter way round
+    v, w = sign * between[:, :3], abs(between[:, 3])
+    s, size = np.linalg.norm(v, axis=1), np.sum(between**2, axis=1)
+    some, little = np.where(s > 0.0, s, 1.0), s < _LITTLE
+    f = np.where(s > 0.0, 2.0 * np.arctan2(s, w) / some, 2.0 / np.sqrt(size))
+    by_size = np.where(little, -4.0 / (3.0 * size**1.5), (2.0 * w / size - f) / some**2)
+    by = np.empty((len(v), 3, 4))
+    by[:, :, :3] = f[:, None, None] * np.eye(3)
+    by[:, :, :3] += by_size[:, None, None] * (v[:, :, None] * v[:, None])
+    by[:, :, 3] = -2.0 / size[:, None] * v
+    by *= sign[:, :, None]
+    own = [product(conjugate(one), goal) for one in np.eye(4)]
+    other = [product(conjugate(measured), one) for one in np.eye(4)]
+    return by @ np.stack(own, axis=2), by @ np.stack(other, axis=2)

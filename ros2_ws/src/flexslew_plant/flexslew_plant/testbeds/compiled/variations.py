@@ -1,9 +1,10 @@
-"""A flight together with its exact derivatives by numbers of the equations, as a kernel.
+"""A flight together with its exact derivatives: by numbers of the equations, state and effort.
 
 The variational equations of M(q, t) a + h(q, v, t) = B u, x = [q, v], with s = dx/d theta (Hairer,
 Norsett and Wanner 1993, I.14):
 
-    M da = -(dr/dq s_q + dr/dv s_v + dr/dp dp/d theta) at fixed a,    r = M a + h - B u,
+    M da = -(dr/dq s_q + dr/dv s_v + dr/dp dp/d theta) + B du/d theta at fixed a,
+    r = M a + h - B u,
 
 take the same steps as the flight, so that s is the derivative of what the integrator computes.
 """
@@ -15,7 +16,7 @@ from typing import Any, cast
 import numpy as np
 from numba import types
 
-from flexslew_plant.arrays import Matrix, Vector, called, compiled
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled
 from flexslew_plant.read_only import read_only
 from flexslew_plant.testbeds.compiled import mass
 from flexslew_plant.testbeds.compiled.bound import Bound
@@ -27,6 +28,7 @@ from flexslew_plant.testbeds.compiled.dynamics import (
 )
 
 _CHANGE = 2.0**-10  # differences of M, h and B by p, of B and N by q: exact where quadratic
+_BOTH: Vector = np.array([1.0, -1.0])  # signs of a change
 _factor = called(mass.factor.py_func)  # type: ignore[attr-defined]
 _solve = called(mass.solve.py_func)  # type: ignore[attr-defined]
 
@@ -58,12 +60,62 @@ def flight_with_slopes(
     Returns:
         shapes (ticks + 1, size of a state) and (ticks + 1, parameters, size of a state).
     """
-    path = np.empty((len(effort) + 1, start.size * (1 + len(along))))
+    ticks, count = len(effort), len(along)
+    path = np.empty((ticks + 1, start.size * (1 + count)))
     path[0] = np.concatenate((start, start_slopes.ravel()))
-    own = equations.terms, equations.residual_jacobian, equations.actuation
-    _kernel()(*own, equations.position_rates, p, along, effort, period, square, extra, path)
-    both = path.reshape(len(path), 1 + len(along), start.size)
+    pieces = period * np.arange(ticks), np.full(ticks, period), np.ones(ticks, dtype=np.int64)
+    none = np.zeros((count, effort.shape[1]))
+    _kernel()(*_own(equations), p, along, none, effort, *pieces, square, extra, path[:-1], path[1:])
+    both = path.reshape(ticks + 1, 1 + count, start.size)
     return both[:, 0], both[:, 1:]
+
+
+def slopes_of_pieces(
+    equations: Bound,
+    p: Vector,
+    states: Matrix,
+    effort: Matrix,
+    durations: Vector,
+    steps: Indices,
+    columns: Indices,
+    square: int,
+    extra: int,
+) -> tuple[Tensor, Tensor]:
+    """Return the derivatives of the ends of pieces by their begins and by the efforts held.
+
+    Args:
+        equations: of the testbed.
+        p: its packed parameters.
+        states: at the begins, shape (k, size of a state).
+        effort: held over every piece, shape (k, actuators) [N m or N].
+        durations: of the pieces, from time zero on, shape (k,) [s].
+        steps: equal ones of order 8, of every piece, shape (k,).
+        columns: entries of a state by which derivatives are taken.
+        square: size of the joint block of M.
+        extra: how many entries q has more than v.
+
+    Returns:
+        shapes (k, size, size), zero but in these columns, and (k, size, actuators).
+    """
+    (k, size), m, c = states.shape, effort.shape[1], columns.size
+    begins = np.zeros((k, 1 + c + m, size))
+    begins[:, 0] = states
+    begins[:, 1 + np.arange(c), columns] = 1.0
+    pushes = np.zeros((c + m, m))
+    pushes[c:] = np.eye(m)
+    pieces = np.cumsum(durations) - durations, durations, steps
+    begins, ends, none = begins.reshape(k, -1), np.empty((k, begins[0].size)), np.zeros((0, p.size))
+    _kernel()(*_own(equations), p, none, pushes, effort, *pieces, square, extra, begins, ends)
+    found = ends.reshape(k, 1 + c + m, size).swapaxes(1, 2)
+    by_state = np.zeros((k, size, size))
+    by_state[:, :, columns] = found[:, :, 1 : 1 + c]
+    return by_state, np.ascontiguousarray(found[:, :, 1 + c :])
+
+
+def _own(equations: Bound) -> tuple[Callable[..., None], ...]:
+    """Return what the kernel calls of a testbed's equations."""
+    first = equations.terms, equations.residual_jacobian
+    return (*first, equations.actuation, equations.position_rates)
 
 
 @lru_cache
@@ -78,11 +130,41 @@ def _kernel() -> Callable[..., None]:
             types.FunctionType(types.void(read, t, read, read, matrix, matrix)),
             types.FunctionType(types.void(read, t, read, read, vector)),
             types.FunctionType(types.void(read, t, read, vector)),
-            *(vector, matrix, matrix, t, types.int64, types.int64, matrix),
+            *(vector, matrix, matrix, matrix, vector, vector, types.Array(types.int64, 1, "C")),
+            *(types.int64, types.int64, matrix, matrix),
         )
     )
     kernel.disable_compile()  # never for the type of one testbed's function
     return cast(Callable[..., None], kernel)
+
+
+@called
+def _write_residual(
+    terms: Callable[..., None],
+    actuation: Callable[..., None],
+    p: Vector,
+    t: float,
+    x: Vector,
+    u: Vector,
+    a: Vector,
+    work: tuple[Matrix, Matrix, Vector, Vector],
+    residual: Vector,
+) -> None:
+    """Write M a + h - B u."""
+    joints, coupling, modal, push = work
+    square = len(joints)
+    terms(p, t, x, joints, coupling, modal, residual)
+    push[:] = 0.0
+    actuation(p, t, x, u, push)
+    residual -= push
+    for j in range(square):
+        for c in range(square):
+            residual[j] += joints[j, c] * a[c]
+        for c in range(len(modal)):
+            residual[j] += coupling[j, c] * a[square + c]
+            residual[square + c] += coupling[j, c] * a[j]
+    for c in range(len(modal)):
+        residual[square + c] += modal[c] * a[square + c]
 
 
 def _flown(
@@ -92,78 +174,81 @@ def _flown(
     position_rates: Callable[..., None],
     p: Vector,
     along: Matrix,
+    pushes: Matrix,
     effort: Matrix,
-    period: float,
+    starts: Vector,
+    durations: Vector,
+    steps: Indices,
     square: int,
     extra: int,
-    path: Matrix,
+    begins: Matrix,
+    ends: Matrix,
 ) -> None:
-    """Write the rows of path, a state and then its derivatives, from the first on."""
-    count, width = along.shape[0], path.shape[1]
+    """Write the ends of pieces: each a state and then its derivatives, as its begin.
+
+    Row k of `along` and of `pushes` is how p and the effort change with parameter k; `along` has
+    no rows where p does not. A begin is read when its piece is flown: it may be the end before it.
+    """
+    count, width = pushes.shape[0], begins.shape[1]
     size = width // (1 + count)
     n = (size - extra) // 2
     q = size - n  # entries of q
     joints, coupling = np.empty((square, square)), np.empty((square, n - square))
     modal, a, push, rates = np.empty(n - square), np.empty(n), np.empty(n), np.empty(size)
-    other_joints, other_coupling = np.empty_like(joints), np.empty_like(coupling)
-    other_modal, residual, force = np.empty_like(modal), np.empty(n), np.empty(n)
+    other = np.empty_like(joints), np.empty_like(coupling), np.empty_like(modal), np.empty(n)
+    residual, force = np.empty(n), np.empty(n)
     dq, dv, moved = np.empty((n, q)), np.empty((n, n)), np.empty(size)
-    now, at, slopes = path[0].copy(), np.empty(width), np.empty((STAGES, width))
-    for tick in range(effort.shape[0]):
-        u = effort[tick]
-        for i in range(STAGES):
-            stage_state(now, slopes, i, period, at)
-            t, x = (tick + STAGE_TIMES[i]) * period, at[:size]
-            terms(p, t, x, joints, coupling, modal, residual)
-            a[:] = 0.0
-            actuation(p, t, x, u, a)
-            a -= residual
-            _factor(joints, coupling, modal)
-            _solve(joints, coupling, modal, a)
-            position_rates(p, t, x, rates)
-            slopes[i, :q], slopes[i, q:size] = rates[:q], a
-            residual_jacobian(p, t, x, a, dq, dv)
-            for k in range(count):
-                first = size * (1 + k)
-                slope, rate = at[first : first + size], slopes[i, first : first + size]
-                for j in range(n):
-                    force[j] = 0.0
-                    for c in range(q):
-                        force[j] -= dq[j, c] * slope[c]
-                    for c in range(n):
-                        force[j] -= dv[j, c] * slope[q + c]
-                for sign in (1.0, -1.0):  # dr/dp along the parameter
-                    there = p + sign * _CHANGE * along[k]
-                    terms(there, t, x, other_joints, other_coupling, other_modal, residual)
-                    push[:] = 0.0
-                    actuation(there, t, x, u, push)
-                    residual -= push
-                    for j in range(square):
-                        for c in range(square):
-                            residual[j] += other_joints[j, c] * a[c]
-                        for c in range(n - square):
-                            residual[j] += other_coupling[j, c] * a[square + c]
-                            residual[square + c] += other_coupling[j, c] * a[j]
-                    for c in range(n - square):
-                        residual[square + c] += other_modal[c] * a[square + c]
-                    force -= sign / (2.0 * _CHANGE) * residual
-                if extra == 0:
-                    rate[:q] = slope[q:]
-                else:  # q' = N(q) v, and B may turn with q
-                    moved[q:] = slope[q:]
-                    moved[:q] = x[:q]
-                    position_rates(p, t, moved, rates)
-                    rate[:q] = rates[:q]
-                    moved[q:] = x[q:]
-                    change = _CHANGE / (1.0 + np.abs(slope[:q]).max())
-                    for sign in (1.0, -1.0):
-                        moved[:q] = x[:q] + sign * change * slope[:q]
+    now, at, slopes = np.empty(width), np.empty(width), np.empty((STAGES, width))
+    for piece in range(effort.shape[0]):
+        u, h = effort[piece], durations[piece] / steps[piece]
+        now[:] = begins[piece]
+        for step in range(steps[piece]):
+            for i in range(STAGES):
+                stage_state(now, slopes, i, h, at)
+                t, x = starts[piece] + (step + STAGE_TIMES[i]) * h, at[:size]
+                terms(p, t, x, joints, coupling, modal, residual)
+                a[:] = 0.0
+                actuation(p, t, x, u, a)
+                a -= residual
+                _factor(joints, coupling, modal)
+                _solve(joints, coupling, modal, a)
+                position_rates(p, t, x, rates)
+                slopes[i, :q], slopes[i, q:size] = rates[:q], a
+                residual_jacobian(p, t, x, a, dq, dv)
+                for k in range(count):
+                    first = size * (1 + k)
+                    slope, rate = at[first : first + size], slopes[i, first : first + size]
+                    for j in range(n):
+                        force[j] = 0.0
+                        for c in range(q):
+                            force[j] -= dq[j, c] * slope[c]
+                        for c in range(n):
+                            force[j] -= dv[j, c] * slope[q + c]
+                    for sign in _BOTH[: 2 * int(k < len(along))]:  # dr/dp along the parameter
+                        there = p + sign * _CHANGE * along[k]
+                        _write_residual(terms, actuation, there, t, x, u, a, other, residual)
+                        force -= sign / (2.0 * _CHANGE) * residual
+                    for sign in _BOTH[: 2 * int(pushes[k].any())]:
                         push[:] = 0.0
-                        actuation(p, t, moved, u, push)
-                        force += sign / (2.0 * change) * push
+                        actuation(p, t, x, u + sign * _CHANGE * pushes[k], push)
+                        force += sign / (2.0 * _CHANGE) * push
+                    if extra == 0:
+                        rate[:q] = slope[q:]
+                    else:  # q' = N(q) v, and B may turn with q
+                        moved[q:] = slope[q:]
+                        moved[:q] = x[:q]
                         position_rates(p, t, moved, rates)
-                        rate[:q] += sign / (2.0 * change) * rates[:q]
-                _solve(joints, coupling, modal, force)
-                rate[q:] = force
-        complete_step(now, slopes, period)
-        path[tick + 1] = now
+                        rate[:q] = rates[:q]
+                        moved[q:] = x[q:]
+                        change = _CHANGE / (1.0 + np.abs(slope[:q]).max())
+                        for sign in _BOTH:
+                            moved[:q] = x[:q] + sign * change * slope[:q]
+                            push[:] = 0.0
+                            actuation(p, t, moved, u, push)
+                            force += sign / (2.0 * change) * push
+                            position_rates(p, t, moved, rates)
+                            rate[:q] += sign / (2.0 * change) * rates[:q]
+                    _solve(joints, coupling, modal, force)
+                    rate[q:] = force
+            complete_step(now, slopes, h)
+        ends[piece] = now

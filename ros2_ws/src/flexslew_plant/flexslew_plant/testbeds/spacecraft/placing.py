@@ -17,16 +17,17 @@ def position_unit(drive: CraftDrive) -> str:
     return "m" if drive.unit == "N" else "rad"
 
 
-def placed(craft: Spacecraft, positions: Mapping[str, float]) -> Vector:
+def placed(craft: Spacecraft, axes: Matrix, positions: Mapping[str, float]) -> Vector:
     """Return q at rest with the platform placed and turned and the hinges at their angles.
 
     Args:
         craft: the spacecraft.
+        axes: see turning_axes.
         positions: along the actuators, by name [rad or m].
     """
     q = np.zeros(craft.sizes[0])
     place = np.zeros(3)
-    turn = _turn(craft, positions)
+    turn = _turn(craft, axes, positions)
     own = {at.FREE: 7, at.HELD: 0, at.PIVOT: 1}[craft.motion]
     hinge = 0
     for d in craft.drives:
@@ -50,12 +51,11 @@ def placed(craft: Spacecraft, positions: Mapping[str, float]) -> Vector:
     return q
 
 
-def _turn(craft: Spacecraft, positions: Mapping[str, float]) -> Vector:
+def _turn(craft: Spacecraft, axes: Matrix, positions: Mapping[str, float]) -> Vector:
     """Return the rotation vector whose parts along the named actuators are these, shape (3,) [rad].
 
     Along axes that are no orthonormal ones it is found by least squares.
     """
-    axes = turning_axes(craft)
     named = np.array([d.name in positions for d in craft.drives], dtype=bool) & axes.any(axis=1)
     axes = axes[named]
     asked = np.array([positions[d.name] for d, on in zip(craft.drives, named, strict=True) if on])
