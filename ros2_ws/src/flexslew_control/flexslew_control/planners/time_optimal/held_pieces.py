@@ -86,17 +86,21 @@ def _flown(
     count, m = efforts.shape
     size, t = start.size, 0.0
     states = np.empty((count + 1, size))
-    states[0] = start
+    for i in range(size):
+        states[0, i] = start[i]
     by_state, by_effort = np.zeros((count, size, size)), np.empty((count, size, m))
     ahead, back, u = np.empty(size), np.empty(size), np.empty(m)
     for k in range(count):
         h = durations[k]
         steps = max(1, int(np.ceil(abs(h) / step)))
-        u[:] = efforts[k]
-        states[k + 1] = states[k]
+        for j in range(m):
+            u[j] = efforts[k, j]
+        for i in range(size):
+            states[k + 1, i] = states[k, i]
         advance(p, t, u, h, steps, before_modes, states[k + 1])
         for j in columns:
-            ahead[:], back[:] = states[k], states[k]
+            for i in range(size):
+                ahead[i] = back[i] = states[k, i]
             ahead[j] += _CHANGE
             back[j] -= _CHANGE
             advance(p, t, u, h, steps, before_modes, ahead)
@@ -104,7 +108,8 @@ def _flown(
             for i in range(size):
                 by_state[k, i, j] = (ahead[i] - back[i]) / (2.0 * _CHANGE)
         for j in range(m):
-            ahead[:], back[:] = states[k], states[k]
+            for i in range(size):
+                ahead[i] = back[i] = states[k, i]
             u[j] = efforts[k, j] + _CHANGE
             advance(p, t, u, h, steps, before_modes, ahead)
             u[j] = efforts[k, j] - _CHANGE

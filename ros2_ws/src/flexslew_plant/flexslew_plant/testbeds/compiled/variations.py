@@ -121,7 +121,10 @@ def _flown(
             _factor(joints, coupling, modal)
             _solve(joints, coupling, modal, a)
             position_rates(p, t, x, rates)
-            slopes[i, :q], slopes[i, q:size] = rates[:q], a
+            for j in range(q):
+                slopes[i, j] = rates[j]
+            for j in range(n):
+                slopes[i, q + j] = a[j]
             residual_jacobian(p, t, x, a, dq, dv)
             for k in range(count):
                 first = size * (1 + k)
@@ -148,22 +151,31 @@ def _flown(
                         residual[square + c] += other_modal[c] * a[square + c]
                     force -= sign / (2.0 * _CHANGE) * residual
                 if extra == 0:
-                    rate[:q] = slope[q:]
+                    for j in range(q):
+                        rate[j] = slope[q + j]
                 else:  # q' = N(q) v, and B may turn with q
-                    moved[q:] = slope[q:]
-                    moved[:q] = x[:q]
+                    for j in range(q):
+                        moved[j] = x[j]
+                    for j in range(q, size):
+                        moved[j] = slope[j]
                     position_rates(p, t, moved, rates)
-                    rate[:q] = rates[:q]
-                    moved[q:] = x[q:]
+                    for j in range(q):
+                        rate[j] = rates[j]
+                    for j in range(q, size):
+                        moved[j] = x[j]
                     change = _CHANGE / (1.0 + np.abs(slope[:q]).max())
                     for sign in (1.0, -1.0):
-                        moved[:q] = x[:q] + sign * change * slope[:q]
+                        for j in range(q):
+                            moved[j] = x[j] + sign * change * slope[j]
                         push[:] = 0.0
                         actuation(p, t, moved, u, push)
                         force += sign / (2.0 * change) * push
                         position_rates(p, t, moved, rates)
-                        rate[:q] += sign / (2.0 * change) * rates[:q]
+                        for j in range(q):
+                            rate[j] += sign / (2.0 * change) * rates[j]
                 _solve(joints, coupling, modal, force)
-                rate[q:] = force
+                for j in range(n):
+                    rate[q + j] = force[j]
         complete_step(now, slopes, period)
-        path[tick + 1] = now
+        for j in range(width):
+            path[tick + 1, j] = now[j]
