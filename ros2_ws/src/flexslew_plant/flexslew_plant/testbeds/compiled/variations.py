@@ -66,6 +66,12 @@ def flight_with_slopes(
     return both[:, 0], both[:, 1:]
 
 
+@called
+def _put(values: Vector, out: Vector) -> None:
+    for k in range(out.size):  # a slice that takes an array compiles a message about shapes
+        out[k] = values[k]
+
+
 @lru_cache
 def _kernel() -> Callable[..., None]:
     """Return _flown as machine code, the same for all testbeds."""
@@ -121,10 +127,8 @@ def _flown(
             _factor(joints, coupling, modal)
             _solve(joints, coupling, modal, a)
             position_rates(p, t, x, rates)
-            for j in range(q):
-                slopes[i, j] = rates[j]
-            for j in range(n):
-                slopes[i, q + j] = a[j]
+            _put(rates[:q], slopes[i, :q])
+            _put(a, slopes[i, q:size])
             residual_jacobian(p, t, x, a, dq, dv)
             for k in range(count):
                 first = size * (1 + k)
@@ -151,31 +155,22 @@ def _flown(
                         residual[square + c] += other_modal[c] * a[square + c]
                     force -= sign / (2.0 * _CHANGE) * residual
                 if extra == 0:
-                    for j in range(q):
-                        rate[j] = slope[q + j]
+                    _put(slope[q:], rate[:q])
                 else:  # q' = N(q) v, and B may turn with q
-                    for j in range(q):
-                        moved[j] = x[j]
-                    for j in range(q, size):
-                        moved[j] = slope[j]
+                    _put(x[:q], moved[:q])
+                    _put(slope[q:], moved[q:])
                     position_rates(p, t, moved, rates)
-                    for j in range(q):
-                        rate[j] = rates[j]
-                    for j in range(q, size):
-                        moved[j] = x[j]
+                    _put(rates[:q], rate[:q])
+                    _put(x[q:], moved[q:])
                     change = _CHANGE / (1.0 + np.abs(slope[:q]).max())
                     for sign in (1.0, -1.0):
-                        for j in range(q):
-                            moved[j] = x[j] + sign * change * slope[j]
+                        _put(x[:q] + sign * change * slope[:q], moved[:q])
                         push[:] = 0.0
                         actuation(p, t, moved, u, push)
                         force += sign / (2.0 * change) * push
                         position_rates(p, t, moved, rates)
-                        for j in range(q):
-                            rate[j] += sign / (2.0 * change) * rates[j]
+                        _put(rate[:q] + sign / (2.0 * change) * rates[:q], rate[:q])
                 _solve(joints, coupling, modal, force)
-                for j in range(n):
-                    rate[q + j] = force[j]
+                _put(force, rate[q:])
         complete_step(now, slopes, period)
-        for j in range(width):
-            path[tick + 1, j] = now[j]
+        _put(now, path[tick + 1])
