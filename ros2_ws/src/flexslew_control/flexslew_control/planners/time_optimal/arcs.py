@@ -110,14 +110,16 @@ def rates(copies: Copies, z: Vector, effort: Vector) -> Vector:
 
 
 def _run(function: Callable[..., Any], result: Any, copies: Copies, *given: Any) -> Any:
-    """Return what a loop over these copies finds; arrays among `given` are contiguous."""
+    """Return what a loop over these copies finds, for arrays of any access and layout."""
     kinds = tuple(
         types.float64 if np.ndim(one) == 0 else (_VECTOR, _MATRIX)[one.ndim - 1] for one in given
     )
-    # a copy may be written, as the loop was compiled for; what it writes into is the caller's own
-    arrays = [one if np.ndim(one) == 0 or one.flags.writeable else one.copy() for one in given]
-    packed, kp, kd = (np.array(one) for one in copies[1:])
-    return _kernel(function, result, kinds)(*copies.equations, packed, kp, kd, *arrays)
+    # copied where they are not of the one kind that the loop is compiled for
+    arrays = [
+        one if np.ndim(one) == 0 else np.require(one, np.float64, ["C", "W"])
+        for one in (*copies[1:], *given)
+    ]
+    return _kernel(function, result, kinds)(*copies.equations, *arrays)
 
 
 @cache
