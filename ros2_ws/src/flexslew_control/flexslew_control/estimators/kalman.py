@@ -95,8 +95,11 @@ def error_transition(dx: Matrix, du: Matrix, dt: float) -> Matrix:
     """
     k, d = du.shape
     j = np.zeros((k + d, k + d))
-    j[:k, :k] = dx * dt
-    j[:k, k:] = du * dt
+    for row in range(k):
+        for column in range(k):
+            j[row, column] = dx[row, column] * dt
+        for column in range(d):
+            j[row, k + column] = du[row, column] * dt
     return np.eye(k + d) + j + 0.5 * (j @ j)
 
 

@@ -46,7 +46,9 @@ def kalman_tick(kernels: Kernels, n: int, m: int, linear: bool) -> Tick:
     def predicted_by_matrices(
         belief: FilterBelief, t: float, dt: float, effort: Vector, x: Vector, p: Matrix
     ) -> Matrix:
-        x[:] = belief.origin + belief.f @ (x - belief.origin) + belief.g @ effort
+        after = belief.origin + belief.f @ (x - belief.origin) + belief.g @ effort
+        for i in range(x.size):
+            x[i] = after[i]
         return belief.f @ p @ belief.f.T + belief.q
 
     @inlined
@@ -60,7 +62,8 @@ def kalman_tick(kernels: Kernels, n: int, m: int, linear: bool) -> Tick:
         dx, du = np.empty((k, k)), np.empty((k, effort.size))
         jacobian(belief.packed, t, state, total, dx, du)
         advance(belief.packed, t, total, dt, 1, m, state)
-        x[:k] = state
+        for i in range(k):
+            x[i] = state[i]
         return predicted_covariance(dx, du[:, :d].copy(), p, belief.q, dt)
 
     predicted = predicted_by_matrices if linear else predicted_by_equations
@@ -78,8 +81,11 @@ def kalman_tick(kernels: Kernels, n: int, m: int, linear: bool) -> Tick:
     ) -> None:
         ahead = predicted(belief, t, dt, effort, x, p)
         state, covariance, innovation, _ = corrected(x, ahead, y, belief.c, belief.r)
-        x[:] = state
-        p[:] = covariance
-        e[:] = innovation
+        for i in range(x.size):
+            x[i] = state[i]
+            for j in range(x.size):
+                p[i, j] = covariance[i, j]
+        for i in range(e.size):
+            e[i] = innovation[i]
 
     return cast(Tick, tick)

@@ -50,5 +50,7 @@ def give(motors: Matrices, z: Vector, u: Vector) -> None:
                 after[j] += a[j, i] * z[i]
             for i in range(m):
                 after[j] += b[j, i] * u[i]
-        z[:] = after
-        u[:] = effort
+        for j in range(s):
+            z[j] = after[j]
+        for j in range(m):
+            u[j] = effort[j]

@@ -11,7 +11,7 @@ from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
 from flexslew_plant.testbeds.attitude import AttitudeJoints
-from flexslew_plant.testbeds.compiled.bound import Bound, bound
+from flexslew_plant.testbeds.compiled.bound import Bound, Rates, bound, rates_of
 from flexslew_plant.testbeds.compiled.variations import flight_with_slopes, slopes_of_pieces
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.linearisation import Linearisation
@@ -257,6 +257,11 @@ class Model:
     def integrate(self) -> Callable[[Vector, float, Vector, float, int, int, Vector], None]:
         """The kernel of `advance`, for compiled loops: see bound.ADVANCE."""
         return self._bound.advance
+
+    @cached_property
+    def rates(self) -> Rates:
+        """The kernels of `derivative` and `jacobian`, for compiled loops; where q' = v."""
+        return rates_of(self.kernels, self.before_modes)
 
     def jacobian(self, x: Vector, effort: Vector, t: float = 0.0) -> tuple[Matrix, Matrix]:
         """Return df/dx, shape (2 n, 2 n), and df/du, shape (2 n, actuators), exact.

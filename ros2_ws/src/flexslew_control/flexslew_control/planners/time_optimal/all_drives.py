@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from flexslew_control.planners.progress import Progress, Update
-from flexslew_control.planners.time_optimal.arcs import final_sensitivity
+from flexslew_control.planners.time_optimal.arcs import Copies, final_sensitivity
 from flexslew_control.planners.time_optimal.interruptible import Interrupt, interruptible
 from flexslew_control.planners.time_optimal.optimal_switching import (
     nearest_durations,
@@ -26,7 +26,6 @@ from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.extras import how_to_install
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.contract import Symbolic
-from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 
 _INTERVALS = 100
@@ -70,10 +69,10 @@ class AllDrives:
         return np.eye(self.start.size)
 
     @property
-    def ensemble(self) -> tuple[Kernels, Matrix, Vector, Vector]:
-        """What the kernels of `arcs` simulate: the model alone."""
+    def ensemble(self) -> Copies:
+        """What `arcs` simulates: the model alone."""
         nothing = np.zeros(self.model.joints)
-        return self.model.kernels, self.model.packed[None], nothing, nothing
+        return Copies(self.model.rates, self.model.packed[None], nothing, nothing)
 
     @property
     def rigid_duration(self) -> float:
@@ -88,7 +87,7 @@ class AllDrives:
     def linearised(self, durations: Vector) -> tuple[Vector, Matrix]:
         """Return what misses the goal (2 n,) and its derivatives by the durations (2 n, arcs)."""
         efforts = self.efforts(durations.size)
-        x, slopes = final_sensitivity(*self.ensemble, self.start, efforts, durations, self.step)
+        x, slopes = final_sensitivity(self.ensemble, self.start, efforts, durations, self.step)
         return x - self.goal, slopes
 
 

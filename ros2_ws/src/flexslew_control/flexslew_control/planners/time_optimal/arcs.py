@@ -7,33 +7,150 @@ Without gains that is open loop.
 
 Every arc is integrated from its beginning to its end by steps of order 8, so no step ever crosses
 a switch and the durations may be any real numbers.
+
+The loops are compiled once for all testbeds, whose equations are functions that they are given.
 """
 
-from typing import TypeAlias
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numba import types
 
-from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled
 from flexslew_plant.testbeds.compiled import dynamics
+from flexslew_plant.testbeds.compiled.bound import JACOBIAN, RATES, Rates
 from flexslew_plant.testbeds.compiled.dynamics import STAGE_WEIGHTS, STAGES, STEP_WEIGHTS
-from flexslew_plant.testbeds.kernels import Kernels
 
-Tensor: TypeAlias = NDArray[np.float64]  # three indices
+_VECTOR = types.Array(types.float64, 1, "C")
+_MATRIX = types.Array(types.float64, 2, "C")
+_RateOf = Callable[[Vector, float, Vector, Vector, Vector], None]
+_JacobianOf = Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
+
+
+class Copies(NamedTuple):
+    """A nominal model and its perturbed copies."""
+
+    equations: Rates  # of all
+    packed: Matrix  # their parameters, one row per copy
+    kp: Vector  # gains of the perturbed copies, shape (joints,) [N m/rad]
+    kd: Vector  # the same [N m s/rad]
+
+
+def final_states(
+    copies: Copies, start: Vector, efforts: Matrix, durations: Vector, step: float
+) -> Matrix:
+    """Return the states after all arcs, shape (copies, 2 n), the nominal one's first.
+
+    Args:
+        copies: of the model.
+        start: state of all at the beginning of the first arc, shape (2 n,).
+        efforts: one row per arc, shape (arcs, joints) [N m or N].
+        durations: shape (arcs,) [s].
+        step: longest step of the integration [s].
+    """
+    found: Matrix = _run(_final_states, _MATRIX, copies, start, efforts, durations, step)
+    return found
+
+
+def final_sensitivity(
+    copies: Copies, start: Vector, efforts: Matrix, durations: Vector, step: float
+) -> tuple[Vector, Matrix]:
+    """Return the states after all arcs, flat, and their derivatives by the durations.
+
+    With z' = f(z, u_i) on arc i: dz/dd_i = f at the end of the arc, then S' = (df/dz) S.
+
+    Args:
+        copies, start, efforts, durations, step: as in final_states.
+
+    Returns:
+        the states, shape (copies 2 n,), and dz_f/dd, shape (copies 2 n, arcs).
+    """
+    both = types.Tuple((_VECTOR, _MATRIX))
+    found: tuple[Vector, Matrix] = _run(
+        _final_sensitivity, both, copies, start, efforts, durations, step
+    )
+    return found
+
+
+def costate_backwards(
+    copies: Copies, final: Vector, costate: Vector, efforts: Matrix, durations: Vector, step: float
+) -> tuple[Vector, Matrix]:
+    """Return the times and lambda^T df/du along the arcs, from the end to the beginning.
+
+    lambda' = -(df/dz)^T lambda is integrated backwards together with the states.
+
+    Args:
+        copies, efforts, durations, step: as in final_states.
+        final: states at the end, flat, shape (copies 2 n,).
+        costate: lambda at the end, same shape.
+
+    Returns:
+        falling times, shape (samples,) [s]; lambda^T df/du, shape (samples, joints).
+    """
+    both = types.Tuple((_VECTOR, _MATRIX))
+    found: tuple[Vector, Matrix] = _run(
+        _costate_backwards, both, copies, final, costate, efforts, durations, step
+    )
+    return found
+
+
+def rates(copies: Copies, z: Vector, effort: Vector) -> Vector:
+    """Return dz/dt of all copies, shape of z.
+
+    Args:
+        copies: of the model.
+        z: their states, flat, shape (copies 2 n,).
+        effort: of the arc, shape (joints,) [N m or N].
+    """
+    out = np.empty(z.size)
+    _run(_rates, types.void, copies, z, effort, out)
+    return out
+
+
+def _run(function: Callable[..., Any], result: Any, copies: Copies, *given: Any) -> Any:
+    """Return what a loop over these copies finds, for arrays of any access and layout."""
+    kinds = tuple(
+        types.float64 if np.ndim(one) == 0 else (_VECTOR, _MATRIX)[one.ndim - 1] for one in given
+    )
+    # copied where they are not of the one kind that the loop is compiled for
+    arrays = [
+        one if np.ndim(one) == 0 else np.require(one, np.float64, ["C", "W"])
+        for one in (*copies[1:], *given)
+    ]
+    return _kernel(function, result, kinds)(*copies.equations, *arrays)
+
+
+@cache
+def _kernel(
+    function: Callable[..., Any], result: Any, kinds: tuple[Any, ...]
+) -> Callable[..., Any]:
+    """Return a loop as machine code, the same for all testbeds."""
+    kernel: Any = compiled(function)
+    kernel.compile(result(RATES, JACOBIAN, _MATRIX, _VECTOR, _VECTOR, *kinds))
+    kernel.disable_compile()  # never for the type of one testbed's function
+    return cast(Callable[..., Any], kernel)
+
+
+def _rates(
+    rate_of: _RateOf,
+    jacobian_of: _JacobianOf,
+    packed: Matrix,
+    kp: Vector,
+    kd: Vector,
+    z: Vector,
+    effort: Vector,
+    out: Vector,
+) -> None:
+    _all_rates(rate_of, packed, kp, kd, z, effort, out)
 
 
 @compiled
-def rates(
-    kernels: Kernels, packed: Matrix, kp: Vector, kd: Vector, z: Vector, effort: Vector, out: Vector
+def _all_rates(
+    rate_of: _RateOf, packed: Matrix, kp: Vector, kd: Vector, z: Vector, effort: Vector, out: Vector
 ) -> None:
-    """Write dz/dt of all copies.
-
-    Args:
-        kernels, packed, kp, kd: as in final_states.
-        z: their states, flat, shape (copies 2 n,).
-        effort: of the arc, shape (joints,) [N m or N].
-        out: same shape as z.
-    """
+    """Write dz/dt of all copies; see rates."""
     copies, m = packed.shape[0], effort.size
     rows = z.size // copies
     n, applied = rows // 2, np.empty(m)
@@ -41,12 +158,12 @@ def rates(
         x = z[c * rows : (c + 1) * rows]
         for j in range(m):
             applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
-        out[c * rows : (c + 1) * rows] = dynamics.derivative(kernels, packed[c], 0.0, x, applied, m)
+        rate_of(packed[c], 0.0, x, applied, out[c * rows : (c + 1) * rows])
 
 
 @compiled
 def _jacobians(
-    kernels: Kernels,
+    jacobian_of: _JacobianOf,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -63,7 +180,7 @@ def _jacobians(
         x = z[c * rows : (c + 1) * rows]
         for j in range(m):
             applied[j] = effort[j] + kp[j] * (z[j] - x[j]) + kd[j] * (z[n + j] - x[n + j])
-        dynamics.jacobian(kernels, packed[c], 0.0, x, applied, m, dx[c], du[c])
+        jacobian_of(packed[c], 0.0, x, applied, dx[c], du[c])
 
 
 @compiled
@@ -123,13 +240,14 @@ def _together(start: Vector, copies: int) -> Vector:
     """Return the states of all copies at the start, flat."""
     z = np.empty(copies * start.size)
     for c in range(copies):
-        z[c * start.size : (c + 1) * start.size] = start
+        for k in range(start.size):
+            z[c * start.size + k] = start[k]
     return z
 
 
-@compiled
-def final_states(
-    kernels: Kernels,
+def _final_states(
+    rate_of: _RateOf,
+    jacobian_of: _JacobianOf,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -138,17 +256,7 @@ def final_states(
     durations: Vector,
     step: float,
 ) -> Matrix:
-    """Return the states after all arcs, shape (copies, 2 n), the nominal one's first.
-
-    Args:
-        kernels: the model's kernels, as in dynamics.derivative.
-        packed: their parameters, one row per copy.
-        kp, kd: gains of the perturbed copies, shape (joints,) [N m/rad, N m s/rad].
-        start: state of all at the beginning of the first arc, shape (2 n,).
-        efforts: one row per arc, shape (arcs, joints) [N m or N].
-        durations: shape (arcs,) [s].
-        step: longest step of the integration [s].
-    """
+    """See final_states."""
     copies, rows = packed.shape[0], start.size
     z = _together(start, copies)
     slopes, at = np.empty((STAGES, z.size)), np.empty(z.size)
@@ -158,14 +266,14 @@ def final_states(
         for _ in range(steps):
             for stage in range(STAGES):
                 dynamics.stage_state(z, slopes, stage, h, at)
-                rates(kernels, packed, kp, kd, at, efforts[arc], slopes[stage])
+                _all_rates(rate_of, packed, kp, kd, at, efforts[arc], slopes[stage])
             dynamics.complete_step(z, slopes, h)
     return z.reshape((copies, rows))
 
 
-@compiled
-def final_sensitivity(
-    kernels: Kernels,
+def _final_sensitivity(
+    rate_of: _RateOf,
+    jacobian_of: _JacobianOf,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -174,16 +282,7 @@ def final_sensitivity(
     durations: Vector,
     step: float,
 ) -> tuple[Vector, Matrix]:
-    """Return the states after all arcs, flat, and their derivatives by the durations.
-
-    With z' = f(z, u_i) on arc i: dz/dd_i = f at the end of the arc, then S' = (df/dz) S.
-
-    Args:
-        kernels, packed, kp, kd, start, efforts, durations, step: as in final_states.
-
-    Returns:
-        the states, shape (copies 2 n,), and dz_f/dd, shape (copies 2 n, arcs).
-    """
+    """See final_sensitivity."""
     arcs = durations.size
     z = _together(start, packed.shape[0])
     copies, rows = packed.shape[0], start.size
@@ -197,10 +296,10 @@ def final_sensitivity(
         for _ in range(steps):
             for stage in range(STAGES):
                 dynamics.stage_state(z, slopes, stage, h, at)
-                rates(kernels, packed, kp, kd, at, efforts[arc], slopes[stage])
+                _all_rates(rate_of, packed, kp, kd, at, efforts[arc], slopes[stage])
                 if arc == 0:
                     continue
-                _jacobians(kernels, packed, kp, kd, at, efforts[arc], dx, du)
+                _jacobians(jacobian_of, packed, kp, kd, at, efforts[arc], dx, du)
                 for i in range(z.size):
                     for k in range(arc):
                         s_at[i, k] = s[i, k]
@@ -217,14 +316,15 @@ def final_sensitivity(
                     for i in range(z.size):
                         for k in range(arc):
                             s[i, k] += weight * s_slopes[j, i, k]
-        rates(kernels, packed, kp, kd, z, efforts[arc], at)
-        s[:, arc] = at
+        _all_rates(rate_of, packed, kp, kd, z, efforts[arc], at)
+        for i in range(z.size):
+            s[i, arc] = at[i]
     return z, s
 
 
-@compiled
-def costate_backwards(
-    kernels: Kernels,
+def _costate_backwards(
+    rate_of: _RateOf,
+    jacobian_of: _JacobianOf,
     packed: Matrix,
     kp: Vector,
     kd: Vector,
@@ -234,18 +334,7 @@ def costate_backwards(
     durations: Vector,
     step: float,
 ) -> tuple[Vector, Matrix]:
-    """Return the times and lambda^T df/du along the arcs, from the end to the beginning.
-
-    lambda' = -(df/dz)^T lambda is integrated backwards together with the states.
-
-    Args:
-        kernels, packed, kp, kd, efforts, durations, step: as in final_states.
-        final: states at the end, flat, shape (copies 2 n,).
-        costate: lambda at the end, same shape.
-
-    Returns:
-        falling times, shape (samples,) [s]; lambda^T df/du, shape (samples, joints).
-    """
+    """See costate_backwards."""
     rows, m = final.size, efforts.shape[1]
     counts = np.empty(durations.size, dtype=np.int64)
     for i in range(durations.size):
@@ -263,18 +352,20 @@ def costate_backwards(
         for _ in range(counts[arc]):
             for stage in range(STAGES):
                 dynamics.stage_state(y, slopes, stage, h, at)
-                rates(kernels, packed, kp, kd, at[:rows], efforts[arc], slopes[stage, :rows])
-                _jacobians(kernels, packed, kp, kd, at[:rows], efforts[arc], dx, du)
+                _all_rates(rate_of, packed, kp, kd, at[:rows], efforts[arc], slopes[stage, :rows])
+                _jacobians(jacobian_of, packed, kp, kd, at[:rows], efforts[arc], dx, du)
                 _cotangent(dx, du, kp, kd, at[rows:], slopes[stage, rows:], pushed)
                 slopes[stage, rows:] *= -1.0
                 if stage == 0:
                     times[row] = t
-                    values[row] = pushed
+                    for j in range(m):
+                        values[row, j] = pushed[j]
             dynamics.complete_step(y, slopes, h)
             row += 1
             t += h
-    _jacobians(kernels, packed, kp, kd, y[:rows], efforts[0], dx, du)
+    _jacobians(jacobian_of, packed, kp, kd, y[:rows], efforts[0], dx, du)
     _cotangent(dx, du, kp, kd, y[rows:], at[rows:], pushed)
     times[row] = t
-    values[row] = pushed
+    for j in range(m):
+        values[row, j] = pushed[j]
     return times, values

@@ -14,10 +14,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy.linalg import block_diag
 
-from flexslew_control.planners.time_optimal.arcs import final_sensitivity, final_states
+from flexslew_control.planners.time_optimal.arcs import Copies, final_sensitivity, final_states
 from flexslew_control.planners.time_optimal.reachable import reachable_combinations
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.linearisation import Linearisation
 from flexslew_plant.testbeds.model import Model
 
@@ -153,18 +152,18 @@ class BangBang:
         return whole
 
     @cached_property
-    def ensemble(self) -> tuple[Kernels, Matrix, Vector, Vector]:
-        """What the kernels of `arcs` simulate: equations, parameters of the copies, the gains."""
+    def ensemble(self) -> Copies:
+        """What `arcs` simulates."""
         return self.copies(
             (1.0, *(factor for factor, _ in self.stencil)) if self.robust else (1.0,)
         )
 
-    def copies(self, factors: tuple[float, ...]) -> tuple[Kernels, Matrix, Vector, Vector]:
+    def copies(self, factors: tuple[float, ...]) -> Copies:
         """Return an ensemble with the stiffness times these factors, the nominal one first."""
         packed = np.array([self.model.with_stiffness(factor).packed for factor in factors])
         kp, kd = np.zeros(self.model.joints), np.zeros(self.model.joints)
         kp[self.joint], kd[self.joint] = self.kp, self.kd
-        return self.model.kernels, packed, kp, kd
+        return Copies(self.model.rates, packed, kp, kd)
 
     def efforts(self, arcs: int, scale: float = 1.0) -> Matrix:
         """Return the effort of each arc, shape (arcs, joints)."""
@@ -184,19 +183,19 @@ class BangBang:
         factors = (1.0, factor) if feedback else (factor,)
         efforts = self.efforts(durations.size)
         return np.asarray(
-            final_states(*self.copies(factors), self.start, efforts, durations, self.step)[-1]
+            final_states(self.copies(factors), self.start, efforts, durations, self.step)[-1]
         )
 
     def residual(self, durations: Vector, scale: float = 1.0) -> Vector:
         """Return what misses the end conditions, divided by scale, shape (rows,)."""
         efforts = self.efforts(durations.size, scale)
-        z = final_states(*self.ensemble, self.start, efforts, durations, self.step)
+        z = final_states(self.ensemble, self.start, efforts, durations, self.step)
         return self._missed(z.ravel(), scale)
 
     def linearised(self, durations: Vector, scale: float = 1.0) -> tuple[Vector, Matrix]:
         """Return the residual (rows,) and its derivatives by the durations (rows, arcs)."""
         efforts = self.efforts(durations.size, scale)
-        z, slopes = final_sensitivity(*self.ensemble, self.start, efforts, durations, self.step)
+        z, slopes = final_sensitivity(self.ensemble, self.start, efforts, durations, self.step)
         return self._missed(z, scale), np.asarray(self.conditions @ slopes / scale)
 
     def _missed(self, z: Vector, scale: float) -> Vector:

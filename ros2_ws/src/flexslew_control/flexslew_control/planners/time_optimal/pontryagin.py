@@ -4,9 +4,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from flexslew_control.planners.time_optimal.arcs import costate_backwards, final_states
+from flexslew_control.planners.time_optimal.arcs import Copies, costate_backwards, final_states
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 
 _ALLOWED = 1e-5  # wrong-signed part of the switching function, relative to its largest value
@@ -32,8 +31,8 @@ class ExtremalArcs(Protocol):
         """Duration of the rigid body's time-optimal slew [s]."""
 
     @property
-    def ensemble(self) -> tuple[Kernels, Matrix, Vector, Vector]:
-        """What the kernels of `arcs` simulate."""
+    def ensemble(self) -> Copies:
+        """What `arcs` simulates."""
 
     @property
     def conditions(self) -> Matrix:
@@ -65,9 +64,9 @@ def switching_function(slew: ExtremalArcs, durations: Vector) -> Extremality:
     jacobian = slew.linearised(durations)[1]
     multipliers = np.linalg.lstsq(jacobian.T, np.ones(durations.size), rcond=None)[0]
     efforts = slew.efforts(durations.size)
-    final = final_states(*slew.ensemble, slew.start, efforts, durations, slew.step).ravel()
+    final = final_states(slew.ensemble, slew.start, efforts, durations, slew.step).ravel()
     costate = slew.conditions.T @ multipliers
-    times, values = costate_backwards(*slew.ensemble, final, costate, efforts, durations, slew.step)
+    times, values = costate_backwards(slew.ensemble, final, costate, efforts, durations, slew.step)
     driven = efforts.any(axis=0)
     times, sigma = times[::-1], values[::-1, driven]
     arc = np.searchsorted(np.cumsum(durations)[:-1], times, side="right")

@@ -203,7 +203,7 @@ def five_switch_durations(slew: BangBang) -> Vector | None:
     def arcs(p: float, close: float = _EXACT, step: float = slew.step) -> Vector | None:
         d = np.array([p, 0.0, half - p])
         for _ in range(8):
-            x, by_duration = final_sensitivity(*ensemble, slew.start, efforts, d, step)
+            x, by_duration = final_sensitivity(ensemble, slew.start, efforts, d, step)
             change = np.linalg.solve(rows @ by_duration[:, 1:], middle - rows @ x)
             if not np.isfinite(change).all() or np.abs(change).max() > half:
                 return None

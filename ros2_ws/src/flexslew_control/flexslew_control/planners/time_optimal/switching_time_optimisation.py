@@ -75,18 +75,17 @@ def switch_time_optimisation(
 def gradients(slew: BangBang, durations: Vector) -> Matrix:
     """Return dr/dp of the end conditions by switch times and final time, shape (rows, N + 1)."""
     efforts = slew.efforts(durations.size)
-    final = final_states(*slew.ensemble, slew.start, efforts, durations, slew.step).ravel()
+    final = final_states(slew.ensemble, slew.start, efforts, durations, slew.step).ravel()
     ends = np.cumsum(durations)
     jumps = -np.diff(efforts[:, slew.joint])
     rows = []
     for condition in slew.conditions:
         times, values = costate_backwards(
-            *slew.ensemble, final, condition, efforts, durations, slew.step
+            slew.ensemble, final, condition, efforts, durations, slew.step
         )
         at = [int(np.argmin(np.abs(times - switch))) for switch in ends[:-1]]
         rows.append(values[at, slew.joint] * jumps)
-    last = np.empty(final.size)
-    rates(*slew.ensemble, final, efforts[-1], last)
+    last = rates(slew.ensemble, final, efforts[-1])
     return np.column_stack((rows, slew.conditions @ last))
 
 

@@ -131,9 +131,11 @@ def kalman(kernels: Kernels, before: int, n: int, by_matrices: bool) -> Observe:
                 held[i] = signals.effort[i * LANES + lane]
             if k == 0:
                 x[:] = 0.0
-                x[:m] = read[:m]
-                x[n : n + m] = read[m : 2 * m]
-                p[:] = belief.first
+                for i in range(m):
+                    x[i], x[n + i] = read[i], read[m + i]
+                for i in range(states):
+                    for j in range(states):
+                        p[i, j] = belief.first[i, j]
             else:
                 tick(belief, t - dt, dt, held, read, x, p, innovation)
             for i in range(states):

@@ -20,6 +20,19 @@ ADVANCE = types.FunctionType(
 )
 
 
+_MATRIX = types.Array(types.float64, 2, "C")
+# the same of Rates
+RATES = types.FunctionType(types.void(_READ, types.float64, _READ, _READ, _VECTOR))
+JACOBIAN = types.FunctionType(types.void(_READ, types.float64, _READ, _READ, _MATRIX, _MATRIX))
+
+
+class Rates(NamedTuple):
+    """The state derivative and its Jacobian as arguments of compiled loops."""
+
+    rates: Callable[[Vector, float, Vector, Vector, Vector], None]  # (p, t, x, effort, out)
+    jacobian: Callable[[Vector, float, Vector, Vector, Matrix, Matrix], None]
+
+
 class Bound(NamedTuple):
     """The kernels of one testbed, called from Python."""
 
@@ -123,6 +136,19 @@ def _of_joints(kernels: Kernels, m: int) -> Bound:
         actuation,
         position_rates,
     )
+
+
+@cache
+def rates_of(kernels: Kernels, m: int) -> Rates:
+    """Return the state derivative and its Jacobian for compiled loops; m: joints."""
+
+    @compiled_once("out")
+    def rates(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> None:
+        slope = dynamics.derivative(kernels, p, t, x, effort, m)
+        for k in range(out.size):
+            out[k] = slope[k]
+
+    return Rates(rates, _of_joints(kernels, m).jacobian)
 
 
 @cache

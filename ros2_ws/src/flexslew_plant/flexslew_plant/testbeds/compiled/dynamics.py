@@ -64,7 +64,8 @@ def derivative(
         kernels, p, t, x, effort, np.empty((s, s)), np.empty((s, n - s)), np.empty(n - s), a
     )
     interface.position_rates(kernels, p, t, x, rate)
-    rate[x.size - n :] = a
+    for k in range(n):
+        rate[x.size - n + k] = a[k]
     return rate
 
 
@@ -180,18 +181,20 @@ def jacobian(
         for i in range(n):
             column[i] = -dq[i, j]
         _solve(block, coupling, modal, column)
-        dx[n:, j] = column
         for i in range(n):
+            dx[n + i, j] = column[i]
             column[i] = -dv[i, j]
         _solve(block, coupling, modal, column)
-        dx[n:, n + j] = column
+        for i in range(n):
+            dx[n + i, n + j] = column[i]
     for j in range(effort.size):
         column[:] = 0.0
         one[:] = 0.0
         one[j] = 1.0
         interface.actuation(kernels, p, t, x, one, column)
         _solve(block, coupling, modal, column)
-        du[n:, j] = column
+        for i in range(n):
+            du[n + i, j] = column[i]
 
 
 @compiled_once()

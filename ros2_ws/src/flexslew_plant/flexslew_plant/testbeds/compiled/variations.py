@@ -139,6 +139,12 @@ def _kernel() -> Callable[..., None]:
 
 
 @called
+def _put(values: Vector, out: Vector) -> None:
+    for k in range(out.size):  # a slice that takes an array compiles a message about shapes
+        out[k] = values[k]
+
+
+@called
 def _write_residual(
     terms: Callable[..., None],
     actuation: Callable[..., None],
@@ -201,7 +207,7 @@ def _flown(
     now, at, slopes = np.empty(width), np.empty(width), np.empty((STAGES, width))
     for piece in range(effort.shape[0]):
         u, h = effort[piece], durations[piece] / steps[piece]
-        now[:] = begins[piece]
+        _put(begins[piece], now)
         for step in range(steps[piece]):
             for i in range(STAGES):
                 stage_state(now, slopes, i, h, at)
@@ -213,7 +219,8 @@ def _flown(
                 _factor(joints, coupling, modal)
                 _solve(joints, coupling, modal, a)
                 position_rates(p, t, x, rates)
-                slopes[i, :q], slopes[i, q:size] = rates[:q], a
+                _put(rates[:q], slopes[i, :q])
+                _put(a, slopes[i, q:size])
                 residual_jacobian(p, t, x, a, dq, dv)
                 for k in range(count):
                     first = size * (1 + k)
@@ -233,22 +240,22 @@ def _flown(
                         actuation(p, t, x, u + sign * _CHANGE * pushes[k], push)
                         force += sign / (2.0 * _CHANGE) * push
                     if extra == 0:
-                        rate[:q] = slope[q:]
+                        _put(slope[q:], rate[:q])
                     else:  # q' = N(q) v, and B may turn with q
-                        moved[q:] = slope[q:]
-                        moved[:q] = x[:q]
+                        _put(x[:q], moved[:q])
+                        _put(slope[q:], moved[q:])
                         position_rates(p, t, moved, rates)
-                        rate[:q] = rates[:q]
-                        moved[q:] = x[q:]
+                        _put(rates[:q], rate[:q])
+                        _put(x[q:], moved[q:])
                         change = _CHANGE / (1.0 + np.abs(slope[:q]).max())
                         for sign in _BOTH:
-                            moved[:q] = x[:q] + sign * change * slope[:q]
+                            _put(x[:q] + sign * change * slope[:q], moved[:q])
                             push[:] = 0.0
                             actuation(p, t, moved, u, push)
                             force += sign / (2.0 * change) * push
                             position_rates(p, t, moved, rates)
-                            rate[:q] += sign / (2.0 * change) * rates[:q]
+                            _put(rate[:q] + sign / (2.0 * change) * rates[:q], rate[:q])
                     _solve(joints, coupling, modal, force)
-                    rate[q:] = force
+                    _put(force, rate[q:])
             complete_step(now, slopes, h)
-        ends[piece] = now
+        _put(now, ends[piece])

@@ -28,9 +28,11 @@ def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv:
     others = nv - own_v
     size = 6 + others
     acceleration = np.zeros(size)
-    acceleration[6:] = a[own_v:]
+    for k in range(others):
+        acceleration[6 + k] = a[own_v + k]
     if p[at.MOTION] == at.FREE:
-        acceleration[:6] = a[:6]
+        for k in range(6):
+            acceleration[k] = a[k]
     elif p[at.MOTION] == at.PIVOT:
         for c in range(6):
             acceleration[c] = a[0] * p[at.PIVOT_AXES + c]
@@ -69,19 +71,25 @@ def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv:
     for k in range(int(p[at.APPENDAGES])):
         add_appendage(p, t, x, acceleration, int(p[table + k]), by_q, by_v)
     dq[:] = 0.0
-    dv[own_v:, own_v:] = by_v[6:, 6:]
-    dq[own_v:, own_q:] = by_q[6:, 6:]
+    for i in range(others):
+        for k in range(others):
+            dv[own_v + i, own_v + k] = by_v[6 + i, 6 + k]
+            dq[own_v + i, own_q + k] = by_q[6 + i, 6 + k]
     if p[at.MOTION] == at.FREE:
-        dv[:6] = by_v[:6]
-        dv[6:, :6] = by_v[6:, :6]
-        dq[:6, 7:] = by_q[:6, 6:]
+        for i in range(6):
+            for k in range(size):
+                dv[i, k] = by_v[i, k]
+            for k in range(others):
+                dv[6 + k, i] = by_v[6 + k, i]
+                dq[i, 7 + k] = by_q[i, 6 + k]
     elif p[at.MOTION] == at.PIVOT:
         dv[0] = 0.0
         dv[1:, 0] = 0.0
         for c in range(6):
             b = p[at.PIVOT_AXES + c]
-            dv[0, 1:] += b * by_v[c, 6:]
-            dq[0, 1:] += b * by_q[c, 6:]
-            dv[1:, 0] += b * by_v[6:, c]
+            for k in range(others):
+                dv[0, 1 + k] += b * by_v[c, 6 + k]
+                dq[0, 1 + k] += b * by_q[c, 6 + k]
+                dv[1 + k, 0] += b * by_v[6 + k, c]
             for d in range(6):
                 dv[0, 0] += b * p[at.PIVOT_AXES + d] * by_v[c, d]

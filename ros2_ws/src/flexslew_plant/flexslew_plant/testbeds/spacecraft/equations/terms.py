@@ -266,9 +266,11 @@ def terms(
                 joints[i, j] = joints[j, i]
         return
     k = m + 6 - own
-    bias[own:] = h[6:]
+    for i in range(6, k + n):
+        bias[i - 6 + own] = h[i]
     for i in range(6, k):
-        coupling[i - 6 + own] = across[i]
+        for j in range(n):
+            coupling[i - 6 + own, j] = across[i, j]
         for j in range(i, k):
             joints[i - 6 + own, j - 6 + own] = mass[i, j]
             joints[j - 6 + own, i - 6 + own] = mass[i, j]
