@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
 from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
-from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel
-from flexslew_plant.testbeds.compiled.lanes import Rows as KernelRows
+from flexslew_plant.testbeds.compiled.lanes import LANES, KernelRows, LaneKernel
 
 MARGIN = 1.0 - 1e-12  # of the limit: an effort from there on is saturated, as in metrics.efforts
 

@@ -16,7 +16,7 @@ _LINE = 8  # numbers in a line of the cache
 Advance: TypeAlias = Callable[[float, float, int, Vector], None]
 
 
-class Rows(NamedTuple):
+class KernelRows(NamedTuple):
     """Where in the flat array rows of LANES begin."""
 
     effort: int  # behind the states
@@ -32,7 +32,7 @@ class LaneKernel(NamedTuple):
 
     advance: Advance
     read: Callable[[Vector], None]  # writes the joints where they are no entries of the state
-    rows: Rows
+    rows: KernelRows
     size: int  # of its array
     place: Callable[[Matrix], Vector]  # its array at rest, from packed parameters, (P, LANES)
     reach: float  # largest frequency times step; inf: it takes one step per tick, as the bench
@@ -46,7 +46,7 @@ class KnowsFrequency(Protocol):
         """Return a bound of the frequencies of its modes with the joints free [rad/s]."""
 
 
-def rows_of(states: int, efforts: int, joints: int, modes: int, reads: bool) -> Rows:
+def rows_of(states: int, efforts: int, joints: int, modes: int, reads: bool) -> KernelRows:
     """Return where the rows begin.
 
     Args:
@@ -61,7 +61,7 @@ def rows_of(states: int, efforts: int, joints: int, modes: int, reads: bool) -> 
     first, rate = (behind, behind + joints) if reads else (0, positions)
     end = behind + 2 * joints if reads else behind
     places = (states, first, rate, positions - modes, states - modes, end)
-    return Rows(*(LANES * place for place in places))
+    return KernelRows(*(LANES * place for place in places))
 
 
 @vectorised

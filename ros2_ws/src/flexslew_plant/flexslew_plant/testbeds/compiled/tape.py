@@ -62,7 +62,7 @@ class Tape:
                 found[k] = value
             else:
                 node = self._node(("packed", k), True)
-                found[k] = Parameter(self, node.index, k, value)
+                found[k] = PackedNumber(self, node.index, k, value)
         return found
 
     def operation(self, name: str, *given: Value) -> Value:
@@ -222,7 +222,7 @@ class Number:
         raise Untraceable("a branch on what differs from lane to lane")
 
 
-class Parameter(Number):
+class PackedNumber(Number):
     """A packed number: whoever looks at it makes it one that all lanes have alike."""
 
     __slots__ = ("at", "value")

@@ -14,7 +14,7 @@ from flexslew_plant.testbeds.kernels import chosen
 from flexslew_plant.testbeds.model import Model
 
 
-class Equations:
+class NotedEquations:
     """[q', M^-1 (B u - h)] of a testbed, for numbers on a tape.
 
     Args:

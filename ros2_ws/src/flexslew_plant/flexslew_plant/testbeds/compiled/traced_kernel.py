@@ -24,7 +24,7 @@ from flexslew_plant.testbeds.compiled.lanes import (
 )
 from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine
 from flexslew_plant.testbeds.compiled.tape import Untraceable
-from flexslew_plant.testbeds.compiled.trace import Equations
+from flexslew_plant.testbeds.compiled.trace import NotedEquations
 from flexslew_plant.testbeds.compiled.written import Needed, needed, written
 from flexslew_plant.testbeds.model import Model
 
@@ -70,7 +70,7 @@ def traced_kernel(model: Model, brisk: bool) -> LaneKernel | None:
             return found[alike]
     else:
         fixed, found = _KNOWN.setdefault(key, ([], {}))
-    equations = Equations(model)
+    equations = NotedEquations(model)
     try:
         kernel = _kernel(model, equations, _FIVE if brisk else _EIGHT)
     except Untraceable:
@@ -83,7 +83,7 @@ def traced_kernel(model: Model, brisk: bool) -> LaneKernel | None:
     return kernel
 
 
-def _kernel(model: Model, equations: Equations, scheme: _Scheme) -> LaneKernel | None:
+def _kernel(model: Model, equations: NotedEquations, scheme: _Scheme) -> LaneKernel | None:
     tape, states = equations.tape, len(equations.x)
     reads = "reading" in model.kernels.functions
     rows = rows_of(states, model.efforts, model.joints, model.modes, reads)
