@@ -44,6 +44,7 @@ def figures() -> dict[str, float]:
     studies_lane_kernel: in lanes on one core, from trial to metrics.
     studies_other_lanes: 40 s of the floating oscillator in lanes, over the same on the bench.
     studies_lanes_2: in lanes on two processes, from the first chunk to the last result.
+    studies_spacecraft_lanes: own_spacecraft in lanes, over the same on the bench.
     studies_bench_1, studies_bench_2: by the ordinary bench on one and on two processes.
     studies_bench_speed_up: of two processes over one.
     studies_machine_speed_up: the floor for that, two processes that only count over one.
@@ -57,11 +58,15 @@ def figures() -> dict[str, float]:
         (Path(folder) / "other.yaml").write_text(_OTHER)
         other = (_STUDY % "true").replace("m1", "other.yaml").replace(
             "testbed.parameters.bending_stiffness: {relative: {uniform: [-0.2, 0.2]}}",
-            "controllers.pd_feedforward.kp: {uniform: [1.0, 3.0]}",
+            "controllers.pd_feedforward.kp: {relative: {uniform: [-0.2, 0.2]}}",
         )  # fmt: skip
         others = prepare(parse_study(other, "benchmark", Path(folder)))
+        craft = prepare(
+            parse_study(other.replace("other.yaml", "own_spacecraft"), "benchmark", Path(folder))
+        )
     found = {"studies_lane_kernel": _kernel(lanes)}
     found["studies_other_lanes"] = _kernel(others) / _one_by_one(others)
+    found["studies_spacecraft_lanes"] = _kernel(craft) / _one_by_one(craft)
     found["studies_lanes_2"] = _processes(lanes, 2, 1024)
     found["studies_bench_1"] = _processes(bench, 1, _ON_BENCH)
     found["studies_bench_2"] = _processes(bench, 2, 2 * _ON_BENCH)

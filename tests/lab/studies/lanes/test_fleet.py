@@ -1,6 +1,7 @@
 """Trials in lanes are the trials of the bench: every metric, every law, every testbed."""
 
 from collections.abc import Callable
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,9 @@ from flexslew_lab.studies.lanes.lane_trial import LaneIntake
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine
+from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 from flexslew_plant.testbeds.csa import CsaTestbed
-from flexslew_plant.testbeds.csa.lanes import needed_steps, sine_cosine
 
 TOLERANCE = 1e-9  # of a metric, or of one where it is smaller
 LAWS: dict[str, dict[str, Any]] = {
@@ -142,24 +143,10 @@ def test_a_result_does_not_depend_on_its_neighbours(prepared: Callable[..., Prep
     assert together == alone[::-1]
 
 
-@pytest.mark.parametrize("variant", ["complete", "printed"])
-def test_a_step_of_all_lanes_is_that_of_the_model(variant: Any) -> None:
-    testbed = CsaTestbed(modes=3, variant=variant, damping_ratio=0.02)
-    model, kernel = testbed.model(), testbed.lanes()
-    rng = np.random.default_rng(2)
-    x = 0.3 * rng.standard_normal((2 * model.coordinates, LANES))
-    effort = 50.0 * rng.standard_normal((2, LANES))
-    w = kernel.place(np.repeat(model.packed[:, None], LANES, axis=1))
-    w[: x.size], w[x.size : x.size + effort.size] = x.ravel(), effort.ravel()
-    kernel.advance(0.0, 0.01, 1, w)
-    for k in range(0, LANES, 9):
-        expected = model.advance(x[:, k].copy(), effort[:, k].copy(), 0.01)
-        assert np.abs(w[: x.size].reshape(x.shape)[:, k] - expected).max() <= 1e-10
-
-
 OTHERS: dict[str, dict[str, Any]] = {
     "floating_oscillator": {"damping_ratio": 0.02},
     "varying_oscillator": {},
+    "hub_with_appendages": {"damping_ratio": 0.02},
 }
 
 
@@ -182,16 +169,76 @@ def test_any_testbed_whose_joints_come_first_flies_in_lanes(
     require_equal(ready, [0, 3])
 
 
-def test_all_trials_with_as_many_modes_share_one_compiled_loop() -> None:
-    assert CsaTestbed(modes=3).lanes() is CsaTestbed(modes=3, damping_ratio=0.1).lanes()
+CRAFT: dict[str, Any] = {
+    "kind": "spacecraft",
+    "platform": {"mass": 150.0, "inertia": {"xx": 40.0, "yy": 35.0, "zz": 30.0, "xy": 1.0}},
+    "appendages": {
+        "boom": {
+            "hinge": {"place": [0.0, 0.5, 0.1]},
+            "shape": {
+                "kind": "beam",
+                "length": 6.0,
+                "linear_density": 0.4,
+                "bending_stiffness": 300.0,
+                "modes": 2,
+            },
+            "damping": {"ratio": 0.02},
+        }
+    },
+    "actuators": {},
+    "wheels": {"roll": {"axis": [1.0, 0.0, 0.0], "inertia": 0.05, "limit": 20.0}},
+}
+TURNING = {"motion": {"at": 0.5, "duration": 2.0, "to": 0.3, "axis": [1.0, 0.0, 0.0]}}
 
 
-def test_steps_shrink_with_the_highest_frequency() -> None:
-    for modes in (1, 3, 6):
-        model = CsaTestbed(modes=modes).model()
-        steps = needed_steps(model.packed, 0.01)
+@pytest.mark.parametrize("what", ["speed limit", "driven hinge", "prescribed turn"])
+def test_a_spacecraft_flies_in_lanes_as_on_the_bench(
+    study_of: Callable[..., Study], what: str
+) -> None:
+    testbed: dict[str, Any] = deepcopy(CRAFT)
+    boom, joint, gains = testbed["appendages"]["boom"], "roll", {"kp": [30.0], "kd": [60.0]}
+    vary = {"testbed.platform.mass": {"uniform": [100.0, 200.0]}}
+    if what == "speed limit":
+        testbed["wheels"]["roll"]["momentum_limit"] = 1.0
+    elif what == "driven hinge":
+        boom["hinge"] |= {"kind": "driven", "spring": 20.0}
+        gains = {"kp": [30.0, 0.0], "kd": [60.0, 1.0]}
+    elif what == "prescribed turn":
+        boom["hinge"] |= TURNING
+    plan: dict[str, Any] = {"method": "reference_only", "goal": {joint: 0.4}, "duration": 4.0}
+    if what == "driven hinge":
+        plan["method"] = "none"
+    trial = {
+        "duration": 6.0,
+        "testbed": testbed,
+        "plan": plan,
+        "controllers": {"pd_feedforward": gains},
+        "schedule": [{"at": 1.0, "until": 1.5, "disturbance": {joint: 0.1}}],
+        # noise tips a wheel over its speed limit a tick sooner or later by rounding alone
+        "sensors": {} if what == "speed limit" else {"joint_velocity": {"noise": 1e-4}},
+    }
+    ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
+    require_equal(ready, [0, 3])
+
+
+def test_testbeds_of_one_size_share_one_kernel_and_kinds_do_not() -> None:
+    models = [CsaTestbed(modes=3, damping_ratio=ratio).model() for ratio in (0.02, 0.1)]
+    printed = CsaTestbed(modes=3, damping_ratio=0.02, variant="printed").model()
+    first, second, other = (traced_kernel(model, True) for model in (*models, printed))
+    assert first is second
+    assert first is not other
+
+
+def test_the_bound_of_a_frequency_holds_and_is_near() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        given = {"modes": int(rng.integers(1, 7)), "variant": rng.choice(["printed", "complete"])}
+        stiff = {"bending_stiffness": float(10.0 ** rng.uniform(2.0, 5.0))}
+        testbed = read_testbed({"kind": "csa", **given, "parameters": stiff}, "test")
+        assert isinstance(testbed, CsaTestbed)
+        model = testbed.model()
         highest = model.linearise(np.zeros(model.coordinates)).frequencies[-1]
-        assert highest * 0.01 / steps <= 0.1
+        assert highest <= testbed.highest_frequency() * (1.0 + 1e-9) <= 3.0 * highest
 
 
 def test_sine_and_cosine_are_right_to_the_last_digit() -> None:

@@ -1,6 +1,6 @@
 """The metrics of one epoch of the truth, block after block."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
@@ -19,16 +19,20 @@ class Epoch:
         number: of the epoch; its events count.
         setup: what is known before the first tick.
         own: metrics of the trial's own, besides METRICS.
+        without: those of METRICS that nobody asks for.
     """
 
-    def __init__(self, number: int, setup: RunSetup, own: Sequence[type[Metric]] = ()) -> None:
+    def __init__(
+        self,
+        number: int,
+        setup: RunSetup,
+        own: Sequence[type[Metric]] = (),
+        without: Container[type[Metric]] = (),
+    ) -> None:
         self.number, self._setup = number, setup
-        self._metrics: list[Metric] = [
-            metric(setup) for metric in (*(entry.metric for entry in METRICS.values()), *own)
-        ]
-        reading = setup.testbed.model().reading if setup.testbed is not None else None
-        self._reading = reading  # joint position and rate of a state
-        self._attitude = setup.testbed.model().attitude if setup.testbed is not None else None
+        shipped = (entry.metric for entry in METRICS.values() if entry.metric not in without)
+        self._metrics: list[Metric] = [metric(setup) for metric in (*shipped, *own)]
+        self._model = None if setup.testbed is None else setup.testbed.model()
         self._last_time: float | None = None
 
     def add(self, columns: Mapping[str, Any]) -> None:
@@ -72,15 +76,15 @@ class Epoch:
 
     def _error(self, position: Matrix, goal: Vector) -> Matrix:
         """Return joint position - goal, shape (ticks, joints); of an attitude the rotation."""
-        if self._attitude is None:
+        if self._model is None or self._model.attitude is None:
             return position - goal
-        error: Matrix = -self._attitude.error(position, goal)
+        error: Matrix = -self._model.attitude.error(position, goal)
         return error
 
     def _joints(self, q: Matrix, v: Matrix) -> Matrix:
-        if self._reading is None:
+        if self._model is None or self._model.reading is None:
             return q[:, : len(self._setup.joint_names)]
-        return np.array([self._reading(x)[0] for x in np.hstack((q, v))])
+        return self._model.joint_positions(np.hstack((q, v)))
 
 
 def merged(metrics: Sequence[Metric], ending: Ending) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.signal import detrend, periodogram
 
+from flexslew_lab.metrics.block_motions import block_motions
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
@@ -62,7 +63,7 @@ class Jitter:
         counts = (block.time >= self._from) & (block.held > 0.0)  # a run's first tick has no length
         if self._testbed is None or not counts.any():
             return
-        error = self._testbed.motions(block.position, block.velocity, self._goal).attitude
+        error = block_motions(self._testbed, block, self._goal).attitude
         error, ticks = error[counts], block.tick[counts]
         if not self._size:
             self._period = float(block.held[counts][0])

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from flexslew_lab.metrics.block_motions import block_motions
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
@@ -58,7 +59,7 @@ class PerformanceErrors:
         counts = block.time >= self._end - 1e-9
         if self._testbed is None or not counts.any():
             return
-        error = self._testbed.motions(block.position, block.velocity, self._goal).attitude
+        error = block_motions(self._testbed, block, self._goal).attitude
         error, time = error[counts], block.time[counts]
         self._grow("absolute", abs(error).max(axis=0))
         since = (time - self._end) / self._testbed.pointing_window

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from flexslew_lab.metrics.block_motions import block_motions
 from flexslew_lab.metrics.metric import (
     Block,
     Ending,
@@ -51,7 +52,7 @@ class PlatformError:
         """Take the next ticks."""
         if self._testbed is None:
             return
-        m = self._testbed.motions(block.position, block.velocity, self._goal)
+        m = block_motions(self._testbed, block, self._goal)
         for k, (kind, error) in enumerate((("position", m.away), ("attitude", m.attitude))):
             self._squares[k] += float((error**2).sum(axis=1) @ block.held)
             if block.over.any():

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from flexslew_lab.metrics.block_motions import block_motions
 from flexslew_lab.metrics.metric import (
     Block,
     Ending,
@@ -72,7 +73,7 @@ class PointingMetric:
         """Take the next ticks."""
         if self._testbed is None:
             return
-        m = self._testbed.motions(block.position, block.velocity, self._goal)
+        m = block_motions(self._testbed, block, self._goal)
         self._effort += (block.effort**2).T @ block.held
         self._last_time = float(block.time[-1])
         self._attitude = np.maximum(self._attitude, abs(m.turned).max(axis=0))

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from flexslew_lab.metrics.block_motions import block_motions
 from flexslew_lab.metrics.metric import Block, Ending, Key, MetricEntry, RunSetup, goal_by_joint
 from flexslew_plant.testbeds.contract import Retargetable
 from flexslew_plant.testbeds.spacecraft.motions import Pointing as PointingTestbed
@@ -43,7 +44,7 @@ class Vibration:
         if self._testbed is None:
             return
         self._last_time = float(block.time[-1])
-        tips = self._testbed.motions(block.position, block.velocity, self._goal).tips
+        tips = block_motions(self._testbed, block, self._goal).tips
         for name, tip in tips.items():
             distance = np.linalg.norm(tip, axis=1)
             before = block.time < self._end.get(name, self._without)

@@ -7,7 +7,7 @@ for each object, with its functions built in, and keeps the machine code on disk
 import hashlib
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,8 @@ import numba
 from numba.core import types
 from numba.core.imputils import lower_constant
 from numba.extending import NativeValue, models, register_model, typeof_impl, unbox
+
+from flexslew_plant.arrays import called
 
 _KNOWN: dict[str, "Kernels"] = {}  # by token, for Numba's compiler and for its files
 
@@ -36,9 +38,11 @@ class Kernels:
     actuation(p, t, x, effort, force): adds B u to the generalised forces, shape (n,); left out,
         the efforts act on the first coordinates.
     kinematics(p, t, x, rate): writes q' = N(q) v, shape (positions,); left out, q' = v.
+    reading(p, x, position, rate): writes where each joint is and how fast, each (joints,); left
+        out, the first entries of q and v.
 
     Args:
-        terms, residual_jacobian, potential, actuation, kinematics: as above.
+        terms, residual_jacobian, potential, actuation, kinematics, reading: as above.
         full_mass: whether terms writes the whole mass matrix.
         extra_positions: how many entries q has more than v (a quaternion: 1); needs kinematics.
         any_size: whether they are compiled once for all sizes of a state rather than for each: for
@@ -52,6 +56,7 @@ class Kernels:
     potential: Callable[..., float]
     actuation: Callable[..., None] | None = None
     kinematics: Callable[..., None] | None = None
+    reading: Callable[..., None] | None = None
     full_mass: bool = False
     extra_positions: int = 0
     any_size: bool = False
@@ -68,7 +73,7 @@ class Kernels:
         if self.extra_positions and self.kinematics is None:
             raise ValueError("extra_positions needs kinematics, which says how they change")
         digest = hashlib.sha256(f"{self.full_mass} {self.extra_positions}".encode())
-        for path in sorted(set().union(*map(_sources, self._functions().values()))):
+        for path in sorted(set().union(*map(_sources, self.functions.values()))):
             digest.update(path.read_bytes())
         name = f"{self.terms.__module__}.{self.terms.__qualname__}"
         object.__setattr__(self, "token", f"{name}:{digest.hexdigest()[:16]}")
@@ -77,10 +82,12 @@ class Kernels:
     @cached_property
     def compiled(self) -> dict[str, Any]:
         """The functions that were given, by name, for use inside compiled code."""
-        return {name: _jitted(function) for name, function in self._functions().items()}
+        return {name: _jitted(function) for name, function in self.functions.items()}
 
-    def _functions(self) -> dict[str, Callable[..., Any]]:
-        names = ("terms", "residual_jacobian", "potential", "actuation", "kinematics")
+    @property
+    def functions(self) -> dict[str, Callable[..., Any]]:
+        """The functions that were given, by name."""
+        names = tuple(f.name for f in fields(self) if f.default in (MISSING, None) and f.init)
         given = {name: getattr(self, name) for name in names}
         return {name: function for name, function in given.items() if function is not None}
 
@@ -92,6 +99,12 @@ class Kernels:
 def known(token: str) -> Kernels:
     """Return the object with this token; KeyError where its module has not been imported."""
     return _KNOWN[token]
+
+
+@called
+def chosen(condition: bool, yes: float, no: float) -> float:
+    """Return `yes` where the condition holds, else `no`: a branch that lanes can take, too."""
+    return yes if condition else no
 
 
 def _jitted(function: Callable[..., Any]) -> Any:

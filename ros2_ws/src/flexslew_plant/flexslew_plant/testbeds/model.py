@@ -11,7 +11,7 @@ from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.appendages import Appendages as Appendages
 from flexslew_plant.testbeds.attitude import AttitudeJoints
-from flexslew_plant.testbeds.compiled.bound import Bound, Rates, bound, rates_of
+from flexslew_plant.testbeds.compiled.bound import Bound, Rates, bound, joint_reader, rates_of
 from flexslew_plant.testbeds.compiled.variations import flight_with_slopes, slopes_of_pieces
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.linearisation import Linearisation
@@ -367,6 +367,16 @@ class Model:
             return self.reading(x)
         position, rate = self._of_joints
         return x[position], x[rate]
+
+    def joint_positions(self, states: Matrix) -> Matrix:
+        """Return where the joints are in many states, a row each, shape (k, joints)."""
+        if self.reading is None:
+            return states[:, : self.joints]
+        if self.kernels.reading is None:
+            return np.array([self.reading(x)[0] for x in states])
+        found = np.empty((len(states), self.joints))
+        joint_reader(self.kernels)(self.packed, states, found)
+        return found
 
     def joint_error(self, position: Vector, goal: Vector) -> Vector:
         """Return goal - position of each joint, of an attitude the rotation [rad or m].

@@ -1,12 +1,13 @@
 """Trials flown at once: from trials to lanes and back to metrics."""
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from flexslew_control.linear_form import LinearForm
+from flexslew_control.linear_form import KalmanForm, LinearForm
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
@@ -15,12 +16,15 @@ from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of, law_entry
 from flexslew_lab.studies.lanes.loop import Matrices, Schedule, lane_loop
 from flexslew_lab.studies.lanes.observers import beginning
+from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
 from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.testbeds import initial_state
 from flexslew_plant.testbeds.compiled.lanes import LANES, flat_zeros
+from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _KEPT = 32  # laws on a plan that are kept
@@ -77,21 +81,24 @@ class Lanes:
         if prepared is None:
             return [], [lane.case for lane in group]
         form, schedule = prepared.form.law, prepared.schedule
-        model, m = first.model, first.model.joints
+        model, kernel = first.model, first.kernel
         states, outputs = form.from_state.shape[1], form.from_output.shape[1]
-        sizes = Sizes(m, model.modes, states, outputs, len(model.appendages.names))
+        tips = len(model.appendages.names)
+        sizes = Sizes(model.joints, model.modes, states, outputs, tips)
         observer = beginning(prepared.form)
         lanes = [group[min(k, len(group) - 1)] for k in range(LANES)]  # the last one fills up
         packed = np.array([lane.model.packed for lane in lanes]).T
         at_rest = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
-        rows = rows_of(first.kernel.size, sizes)
+        rows = rows_of(kernel.size, sizes)
         w = flat_zeros(rows.end)
-        w[: first.kernel.size] = first.kernel.place(np.ascontiguousarray(packed))
+        w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: at_rest.size] = at_rest.ravel()
         w[rows.kp : rows.tip] = gains_of(lanes, form)
         w[rows.tip : rows.residual_tip] = np.repeat(prepared.aim, LANES)
         w[rows.outside : rows.terminal] = -np.inf
-        lane_loop(first.kernel, sizes, observer.observe)(
+        recorded = isinstance(first.trial.testbed, Pointing)
+        loop = partial(
+            lane_loop(kernel, sizes, observer.observe, recorded),
             w,
             first.trial.period,
             first.steps,
@@ -105,16 +112,36 @@ class Lanes:
             observer.memory,
             len(group),
         )
+        if recorded:
+            measured = self._recorded(group, prepared, loop)
+        else:
+            loop(0, len(schedule.time), np.empty((0, 0, 0)))
+            found = LaneMetrics(first, rows, schedule, prepared.goal, at_rest[: model.joints])
+            measured = [partial(found.metrics, w, k) for k in range(len(group))]
         results, lost = [], []
         far = np.abs(w[: at_rest.size].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
-        found = LaneMetrics(first, rows, schedule, prepared.goal, at_rest[:m])
         for k, lane in enumerate(group):
             if far[k] < _FAR:
-                metrics = found.metrics(w, k)
-                results.append(Flown(lane.case.number, metrics, None, "ok", "", "lanes"))
+                results.append(Flown(lane.case.number, measured[k](), None, "ok", "", "lanes"))
             else:
                 lost.append(lane.case)
         return results, lost
+
+    def _recorded(
+        self, group: list[LaneTrial], prepared: _Prepared, loop: Callable[..., None]
+    ) -> list[Callable[[], dict[str, float | None]]]:
+        """Fly a group that is measured from its truth; return what gives each trial's metrics."""
+        model, period = group[0].model, group[0].trial.period
+        found = [RecordedMetrics(lane, prepared.goal) for lane in group]
+        end = len(prepared.schedule.time)
+        record = np.empty((LANES, TICKS, model.positions + model.coordinates + model.joints))
+        for first in range(0, end, TICKS):
+            last = min(first + TICKS, end)
+            loop(first, last, record)
+            stamps = stamps_of(first, last, period)
+            for one, truth in zip(found, record, strict=False):
+                one.add(stamps, truth[: last - first])
+        return [one.metrics for one in found]
 
     def _prepare(self, lane: LaneTrial) -> _Prepared | None:
         """Return what is common to all like this one; None if its law is not linear."""
@@ -134,10 +161,19 @@ class Lanes:
         form = linear and linear(controller.estimator, controller.law, references)
         while len(self._prepared) >= _KEPT:
             self._prepared.pop(next(iter(self._prepared)))
-        if form is None:
+        if form is None or not _heard(form, lane.model):
             self._prepared[lane.alike] = None
             return None
         schedule = schedule_of(lane, plan, form.law, ticks)
         made = _Prepared(form, schedule, *aim_of(lane, plan, form.law))
         self._prepared[lane.alike] = made
         return made
+
+
+def _heard(form: LinearForm, model: Model) -> bool:
+    """Return whether the law listens to what lanes read: joints, and a tip moved by modes alone."""
+    if isinstance(form.observer, KalmanForm) and model.leading is not None:
+        return False  # its joints are no coordinates
+    sensors = model.appendages
+    tips = form.law.from_output.shape[1] > 2 * model.joints
+    return not tips or (sensors.rate is None and sensors.felt is None)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Hashable
+from math import ceil
 from typing import Any, NamedTuple
 
 from flexslew_control.controllers import CONTROLLERS, LawEntry, build_controller
@@ -14,7 +15,8 @@ from flexslew_plant.errors import FlexslewError
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
-from flexslew_plant.testbeds.compiled.lanes import LaneKernel, lane_kernel
+from flexslew_plant.testbeds.compiled.lanes import KnowsFrequency, LaneKernel
+from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 from flexslew_plant.testbeds.model import Model
 
 _EXACT = ActuatorSettings()
@@ -54,15 +56,17 @@ class LaneIntake:
             if not _simple(trial):
                 return None
             model = trial.testbed.model()
-            kernel = lane_kernel(trial.testbed) or lane_by_lane(model)
-            if kernel is None or trial.plan is None or not _linear(trial):
+            if trial.plan is None or not (_plain(trial, model) and _linear(trial)):
                 return None
+            bound = trial.testbed if isinstance(trial.testbed, KnowsFrequency) else None
+            kernel = traced_kernel(model, bound is not None) or lane_by_lane(model)
             common = self._said(case.variant, trial)
         except FlexslewError:
             return None  # the bench says why
-        steps = kernel.steps(model.packed, trial.period)
+        fast = 0.0 if bound is None else bound.highest_frequency() * trial.period
+        steps = max(1, ceil(fast / kernel.reach))
         noisy = tuple(bool(channel.noise or channel.bias) for channel in _read_channels(trial))
-        alike = (common.law, model.modes, steps, noisy, model.appendages.tip.tobytes())
+        alike = (common.law, kernel.advance, steps, noisy, model.appendages.tip.tobytes())
         return LaneTrial(case, trial, common.asked, model, kernel, steps, alike)
 
     def _said(self, variant: int, trial: Trial) -> _Common:
@@ -96,6 +100,18 @@ def _simple(trial: Trial) -> bool:
     pushed = all(entry.disturbance is not None for entry in trial.schedule)
     exact = all(channel.quantisation == 0.0 for channel in channels)
     return trial.actuator == _EXACT and exact and pushed and not trial.allow_faults
+
+
+def _plain(trial: Trial, model: Model) -> bool:
+    """Return whether joints, drives and surroundings are such as lanes know."""
+    read = model.reading is None or model.kernels.reading is not None
+    straight = read and model.attitude is None and not model.one_way and model.outside is None
+    noisy = any(channel.noise for channel in _read_channels(trial))
+    return (
+        straight
+        and model.efforts == model.joints
+        and not (noisy and model.appendages.errors is not None)
+    )
 
 
 def _linear(trial: Trial) -> bool:

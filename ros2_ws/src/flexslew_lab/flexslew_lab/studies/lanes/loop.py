@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
-from flexslew_plant.arrays import Matrix, Vector, vectorised
-from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel
+from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
+from flexslew_plant.testbeds.compiled.lanes import LANES, KernelRows, LaneKernel
 
 MARGIN = 1.0 - 1e-12  # of the limit: an effort from there on is saturated, as in metrics.efforts
 
@@ -44,19 +44,24 @@ Loop = Callable[..., None]
 
 
 @lru_cache
-def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
+def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe, recorded: bool) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
     It takes (w, dt, steps, Schedule, Matrices, integral, unwinding, error, observer, z, memory,
-    filled): w of lanes.Advance with the rows of `rows` behind; `error` of the readings, (ticks + 1
-    or 1, outputs LANES); w, z and memory in and out; `observer` as `observe` wants it, which is
-    asked for the first `filled` lanes at least.
+    filled, first, last, record): w of lanes.Advance with the rows of `rows` behind; `error` of the
+    readings, (ticks + 1 or 1, outputs LANES); w, z and memory in and out; `observer` as `observe`
+    wants it, which is asked for the first `filled` lanes at least; ticks from `first` to before
+    `last`. If `recorded`, the truth goes into `record`, (LANES, ticks, states + joints), and is
+    measured afterwards; else the loop counts what the metrics need.
     """
     m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
-    n = m + modes
-    rows = rows_of(kernel.size, sizes)
-    advance, law, metrics = kernel.advance, _effort(n, rows, sizes), _measure(n, rows, sizes)
-    reading, earlier, effort = rows.reading, rows.earlier, rows.effort
+    rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
+    advance, law = kernel.advance, _effort(of_kernel.effort, rows, sizes)
+    metrics = (
+        _recorded(of_kernel.effort, rows, sizes) if recorded else _measure(of_kernel, rows, sizes)
+    )
+    locate, position, velocity, mode = kernel.read, *of_kernel[1:4]
+    reading, earlier, effort = rows.reading, rows.earlier, rows.applied
     tip = rows.tip
 
     @vectorised
@@ -66,15 +71,15 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
         for i in range(ny * LANES):
             w[earlier + i] = w[reading + i]
         for i in range(m * LANES):
-            w[reading + i] = w[i] + error[row, i]
+            w[reading + i] = w[position + i] + error[row, i]
         for i in range(m * LANES):
-            w[reading + m * LANES + i] = w[n * LANES + i] + error[row, m * LANES + i]
+            w[reading + m * LANES + i] = w[velocity + i] + error[row, m * LANES + i]
         for i in range(2 * m, ny):
             for lane in range(LANES):
                 at = error[row, i * LANES + lane]
                 for j in range(modes):
                     share = w[tip + ((i - 2 * m) * modes + j) * LANES + lane]
-                    at += share * w[(m + j) * LANES + lane]
+                    at += share * w[mode + j * LANES + lane]
                 w[reading + i * LANES + lane] = at
 
     @vectorised
@@ -91,6 +96,9 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
         z: Vector,
         memory: Vector,
         filled: int,
+        first: int,
+        last: int,
+        record: Tensor,
     ) -> None:
         ticks = schedule.demand.shape[0]
         signals = LaneSignals(
@@ -98,25 +106,30 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe) -> Loop:
             w[earlier : earlier + ny * LANES],
             w[effort : effort + m * LANES],
         )
-        seen = False
-        for k in range(ticks):
-            metrics(k, schedule, seen, w)
-            seen = seen or schedule.over[k]
+        for k in range(first, last):
+            locate(w)
+            metrics(k, first, schedule, record, w)
+            if k == ticks:
+                break
             read(k, error, w)
             observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
             law(k, dt, schedule, matrices, integral, unwinding, z, w)
             advance(k * dt, dt, steps, w)
-        metrics(ticks, schedule, seen, w)
 
     return cast(Loop, loop)
 
 
-def _effort(n: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
-    """Return what writes the efforts of a tick and takes the integral to the next one."""
+def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what writes the efforts of a tick and takes the integral to the next one.
+
+    Args:
+        total: where the efforts stand that the kernel holds.
+        rows: of the group.
+        sizes: of the group.
+    """
     m, nz, ny = sizes.joints, sizes.states, sizes.outputs
-    effort, reading, integral_sum = rows.effort, rows.reading, rows.integral
+    effort, reading, integral_sum = rows.applied, rows.reading, rows.integral
     kp, ki, kd, limit, law_limit = rows.kp, rows.ki, rows.kd, rows.limit, rows.law_limit
-    total = 2 * n * LANES
 
     @vectorised
     def law(
@@ -171,17 +184,33 @@ def _effort(n: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     return cast(Callable[..., None], law)
 
 
-def _measure(n: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+def _recorded(states: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
+    """Return what keeps states and applied efforts of a tick; states: entries times LANES."""
+    applied, count, m = rows.applied, states // LANES, sizes.joints
+
+    @vectorised
+    def keep(k: int, first: int, schedule: Any, record: Tensor, w: Vector) -> None:
+        for lane in range(LANES):
+            for i in range(count):
+                record[lane, k - first, i] = w[i * LANES + lane]
+            for i in range(m):
+                record[lane, k - first, count + i] = w[applied + i * LANES + lane]
+
+    return cast(Callable[..., None], keep)
+
+
+def _measure(of_kernel: KernelRows, rows: Rows, sizes: Sizes) -> Callable[..., None]:
     """Return what counts the truth of a tick and the effort that was held before it."""
     m, modes, tips = sizes.joints, sizes.modes, sizes.appendages
-    effort, tip, goal, sign, band = rows.effort, rows.tip, rows.goal, rows.sign, rows.band
+    effort, tip, goal, sign, band = rows.applied, rows.tip, rows.goal, rows.sign, rows.band
     limit, residual_tip, peak_tip = rows.limit, rows.residual_tip, rows.peak_tip
     residual, beyond, outside = rows.residual, rows.beyond, rows.outside
     terminal, peak_effort = rows.terminal, rows.peak_effort
     square_sum, saturated = rows.square_sum, rows.saturated
+    _, position, velocity, mode, mode_rate, _ = of_kernel
 
     @vectorised
-    def measure(k: int, schedule: Any, seen: bool, w: Vector) -> None:
+    def measure(k: int, first: int, schedule: Any, record: Tensor, w: Vector) -> None:
         time = schedule.time[k]
         held = time - schedule.time[k - 1] if k > 0 else 0.0
         over = 1.0 if schedule.over[k] else 0.0
@@ -191,14 +220,14 @@ def _measure(n: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                 bent = 0.0
                 for j in range(modes):
                     share = w[tip + (i * modes + j) * LANES + lane]
-                    bent += share * w[(m + j) * LANES + lane]
+                    bent += share * w[mode + j * LANES + lane]
                 bent = abs(bent)
                 w[peak_tip + lane] = max(w[peak_tip + lane], bent)
                 w[residual_tip + lane] = max(w[residual_tip + lane], over * bent)
             full = 0.0
             for i in range(m):
                 at = i * LANES + lane
-                error, push = w[at] - w[goal + at], abs(w[effort + at])
+                error, push = w[position + at] - w[goal + at], abs(w[effort + at])
                 w[residual + at] = max(w[residual + at], over * abs(error))
                 w[beyond + at] = max(w[beyond + at], error * w[sign + at] + started)
                 w[outside + at] = time if abs(error) > w[band + at] else w[outside + at]
@@ -206,11 +235,12 @@ def _measure(n: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                 w[square_sum + at] += held * push * push
                 full = held if push >= w[limit + at] * MARGIN else full
             w[saturated + lane] += full
-        if schedule.over[k] and not seen:
+        if schedule.over[k] and not (k > 0 and schedule.over[k - 1]):
             for i in range(m * LANES):
-                w[terminal + i % LANES] += (w[i] - w[goal + i]) ** 2
-            for i in range(m * LANES, 2 * n * LANES):
-                w[terminal + i % LANES] += w[i] ** 2
+                w[terminal + i % LANES] += (w[position + i] - w[goal + i]) ** 2
+                w[terminal + i % LANES] += w[velocity + i] ** 2
+            for i in range(modes * LANES):
+                w[terminal + i % LANES] += w[mode + i] ** 2 + w[mode_rate + i] ** 2
             for lane in range(LANES):
                 w[terminal + lane] = np.sqrt(w[terminal + lane])
 

@@ -23,7 +23,7 @@ class Sizes(NamedTuple):
 class Rows(NamedTuple):
     """Where each begins, behind what the kernel placed."""
 
-    effort: int  # that the drives apply
+    applied: int  # effort of the drives
     reading: int  # of this tick
     earlier: int  # reading of the one before
     integral: int

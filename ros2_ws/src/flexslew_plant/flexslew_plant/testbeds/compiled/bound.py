@@ -199,3 +199,17 @@ def _of_any_size(kernels: Kernels, m: int) -> Bound:
         own["actuation"],
         own["kinematics"],
     )
+
+
+@cache
+def joint_reader(kernels: Kernels) -> Callable[[Vector, Matrix, Matrix], None]:
+    """Return what writes where the joints are in many states, row by row, by kernels.reading."""
+    own = kernels.compiled["reading"]
+
+    @compiled_once("position")
+    def read(p: Vector, states: Matrix, position: Matrix) -> None:
+        velocity = np.empty(position.shape[1])
+        for k in range(len(states)):
+            own(p, states[k], position[k], velocity)
+
+    return read

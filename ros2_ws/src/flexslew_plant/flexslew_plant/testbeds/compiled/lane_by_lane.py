@@ -1,63 +1,80 @@
 """Any testbed in lanes: one after the other by the integrator of the bench.
 
-No vector instructions, but nothing of Python between two ticks either.
+No vector instructions, but nothing of Python between two ticks either: for equations that branch
+on what differs from lane to lane, as on the time of a prescribed turn.
 """
 
 from functools import lru_cache
-from typing import cast
 
 import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector, compiled
 from flexslew_plant.testbeds.compiled import dynamics
-from flexslew_plant.testbeds.compiled.lanes import LANES, Advance, LaneKernel
+from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel, nothing_to_read, rows_of
 from flexslew_plant.testbeds.kernels import Kernels
 from flexslew_plant.testbeds.model import Model
 
 
-def lane_by_lane(model: Model) -> LaneKernel | None:
-    """Return how a testbed flies in lanes; None where its joints are not its first coordinates."""
-    beginning = model.leading is None and model.kernels.kinematics is None
-    if not beginning or model.efforts != model.joints or model.outside is not None:
-        return None
-    return _kernel(model.kernels, model.coordinates, model.joints, model.packed.size)
+def lane_by_lane(model: Model) -> LaneKernel:
+    """Return how a testbed flies in lanes."""
+    sizes = model.coordinates, model.before_modes, model.efforts, model.joints, model.modes
+    return _kernel(model.kernels, *sizes, model.packed.size)
 
 
 @lru_cache
-def _kernel(kernels: Kernels, n: int, m: int, numbers: int) -> LaneKernel:
+def _kernel(
+    kernels: Kernels, n: int, m: int, efforts: int, joints: int, modes: int, numbers: int
+) -> LaneKernel:
     """Return the kernel of testbeds with these equations.
 
     Args:
         kernels: the equations.
         n: coordinates.
-        m: joints.
+        m: of them before the modes.
+        efforts: how many.
+        joints: how many.
+        modes: how many.
         numbers: how many are packed.
     """
-    constants = (2 * n + m) * LANES
+    own = kernels.compiled.get("reading")
+    states = 2 * n + kernels.extra_positions
+    rows = rows_of(states, efforts, joints, modes, own is not None)
+    constants, position, rate = rows.end, rows.position, rows.rate
 
     @compiled
     def advance(t: float, dt: float, steps: int, w: Vector) -> None:
-        p, x, effort = np.empty(numbers), np.empty(2 * n), np.empty(m)
+        p, x, effort = np.empty(numbers), np.empty(states), np.empty(efforts)
         for lane in range(LANES):
-            for i in range(2 * n):
+            for i in range(states):
                 x[i] = w[i * LANES + lane]
-            for i in range(m):
-                effort[i] = w[(2 * n + i) * LANES + lane]
+            for i in range(efforts):
+                effort[i] = w[(states + i) * LANES + lane]
             for i in range(numbers):
                 p[i] = w[constants + i * LANES + lane]
             dynamics.take_steps(kernels, p, t, effort, dt / steps, steps, n, m, x)
-            for i in range(2 * n):
+            for i in range(states):
                 w[i * LANES + lane] = x[i]
+
+    read = nothing_to_read
+    if own is not None:
+
+        @compiled
+        def read(w: Vector) -> None:
+            p, x = np.empty(numbers), np.empty(states)
+            at, turning = np.empty(joints), np.empty(joints)
+            for lane in range(LANES):
+                for i in range(states):
+                    x[i] = w[i * LANES + lane]
+                for i in range(numbers):
+                    p[i] = w[constants + i * LANES + lane]
+                own(p, x, at, turning)
+                for i in range(joints):
+                    w[position + i * LANES + lane] = at[i]
+                    w[rate + i * LANES + lane] = turning[i]
 
     def place(packed: Matrix) -> Vector:
         w = np.zeros(constants + numbers * LANES)
         w[constants:] = packed.ravel()
         return w
 
-    size = constants + numbers * LANES
-    return LaneKernel(cast(Advance, advance), size, place, _one_step)
-
-
-def _one_step(packed: Vector, dt: float) -> int:
-    """Return how many steps a tick takes on the bench."""
-    return 1
+    return LaneKernel(advance, read, rows, constants + numbers * LANES, place, np.inf)

@@ -1,15 +1,13 @@
 """Many trials side by side: the step that a compiled kernel takes for all of them at once."""
 
 from collections.abc import Callable
-from functools import lru_cache
-from typing import NamedTuple, Protocol, TypeAlias, cast, runtime_checkable
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
-from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.contract import Testbed
+from flexslew_plant.arrays import Matrix, Vector, vectorised
 
-LANES = 64  # trials side by side: states and slopes just fit into the first cache
+LANES = 64  # trials side by side
 
 _LINE = 8  # numbers in a line of the cache
 
@@ -18,31 +16,57 @@ _LINE = 8  # numbers in a line of the cache
 Advance: TypeAlias = Callable[[float, float, int, Vector], None]
 
 
+class KernelRows(NamedTuple):
+    """Where in the flat array rows of LANES begin."""
+
+    effort: int  # behind the states
+    position: int  # of the joints
+    rate: int
+    mode: int  # modal coordinates
+    mode_rate: int
+    end: int  # of what every kernel has; its own comes from here on
+
+
 class LaneKernel(NamedTuple):
     """How a testbed flies in lanes."""
 
     advance: Advance
+    read: Callable[[Vector], None]  # writes the joints where they are no entries of the state
+    rows: KernelRows
     size: int  # of its array
     place: Callable[[Matrix], Vector]  # its array at rest, from packed parameters, (P, LANES)
-    steps: Callable[[Vector, float], int]  # that a tick needs, from packed parameters and the tick
+    reach: float  # largest frequency times step; inf: it takes one step per tick, as the bench
 
 
 @runtime_checkable
-class Laned(Protocol):
-    """A testbed whose equations are written for vector instructions."""
+class KnowsFrequency(Protocol):
+    """A testbed that bounds its frequencies cheaply: lanes then take steps of a lower order."""
 
-    def lanes(self) -> LaneKernel:
-        """Return how it flies in lanes."""
-
-
-def lane_kernel(testbed: Testbed) -> LaneKernel | None:
-    """Return how a testbed flies by vector instructions; None where it does not say so."""
-    return cast(Laned, testbed).lanes() if _laned(type(testbed)) else None
+    def highest_frequency(self) -> float:
+        """Return a bound of the frequencies of its modes with the joints free [rad/s]."""
 
 
-@lru_cache
-def _laned(kind: type) -> bool:
-    return issubclass(kind, Laned)
+def rows_of(states: int, efforts: int, joints: int, modes: int, reads: bool) -> KernelRows:
+    """Return where the rows begin.
+
+    Args:
+        states: entries of [q, v].
+        efforts: how many.
+        joints: how many.
+        modes: how many, the last entries of q and of v.
+        reads: whether the joints are read rather than the first entries of q and v.
+    """
+    positions = states // 2 + states % 2  # a quaternion has one entry more than its rate
+    behind = states + efforts
+    first, rate = (behind, behind + joints) if reads else (0, positions)
+    end = behind + 2 * joints if reads else behind
+    places = (states, first, rate, positions - modes, states - modes, end)
+    return KernelRows(*(LANES * place for place in places))
+
+
+@vectorised
+def nothing_to_read(w: Vector) -> None:
+    """Leave the joints where they are: the first entries of q and v."""
 
 
 def flat_zeros(size: int) -> Vector:

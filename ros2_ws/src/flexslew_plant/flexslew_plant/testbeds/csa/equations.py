@@ -1,5 +1,6 @@
 """The equations of the CSA testbed as kernels: (4)-(11) of Gorinevsky and Vukovich (1998)."""
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,14 @@ def unpacked(p: Vector) -> Unpacked:
     """Return what packed has put together."""
     complete, j_a, j_1, j_2 = p[:_MODES]
     return Unpacked(complete > 0.5, j_a, j_1, j_2, *p[_MODES:].reshape(4, -1))
+
+
+def highest_frequency(p: Vector) -> float:
+    """Return a bound of the highest frequency with the joints free [rad/s]."""
+    n = (p.size - _MODES) // 4
+    m, mass, stiffness = p[_MODES:-n].reshape(3, -1)
+    held = float(m @ (m / mass)) / float(p[_J_A] + p[_J_1])
+    return sqrt(float((stiffness / mass).max()) / max(1.0 - held, 1e-3))
 
 
 def stiffened(p: Vector, factor: float) -> Vector:

@@ -20,9 +20,8 @@ from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import NonNegative, Positive, section
 from flexslew_plant.testbeds.beam import ClampedFreeBeam
-from flexslew_plant.testbeds.compiled.lanes import LaneKernel
 from flexslew_plant.testbeds.contract import ShapedMotion
-from flexslew_plant.testbeds.csa.equations import KERNELS, stiffened, unpacked
+from flexslew_plant.testbeds.csa.equations import KERNELS, highest_frequency, stiffened, unpacked
 from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.model import Appendages, Model
 from flexslew_plant.testbeds.scene import POINTS, Scene, rod, turntable
@@ -78,11 +77,12 @@ class CsaTestbed:
         """Return the equations of motion."""
         return _model(self)
 
-    def lanes(self) -> LaneKernel:
-        """Return the kernel of many in lanes; see compiled.lanes.Laned."""
-        from flexslew_plant.testbeds.csa import lanes
+    def highest_frequency(self) -> float:
+        """Return a bound of its frequencies; see compiled.lanes.KnowsFrequency.
 
-        return lanes.lane_kernel(self.modes)
+        max(K_qq / M_qq) / (1 - sum of m^2 / (M_qq J)) with J all that turns bounds their squares.
+        """
+        return highest_frequency(packed(self))
 
     def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "CsaTestbed":
         """Return it with other beams (EI) and another hub (I_1 and I_2), as factors [-]."""

@@ -70,13 +70,14 @@ FLOATING = Kernels(
     potential,
     actuation,
     kinematics,
+    read,
     extra_positions=1,
     any_size=True,
 )
 _LIGHT = 1e-6  # inertia of a wheel in place of a gyro, of the platform's least [-]
 
 # a platform that is held or pivots: its q has as many entries as v
-GROUNDED = Kernels(terms, residual_jacobian, potential, actuation, kinematics, any_size=True)
+GROUNDED = Kernels(terms, residual_jacobian, potential, actuation, kinematics, read, any_size=True)
 
 
 def _torques(limit: float) -> dict[str, ActuatorPlace]:

@@ -1,6 +1,7 @@
 """Generalised forces B(q, t) u of a spacecraft's actuators; of gyros B depends on gimbal angles."""
 
 from flexslew_plant.arrays import Vector, called, compiled_once
+from flexslew_plant.testbeds.kernels import chosen
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.frames import hinge_frame, offsets, rotor
 from flexslew_plant.testbeds.spacecraft.equations.geometry import (
@@ -18,9 +19,7 @@ from flexslew_plant.testbeds.spacecraft.equations.rigid_block import put
 @called
 def _speed_limited(u: float, speed: float, limit: float) -> float:
     """Return a wheel's torque on the platform: none that would drive it beyond its limit."""
-    if abs(speed) >= limit and u * speed < 0.0:
-        return 0.0
-    return u
+    return chosen((abs(speed) >= limit) & (u * speed < 0.0), 0.0, u)
 
 
 @called

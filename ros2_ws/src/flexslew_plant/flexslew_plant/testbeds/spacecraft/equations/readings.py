@@ -3,6 +3,7 @@
 import numpy as np
 
 from flexslew_plant.arrays import Vector, called, compiled_once
+from flexslew_plant.testbeds.kernels import chosen
 from flexslew_plant.testbeds.spacecraft.equations import layout as at
 from flexslew_plant.testbeds.spacecraft.equations.frames import (
     hinge_frame,
@@ -32,9 +33,7 @@ def turn_vector(p: Vector, x: Vector) -> Triple:
         a = triple(p, at.PIVOT_AXES + 3)
         return x[0] * a[0], x[0] * a[1], x[0] * a[2]
     size = np.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
-    ratio = 2.0
-    if size > 1e-9:
-        ratio = 2.0 * np.arctan2(size, x[6]) / size
+    ratio = chosen(size > 1e-9, 2.0 * np.arctan2(size, x[6]) / size, 2.0)
     return ratio * x[3], ratio * x[4], ratio * x[5]
 
 

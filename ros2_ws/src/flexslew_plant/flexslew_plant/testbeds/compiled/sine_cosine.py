@@ -1,0 +1,59 @@
+"""Sine and cosine without a branch, for loops over lanes that become vector instructions."""
+
+from flexslew_plant.arrays import vectorised
+
+# pi / 2 in three parts, the first two short, so that multiples of them are exact (Cody and Waite)
+_P1, _P2, _P3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
+_ROUND = 6755399441055744.0  # 1.5 * 2**52: adding and subtracting it rounds to an integer
+
+
+@vectorised
+def sine_cosine(angle: float) -> tuple[float, float]:
+    """Return sin and cos of an angle below 1e5 rad, to one unit in the last place."""
+    turns = (angle * 0.6366197723675814 + _ROUND) - _ROUND
+    r = ((angle - turns * _P1) - turns * _P2) - turns * _P3
+    z = r * r
+    s = r + r * z * (
+        -1.66666666666666324348e-01
+        + z
+        * (
+            8.33333333332248946124e-03
+            + z
+            * (
+                -1.98412698298579493134e-04
+                + z
+                * (
+                    2.75573137070700676789e-06
+                    + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+                )
+            )
+        )
+    )
+    c = (
+        1.0
+        - 0.5 * z
+        + z
+        * z
+        * (
+            4.16666666666666019037e-02
+            + z
+            * (
+                -1.38888888888741095749e-03
+                + z
+                * (
+                    2.48015872894767294178e-05
+                    + z
+                    * (
+                        -2.75573143513906633035e-07
+                        + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
+                    )
+                )
+            )
+        )
+    )
+    quarter = turns - 4.0 * ((0.25 * turns + _ROUND) - _ROUND)  # -2, -1, 0, 1 or 2
+    odd = quarter * quarter == 1.0
+    a, b = (c if odd else s), (s if odd else c)
+    sine = -a if (quarter < -0.5 or quarter > 1.5) else a
+    cosine = -b if (quarter > 0.5 or quarter < -1.5) else b
+    return sine, cosine

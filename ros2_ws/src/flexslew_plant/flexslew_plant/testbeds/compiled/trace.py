@@ -1,0 +1,131 @@
+"""A testbed's equations of motion run on a tape: its slopes, and whole steps of a scheme."""
+
+import types
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector
+from flexslew_plant.testbeds.compiled import mass
+from flexslew_plant.testbeds.compiled.tape import Tape, Value
+from flexslew_plant.testbeds.kernels import chosen
+from flexslew_plant.testbeds.model import Model
+
+
+class NotedEquations:
+    """[q', M^-1 (B u - h)] of a testbed, for numbers on a tape.
+
+    Args:
+        model: of one testbed; what else has the same packed zeros and tape.fixed shares the tape.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.tape = Tape(model.packed)
+        self._kernels, self._n, self._m = model.kernels, model.coordinates, model.before_modes
+        self._p = self.tape.parameters()
+        self._known: dict[Any, Any] = {}
+        self.x = _array([self.tape.input("x", k) for k in range(model.positions + self._n)])
+        self.u = _array([self.tape.input("u", k) for k in range(model.efforts)])
+        self._joints = model.joints
+
+    def slopes(self, t: Value, x: Any) -> Any:
+        """Return the slopes of a state at time t, shape of x.
+
+        Raises:
+            Untraceable: the equations branch on more than packed numbers.
+        """
+        own, n, m, p = self._kernels.functions, self._n, self._m, self._p
+        positions = len(x) - n
+        s = n if self._kernels.full_mass else m
+        joints, coupling = _zeros((s, s)), _zeros((s, n - s))
+        modal, out = _zeros(n - s), _zeros(n)
+        blocks = (joints, out) if self._kernels.full_mass else (joints, coupling, modal, out)
+        self._run(own["terms"], p, t, x, *blocks)
+        for k in range(n):
+            out[k] = 0.0 - out[k]
+        if "actuation" in own:
+            self._run(own["actuation"], p, t, x, self.u, out)
+        else:
+            out[: len(self.u)] += self.u
+        self._run(mass.factor, joints, coupling, modal)
+        self._run(mass.solve, joints, coupling, modal, out)
+        rate = _zeros(len(x))
+        if "kinematics" in own:
+            self._run(own["kinematics"], p, t, x, rate)
+        else:
+            rate[:n] = x[n:]
+        rate[positions:] = out
+        return rate
+
+    def joints(self) -> list[Value]:
+        """Return position and rate of the joints where the equations say how they are read."""
+        position, rate = _zeros(self._joints), _zeros(self._joints)
+        self._run(self._kernels.functions["reading"], self._p, self.x, position, rate)
+        return [*position, *rate]
+
+    def step(self, t: Value, h: Value, weights: Matrix, times: Vector) -> Any:
+        """Return the state after a step of an explicit Runge-Kutta scheme.
+
+        Args:
+            t: at its start.
+            h: its length.
+            weights: a_ij, the last row those of the result, shape (stages + 1, stages).
+            times: of the stages, shape (stages,).
+        """
+        slopes: list[Any] = []
+        x = self.x
+        for row, time in zip(weights, [*times, 1.0], strict=True):
+            x = self.x.copy()
+            for weight, slope in zip(row, slopes, strict=False):
+                if weight != 0.0:
+                    x = x + slope * (h * float(weight))
+            if len(slopes) < len(times):
+                slopes.append(self.slopes(t + h * float(time), x))
+        return x
+
+    def _run(self, function: Any, *given: Any) -> None:
+        _noting(self.tape, self._known, function)(*given)
+
+
+def _array(values: list[Any]) -> Any:
+    found = np.empty(len(values), dtype=object)
+    found[:] = values
+    return found
+
+
+def _zeros(shape: Any) -> Any:
+    return np.full(shape, 0.0, dtype=object)
+
+
+class _Numpy:
+    """The part of NumPy that equations use, on numbers that take notes."""
+
+    def __init__(self, tape: Tape) -> None:
+        one = tape.operation
+        self.sin, self.cos, self.sqrt = (partial(one, f) for f in ("sine", "cosine", "sqrt"))
+        self.arctan2 = partial(one, "arctan2")
+        self.empty = self.zeros = _zeros
+        self.pi = np.pi
+
+
+def _noting(tape: Tape, known: dict[Any, Any], function: Any) -> Callable[..., Any]:
+    """Return a function, and all that it calls, for numbers that take notes."""
+    if function is chosen:
+        return partial(tape.operation, "where")
+    plain = getattr(function, "py_func", function)
+    if plain not in known:
+        names = dict(plain.__globals__)
+        copy = types.FunctionType(
+            plain.__code__, names, plain.__name__, plain.__defaults__, plain.__closure__
+        )
+        known[plain] = copy
+        for name in plain.__code__.co_names:
+            value = names.get(name)
+            if value is np:
+                names[name] = _Numpy(tape)
+            elif hasattr(value, "py_func"):
+                names[name] = _noting(tape, known, value)
+    found: Callable[..., Any] = known[plain]
+    return found

@@ -1,0 +1,204 @@
+"""Testbeds in lanes by vector instructions, from their equations as they stand.
+
+The equations run once on numbers that take notes (tape, trace); what comes out is one loop over
+lanes without a branch (written). Short equations are written as whole steps, all numbers of which
+stay in registers or near them; long ones stage by stage, for a block of lanes that fits into the
+first cache. Where a testbed bounds its frequencies the scheme is Dormand and Prince's of order 5 in
+steps short enough for metrics good to 1e-11, else that of the bench, of order 8.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from scipy.integrate import DOP853, RK45
+
+from flexslew_plant.arrays import Matrix, Vector, vectorised
+from flexslew_plant.testbeds.compiled.generated import generated
+from flexslew_plant.testbeds.compiled.lanes import (
+    LANES,
+    LaneKernel,
+    nothing_to_read,
+    rows_of,
+)
+from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine
+from flexslew_plant.testbeds.compiled.tape import Untraceable
+from flexslew_plant.testbeds.compiled.trace import NotedEquations
+from flexslew_plant.testbeds.compiled.written import Needed, needed, written
+from flexslew_plant.testbeds.model import Model
+
+_REACH = 0.1  # largest frequency times step at which order 5 is good for 1e-11 [-]
+_WHOLE = 2000  # operations of a step that is written as a whole
+_BLOCK = 16  # lanes of a block
+
+
+class _Scheme(NamedTuple):
+    """An explicit Runge-Kutta scheme."""
+
+    weights: Matrix  # a_ij, the last row those of the result, (stages + 1, stages)
+    times: Vector  # (stages,)
+
+
+def _scheme(kind: Any, stages: int) -> _Scheme:
+    weights = np.zeros((stages + 1, stages))
+    inner = kind.A[:stages, :stages]
+    weights[:stages, : inner.shape[1]] = inner
+    weights[stages] = kind.B[:stages]
+    return _Scheme(weights, np.array(kind.C[:stages], dtype=np.float64))
+
+
+_FIVE, _EIGHT = _scheme(RK45, 6), _scheme(DOP853, 12)
+_KNOWN: dict[Any, tuple[list[int], dict[bytes, LaneKernel | None]]] = {}
+
+
+def traced_kernel(model: Model, brisk: bool) -> LaneKernel | None:
+    """Return how a testbed flies in lanes; None where its equations branch from lane to lane.
+
+    Args:
+        model: of a testbed; others with the same sizes, kinds and zeros share the kernel.
+        brisk: whether it bounds its frequencies.
+    """
+    packed = model.packed
+    plain = np.where(np.isin(packed, (0.0, 1.0, -1.0)), packed, np.inf)
+    sizes = model.coordinates, model.before_modes, model.efforts, model.joints, model.modes
+    key = model.kernels, sizes, plain.tobytes(), brisk
+    if key in _KNOWN:
+        fixed, found = _KNOWN[key]
+        alike = packed[fixed].tobytes()
+        if alike in found:
+            return found[alike]
+    else:
+        fixed, found = _KNOWN.setdefault(key, ([], {}))
+    equations = NotedEquations(model)
+    try:
+        kernel = _kernel(model, equations, _FIVE if brisk else _EIGHT)
+    except Untraceable:
+        kernel = None
+    seen = sorted(equations.tape.fixed)
+    if seen != fixed:  # what another branch has looked at counts from now on, too
+        fixed[:] = sorted({*fixed, *seen})
+        found.clear()
+    found[packed[fixed].tobytes()] = kernel
+    return kernel
+
+
+def _kernel(model: Model, equations: NotedEquations, scheme: _Scheme) -> LaneKernel | None:
+    tape, states = equations.tape, len(equations.x)
+    reads = "reading" in model.kernels.functions
+    rows = rows_of(states, model.efforts, model.joints, model.modes, reads)
+    own = {"x": 0, "u": rows.effort, "constants": rows.end}
+    t, h = tape.input("t", 0), tape.input("h", 0)
+    read = nothing_to_read
+    joints = equations.joints() if reads else ()
+    slopes = equations.slopes(t, equations.x)
+    few = len(needed(tape, slopes).steps) * len(scheme.times) <= _WHOLE
+    results = equations.step(t, h, *scheme) if few else slopes
+    needs = needed(tape, [*results, *joints])
+
+    def text(
+        name: str, values: Any, at: int, places: dict[str, int], width: int, given: str = "t, h, w"
+    ) -> str:
+        only = Needed(needed(tape, values).steps, needs.constants)
+        to = {at + i * width: value for i, value in enumerate(values)}
+        return written(name, tape, only, places, to, width, given)
+
+    if reads:
+        read = _function("read", text("read", joints, rows.position, own, LANES, "w"))
+    end = rows.end + len(needs.constants) * LANES
+    if few:
+        step = _function("step", text("step", results, 0, own, LANES))
+        advance, size = _whole(step), end
+    else:
+        counts = (states, model.efforts, len(needs.constants), states, states)
+        x, u, constants, at, slope = (end + _BLOCK * sum(counts[:k]) for k in range(5))
+        places = {"x": at, "u": u, "constants": constants}
+        slopes_of = _function("slopes", text("slopes", results, slope, places, _BLOCK))
+        work = _Work(states, states + model.efforts, len(needs.constants), rows.end, x, at, slope)
+        advance = _by_stages(slopes_of, scheme, work)
+        size = slope + _BLOCK * states * (1 + len(scheme.times))
+
+    def place(packed: Matrix) -> Vector:
+        w = np.zeros(size)
+        w[rows.end : end] = tape.evaluated(packed, needs.constants).ravel()
+        return w
+
+    reach = _REACH if scheme is _FIVE else np.inf
+    return LaneKernel(advance, read, rows, size, place, reach)
+
+
+def _function(name: str, text: str) -> Any:
+    return vectorised(generated(name, text, {"np": np, "sine_cosine": sine_cosine}))
+
+
+@lru_cache
+def _whole(step: Callable[..., None]) -> Any:
+    @vectorised
+    def advance(t: float, dt: float, steps: int, w: Vector) -> None:
+        h = dt / steps
+        for i in range(steps):
+            step(t + i * h, h, w)
+
+    return advance
+
+
+class _Work(NamedTuple):
+    """Where a block of lanes is worked on: sizes in rows, places in the flat array."""
+
+    states: int
+    given: int  # states and efforts
+    constants: int
+    constants_from: int  # rows of LANES
+    x: int  # from here on rows of _BLOCK: states, efforts and constants
+    at: int  # state of a stage
+    slope: int  # of a stage, and behind it those of all
+
+
+def _by_stages(slopes_of: Callable[..., None], scheme: _Scheme, work: _Work) -> Any:
+    states, given, constants, constants_from, x, at, _ = work
+    size, step_of = states * _BLOCK, _step(slopes_of, scheme, work)
+
+    @vectorised
+    def advance(t: float, dt: float, steps: int, w: Vector) -> None:
+        h = dt / steps
+        for lane in range(0, LANES, _BLOCK):
+            for i in range(given):
+                for k in range(_BLOCK):
+                    w[x + i * _BLOCK + k] = w[i * LANES + lane + k]
+            for i in range(constants):
+                for k in range(_BLOCK):
+                    to = x + (given + i) * _BLOCK + k
+                    w[to] = w[constants_from + i * LANES + lane + k]
+            for i in range(steps):
+                step_of(t + i * h, h, w)
+                for k in range(size):
+                    w[x + k] = w[at + k]
+            for i in range(states):
+                for k in range(_BLOCK):
+                    w[i * LANES + lane + k] = w[x + i * _BLOCK + k]
+
+    return advance
+
+
+def _step(slopes_of: Callable[..., None], scheme: _Scheme, work: _Work) -> Callable[..., None]:
+    """Return what writes the state of a block a step later to `at`."""
+    weights, times = scheme
+    stages, size = len(times), work.states * _BLOCK
+    x, at, slope, kept = work.x, work.at, work.slope, work.slope + size
+
+    @vectorised
+    def step(t: float, h: float, w: Vector) -> None:
+        for stage in range(stages + 1):
+            for k in range(size):
+                w[at + k] = w[x + k]
+            for j in range(stage):
+                weight = h * weights[stage, j]
+                if weight != 0.0:
+                    for k in range(size):
+                        w[at + k] += weight * w[kept + j * size + k]
+            if stage < stages:
+                slopes_of(t + times[stage] * h, h, w)
+                for k in range(size):
+                    w[kept + stage * size + k] = w[slope + k]
+
+    return cast(Callable[..., None], step)

@@ -1,0 +1,100 @@
+"""Kernels written from equations: steps are those of the model, whatever stands on the bench."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexslew_lab.trial.sources import read_trial
+from flexslew_plant.arrays import Vector
+from flexslew_plant.testbeds import Model, read_testbed
+from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
+from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel
+from flexslew_plant.testbeds.compiled.tape import Tape, Untraceable
+from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
+
+SECTIONS: dict[str, dict[str, Any]] = {
+    "complete csa": {"kind": "csa", "modes": 3, "damping_ratio": 0.02},
+    "printed csa": {"kind": "csa", "modes": 2, "variant": "printed"},
+    "floating oscillator": {"kind": "floating_oscillator", "damping_ratio": 0.01},
+    "varying oscillator": {"kind": "varying_oscillator"},
+    "hub": {"kind": "hub_with_appendages"},
+}
+TOLERANCE = 1e-10  # of one step: order 5 against order 8 for csa, rounding alone elsewhere
+
+
+def some(model: Model, rng: np.random.Generator) -> tuple[Vector, Vector]:
+    """Return a state and efforts: small modes, as all equations of deflections want them."""
+    x = 0.2 * rng.standard_normal(model.positions + model.coordinates)
+    x[model.positions - model.modes : model.positions] *= 0.01
+    if model.kernels.extra_positions:
+        x[3:7] /= np.linalg.norm(x[3:7])
+    return x, rng.standard_normal(model.efforts)
+
+
+def require_steps_of_the_model(model: Model, kernel: LaneKernel) -> None:
+    """Step random states in all lanes and compare some with the model's own step."""
+    rng = np.random.default_rng(2)
+    states, efforts = zip(*(some(model, rng) for _ in range(LANES)), strict=True)
+    x, u = np.array(states).T, np.array(efforts).T
+    w = kernel.place(np.repeat(model.packed[:, None], LANES, axis=1))
+    w[: x.size], w[x.size : x.size + u.size] = x.ravel(), u.ravel()
+    kernel.read(w)
+    joints = [
+        w[at : at + model.joints * LANES].reshape(-1, LANES)
+        for at in (kernel.rows.position, kernel.rows.rate)
+    ]
+    joints = [part.copy() for part in joints]
+    kernel.advance(0.3, 0.01, 1, w)
+    for k in range(0, LANES, 7):
+        expected = model.advance(x[:, k].copy(), u[:, k].copy(), 0.01, t=0.3)
+        found = w[: x.size].reshape(x.shape)[:, k]
+        assert np.abs(found - expected).max() <= TOLERANCE * max(1.0, np.abs(expected).max())
+        read = model.joint_state(x[:, k].copy())
+        assert all(
+            np.allclose(part[:, k], r, atol=1e-13) for part, r in zip(joints, read, strict=True)
+        )
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_a_step_of_all_lanes_is_that_of_the_model(name: str) -> None:
+    model = read_testbed(SECTIONS[name], "test").model()
+    kernel = traced_kernel(model, SECTIONS[name]["kind"] == "csa")
+    assert kernel is not None
+    require_steps_of_the_model(model, kernel)
+
+
+@pytest.mark.parametrize("trial", ["own_spacecraft", "control_moment_gyros"])
+def test_a_spacecraft_steps_as_the_model_does(trial: str) -> None:
+    model = read_trial(trial)[0].testbed.model()
+    kernel = traced_kernel(model, False)
+    assert kernel is not None
+    require_steps_of_the_model(model, kernel)
+
+
+def test_equations_that_branch_on_time_step_lane_by_lane() -> None:
+    model = read_trial("antenna_1")[0].testbed.model()
+    assert traced_kernel(model, False) is None
+    require_steps_of_the_model(model, lane_by_lane(model))
+
+
+def test_a_tape_folds_what_is_known_and_notes_nothing_twice() -> None:
+    tape = Tape(np.array([2.5, 0.0, 1.0]))
+    p, x = tape.parameters(), tape.input("x", 0)
+    assert p[1] * x == 0.0
+    assert (p[2] * x) is x
+    assert (x + p[0]).index == (x + p[0]).index
+    assert int(p[0]) == 2
+    assert tape.fixed == {0}
+    with pytest.raises(Untraceable):
+        bool(x < p[0] * x)
+
+
+def test_what_depends_on_packed_numbers_alone_is_evaluated_for_every_lane() -> None:
+    rng = np.random.default_rng(5)
+    tape = Tape(rng.uniform(1.5, 2.5, 3))
+    a, b, c = tape.parameters()
+    node = (a * b - c) / (a + 2.0)
+    packed = rng.uniform(1.5, 2.5, (3, LANES))
+    expected = (packed[0] * packed[1] - packed[2]) / (packed[0] + 2.0)
+    assert np.allclose(tape.evaluated(packed, [node.index])[0], expected, rtol=1e-14)
