@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
+from flexslew_lab.report.run_data import read_run
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.trial import build_controllers, plan_of_trial, trial_of_values
@@ -94,6 +95,21 @@ def test_with_appendage_modes_the_attitude_of_a_flight_is_known_better(tmp_path:
     bag = tmp_path / "1_0" / "bag"
     assert resim(bag).identical
     assert check(bag, "pd_feedforward").ok
+
+
+def test_a_report_says_how_far_off_an_attitude_is_by_the_rotation_between(tmp_path: Path) -> None:
+    changed = values(plan=None, duration=6.0)  # holds where it is
+    changed["testbed"]["initial"] = {"roll": 0.9, "pitch": -0.4, "yaw": 1.6}
+    run_trial(trial_of_values(changed, "here"), "here", tmp_path, in_process=True, report=False)
+    bag = BagReader(tmp_path / "bag")
+    answers = bag.columns("/controller_state", {"estimate_orientation"})
+    true = bag.columns("/truth", {"position"})["position"][: len(answers["estimate_orientation"])]
+    believed = Rotation.from_quat(answers["estimate_orientation"])
+    off = (Rotation.from_quat(true[:, 3:7]).inv() * believed).as_rotvec()
+    shown = read_run(bag).traces["estimate_error"].value
+    assert len(shown) == len(off)
+    assert np.abs(shown[:, :3] - off).max() < 1e-9
+    assert np.abs(off).max() > 1e-5
 
 
 def test_modes_that_are_tuned_in_flight_start_the_filter_afresh(tmp_path: Path) -> None:

@@ -153,6 +153,7 @@ class _Collector:
         self._pointing = pointing  # whose wheels are shown
         self.joints = joints  # None: as many as efforts
         self._model = model  # None: the joints are the first entries of the state
+        self._attitude = model.attitude if model is not None else None
         ticks = counts.get("/truth", 0)
         self._size = -(-ticks // BUCKETS) if ticks > 2 * BUCKETS else 1
         self._frame_step = max(-(-ticks // FRAMES), 1)
@@ -228,9 +229,7 @@ class _Collector:
         self._put("reference", time, columns["reference_position"])
         self._put("feedforward", time, columns["feedforward"])
         self._put("demand", time, columns["effort"])
-        self._estimate.add(
-            keys_of(columns), np.column_stack((time, columns["estimate_position"].astype(float)))
-        )
+        self._estimate.add(keys_of(columns), np.column_stack((time, self._estimated(columns))))
         self._join()
         names = tuple(columns["term_names"][0])
         if names != self._term_names:
@@ -244,8 +243,25 @@ class _Collector:
                 part = values[:, k * joints : (k + 1) * joints]
                 self.terms.setdefault(name, Thinner(self._size)).add(time, part)
 
+    def _estimated(self, columns: Mapping[str, Any]) -> Matrix:
+        """Return the estimate; joints that read an attitude where they would read it.
+
+        In the log they are as far from the reference as the rotation between them.
+        """
+        estimate: Matrix = columns["estimate_position"].astype(float)
+        reference = columns["reference_position"]
+        joints = reference.shape[1]
+        if self._attitude is not None and estimate.shape[1] >= joints:
+            turn = estimate[:, :joints] - reference
+            estimate[:, :joints] = self._attitude.moved(reference, turn)
+        return estimate
+
     def _join(self) -> None:
         """Put estimate minus truth where both are known; the rest waits for its counterpart."""
         for estimate, truth in self._estimate.matched(self._truth):
             n = min(estimate.shape[1] - 1, truth.shape[1])
-            self._put("estimate_error", estimate[:, 0], estimate[:, 1 : n + 1] - truth[:, :n])
+            error = estimate[:, 1 : n + 1] - truth[:, :n]
+            if self._attitude is not None and n >= (joints := len(self._attitude.axes)):
+                ends = truth[:, :joints], estimate[:, 1 : joints + 1]
+                error[:, :joints] = self._attitude.error(*ends)
+            self._put("estimate_error", estimate[:, 0], error)
