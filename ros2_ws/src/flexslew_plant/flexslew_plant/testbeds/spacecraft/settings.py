@@ -83,15 +83,15 @@ class Motion:
 class Hinge:
     """Where an appendage is joined to the platform, and how."""
 
-    # null: prescribed when it has a motion, else fixed
-    kind: Literal["fixed", "prescribed", "driven"] | None = None
+    # null: prescribed when it has a motion, else fixed; driven: by a motor; passive: without one
+    kind: Literal["fixed", "prescribed", "driven", "passive"] | None = None
     place: Triple = (0.0, 0.0, 0.0)  # of the hinge, in body axes
     axes: Rows = IDENTITY  # rows: the appendage's x, y, z in body axes
     turned: Turn | None = None  # a turn of these axes before anything moves: `axis` and `angle`
     axis: Triple = (1.0, 0.0, 0.0)  # about which it turns, in appendage axes
     range: tuple[float, float] | None = None  # smallest and largest angle of the hinge [rad]
-    spring: NonNegative = 0.0  # stiffness of a driven hinge
-    damper: NonNegative = 0.0  # damping of a driven hinge
+    spring: NonNegative = 0.0  # stiffness of a driven or passive hinge
+    damper: NonNegative = 0.0  # damping of a driven or passive hinge
     limit: Positive = 100.0  # largest effort of a driven hinge, whose joint is NAME_hinge
     motion: Motion | tuple[Motion, ...] | None = None  # its prescribed turns
 

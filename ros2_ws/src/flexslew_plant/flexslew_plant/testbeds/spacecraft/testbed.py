@@ -211,7 +211,7 @@ class SpacecraftTestbed:
 
     def rigid(self) -> "SpacecraftTestbed":
         """Return the testbed without modes; see contract.ThreeAxes."""
-        stiff = {name: replace(a, only_modes=()) for name, a in self.appendages.items()}
+        stiff = {name: replace(a, only_modes=()) for name, a in _still(self.appendages).items()}
         return replace(self, appendages=stiff, sensors={})
 
     def _pivoting(
@@ -225,7 +225,7 @@ class SpacecraftTestbed:
         for w in craft.wheels:  # what spins freely about the axis does not turn along
             inertia -= w.inertia * np.outer(w.axis, w.axis)
         inertia /= units.torque
-        parts = dict(self.appendages)
+        parts = _still(self.appendages)
         if modes is not None:
             parts = driven_most(craft, parts, axis, place, modes)
         x, y, z = axis.tolist()
@@ -373,6 +373,14 @@ class _Same:
 @lru_cache(maxsize=32)
 def _craft(same: _Same) -> Spacecraft:
     return spacecraft(same.testbed)
+
+
+def _still(parts: dict[str, AppendageSettings]) -> dict[str, AppendageSettings]:
+    """Return the appendages with passive hinges fixed: no plan counts with what swings there."""
+    return {
+        name: replace(a, hinge=replace(a.hinge, kind="fixed")) if a.hinge.kind == "passive" else a
+        for name, a in parts.items()
+    }
 
 
 def _loaded(shape: Any, payload: float) -> Any:
