@@ -15,9 +15,10 @@ def test_the_jitter_of_a_wheel_is_in_the_octave_of_its_harmonic() -> None:
     metric = Jitter(RunSetup(("wheel",), FlownManoeuvre(0.0, 0.0, np.zeros(1), np.zeros(1)),
                              np.ones(1), bed))  # fmt: skip
     ticks = np.arange(len(position))
+    time = period * ticks.astype(float)
     none, all_ = np.zeros((len(position), 1)), ticks >= 0
     held = np.full(len(position), period)
-    metric.add(Block(ticks, period * ticks, held, position, velocity, none, none[:, :0], none,
+    metric.add(Block(ticks, time, held, position, velocity, none, none[:, :0], none,
                      all_, all_))  # fmt: skip
     found = metric.result(Ending([], [], True))
     ends, rms = np.array(found["jitter_frequency"]), np.array(found["jitter"])
