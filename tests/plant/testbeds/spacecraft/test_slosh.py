@@ -84,7 +84,7 @@ def two_bodies(angle: float, damper: float) -> tuple[float, float]:
 def test_small_swings_have_the_frequency_of_the_closed_form_over_1000_s() -> None:
     """w^2 = a / L (1 + m / M + m h (h - L) / J), and the platform swings against them.
 
-    The amplitude A shifts the phase by w t A^2 / 16, here 4e-6 rad of 3e-4.
+    The amplitude A shifts the phase by w t A^2 / 16, here 3e-6 rad, of swings of 3e-4.
     """
     start = 3e-4
     acceleration = THRUST / (MASS + LIQUID)
