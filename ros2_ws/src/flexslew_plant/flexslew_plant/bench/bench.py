@@ -254,7 +254,8 @@ class Bench:
     def _moved(self, effort: Vector) -> Vector:
         """Return the state at the end of the tick under this held effort, and friction.
 
-        The world outside pushes by half before and by half after (Strang 1968): of second order.
+        What no effort gives, `Model.outside`, pushes by half before and by half after (Strang
+        1968): of second order.
         """
         model, period, now = self.model, self.settings.period, self.time
         x = model.pushed(self._x, 0.5 * period, now)
@@ -265,7 +266,7 @@ class Bench:
             after = self._friction.advance(
                 x, effort, mobility, lambda total: model.advance(x, total, period, t=now)
             )
-        return model.pushed(after, 0.5 * period, now + period)
+        return model.pushed(after, -0.5 * period, now + period)
 
     def request_switch(self, request: SwitchRequest) -> Refusal | None:
         """Schedule a switch at a tick (0: the next); return why it is refused, or None."""

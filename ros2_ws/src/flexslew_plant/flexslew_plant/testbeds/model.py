@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -28,6 +28,11 @@ class Motors(NamedTuple):
     sign: Vector  # of the coordinate along the effort: -1 for a wheel, which reacts, shape (k,)
 
 
+# from a state, its time t and a span [s], which may be negative, to the generalised forces that no
+# effort gives, shape (n,): their mean from t to t + span, as far as they change fast
+Outside: TypeAlias = Callable[[Vector, float, float], Vector]
+
+
 @dataclass(frozen=True)
 class Model:
     """M(q, t) a + h(q, v, t) = B u, with q the joints and then the modal coordinates.
@@ -49,8 +54,7 @@ class Model:
         motors: those of the actuators; None: all, one in each joint, unless the kernels say
             what the efforts act on.
         attitude: the joints that read a platform's attitude; None: all errors are differences.
-        outside: from a state and a time to generalised forces of the world outside, shape (n,),
-            which only the bench applies; None: there are none.
+        outside: the forces that only the bench applies; None: there are none.
         one_way: which actuators push in their positive direction alone.
         gimbals: which entries of v are angles of gimbals, on which B depends.
         gyros: which actuators turn them.
@@ -70,7 +74,7 @@ class Model:
     placed: Callable[[Mapping[str, float]], Vector] | None = None
     motors: Motors | None = None
     attitude: AttitudeJoints | None = None
-    outside: Callable[[Vector, float], Vector] | None = None
+    outside: Outside | None = None
     one_way: tuple[int, ...] = ()
     gimbals: tuple[int, ...] = ()
     gyros: tuple[int, ...] = ()
@@ -245,12 +249,15 @@ class Model:
         return found
 
     def pushed(self, x: Vector, dt: float, t: float) -> Vector:
-        """Return the state after the impulse of the world outside during dt, at time t."""
+        """Return the state at t after the impulse of `outside` from t to t + dt.
+
+        With a negative dt it is the impulse between t + dt and t.
+        """
         if self.outside is None:
             return x
         after, first = x.copy(), self.positions
         mass = self.mass_matrix(x[:first], t)
-        after[first:] += dt * np.linalg.solve(mass, self.outside(x, t))
+        after[first:] += abs(dt) * np.linalg.solve(mass, self.outside(x, t, dt))
         return after
 
     @cached_property

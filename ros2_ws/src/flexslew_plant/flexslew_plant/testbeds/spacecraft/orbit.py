@@ -96,8 +96,8 @@ class Surroundings:
         return torque
 
 
-def outside_forces(craft: Spacecraft, orbit: Orbit) -> Callable[[Vector, float], Vector]:
-    """Return what gives the generalised forces of the orbit, from a free platform's state and time.
+def orbit_forces(craft: Spacecraft, orbit: Orbit) -> Callable[[Vector, float, float], Vector]:
+    """Return what gives the generalised forces of the orbit; see Model.outside.
 
     Args:
         craft: the spacecraft.
@@ -110,7 +110,7 @@ def outside_forces(craft: Spacecraft, orbit: Orbit) -> Callable[[Vector, float],
     )
     _, rates = craft.sizes
 
-    def forces(x: Vector, t: float) -> Vector:
+    def forces(x: Vector, t: float, span: float) -> Vector:
         found = np.zeros(rates)
         found[3:6] = surroundings.torque(to_body(x[3:7]), t)
         return found

@@ -29,16 +29,14 @@ def placed(craft: Spacecraft, axes: Matrix, positions: Mapping[str, float]) -> V
     place = np.zeros(3)
     turn = _turn(craft, axes, positions)
     own = {at.FREE: 7, at.HELD: 0, at.PIVOT: 1}[craft.motion]
-    hinge = 0
     for d in craft.drives:
         value = positions.get(d.name, 0.0)
         if d.what == at.FORCE:
             place += value * d.direction
         elif d.what == at.HINGE:
-            q[own + hinge] = value
+            q[own + sum(a.hinge == at.DRIVEN for a in craft.appendages[: d.owner])] = value
         elif value and d.what not in _TURNING:
             raise BadInput("appendages start at rest", "initial", d.name, value)
-        hinge += d.what == at.HINGE
     if craft.motion == at.PIVOT:
         q[0] = turn @ craft.pivot_axis
     if craft.motion == at.FREE:

@@ -83,15 +83,15 @@ class Motion:
 class Hinge:
     """Where an appendage is joined to the platform, and how."""
 
-    # null: prescribed when it has a motion, else fixed
-    kind: Literal["fixed", "prescribed", "driven"] | None = None
+    # null: prescribed when it has a motion, else fixed; driven: by a motor; passive: without one
+    kind: Literal["fixed", "prescribed", "driven", "passive"] | None = None
     place: Triple = (0.0, 0.0, 0.0)  # of the hinge, in body axes
     axes: Rows = IDENTITY  # rows: the appendage's x, y, z in body axes
     turned: Turn | None = None  # a turn of these axes before anything moves: `axis` and `angle`
     axis: Triple = (1.0, 0.0, 0.0)  # about which it turns, in appendage axes
     range: tuple[float, float] | None = None  # smallest and largest angle of the hinge [rad]
-    spring: NonNegative = 0.0  # stiffness of a driven hinge
-    damper: NonNegative = 0.0  # damping of a driven hinge
+    spring: NonNegative = 0.0  # stiffness of a driven or passive hinge
+    damper: NonNegative = 0.0  # damping of a driven or passive hinge
     limit: Positive = 100.0  # largest effort of a driven hinge, whose joint is NAME_hinge
     motion: Motion | tuple[Motion, ...] | None = None  # its prescribed turns
 
@@ -178,6 +178,21 @@ class AppendageSettings:
 
 
 @section
+class Harmonic:
+    """A force and a torque that turn in the plane across a wheel's axis, `order` times as fast.
+
+    Both grow by the square of the wheel's speed. At phase zero and the wheel's angle zero they are
+    along the body's x without its part along the axis (its y where that is nearer to the axis).
+    """
+
+    order: Positive  # turns per turn of the wheel [-]
+    force: NonNegative = 0.0  # per square of the wheel's speed, as of a mass times a radius
+    force_phase: float = 0.0  # at the wheel's angle zero [rad]
+    torque: NonNegative = 0.0  # per square of the wheel's speed, as a product of inertia
+    torque_phase: float = 0.0  # at the wheel's angle zero [rad]
+
+
+@section
 class WheelSettings:
     """A reaction wheel; its mass and inertia at rest belong to the platform's."""
 
@@ -186,6 +201,10 @@ class WheelSettings:
     limit: Positive  # of its motor
     momentum_limit: Positive | None = None  # largest inertia times speed of a wheel
     speed_limit: Positive | None = None  # largest speed of a wheel [rad/s]
+    place: Triple = (0.0, 0.0, 0.0)  # of the wheel in body axes, where its imbalance pushes
+    static_imbalance: NonNegative = 0.0  # mass times radius: a harmonic of order 1, phase 0
+    dynamic_imbalance: NonNegative = 0.0  # product of inertia: likewise
+    harmonics: tuple[Harmonic, ...] = ()  # further ones of its disturbance
 
 
 @section

@@ -20,7 +20,7 @@ from flexslew_plant.testbeds.entry import TestbedEntry
 from flexslew_plant.testbeds.floating import Floating
 from flexslew_plant.testbeds.instruments import ResolverSettings
 from flexslew_plant.testbeds.kernels import Kernels
-from flexslew_plant.testbeds.model import Model
+from flexslew_plant.testbeds.model import Model, Outside
 from flexslew_plant.testbeds.scene import Scene
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
 from flexslew_plant.testbeds.spacecraft.assembly.motors import motors_of
@@ -36,9 +36,10 @@ from flexslew_plant.testbeds.spacecraft.equations.kinematics import kinematics, 
 from flexslew_plant.testbeds.spacecraft.equations.readings import read
 from flexslew_plant.testbeds.spacecraft.equations.terms import terms
 from flexslew_plant.testbeds.spacecraft.floating import floating
+from flexslew_plant.testbeds.spacecraft.imbalance import harmonics_of, imbalance_forces
 from flexslew_plant.testbeds.spacecraft.lines_of_sight import LineOfSight, lines_of_sight
 from flexslew_plant.testbeds.spacecraft.motions import Motions, Spins, motions, spins
-from flexslew_plant.testbeds.spacecraft.orbit import Orbit, outside_forces
+from flexslew_plant.testbeds.spacecraft.orbit import Orbit, orbit_forces
 from flexslew_plant.testbeds.spacecraft.placing import placed, position_unit, turning_axes
 from flexslew_plant.testbeds.spacecraft.retargeting import hinge_turns, retargeted, section_units
 from flexslew_plant.testbeds.spacecraft.settings import (
@@ -129,6 +130,12 @@ class SpacecraftTestbed:
             raise Placed(str(error)) from None
         if self.orbit is not None and craft.motion != at.FREE:
             raise Placed("testbed.orbit: only a free platform has one; use motion: free")
+        for name, wheel in self.wheels.items():
+            if harmonics_of(wheel) and craft.motion != at.FREE:
+                raise Placed(
+                    f"testbed.wheels.{name}: only on a free platform may it have static_imbalance, "
+                    "dynamic_imbalance or harmonics; use motion: free"
+                )
         if not craft.drives:
             raise Placed(
                 "testbed: has no actuators; give actuators, wheels, control_moment_gyros or a "
@@ -212,7 +219,7 @@ class SpacecraftTestbed:
 
     def rigid(self) -> "SpacecraftTestbed":
         """Return the testbed without modes; see contract.ThreeAxes."""
-        stiff = {name: replace(a, only_modes=()) for name, a in self.appendages.items()}
+        stiff = {name: replace(a, only_modes=()) for name, a in _still(self.appendages).items()}
         return replace(self, appendages=stiff, sensors={})
 
     def _pivoting(
@@ -226,7 +233,7 @@ class SpacecraftTestbed:
         for w in craft.wheels:  # what spins freely about the axis does not turn along
             inertia -= w.inertia * np.outer(w.axis, w.axis)
         inertia /= units.torque
-        parts = dict(self.appendages)
+        parts = _still(self.appendages)
         if modes is not None:
             parts = driven_most(craft, parts, axis, place, modes)
         x, y, z = axis.tolist()
@@ -376,6 +383,14 @@ def _craft(same: _Same) -> Spacecraft:
     return spacecraft(same.testbed)
 
 
+def _still(parts: dict[str, AppendageSettings]) -> dict[str, AppendageSettings]:
+    """Return the appendages with passive hinges fixed: no plan counts with what swings there."""
+    return {
+        name: replace(a, hinge=replace(a.hinge, kind="fixed")) if a.hinge.kind == "passive" else a
+        for name, a in parts.items()
+    }
+
+
 def _loaded(shape: Any, payload: float) -> Any:
     """Return a shape whose tip body weighs `payload` times as much."""
     if payload == 1.0 or not isinstance(shape, Beam) or shape.tip_body is None:
@@ -392,7 +407,7 @@ def _model(same: _Same) -> Model:
     craft = same.testbed.craft
     p = packed(craft)
     drives = craft.drives
-    free, orbit = craft.motion == at.FREE, same.testbed.orbit
+    free = craft.motion == at.FREE
     axes = turning_axes(craft)
     return Model(
         FLOATING if free else GROUNDED,
@@ -408,11 +423,20 @@ def _model(same: _Same) -> Model:
         placed=lambda positions: placed(craft, axes, positions),
         motors=motors_of(craft),
         attitude=attitude_joints(axes) if free else None,
-        outside=None if orbit is None else outside_forces(craft, orbit),
+        outside=_outside(same.testbed, craft) if free else None,
         one_way=tuple(k for k, d in enumerate(drives) if d.what == at.THRUSTER),
         gimbals=tuple(range(*_gimbals(craft))),
         gyros=tuple(k for k, d in enumerate(drives) if d.what == at.GYRO),
     )
+
+
+def _outside(testbed: SpacecraftTestbed, craft: Spacecraft) -> Outside | None:
+    """Return the forces of the orbit and of wheels that are not balanced; None: there are none."""
+    orbit = None if testbed.orbit is None else orbit_forces(craft, testbed.orbit)
+    wheels = imbalance_forces(craft, testbed.wheels, UNITS[testbed.units])
+    if orbit is None or wheels is None:
+        return orbit or wheels
+    return lambda x, t, span: orbit(x, t, span) + wheels(x, t, span)
 
 
 def _gimbals(craft: Spacecraft) -> tuple[int, int]:

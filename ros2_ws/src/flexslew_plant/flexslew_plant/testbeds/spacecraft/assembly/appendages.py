@@ -27,7 +27,12 @@ from flexslew_plant.testbeds.spacecraft.units import Units
 
 _PROFILES = {"smooth": at.SMOOTH, "bang_bang": at.BANG_BANG, "table": at.TABLE}
 
-_HINGES = {"fixed": at.FIXED, "prescribed": at.PRESCRIBED, "driven": at.DRIVEN}
+_HINGES = {
+    "fixed": at.FIXED,
+    "prescribed": at.PRESCRIBED,
+    "driven": at.DRIVEN,
+    "passive": at.DRIVEN,  # by spring and damper alone
+}
 
 _SIGHT = 1e-6  # between a target and where a hinge can point [rad]
 

@@ -52,10 +52,10 @@ def drives_of(
         found.append(
             CraftDrive(name, what, index, direction, spot_on(parts[index], d, units, key), limit)
         )
-    hinges = [(k, a) for k, a in enumerate(parts) if a.hinge == at.DRIVEN]
-    for k, a in hinges:
-        limit = described.appendages[a.name].hinge.limit * units.torque
-        found.append(CraftDrive(f"{a.name}_hinge", at.HINGE, k, np.zeros(3), None, limit))
+    for k, (name, part) in enumerate(described.appendages.items()):
+        if part.hinge.kind == "driven":
+            limit = part.hinge.limit * units.torque
+            found.append(CraftDrive(f"{name}_hinge", at.HINGE, k, np.zeros(3), None, limit))
     for k, (name, w) in enumerate(described.wheels.items()):
         found.append(CraftDrive(name, at.WHEEL, k, np.zeros(3), None, w.limit * units.torque))
     for k, (name, g) in enumerate(described.control_moment_gyros.items()):
