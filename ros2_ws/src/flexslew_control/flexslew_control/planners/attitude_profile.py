@@ -15,8 +15,8 @@ from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners.attitude_goal import AttitudeGoal, Triple
 from flexslew_control.planners.attitude_path import (
-    Knot,
     AttitudeMotion,
+    Knot,
     completed,
     spinning,
     spun_up,
