@@ -192,12 +192,14 @@ ONE: dict[str, Any] = {"pitch": 0.4}
 THREE: dict[str, Any] = {"axis": [1.0, -2.0, 0.5], "angle": 1.0}
 # what a section is asked for besides, where its defaults are of another testbed
 ASKED: dict[str, Any] = {
+    "attitude_profile": {"points": [{"at": 40.0, "attitude": {"axis": [0, 1, 0], "angle": 0.4}}]},
     "joint_trajectory": {"points": [{"at": 40.0, "position": {"pitch": 0.4}}]},
     "minimax_feedforward": {"duration": 40.0},
     "optimized_feedforward": {"duration": 40.0, "feedback": {"kp": [1.0], "kd": [5.0]}},
     "start_coast_stop": {"duration": 40.0},
 }
 FLOWN = {  # by efforts alone: what they leave, [rad] and [rad/s]
+    "attitude_profile": 1e-6,
     "input_shaping": 1e-6,
     "minimax_feedforward": 1e-6,
     "optimized_feedforward": 1e-6,

@@ -35,6 +35,7 @@ from flexslew_plant.settings import plain, validated
 
 # isort: split
 # the planners, a line each
+from flexslew_control.planners.attitude_profile import PROFILE as PROFILE
 from flexslew_control.planners.excitation.excitation import EXCITATION as EXCITATION
 from flexslew_control.planners.feedforward.optimized_feedforward import OPTIMIZED as OPTIMIZED
 from flexslew_control.planners.feedforward.robust_feedforward import ROBUST as ROBUST

@@ -20,6 +20,8 @@ from flexslew_plant.events import TargetRequested
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.testbeds import Testbed
 
+_AT_REST = 1e-6  # of the largest rate: rounding
+
 
 def metrics_of(path: Path, trust: Trust = NO_CODE) -> dict[str, Any]:
     """Return the content of metrics.json, keys as in metrics.KEYS, from a bag.
@@ -85,16 +87,21 @@ def joint_names_of(overview: Overview, joints: int) -> tuple[str, ...]:
 
 
 def manoeuvre_of(
-    position: Matrix, start: float, duration: float, testbed: Testbed | None = None
+    position: Matrix,
+    velocity: Matrix,
+    start: float,
+    duration: float,
+    testbed: Testbed | None = None,
 ) -> FlownManoeuvre:
-    """Return what a plan's joint references, shape (ticks + 1, joints), are measured against.
+    """Return what a plan's joint references, shapes (ticks + 1, joints), are measured against.
 
     How far an attitude goes is the rotation, wherever the joints of the testbed tell one.
     """
     attitude = None if testbed is None else testbed.model().attitude
     first, last = position[0], position[-1]
     moved = last - first if attitude is None else attitude.displacement(first, last)
-    return FlownManoeuvre(start, start + duration, last, moved)
+    moves = np.abs(velocity[-1]).max() > _AT_REST * np.abs(velocity).max()
+    return FlownManoeuvre(start, start + duration, last, moved, velocity[-1] if moves else None)
 
 
 def flown_testbed(overview: Overview, epoch: int, trust: Trust) -> Testbed | None:
@@ -136,7 +143,8 @@ def _manoeuvre(overview: Overview, joints: int, testbed: Testbed | None) -> Flow
             f"{joints} joints: not one run"
         )
     position = position.reshape(-1, joints)
-    return manoeuvre_of(position, plan.start, plan.duration, testbed)
+    velocity = np.asarray(plan.velocity, dtype=float).reshape(position.shape)
+    return manoeuvre_of(position, velocity, plan.start, plan.duration, testbed)
 
 
 def _own(bag: BagReader) -> tuple[list[type[Metric]], list[str]]:

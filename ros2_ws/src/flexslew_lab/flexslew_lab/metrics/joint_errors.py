@@ -23,8 +23,9 @@ class JointErrors:
             "-",
             False,
             "largest |final error| of a joint that moves, as a share of its commanded move, of an "
-            "attitude its angle as a share of the commanded angle; null: none moves, or the "
-            "manoeuvre has not ended",
+            "attitude its angle as a share of the commanded angle; of a plan that ends in motion "
+            "the angle left in rad, or the error of the rates as a share of them, whichever is "
+            "larger; null: none moves, or the manoeuvre has not ended",
         ),
         "terminal_error_norm": Key(
             "mixed SI",
@@ -37,6 +38,7 @@ class JointErrors:
         self._setup = setup
         self.residual = np.full(len(setup.joint_names), np.nan)
         self.first, self.final = self.residual.copy(), self.residual.copy()
+        self._last_rate = self.residual.copy()
         self.terminal: float | None = None
 
     def add(self, block: Block) -> None:
@@ -53,6 +55,12 @@ class JointErrors:
                 rest = self._modes_and_rates(block.position[k], block.velocity[k])
                 self.terminal = float(np.linalg.norm(np.concatenate((block.error[k], rest))))
         self.final = block.error[-1].copy()
+        self._last_rate = self._joint_rates(block.position[-1], block.velocity[-1])
+
+    def _joint_rates(self, q: Vector, v: Vector) -> Vector:
+        if self._setup.testbed is None:
+            return v[: len(self.residual)].copy()
+        return self._setup.testbed.model().joint_state(np.concatenate((q, v)))[1].copy()
 
     def _modes_and_rates(self, q: Vector, v: Vector) -> Vector:
         """Return modal positions, joint rates and modal rates; a wheel may go on spinning."""
@@ -64,6 +72,9 @@ class JointErrors:
         return np.concatenate((modes, model.joint_state(x)[1], modal_rates))
 
     def _goal_error(self) -> float | None:
+        rate = self._setup.manoeuvre.rate
+        if rate is not None:
+            return self._in_motion(rate)
         planned = self._setup.manoeuvre.displacement
         move = np.where(planned == 0.0, -self.first, planned)  # of a step, from where it began
         going = np.abs(move) > _NOWHERE
@@ -76,6 +87,20 @@ class JointErrors:
             share = np.abs(self.final[going] / move[going])
         error = float(share.max())
         return error if np.isfinite(error) else None
+
+    def _in_motion(self, rate: Vector) -> float | None:
+        """Return the larger share of what is left of angle and rates, where the plan ends moving.
+
+        How far it has gone says little there: after a whole turn nothing is left of any error.
+        """
+        testbed = self._setup.testbed
+        attitude = None if testbed is None else testbed.model().attitude
+        rows = np.array([self.final, self._last_rate - rate, rate])
+        left, off, whole = np.linalg.norm(
+            rows if attitude is None else attitude.turn_of(rows), axis=1
+        )
+        share = float(max(left, off / whole))
+        return share if np.isfinite(self.residual).any() and np.isfinite(share) else None
 
     def result(self, ending: Ending) -> dict[str, Any]:
         """Return the four values."""

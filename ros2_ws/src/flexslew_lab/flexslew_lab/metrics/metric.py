@@ -29,6 +29,7 @@ class FlownManoeuvre(NamedTuple):
     end: float  # [s]
     goal: Vector | None  # (joints,)
     displacement: Vector  # goal - position at the start of the plan, (joints,)
+    rate: Vector | None = None  # of the joints at the end, (joints,); None: the plan ends at rest
 
 
 class RunSetup(NamedTuple):

@@ -32,7 +32,9 @@ class MetricsObserver(Observer):
         if plan is None:
             aim = FlownManoeuvre(0.0, 0.0, None, np.zeros(joints))
         else:
-            aim = manoeuvre_of(plan.position, plan.start, plan.duration, bench.testbed)
+            aim = manoeuvre_of(
+                plan.position, plan.velocity, plan.start, plan.duration, bench.testbed
+            )
         names = tuple(bench.model.joint_names)
         setup = RunSetup(names, aim, bench.limit, bench.testbed)
         self._epoch = Epoch(bench.epoch, setup, own)

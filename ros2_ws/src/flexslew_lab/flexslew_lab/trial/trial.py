@@ -112,8 +112,18 @@ def checked_trial(trial: Trial, source: str) -> Trial:
     """Return a trial that is about to be flown, checked for what an old log may still hold.
 
     Raises:
-        BadInput: an entry of the schedule lies after the end.
+        BadInput: an entry of the schedule lies after the end, or a plan that ends in motion is over
+            before it.
     """
+    until = getattr(trial.plan, "turns_until", None)
+    if until is not None and round(until / trial.period) < round(trial.duration / trial.period):
+        raise BadInput(
+            f"the craft still turns when the plan is over, at {until:g} s, and the run ends at "
+            f"{trial.duration:g} s; let the plan last until then",
+            source,
+            "plan.duration",
+            getattr(trial.plan, "duration", None),
+        )
     for i, entry in enumerate(trial.schedule):
         if round(entry.at / trial.period) >= round(trial.duration / trial.period):
             raise BadInput(

@@ -59,7 +59,7 @@ def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
 
 def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownManoeuvre]:
     """Return what the metrics of a group are measured against: from `tip` on, and as a record."""
-    goal = manoeuvre_of(plan.position, plan.start, plan.duration)
+    goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration)
     assert goal.goal is not None
     rows = (
         lane.model.appendages.tip.ravel(),
