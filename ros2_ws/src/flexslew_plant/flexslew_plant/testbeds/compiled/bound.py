@@ -85,8 +85,38 @@ def _of_joints(kernels: Kernels, m: int) -> Bound:
     """Return kernels with the number of joints built in, the same functions for every size.
 
     Numba takes two functions of one content for one wherever it copies them: a controller that was
-    warmed as a copy would then meet functions in flight that nobody has warmed.
+    warmed as a copy would then meet functions in flight that nobody has warmed. So what does not
+    count with the joints is one function for all numbers of them.
     """
+
+    @compiled_once()
+    def derivative_(p: Vector, t: float, x: Vector, effort: Vector) -> Vector:
+        return dynamics.derivative(kernels, p, t, x, effort, m)
+
+    @compiled_once("dx", "du")
+    def jacobian_(p: Vector, t: float, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
+        dynamics.jacobian(kernels, p, t, x, effort, m, dx, du)
+
+    @compiled_once()
+    def energy_(p: Vector, t: float, x: Vector) -> float:
+        return dynamics.energy(kernels, p, t, x, m)
+
+    terms, residual_jacobian, actuation, position_rates = _of_equations(kernels)
+    return Bound(
+        terms,
+        derivative_,
+        _advance(kernels),
+        jacobian_,
+        residual_jacobian,
+        energy_,
+        actuation,
+        position_rates,
+    )
+
+
+@cache
+def _of_equations(kernels: Kernels) -> tuple[Callable[..., None], ...]:
+    """Return terms, residual_jacobian, actuation and position_rates of a Bound."""
 
     @compiled_once("joints", "coupling", "modal", "bias")
     def terms(
@@ -100,23 +130,11 @@ def _of_joints(kernels: Kernels, m: int) -> Bound:
     ) -> None:
         interface.terms(kernels, p, t, x, joints, coupling, modal, bias)
 
-    @compiled_once()
-    def derivative_(p: Vector, t: float, x: Vector, effort: Vector) -> Vector:
-        return dynamics.derivative(kernels, p, t, x, effort, m)
-
-    @compiled_once("dx", "du")
-    def jacobian_(p: Vector, t: float, x: Vector, effort: Vector, dx: Matrix, du: Matrix) -> None:
-        dynamics.jacobian(kernels, p, t, x, effort, m, dx, du)
-
     @compiled_once("dq", "dv")
     def residual_jacobian(
         p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv: Matrix
     ) -> None:
         interface.residual_jacobian(kernels, p, t, x, a, dq, dv)
-
-    @compiled_once()
-    def energy_(p: Vector, t: float, x: Vector) -> float:
-        return dynamics.energy(kernels, p, t, x, m)
 
     @compiled_once("force")
     def actuation(p: Vector, t: float, x: Vector, effort: Vector, force: Vector) -> None:
@@ -126,16 +144,7 @@ def _of_joints(kernels: Kernels, m: int) -> Bound:
     def position_rates(p: Vector, t: float, x: Vector, rate: Vector) -> None:
         interface.position_rates(kernels, p, t, x, rate)
 
-    return Bound(
-        terms,
-        derivative_,
-        _advance(kernels),
-        jacobian_,
-        residual_jacobian,
-        energy_,
-        actuation,
-        position_rates,
-    )
+    return terms, residual_jacobian, actuation, position_rates
 
 
 @cache
