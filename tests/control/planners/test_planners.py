@@ -138,7 +138,7 @@ def test_a_goal_that_leaves_out_a_joint_leaves_it_where_it_is() -> None:
     ("values", "words"),
     [
         ({}, "{} is not allowed: the key method is missing"),
-        ({"method": "wishing"}, "wishing is not a planner; allowed: excitation, "),
+        ({"method": "wishing"}, "wishing is not a planner; allowed: attitude_profile, "),
         ({"method": "no.where.Shaper"}, "no.where.Shaper cannot be loaded: "),
         ({"method": "pathlib.Path"}, "pathlib.Path has no plan(slew, progress)"),
     ],
@@ -192,7 +192,7 @@ def test_turns_of_appendages_are_no_slew() -> None:
 def test_a_manoeuvre_that_a_method_does_not_know_is_refused_in_one_line() -> None:
     settings = plan_settings({"method": "none"}, "trial.yaml")
     with pytest.raises(
-        BadInput, match=r"trial\.yaml: method: 'wishing' is not allowed: excitation"
+        BadInput, match=r"trial\.yaml: method: 'wishing' is not allowed: attitude_profile"
     ):
         other_method(settings, "wishing", "trial.yaml")
     hub = plan_settings({"method": "time_optimal", "goal": {"hub": 1.0}}, "trial.yaml")

@@ -142,8 +142,12 @@ def _manoeuvre(overview: Overview, joints: int, testbed: Testbed | None) -> Flow
             f"the plan has {len(position)} positions for {planned} joints, the truth has "
             f"{joints} joints: not one run"
         )
-    position = position.reshape(-1, joints)
-    velocity = np.asarray(plan.velocity, dtype=float).reshape(position.shape)
+    velocity = np.asarray(plan.velocity, dtype=float)
+    if len(velocity) != len(position):
+        raise BadInput(
+            f"the plan has {len(velocity)} velocities for {len(position)} positions: it is damaged"
+        )
+    position, velocity = position.reshape(-1, joints), velocity.reshape(-1, joints)
     return manoeuvre_of(position, velocity, plan.start, plan.duration, testbed)
 
 

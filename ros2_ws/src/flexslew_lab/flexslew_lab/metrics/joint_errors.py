@@ -55,7 +55,8 @@ class JointErrors:
                 rest = self._modes_and_rates(block.position[k], block.velocity[k])
                 self.terminal = float(np.linalg.norm(np.concatenate((block.error[k], rest))))
         self.final = block.error[-1].copy()
-        self._last_rate = self._joint_rates(block.position[-1], block.velocity[-1])
+        if self._setup.manoeuvre.rate is not None:
+            self._last_rate = self._joint_rates(block.position[-1], block.velocity[-1])
 
     def _joint_rates(self, q: Vector, v: Vector) -> Vector:
         if self._setup.testbed is None:
