@@ -74,6 +74,13 @@ def called(function: _Function) -> _Function:
     return cast(_Function, recognised(numba.njit(error_model="numpy")(function)))
 
 
+@called
+def put(values: Vector, out: Vector) -> None:
+    """Write values into compiled code's own array: out[:] = values compiles words about shapes."""
+    for k in range(out.size):
+        out[k] = values[k]
+
+
 def vectorised(function: _Function) -> _Function:
     """Return function as machine code for loops over lanes, kept on disk between runs.
 

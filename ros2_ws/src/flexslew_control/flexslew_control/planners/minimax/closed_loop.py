@@ -15,7 +15,7 @@ from numba import types
 from flexslew_control.analysis.lti import Lti
 from flexslew_control.planners.minimax.motion import MemberFlight
 from flexslew_control.planners.motors import Matrices, give, matrices
-from flexslew_plant.arrays import Indices, Matrix, Vector, compiled, compiled_once
+from flexslew_plant.arrays import Indices, Matrix, Vector, compiled, compiled_once, put
 from flexslew_plant.read_only import read_only
 from flexslew_plant.testbeds import Model
 from flexslew_plant.testbeds.compiled.bound import ADVANCE
@@ -89,13 +89,13 @@ def _flown(
     path, x, u = np.empty((ticks + 1, start.size)), start.copy(), np.empty(m)
     commanded, applied = np.empty((ticks, m)), np.empty((ticks, m))
     z = np.zeros(len(motors[0]))
-    path[0] = x
+    put(x, path[0])
     for k in range(ticks):
-        u[:] = drive[k]
+        put(drive[k], u)
         fed_back(x, reference[k], gains, places, u)
-        commanded[k] = u
+        put(u, commanded[k])
         give(motors, z, u)
-        applied[k] = u
+        put(u, applied[k])
         advance(p, k * period, u, period, 1, before_modes, x)
-        path[k + 1] = x
+        put(x, path[k + 1])
     return path, commanded, applied, z

@@ -16,7 +16,7 @@ from typing import Any, cast
 import numpy as np
 from numba import types
 
-from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector, called, compiled, put
 from flexslew_plant.read_only import read_only
 from flexslew_plant.testbeds.compiled import mass
 from flexslew_plant.testbeds.compiled.bound import Bound
@@ -139,12 +139,6 @@ def _kernel() -> Callable[..., None]:
 
 
 @called
-def _put(values: Vector, out: Vector) -> None:
-    for k in range(out.size):  # a slice that takes an array compiles a message about shapes
-        out[k] = values[k]
-
-
-@called
 def _write_residual(
     terms: Callable[..., None],
     actuation: Callable[..., None],
@@ -207,7 +201,7 @@ def _flown(
     now, at, slopes = np.empty(width), np.empty(width), np.empty((STAGES, width))
     for piece in range(effort.shape[0]):
         u, h = effort[piece], durations[piece] / steps[piece]
-        _put(begins[piece], now)
+        put(begins[piece], now)
         for step in range(steps[piece]):
             for i in range(STAGES):
                 stage_state(now, slopes, i, h, at)
@@ -219,8 +213,8 @@ def _flown(
                 _factor(joints, coupling, modal)
                 _solve(joints, coupling, modal, a)
                 position_rates(p, t, x, rates)
-                _put(rates[:q], slopes[i, :q])
-                _put(a, slopes[i, q:size])
+                put(rates[:q], slopes[i, :q])
+                put(a, slopes[i, q:size])
                 residual_jacobian(p, t, x, a, dq, dv)
                 for k in range(count):
                     first = size * (1 + k)
@@ -240,22 +234,22 @@ def _flown(
                         actuation(p, t, x, u + sign * _CHANGE * pushes[k], push)
                         force += sign / (2.0 * _CHANGE) * push
                     if extra == 0:
-                        _put(slope[q:], rate[:q])
+                        put(slope[q:], rate[:q])
                     else:  # q' = N(q) v, and B may turn with q
-                        _put(x[:q], moved[:q])
-                        _put(slope[q:], moved[q:])
+                        put(x[:q], moved[:q])
+                        put(slope[q:], moved[q:])
                         position_rates(p, t, moved, rates)
-                        _put(rates[:q], rate[:q])
-                        _put(x[q:], moved[q:])
+                        put(rates[:q], rate[:q])
+                        put(x[q:], moved[q:])
                         change = _CHANGE / (1.0 + np.abs(slope[:q]).max())
                         for sign in _BOTH:
-                            _put(x[:q] + sign * change * slope[:q], moved[:q])
+                            put(x[:q] + sign * change * slope[:q], moved[:q])
                             push[:] = 0.0
                             actuation(p, t, moved, u, push)
                             force += sign / (2.0 * change) * push
                             position_rates(p, t, moved, rates)
-                            _put(rate[:q] + sign / (2.0 * change) * rates[:q], rate[:q])
+                            put(rate[:q] + sign / (2.0 * change) * rates[:q], rate[:q])
                     _solve(joints, coupling, modal, force)
-                    _put(force, rate[q:])
+                    put(force, rate[q:])
             complete_step(now, slopes, h)
-        _put(now, ends[piece])
+        put(now, ends[piece])
