@@ -1,7 +1,6 @@
 """What the plant node prints: progress, which nodes are missing, which are duplicates."""
 
 from collections.abc import Sequence
-from math import inf
 from typing import Any
 
 from rclpy.node import Node
@@ -43,7 +42,7 @@ class PlantReport:
         self._told: list[str] = []  # whom it waits for, as logged
         self._rivals: set[str] = set()  # younger plants
         self._met = 0.0  # an older plant [wall s]
-        self._next_qos = inf  # when to look who asks for another QoS [wall s]
+        self._next_qos = 0.0  # when to look who asks for another QoS [wall s]
         self._warned: set[tuple[str, str]] = set()  # of whom: node and topic
 
     def is_duplicate(self, now: float) -> bool:
@@ -74,15 +73,14 @@ class PlantReport:
             self._told = session.waiting_for
             if self._told:
                 self._node.get_logger().info(f"waiting for {', '.join(self._told)}")
-                self._next_qos = now
         if now >= self._next_qos:
             self._warn_of_qos(now)
 
     def _warn_of_qos(self, now: float) -> None:
-        """Warn of everybody who asks for a QoS that is not offered, as soon as it has a name."""
+        """Warn once of everybody who asks for a QoS that is not offered, whenever it comes."""
         found = incompatible(self._node, self._heard)
         named = {(node, topic) for node, topic in found if node != UNNAMED}
         for node, topic in sorted(named - self._warned):
             self._node.get_logger().warning(f"incompatible QoS requested: {node} on {topic}")
         self._warned |= named
-        self._next_qos = now + NOTICE if found - named else inf
+        self._next_qos = now + NOTICE
