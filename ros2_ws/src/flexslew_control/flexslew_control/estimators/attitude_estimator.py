@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -133,7 +134,7 @@ class AttitudeEstimator:
             self._take(measurement, told)
         return self._last
 
-    @property
+    @cached_property
     def late(self) -> int:
         """By how many ticks the latest reading is late."""
         return max((tracker.delay_ticks(self.period) for tracker in self.trackers), default=0)
@@ -192,8 +193,11 @@ class AttitudeEstimator:
         self, measurement: Measurement, now: Any, innovation: Vector, nis: float
     ) -> Estimate:
         """Return what the joints would read, as positions about the reference."""
-        self._covariance, axes = self.filter.covariance(now), self.joints.axes
-        reads = np.abs(axes).max(axis=1) > 0.0
+        self._covariance, axes, reads = (
+            self.filter.covariance(now),
+            self.joints.axes,
+            self.joints.reads,
+        )
         turn, rate = (
             rotation_vector(now.attitude),
             self.filter.rate(now, self._reading(measurement)),

@@ -1,4 +1,4 @@
 """What a trial flies, as a control engineer asks: its models, margins and how they are proved.
 
-Offers: analysis, page, proof, proof_tables, table, trial_models.
+Offers: analysis, page, proof, proof_tables, trial_models.
 """

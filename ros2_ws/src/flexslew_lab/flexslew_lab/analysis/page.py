@@ -8,9 +8,8 @@ from flexslew_control.analysis.loop_margins import ChannelMargins
 from flexslew_lab.analysis.analysis import Analysis, residual_curve, responses
 from flexslew_lab.analysis.proof import Proof
 from flexslew_lab.analysis.proof_tables import proof_tables
-from flexslew_lab.analysis.table import Table
-from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Panel, legend, style
+from flexslew_lab.report.tables import Table, tables_page
 from flexslew_plant.arrays import Vector
 
 _MOST_TICKS = 4000  # of a response
@@ -29,12 +28,12 @@ def analysis_page(analysis: Analysis, name: str, proof: Proof | None = None) -> 
               _singular(analysis), _steps(analysis)]  # fmt: skip
     if analysis.plan is not None:
         groups.append(_residual(analysis))
-    return render(
-        "analysis.html.j2",
+    return tables_page(
+        "analysis",
         title=f"{name}: {analysis.controller}",
         about=f"{analysis.law} about the rest at {there}, at {rest.time:g} s",
         tables=tables(analysis) + (proof_tables(proof) if proof is not None else []),
-        groups=[group for group in groups if group.panels],
+        groups=groups,
     )
 
 

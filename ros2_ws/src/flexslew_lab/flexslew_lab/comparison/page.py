@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexslew_lab.comparison.comparison import ComparedFlight, Comparison, Entries
-from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Panel, legend, style
+from flexslew_lab.report.tables import Table, tables_page
 from flexslew_plant.arrays import Vector
 
 _FAR = 30.0  # a curve beyond that many times the median candidate's is cut off [-]
@@ -25,13 +25,17 @@ class DrawnQuantity(NamedTuple):
 
 def comparison_page(comparison: Comparison) -> str:
     """Return the comparison as HTML that needs nothing else."""
-    return render(
-        "compare.html.j2",
-        title=comparison.title,
-        comparison=comparison,
-        rows=comparison.table(comparison.columns),
-        colours=[style(k)["color"] for k in range(len(comparison.flown))],
+    numbers = Table(
+        "Numbers",
+        comparison.words,
+        [comparison.word, *(column.title for column in comparison.columns)],
+        [(name, *cells) for name, cells in comparison.table(comparison.columns)],
+        comparison.note,
+        [style(k)["color"] for k in range(len(comparison.flown))],
     )
+    refused = [(entry.name, entry.refused) for entry in comparison.entries if entry.refused]
+    tables = (numbers, Table("Not flown", "", (), refused))
+    return tables_page("comparison", comparison.title, comparison.about, tables, comparison.groups)
 
 
 def robustness(flown: Entries, drawn: Sequence[DrawnQuantity], words: str, height: int) -> Group:

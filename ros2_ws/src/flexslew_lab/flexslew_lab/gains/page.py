@@ -5,19 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from flexslew_lab.analysis.table import Table
 from flexslew_lab.gains.ensemble import MemberOutcome
 from flexslew_lab.gains.search import FoundGains, Tried
-from flexslew_lab.report.page import render
 from flexslew_lab.report.panels import Group, Panel, legend, style
+from flexslew_lab.report.tables import Table, tables_page
 
 _FRONT = 20  # rows of the table, at most
 
 
 def gains_page(found: FoundGains, name: str) -> str:
     """Return the search as HTML that needs nothing else."""
-    return render(
-        "analysis.html.j2",
+    return tables_page(
+        "gains",
         title=f"{name}: gains of {found.gains.controller}",
         about=verdict(found),
         tables=[_compared(found), _front(found)],

@@ -11,11 +11,13 @@ from functools import cached_property
 from math import pi, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexslew_plant.arrays import Indices, Matrix, Vector, compiled_once
 from flexslew_plant.testbeds.quaternions import multiplied, of_turn, turn_of
 
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # of x, y, z in a cross product
+_BACK = np.array([-1.0, -1.0, -1.0, 1.0])  # what turns a quaternion x y z w round
 
 
 def quaternion(turn: Vector) -> Vector:
@@ -51,7 +53,7 @@ def _write_products(a: Matrix, b: Matrix, both: Matrix) -> None:
 
 def conjugate(turned: Vector) -> Vector:
     """Return the quaternion of the turn back, x y z w, shape (..., 4)."""
-    back: Vector = turned * np.array([-1.0, -1.0, -1.0, 1.0])
+    back: Vector = turned * _BACK
     return back
 
 
@@ -157,7 +159,13 @@ class AttitudeJoints:
     @cached_property
     def _other(self) -> Indices:
         """Which joints read something else than the turn."""
-        return np.flatnonzero(np.abs(self.axes).max(axis=1) == 0.0)
+        return np.flatnonzero(~self.reads)
+
+    @cached_property
+    def reads(self) -> NDArray[np.bool_]:
+        """Whether a joint reads the turn, shape (joints,)."""
+        reads: NDArray[np.bool_] = np.any(self.axes, axis=1)
+        return reads
 
     @cached_property
     def _from_joints(self) -> Matrix:
@@ -176,8 +184,10 @@ class AttitudeJoints:
         """
         left: Vector = np.ascontiguousarray(goal - measured)
         start = _rows(self.turn_of(measured))
-        end = _rows(np.broadcast_to(self.turn_of(goal), (*left.shape[:-1], 3)))
-        _write_errors(self.axes, start, end, left.reshape(-1, left.shape[-1]))
+        end = self.turn_of(goal)
+        if goal.shape != left.shape:
+            end = np.broadcast_to(end, (*left.shape[:-1], 3))
+        _write_errors(self.axes, start, _rows(end), left.reshape(-1, left.shape[-1]))
         return left
 
     def moved(self, position: Vector, by: Vector) -> Vector:
@@ -189,7 +199,7 @@ class AttitudeJoints:
         """
         turns = quaternion(self.turn_of(position)), quaternion(self.turn_of(by))
         turned = rotation_vector(product(*turns)) @ self.axes.T
-        there: Vector = np.where(self.axes.any(axis=1), turned, position + by)
+        there: Vector = np.where(self.reads, turned, position + by)
         return there
 
     def turn_of(self, position: Vector) -> Vector:

@@ -200,7 +200,10 @@ class Model:
         bias = np.empty(n)
         x = self._together(q, v)
         self._bound.terms(self.packed, t, x, joints, coupling, modal, bias)
-        return np.block([[joints, coupling], [coupling.T, np.diag(modal)]]), bias
+        mass = np.zeros((n, n))
+        mass[:s, :s], mass[:s, s:], mass[s:, :s] = joints, coupling, coupling.T
+        mass.flat[s * (n + 1) :: n + 1] = modal
+        return mass, bias
 
     def mass_matrix(self, q: Vector, t: float = 0.0) -> Matrix:
         """Return M(q, t), shape (n, n), symmetric positive definite."""

@@ -6,6 +6,7 @@ from typing import Any
 import plotly.graph_objects as go
 
 from flexslew_lab.report.page import render
+from flexslew_lab.report.tables import Table, tables_page
 from flexslew_lab.short_values import short
 from flexslew_lab.studies.findings import figures
 from flexslew_lab.studies.findings.tables import (
@@ -16,6 +17,7 @@ from flexslew_lab.studies.findings.tables import (
 )
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
+from flexslew_plant.arrays import Vector
 
 _SHOWN = 3  # metrics with figures of their own, where no criterion names any
 _FIRST = ("residual_tip_deflection", "residual_attitude_error", "settling_time")
@@ -64,27 +66,43 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
     names = list(dict.fromkeys([*requested, *(n for n in _FIRST if n in common)]))[:_SHOWN]
     drawn = []
     for name in names:
-        each = {}
+        each: dict[str, Vector] = {}
         for (study, store), summed in zip(opened, found, strict=True):
             for label, values in figures.columns(study, store, name).items():
                 each[", ".join(filter(None, (summed["study"], label)))] = values
         unit = found[0]["metrics"][name]["unit"]
-        drawn.append({"name": name, "figure": _html(figures.curves(each, name, unit))})
+        drawn.append((name, _html(figures.curves(each, name, unit))))
     told = [{row.name: row for row in overall_rows(one)} for one in found]
     rows = [
         (name, *(one[name].mean for one in told), *(one[name].quantiles[-1] for one in told))
         for name in common
         if all(name in one for one in told)
     ]
-    title = " and ".join(one["study"] for one in found)
-    return render(
-        "studies.html.j2",
-        title=title,
-        found=found,
-        rows=rows,
-        drawn=drawn,
-        short=partial(short, digits=3),
+    studies = [one["study"] for one in found]
+    means, tails = ([f"{of}, {name}" for name in studies] for of in ("mean", "99 %"))
+    criteria = [
+        (
+            one["study"],
+            str(row["metric"]),
+            str(row["variant"] or ""),
+            f"{row['successes']} of {row['trials']}",
+            short(row["lower_bound"], digits=3),
+            row["verdict"],
+        )
+        for one in found
+        for row in one["criteria"]
+    ]
+    asked = ("study", "metric", "variant", "kept to", "lower bound", "")
+    about = "; ".join(
+        f"{one['study']}: {one['trials']} trials, {one['failed']} failed, "
+        f"{one['sampling']['method']}"
+        for one in found
     )
+    tables = (
+        Table("Metrics", "", ("metric", *means, *tails), rows),
+        Table("Criteria", "", asked, criteria),
+    )
+    return tables_page("study", " and ".join(studies), about, tables, drawn=drawn)
 
 
 def _html(figure: go.Figure) -> str:

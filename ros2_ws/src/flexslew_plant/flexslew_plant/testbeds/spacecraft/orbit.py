@@ -10,6 +10,7 @@ no shadow of the Earth, and its field is that of a dipole along the inertial z a
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -23,6 +24,7 @@ GRAVITY = 3.986004418e14  # of the Earth [m^3/s^2]
 RADIUS = 6.371e6  # of the Earth [m]
 FIELD = 3.12e-5  # at the surface above the equator [T]
 SUNLIGHT = 4.56e-6  # pressure on what absorbs it [N/m^2]
+_X, _SOUTH = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
 
 
 @section
@@ -57,15 +59,26 @@ class Surroundings:
     orbit: Orbit
     inertia: Matrix
 
-    @property
+    @cached_property
     def distance(self) -> float:
         """From the centre of the Earth [m]."""
         return RADIUS + self.orbit.altitude
 
-    @property
+    @cached_property
     def rate(self) -> float:
         """Of the orbit, n [rad/s]."""
         return float(np.sqrt(GRAVITY / self.distance**3))
+
+    @cached_property
+    def across(self) -> Vector:
+        """Along the orbit's course where it crosses the inertial x axis, shape (3,)."""
+        return np.array([0.0, np.cos(self.orbit.inclination), np.sin(self.orbit.inclination)])
+
+    @cached_property
+    def sun(self) -> Vector:
+        """Unit vector to the Sun in inertial space, shape (3,)."""
+        sun: Vector = np.array(self.orbit.sun) / np.linalg.norm(self.orbit.sun)
+        return sun
 
     def torque(self, attitude: Matrix, t: float) -> Vector:
         """Return the torque in body axes, shape (3,) [N m].
@@ -75,23 +88,23 @@ class Surroundings:
             t: time [s].
         """
         o, angle = self.orbit, self.orbit.phase + self.rate * t
-        plane = np.array([0.0, np.cos(o.inclination), np.sin(o.inclination)])
-        ahead = np.array([1.0, 0.0, 0.0])
-        place = np.cos(angle) * ahead + np.sin(angle) * plane
-        course = np.cos(angle) * plane - np.sin(angle) * ahead
+        cosine, sine = np.cos(angle), np.sin(angle)
+        place = cosine * _X + sine * self.across
         torque = np.zeros(3)
         if o.gravity_gradient:
             up = attitude @ place
             torque += 3.0 * self.rate**2 * cross(up, self.inertia @ up)
         if any(o.dipole):
-            pole = np.array([0.0, 0.0, -1.0])
-            field = (3.0 * (pole @ place) * place - pole) * FIELD * (RADIUS / self.distance) ** 3
+            field = (
+                (3.0 * (_SOUTH @ place) * place - _SOUTH) * FIELD * (RADIUS / self.distance) ** 3
+            )
             torque += cross(np.array(o.dipole), attitude @ field)
         if o.drag_area and o.air_density:
+            course = cosine * self.across - sine * _X
             pressure = 0.5 * o.air_density * (self.rate * self.distance) ** 2
             torque += cross(np.array(o.drag_centre), -pressure * o.drag_area * (attitude @ course))
         if o.solar_area:
-            light = attitude @ (np.array(o.sun) / np.linalg.norm(o.sun))
+            light = attitude @ self.sun
             torque += cross(np.array(o.solar_centre), -SUNLIGHT * o.solar_area * light)
         return torque
 
