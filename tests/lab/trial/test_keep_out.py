@@ -27,6 +27,10 @@ CRAFT: dict[str, Any] = {
 }
 
 
+# ends of what was planned, in units of the drawing
+DASHED = r'<path d="M(\S+) ([^"L]+)L[^"]*L(\S+) ([^"L]+)" fill="none" stroke="\S+" stroke-dasharray'
+
+
 def flown(folder: Path, method: str, half_angle: float) -> Result:
     """Return a turn of the z axis by 1 rad past a cone 0.3 rad beside its middle."""
     beside = [np.sin(0.3), -np.sin(0.5) * np.cos(0.3), np.cos(0.5) * np.cos(0.3)]
@@ -49,6 +53,9 @@ def test_the_margin_is_measured_and_the_sky_is_drawn(tmp_path: Path) -> None:
     assert "&lt;sun&gt;" in drawn
     assert "<sun>" not in drawn
     assert "z axis" in drawn
+    [(x0, y0, x1, y1)] = re.findall(DASHED, drawn)
+    ends = 120.0 * projected(np.array([[0.0, 0.0, 1.0], [0.0, -np.sin(1.0), np.cos(1.0)]]))
+    np.testing.assert_allclose(np.array([[x0, y0], [x1, y1]], dtype=float), ends, atol=0.1)
 
 
 def test_a_flight_through_a_cone_is_a_failed_check(tmp_path: Path) -> None:

@@ -147,7 +147,7 @@ def page_of(runs: Sequence[RunData], other: RunData | None = None) -> str:
         skies=[
             (run.label, drawn)
             for run in shown
-            if (drawn := drawn_sky(run.testbed, run.frame_position))
+            if (drawn := drawn_sky(run.testbed, run.frame_position, run.frame_reference))
         ],
         scenes=embedded(scenes) if scenes else "",
         aims=any(scene["aims"] for scene in scenes),

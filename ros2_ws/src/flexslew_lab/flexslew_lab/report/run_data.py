@@ -48,6 +48,7 @@ class RunData(NamedTuple):
     phases: tuple[Phase, ...]
     frame_time: Vector  # of the animation, (frames,) [s]
     frame_position: Matrix  # joints and modes, (frames, n)
+    frame_reference: Matrix  # of the joints, as thinly, (answers, joints)
     testbed: Testbed | None  # with all its turns; None: it cannot be read
 
 
@@ -98,6 +99,7 @@ def read_run(path: Path | BagReader, label: str = "") -> RunData:
         tuple(collector.phases),
         np.array(collector.frame_time),
         np.array(collector.frame_position),
+        np.array(collector.frame_reference),
         flown,
     )
 
@@ -157,13 +159,14 @@ class _Collector:
         ticks = counts.get("/truth", 0)
         self._size = -(-ticks // BUCKETS) if ticks > 2 * BUCKETS else 1
         self._frame_step = max(-(-ticks // FRAMES), 1)
-        self._seen = 0
+        self._seen = self._answered = 0
         self.thinners: dict[str, Thinner] = {}
         self.terms: dict[str, Thinner] = {}
         self._term_names: tuple[str, ...] = ()
         self.phases: list[Phase] = []
         self.frame_time: list[float] = []
         self.frame_position: list[Vector] = []
+        self.frame_reference: list[Vector] = []
         self._truth, self._estimate = Waiting(), Waiting()
 
     def take(self, topic: str, columns: Mapping[str, Any]) -> None:
@@ -229,6 +232,9 @@ class _Collector:
         self._put("reference", time, columns["reference_position"])
         self._put("feedforward", time, columns["feedforward"])
         self._put("demand", time, columns["effort"])
+        rows = np.arange(-self._answered % self._frame_step, len(time), self._frame_step)
+        self._answered += len(time)
+        self.frame_reference.extend(columns["reference_position"][rows])
         self._estimate.add(keys_of(columns), np.column_stack((time, self._estimated(columns))))
         self._join()
         names = tuple(columns["term_names"][0])

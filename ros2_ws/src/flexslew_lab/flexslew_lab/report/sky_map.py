@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexslew_lab.report.panels import BROKEN, GRID, style
+from flexslew_lab.report.panels import BROKEN, GRID, INK, style
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import Testbed
 from flexslew_plant.testbeds.attitude import to_inertial
@@ -22,26 +22,32 @@ _EAST = np.pi - 1e-6  # longitude of the right edge
 _MERIDIANS, _PARALLELS = np.deg2rad([-120, -60, 0, 60, 120]), np.deg2rad([-60, -30, 0, 30, 60])
 
 
-def drawn_sky(testbed: Testbed | None, position: Matrix) -> str:
+def drawn_sky(testbed: Testbed | None, position: Matrix, reference: Matrix) -> str:
     """Return where axes of a testbed looked, as SVG; empty where it has none, or no position.
 
     Args:
         testbed: that was flown; None: not known.
         position: q in the order of time, shape (k, positions).
+        reference: of the joints in the order of time, shape (l, joints); others: not drawn.
     """
     if not isinstance(testbed, HasSky) or position.ndim != 2 or not len(position):
         return ""
-    sky = testbed.sky()
-    known = position.shape[1] == testbed.model().positions
-    return sky_map(sky, testbed.attitudes(position)) if sky is not None and known else ""
+    sky, model = testbed.sky(), testbed.model()
+    if sky is None or position.shape[1] != model.positions:
+        return ""
+    planned = np.empty((0, 4))
+    if model.attitude is not None and reference.shape[1:] == (model.joints,):
+        planned = model.attitude.orientation(reference)
+    return sky_map(sky, testbed.attitudes(position), planned)
 
 
-def sky_map(sky: Sky, attitude: Matrix) -> str:
+def sky_map(sky: Sky, attitude: Matrix, planned: Matrix) -> str:
     """Return the tracks of all boresights, from a ring to a dot, and the cones, as SVG.
 
     Args:
         sky: of the testbed.
         attitude: quaternions x y z w in the order of time, shape (k, 4).
+        planned: likewise where they should have been, dashed; may be empty.
     """
     width, height = 2.0 * (_WIDE * _SCALE + _EDGE), 2.0 * (_HIGH * _SCALE + _EDGE)
     parts = [
@@ -52,6 +58,11 @@ def sky_map(sky: Sky, attitude: Matrix) -> str:
         *(
             _track(name, to_inertial(attitude, axis), str(style(k)["color"]))
             for k, (name, axis) in enumerate(sky.boresights.items())
+        ),
+        *(
+            _curve(to_inertial(planned, axis), f'stroke="{INK}" stroke-dasharray="4 5"')
+            for axis in sky.boresights.values()
+            if len(planned)
         ),
     ]
     view = f"{-width / 2:.5g} {-height / 2:.5g} {width:.5g} {height:.5g}"

@@ -6,6 +6,7 @@ import numpy as np
 
 from flexslew_lab.console.desk import Desk
 from flexslew_lab.report.sky_map import drawn_sky
+from flexslew_plant.arrays import Matrix
 
 _PERIOD = 1.0  # between two drawings [wall s]
 _POINTS = 200  # of a track
@@ -30,9 +31,15 @@ class SkyPanel:
         if now < self._next:
             return
         self._next = now + _PERIOD
-        rows = self._view.truth.column("position")
-        if len(rows):
-            rows = rows[np.unique(np.linspace(0, len(rows) - 1, _POINTS).astype(int))]
-        drawn = drawn_sky(self._view.testbed, rows)
+        position = self._view.truth.column("position")
+        reference = self._view.controller_state.column("reference_position")
+        drawn = drawn_sky(self._view.testbed, _some(position), _some(reference))
         self._drawn.visible = bool(drawn)
         self._drawn.content = drawn
+
+
+def _some(rows: Matrix) -> Matrix:
+    """Return as many rows as are drawn, the first and the last among them."""
+    if not len(rows):
+        return rows
+    return rows[np.unique(np.linspace(0, len(rows) - 1, _POINTS).astype(int))]
