@@ -179,7 +179,7 @@ def test_it_follows_a_slew_about_a_skew_axis_and_settles_after_a_fault(
     if schedule:
         assert resim(result.folder / "bag").identical
         return
-    (plan,) = BagReader(result.folder / "bag").overview().plans
+    (plan,) = BagReader(result.folder / "bag").overview.plans
     summary = load_yaml(plan.summary, "plan")
     for name, promised in summary["predicted_residual_attitude_error"].items():
         assert abs(metrics["residual_attitude_error"][name] - promised) < 1e-9
