@@ -1,9 +1,16 @@
 """What every test may rely on, however the tests were started."""
 
+import os
+import pickle
 import signal
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+
+if TYPE_CHECKING:
+    from flexslew_control.plan import Plan
 
 # A shell starts what runs in its background with SIGINT ignored; so would all children be, and
 # those of bash could not even ask for it.
@@ -31,3 +38,29 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def case(request: pytest.FixtureRequest) -> np.random.Generator:
     """Return what a random case is drawn from; its seed is in the name of the test."""
     return np.random.default_rng(request.param)
+
+
+@pytest.fixture(scope="session")
+def shipped_plan(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], "Plan | None"]:
+    """Return a function that gives the plan of a shipped trial: one for all processes of a run."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # which this process has not for itself
+
+    def planned(name: str) -> "Plan | None":
+        from flexslew_lab.trial.sources import read_trial
+        from flexslew_lab.trial.trial import plan_of_trial
+        from flexslew_plant.file_lock import hold
+
+        kept = folder / f"{name}.plan"
+        handle = os.open(folder / f"{name}.lock", os.O_RDWR | os.O_CREAT)
+        try:
+            hold(handle, wait=True)
+            if not kept.exists():
+                kept.write_bytes(pickle.dumps(plan_of_trial(read_trial(name)[0])))
+            plan: Plan | None = pickle.loads(kept.read_bytes())
+        finally:
+            os.close(handle)
+        return plan
+
+    return planned

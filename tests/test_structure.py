@@ -23,11 +23,37 @@ def module_of(path: Any) -> Any:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def imported(path: Any, lazy: bool = True) -> Iterator[Any]:
-    """Yield the names of the modules that a file imports; without lazy those at its top alone."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    nodes = ast.walk(tree) if lazy else iter(tree.body)
-    for node in nodes:
+MODULES = {path: module_of(path) for path in FILES}
+KNOWN = set(MODULES.values())
+PACKAGES = {module_of(path) for path in FILES if path.name == "__init__.py"}
+
+
+@pytest.fixture(scope="module")
+def trees() -> dict[Path, ast.Module]:
+    """Return the syntax tree of every file."""
+    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
+
+
+@pytest.fixture(scope="module")
+def imports(trees: dict[Path, ast.Module]) -> dict[str, set[str]]:
+    """Return the modules of the tree that each imports anywhere, for the type checker too."""
+    return {MODULES[path]: imports_of(MODULES[path], tree) for path, tree in trees.items()}
+
+
+def imports_of(own: str, tree: ast.Module) -> set[str]:
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= inner & KNOWN or {node.module}
+    return (found & KNOWN) - {own}
+
+
+def imported(tree: ast.Module) -> Iterator[Any]:
+    """Yield the names of the modules that a file imports, at its top or within."""
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -35,22 +61,21 @@ def imported(path: Any, lazy: bool = True) -> Iterator[Any]:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def test_ros_is_imported_only_below_ros() -> None:
+def test_ros_is_imported_only_below_ros(trees: dict[Path, ast.Module]) -> None:
     wrong = [
         f"{path.relative_to(SOURCE)}: {name}"
-        for path in FILES
+        for path, tree in trees.items()
         if "ros" not in path.relative_to(SOURCE).parts[:-1]
-        for name in imported(path)
+        for name in imported(tree)
         if ROS.match(name)
     ]
     assert not wrong
 
 
-def test_signatures_name_generic_classes_of_ros_in_quotes() -> None:
+def test_signatures_name_generic_classes_of_ros_in_quotes(trees: dict[Path, ast.Module]) -> None:
     """`Publisher[Any]` is an error where it is evaluated with the rclpy of Jazzy."""
     wrong = []
-    for path in FILES:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+    for path, tree in trees.items():
         of_ros = {
             alias.asname or alias.name
             for node in ast.walk(tree)
@@ -76,40 +101,24 @@ def test_signatures_name_generic_classes_of_ros_in_quotes() -> None:
 
 
 @pytest.mark.parametrize("package", ORDER)
-def test_imports_go_one_way(package: Any) -> None:
+def test_imports_go_one_way(package: Any, trees: dict[Path, ast.Module]) -> None:
     later = ORDER[ORDER.index(package) + 1 :]
     wrong = [
         f"{path.relative_to(SOURCE)}: {name}"
-        for path in (SOURCE / package / package).rglob("*.py")
-        for name in imported(path)
+        for path, tree in trees.items()
+        if path.is_relative_to(SOURCE / package)
+        for name in imported(tree)
         if name.split(".")[0] in later
     ]
     assert not wrong
 
 
-def imports_of(path: Path) -> set[str]:
-    """Return the modules of the tree that a file imports anywhere, for the type checker too."""
-    own, known = module_of(path), {module_of(other) for other in FILES}
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            inner = {f"{node.module}.{alias.name}" for alias in node.names}
-            found |= inner & known or {node.module}
-    return (found & known) - {own}
-
-
-IMPORTS: dict[str, set[str]] = {module_of(path): imports_of(path) for path in FILES}
-PACKAGES = {module_of(path) for path in FILES if path.name == "__init__.py"}
-
-
-def test_no_file_imports_itself_in_a_circle() -> None:
+def test_no_file_imports_itself_in_a_circle(imports: dict[str, set[str]]) -> None:
     """Not even where a name is imported late, or for the type checker alone."""
     # a package stands for its __init__, which imports its members: that is no circle of files
     graph = {
         module: {name for name in needs if not module.startswith(f"{name}.")}
-        for module, needs in IMPORTS.items()
+        for module, needs in imports.items()
     }
     list(TopologicalSorter(graph).static_order())
 
@@ -119,9 +128,9 @@ def family(module: str) -> str:
     return ".".join(module.split(".")[:2])
 
 
-def test_no_two_families_import_each_other() -> None:
+def test_no_two_families_import_each_other(imports: dict[str, set[str]]) -> None:
     needs: dict[str, set[str]] = {}
-    for module, names in IMPORTS.items():
+    for module, names in imports.items():
         for name in names:
             if family(module) in PACKAGES and family(name) in PACKAGES:
                 needs.setdefault(family(module), set()).add(family(name))
@@ -134,12 +143,12 @@ def test_no_two_families_import_each_other() -> None:
     assert not mutual
 
 
-def test_the_name_of_a_public_class_has_one_meaning() -> None:
+def test_the_name_of_a_public_class_has_one_meaning(trees: dict[Path, ast.Module]) -> None:
     homes: dict[str, list[str]] = {}
-    for path in FILES:
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+    for path, tree in trees.items():
+        for node in tree.body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                homes.setdefault(node.name, []).append(module_of(path))
+                homes.setdefault(node.name, []).append(MODULES[path])
     assert not {name: places for name, places in homes.items() if len(places) > 1}
 
 
@@ -177,9 +186,9 @@ def offered(name: str) -> set[str]:
     return set(found[1].replace("\n", " ").split(", ")) if found else set()
 
 
-def test_families_use_of_each_other_what_their_fronts_offer() -> None:
+def test_families_use_of_each_other_what_their_fronts_offer(imports: dict[str, set[str]]) -> None:
     used: dict[str, set[str]] = {name: set() for name in PACKAGES if name.count(".") == 1}
-    for module, names in IMPORTS.items():
+    for module, names in imports.items():
         for name in names:
             home = family(name)
             if home in used and home not in (family(module), name):
@@ -194,16 +203,18 @@ def test_a_node_is_under_150_lines() -> None:
         assert len(path.read_text().splitlines()) < 150, path
 
 
-def test_no_kind_of_event_stands_as_a_text_outside_of_its_file() -> None:
+def test_no_kind_of_event_stands_as_a_text_outside_of_its_file(
+    trees: dict[Path, ast.Module],
+) -> None:
     words = {"started", "resumed", "paused", "step", "rate", "note", "late", "fault", "brake"}
     words |= {"disturbance", "finished", "recording", "reset", "ready", "missed", "planned"}
     words |= {"interrupted", "fallback"}
     kinds = set(EVENTS) - words  # these mean other things as well: states, keys, services
     wrong = [
         f"{path.relative_to(SOURCE)}:{node.lineno}: {node.value}"
-        for path in FILES
+        for path, tree in trees.items()
         if "events" not in path.relative_to(SOURCE).parts and path.name != "refusal.py"
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(tree)
         if isinstance(node, ast.Constant) and node.value in kinds
     ]
     assert not wrong, "\n".join(wrong)
@@ -220,7 +231,9 @@ STATED = {
 WORDS = {"none", "linear"}  # of English: they stand for other things too
 
 
-def test_no_key_of_a_table_stands_as_a_string_outside_of_its_file() -> None:
+def test_no_key_of_a_table_stands_as_a_string_outside_of_its_file(
+    trees: dict[Path, ast.Module],
+) -> None:
     from flexslew_control.controllers import CONTROLLERS
     from flexslew_control.planners import PLANNERS
     from flexslew_plant.faults import FAULTS
@@ -235,11 +248,11 @@ def test_no_key_of_a_table_stands_as_a_string_outside_of_its_file() -> None:
     }
     assert len(homes) > 25
     wrong, stated = [], set()
-    for path in FILES:
+    for path, tree in trees.items():
         place = "/".join(path.relative_to(SOURCE).parts[1:])
         if "reproduce/" in place:  # names the trials of papers
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree):
             key = node.value if isinstance(node, ast.Constant) else None
             if not isinstance(key, str) or key not in homes or place.startswith(homes[key]):
                 continue
@@ -305,12 +318,11 @@ def sentence(node: ast.AST) -> bool:
 ERROR = re.compile(r"\b(error|refused|refusal|failure|why)\b")
 
 
-def test_no_code_reads_a_sentence() -> None:
+def test_no_code_reads_a_sentence(trees: dict[Path, ast.Module]) -> None:
     wrong = []
-    for path in FILES:
+    for path, tree in trees.items():
         if path.name == "older.py":  # logs of before say it in words alone
             continue
-        tree = ast.parse(path.read_text(encoding="utf-8"))
         wrong += [
             f"{path.relative_to(SOURCE)}:{node.lineno}: {ast.unparse(node)}"
             for node in (*read_sentences(tree), *compared_kinds(tree))

@@ -1,3 +1,4 @@
+import os
 from hashlib import sha256
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -261,6 +262,23 @@ def test_a_module_and_an_entry_point_serve_as_well(
     by_module = user_law.find_law("wheels_of_mine.MyLaw", "test", (), ANY_CODE)
     assert by_module.__name__ == "MyLaw"
     assert user_law.find_law("mine", "test", (), NO_CODE) is by_module
+
+
+def test_a_package_that_is_installed_meanwhile_is_found(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(BadInput, match="late is not a law"):
+        user_law.find_law("late", "test", (), NO_CODE)
+    (tmp_path / "late_wheels.py").write_text(Path(EXAMPLE.removesuffix(":MyLaw")).read_text())
+    (tmp_path / "late-1.0.dist-info").mkdir()
+    (tmp_path / "late-1.0.dist-info/METADATA").write_text("Name: late\nVersion: 1.0\n")
+    words = f"[{LAWS}]\nlate = late_wheels:MyLaw\n"
+    (tmp_path / "late-1.0.dist-info/entry_points.txt").write_text(words)
+    later = tmp_path.stat().st_mtime_ns + 10**9  # a tick of the file system's clock and more
+    os.utime(tmp_path, ns=(later, later))
+    assert user_law.find_law("late", "test", (), NO_CODE).__name__ == "MyLaw"
+    assert own_code.file_of("late") == tmp_path / "late_wheels.py"
 
 
 class Counting(Steady):

@@ -32,6 +32,18 @@ def test_every_command_that_operates_a_bench_joins_its_graph_early() -> None:
     assert set(early.OPERATING) == {command.__name__ for command in operate.COMMANDS}
 
 
+def test_a_trial_is_read_without_what_takes_longer_to_load_than_all_else() -> None:
+    program = (
+        "import sys\n"
+        "import flexslew_lab.trial.trial\n"
+        "print('loaded:', sorted({'scipy.stats', 'scipy.signal'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "loaded: []\n"
+
+
 def test_a_flight_and_its_nodes_load_nothing_of_the_design_side() -> None:
     program = (
         "import sys\n"

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,17 +31,23 @@ STUDY: dict[str, Any] = {
 }
 
 
-@pytest.fixture
-def study_of(tmp_path: Path) -> Callable[..., Study]:
-    """Return a function that gives the study of a file with some keys changed."""
+@pytest.fixture(scope="session")
+def study_in() -> Callable[..., Study]:
+    """Return a function that gives the study of a file in a folder with some keys changed."""
 
-    def make(flown: dict[str, Any] | None = None, **keys: Any) -> Study:
-        (tmp_path / "small.yaml").write_text(yaml_text(TRIAL | (flown or {})))
+    def make(folder: Path, flown: dict[str, Any] | None = None, **keys: Any) -> Study:
+        (folder / "small.yaml").write_text(yaml_text(TRIAL | (flown or {})))
         text = yaml_text({k: v for k, v in (STUDY | keys).items() if v is not None})
-        (tmp_path / "study.yaml").write_text(text)
-        return parse_study(text, str(tmp_path / "study.yaml"), tmp_path, ANY_CODE)
+        (folder / "study.yaml").write_text(text)
+        return parse_study(text, str(folder / "study.yaml"), folder, ANY_CODE)
 
     return make
+
+
+@pytest.fixture
+def study_of(study_in: Callable[..., Study], tmp_path: Path) -> Callable[..., Study]:
+    """Return a function that gives the study of a file with some keys changed."""
+    return partial(study_in, tmp_path)
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """Damage and links in the folder of a study: named, never trusted, never followed."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,12 +28,24 @@ LOST = ("report.html", ".writing")  # nothing is read from them
 WHOLE = {"index": [0], "status": ["ok"], "reason": [""], "way": ["bench"], "trajectory_hash": ["0"]}
 
 
-@pytest.fixture
-def flown(study_of: Callable[..., Study], tmp_path: Path) -> tuple[Preparation, Store]:
-    ready = prepare(study_of(criteria={"peak_tip_deflection": {"below": 1.0, "probability": 0.5}}))
-    store = run_study(ready, tmp_path / "s", InThisProcess(ready.job))
+@pytest.fixture(scope="module")
+def sound(
+    study_in: Callable[..., Study], tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Preparation, Path]:
+    """Return a study and its folder, which nobody damages."""
+    folder = tmp_path_factory.mktemp("sound")
+    criteria = {"peak_tip_deflection": {"below": 1.0, "probability": 0.5}}
+    ready = prepare(study_in(folder, criteria=criteria))
+    store = run_study(ready, folder / "s", InThisProcess(ready.job))
     finished(ready.study, store)
-    return ready, store
+    return ready, store.folder
+
+
+@pytest.fixture
+def flown(sound: tuple[Preparation, Path], tmp_path: Path) -> tuple[Preparation, Store]:
+    """Return the study and a copy of its folder."""
+    ready, folder = sound
+    return ready, Store(Path(shutil.copytree(folder, tmp_path / "s")))
 
 
 def told(command: list[str]) -> tuple[int, dict[str, Any] | None, str]:

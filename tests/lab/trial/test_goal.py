@@ -1,12 +1,14 @@
 """Whether a run reaches its goal: a law that cannot is not ready, a run that has not has failed."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from flexslew_control.controllers import CONTROLLERS
+from flexslew_control.plan import Plan
 from flexslew_lab.cli.main import main
 from flexslew_lab.run.run_trial import run_trial
 from flexslew_lab.trial.sources import shipped_trials
@@ -117,7 +119,9 @@ def test_on_the_oscillator_nothing_needs_nan(method: str, law: str, tmp_path: Pa
 
 
 @pytest.mark.parametrize("shipped", shipped_trials(), ids=lambda trial: trial.name)
-def test_every_law_of_a_shipped_trial_follows_its_plan(shipped: Any) -> None:
+def test_every_law_of_a_shipped_trial_follows_its_plan(
+    shipped: Any, shipped_plan: Callable[[str], Plan | None]
+) -> None:
     trial = load_trial(shipped.path)
     controllers = build_controllers(trial, shipped.name)
-    assert follow(controllers, trial.active, plan_of_trial(trial)) is None
+    assert follow(controllers, trial.active, shipped_plan(shipped.name)) is None

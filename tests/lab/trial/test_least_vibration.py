@@ -1,5 +1,6 @@
 """The shipped turn in three axes with the least vibration keeps its promise between its members."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, cast
 
@@ -7,19 +8,21 @@ import numpy as np
 from tests.present import present
 
 from flexslew_control.law import PlantDescription
-from flexslew_control.planners import make_plan
+from flexslew_control.plan import Plan
 from flexslew_control.planners.whole_bench import flown_on_bench
 from flexslew_lab.reproduce.scole_flights import shipped_values
-from flexslew_lab.trial.trial import feedback_of, law_in_charge, trial_of_values
+from flexslew_lab.trial.trial import law_in_charge, trial_of_values
 
 
-def test_the_shipped_turn_leaves_what_it_promises_on_stiffnesses_between_its_members() -> None:
+def test_the_shipped_turn_leaves_what_it_promises_on_stiffnesses_between_its_members(
+    shipped_plan: Callable[[str], Plan | None],
+) -> None:
     """10 % more, and 1e-5 m, which counts as none."""
     trial = trial_of_values(shipped_values("least_vibration", {}), "here")
-    testbed, section = cast(Any, trial.testbed), cast(Any, trial.plan)
+    testbed = cast(Any, trial.testbed)
     limit = np.array([wheel.limit for wheel in testbed.wheels.values()])
     bench, law = PlantDescription(trial.testbed, trial.period, limit), law_in_charge(trial)
-    plan = make_plan(section, bench, feedback_of(trial), law=law)
+    plan = present(shipped_plan("least_vibration"))
     members = [member["errors"]["stiffness"] for member in plan.summary["members"]]
     between = np.linspace(-0.2, 0.2, 17)[1::2]
     assert not np.isclose(between[:, None], members).any()

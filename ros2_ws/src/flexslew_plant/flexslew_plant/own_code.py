@@ -8,13 +8,15 @@ or a message names is somebody else's (`NO_CODE`, or what --trust names).
 import hashlib
 import importlib
 import importlib.util
+import os
 import sys
 import traceback
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.machinery import SourceFileLoader
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
@@ -72,7 +74,7 @@ def is_own_code(name: str) -> bool:
 
 def file_of(name: str) -> Path | None:
     """Return the file that would run for a name, without running any of it; None: not found."""
-    entry = next(filter(None, (_entry(name, group) for group in GROUPS)), None)
+    entry = next(filter(None, (_installed(group).get(name) for group in GROUPS)), None)
     module = entry.module if entry is not None else name.rpartition(".")[0]
     if entry is None and ".py:" in name:
         path = Path(name.rpartition(":")[0])
@@ -115,7 +117,7 @@ def find_class(
         Untrusted: a file or a module is named that nobody has trusted.
         BadInput: there is no such class, or its module cannot be imported.
     """
-    installed = {point.name: point for point in entry_points(group=group)}
+    installed = _installed(group)
     if name not in installed and is_own_code(name):
         _demand(trust, name, source)
     try:
@@ -145,9 +147,21 @@ def find_class(
     return found
 
 
-def _entry(name: str, group: str) -> Any:
-    """Return the entry point of this name, which an installed package offers, or None."""
-    return next((point for point in entry_points(group=group) if point.name == name), None)
+def _installed(group: str) -> dict[str, EntryPoint]:
+    """Return the entry points of a group by name.
+
+    What each package offers is read again where a folder of sys.path has changed.
+    """
+    stamps = []
+    for folder in sys.path:
+        with suppress(OSError):
+            stamps.append((folder, os.stat(folder or ".").st_mtime_ns))
+    return _offered(group, tuple(stamps))
+
+
+@lru_cache(maxsize=16)
+def _offered(group: str, _: tuple[tuple[str, int], ...]) -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=group)}
 
 
 def _demand(trust: Trust, name: str, source: str) -> None:

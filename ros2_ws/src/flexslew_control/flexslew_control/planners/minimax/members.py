@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
-from scipy.stats import qmc
 
 from flexslew_control.planners.slew import Slew
 from flexslew_plant.arrays import Matrix, Vector
@@ -102,6 +101,8 @@ def _points(asked: Ensemble) -> Matrix:
     if not len(ranges):
         return np.zeros((1, 0))
     if asked.draw == "sampled":
+        from scipy.stats import qmc  # takes longer to load than all planners
+
         cube = qmc.Sobol(len(ranges), rng=np.random.default_rng(asked.seed))
         with np.errstate(all="ignore"):
             unit = cube.random_base2(int(np.ceil(np.log2(asked.count))))[: asked.count]

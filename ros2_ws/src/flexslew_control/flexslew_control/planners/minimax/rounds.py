@@ -16,7 +16,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import argrelmax
 
 from flexslew_control.planners.minimax.cones import Cones
 from flexslew_control.planners.minimax.program import (
@@ -174,7 +173,7 @@ def _done(cones: Cones, goal: Goal, best: Optimum | None, found: Optimum, nothin
 def _peaks(beyond: Vector, most: int) -> Vector:
     """Return the ticks of the largest local peaks of what is above zero, so many at most."""
     padded = np.concatenate(([-np.inf], beyond, [-np.inf]))
-    peaks = argrelmax(padded, mode="clip")[0] - 1
+    peaks = np.flatnonzero((beyond > padded[:-2]) & (beyond > padded[2:]))
     if not peaks.size:  # flat
         peaks = np.array([int(np.argmax(beyond))])
     peaks = peaks[beyond[peaks] > 0.0]
