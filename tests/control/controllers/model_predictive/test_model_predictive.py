@@ -136,6 +136,10 @@ def test_too_few_iterations_repeat_the_last_answer_and_nobody_is_silent() -> Non
     flight = oscillator(tip_limit=0.05, iterations=1)
     assert flight.metrics["missed_ticks"] == 0
     assert np.isfinite(flight["effort"]).all()
+    told = [event for event in flight.events if event.kind == "repeated"]
+    assert [event.data["iterations"] for event in told] == [1] * len(told)
+    assert 0 < len(told) < len(flight.time) / 10  # once for all in a row
+    assert [event for event in oscillator(tip_limit=0.05).events if event.kind == "repeated"] == []
 
 
 def test_m1_with_the_tips_held_below_half_of_what_the_planned_feedforward_needs() -> None:

@@ -8,6 +8,7 @@ Offers: run.
 from typing import Any
 
 from flexslew_plant.events.control import (
+    AnswerRepeated,
     ControllerTuned,
     EstimateDoubted,
     LimitSoftened,
@@ -69,6 +70,7 @@ __all__ = [
     "IN_CHARGE",
     "UNNAMED",
     "AnswerMissed",
+    "AnswerRepeated",
     "BecameReady",
     "BecameUnready",
     "BentFar",
@@ -161,6 +163,7 @@ _KINDS: tuple[Any, ...] = (
     ControllerTuned,
     EstimateDoubted,
     LimitSoftened,
+    AnswerRepeated,
     PlanPublished,
     PlanDrafted,
     PlanRefused,

@@ -64,6 +64,20 @@ class LimitSoftened:
 
 
 @fact
+class AnswerRepeated:
+    """A law that solves a problem at every tick found no answer in time; said once in a row."""
+
+    kind: ClassVar[str] = "repeated"
+    level: ClassVar[Level] = Level.WARNING
+    iterations: Count  # that did not suffice
+
+    @property
+    def message(self) -> str:
+        """One line for a person."""
+        return f"no answer in {self.iterations} iterations: the one before is applied again"
+
+
+@fact
 class StrayMessage:
     """Somebody who is not the plant of this bench speaks on one of its topics; said once."""
 

@@ -39,7 +39,7 @@ from flexslew_control.shared_keys import BelievedModel
 from flexslew_control.turning_platform import TurningPlatform, turning_platform
 from flexslew_plant.arrays import Matrix, Vector, kept
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import LimitSoftened
+from flexslew_plant.events import AnswerRepeated, LimitSoftened
 from flexslew_plant.measurement import Measurement
 from flexslew_plant.settings import Positive, section
 
@@ -105,7 +105,7 @@ class ModelPredictiveLaw:
         self._fresh = True  # no answer yet
         self._active = np.zeros(n * m + rates + n * len(limits.names))
         self._last = kept(np.zeros((n, m)))
-        self._softened = False
+        self._softened = self._repeats = False
         self.remarks: list[Any] = []  # of the last answer, for the log
         self.terms: dict[str, Vector] = {}
 
@@ -121,7 +121,7 @@ class ModelPredictiveLaw:
         self, measurement: Measurement, estimate: Estimate, reference: Reference, effort: Vector
     ) -> None:
         """Begin without an answer before."""
-        self._active, self._softened = np.zeros_like(self._active), False
+        self._active, self._softened, self._repeats = np.zeros_like(self._active), False, False
         self._last, self._fresh = kept(np.zeros_like(self._last)), True
         self._prediction.restart()
 
@@ -163,6 +163,9 @@ class ModelPredictiveLaw:
         )
         lower, upper = self._bounds(measurement.applied_effort, d, known.readings.ravel())
         solved, active = known.program.solve(known.off, requested, lower, upper, self._active)
+        if not solved.optimal and not self._repeats:
+            self.remarks = [AnswerRepeated(self._steps.iterations)]
+        self._repeats = not solved.optimal
         if solved.optimal:
             self._active, self._last = active, kept(solved.efforts)
             if solved.softened and not self._softened:

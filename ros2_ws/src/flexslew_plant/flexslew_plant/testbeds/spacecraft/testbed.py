@@ -386,7 +386,9 @@ def _craft(same: _Same) -> Spacecraft:
 def _still(parts: dict[str, AppendageSettings]) -> dict[str, AppendageSettings]:
     """Return the appendages with passive hinges fixed: no plan counts with what swings there."""
     return {
-        name: replace(a, hinge=replace(a.hinge, kind="fixed")) if a.hinge.kind == "passive" else a
+        name: replace(a, hinge=replace(a.hinge, kind="fixed", spring=0.0, damper=0.0))
+        if a.hinge.kind == "passive"
+        else a
         for name, a in parts.items()
     }
 

@@ -34,6 +34,17 @@ _HINGES = {
     "passive": at.DRIVEN,  # by spring and damper alone
 }
 
+_PLAIN = Hinge()
+
+# keys of a hinge by which kinds have them; a retarget turns a fixed one
+_ONLY = {
+    "spring": ("driven", "passive"),
+    "damper": ("driven", "passive"),
+    "limit": ("driven",),
+    "range": ("fixed", "prescribed"),
+    "motion": ("prescribed",),
+}
+
 _SIGHT = 1e-6  # between a target and where a hinge can point [rad]
 
 
@@ -63,6 +74,12 @@ def appendage_of(name: str, a: AppendageSettings, units: Units, key: str) -> App
     axis = unit_direction(h.axis, f"{key}.hinge.axis")
     manoeuvres = _manoeuvres(h, axis, axes, f"{key}.hinge")
     kind = h.kind or ("prescribed" if manoeuvres else "fixed")
+    for part, kinds in _ONLY.items():
+        if kind not in kinds and getattr(h, part) != getattr(_PLAIN, part):
+            raise BadInput(
+                f"{key}.hinge.{part}: a {kind} hinge has none; leave it out or use kind: "
+                f"{' or '.join(kinds)}"
+            )
     modal_mass = np.zeros(0) if shape is None else shape.mass
     stiffness = np.zeros(0) if shape is None else a.stiffness * shape.stiffness
     own = None if shape is None or shape.damping is None else shape.damping * a.stiffness**0.5
