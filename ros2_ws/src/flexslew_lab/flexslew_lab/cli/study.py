@@ -124,7 +124,7 @@ def report(
     Example: `./flexslew study report runs/study-before runs/study-after`
     """
     from flexslew_lab.log.files.whole_file import write_whole
-    from flexslew_lab.studies.findings.page import comparison_page
+    from flexslew_lab.studies.findings.page import comparison_page, names_of
     from flexslew_lab.studies.findings.summary import passed, summary
     from flexslew_lab.studies.run import flights_of
 
@@ -150,7 +150,7 @@ def report(
     elif as_json:
         print(json.dumps(found, indent=2))
     else:
-        side_by_side(found)
+        side_by_side(names_of(opened), found)
     demand(all(map(passed, found)) and not any(store.damaged for _, store in opened))
 
 

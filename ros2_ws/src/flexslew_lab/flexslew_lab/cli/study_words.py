@@ -1,7 +1,7 @@
 """What a terminal shows of a study: how far it is, and what it found."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
 from time import monotonic
@@ -126,7 +126,7 @@ def tell(found: dict[str, Any], as_json: bool) -> None:
         say(f" {criterion_words(row)}", head=verdict.value, head_style=colours[verdict])
 
 
-def side_by_side(found: list[dict[str, Any]]) -> None:
+def side_by_side(names: Sequence[str], found: list[dict[str, Any]]) -> None:
     """Print the 99 % quantiles of two studies beside each other."""
     from flexslew_lab.studies.findings.tables import bounded
 
@@ -137,4 +137,4 @@ def side_by_side(found: list[dict[str, Any]]) -> None:
             continue
         q = [m["quantiles"]["0.99"] for m in (metric, second["metrics"][name])]
         lines.append((name, bounded(q[0]), bounded(q[1])))
-    print_table(("99 % of", first["study"], second["study"]), lines)
+    print_table(("99 % of", *names), lines)

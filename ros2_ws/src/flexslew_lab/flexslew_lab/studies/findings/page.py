@@ -1,6 +1,8 @@
 """The pages of studies: one HTML file with everything in it."""
 
+from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import plotly.graph_objects as go
@@ -17,7 +19,6 @@ from flexslew_lab.studies.findings.tables import (
 )
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
-from flexslew_plant.arrays import Vector
 
 _SHOWN = 3  # metrics with figures of their own, where no criterion names any
 _FIRST = ("residual_tip_deflection", "residual_attitude_error", "settling_time")
@@ -59,17 +60,29 @@ def study_page(study: Study, store: Store, found: dict[str, Any]) -> str:
     )
 
 
+def names_of(opened: Sequence[tuple[Study, Store]]) -> list[str]:
+    """Return what studies are called side by side: with their folders where names are equal."""
+    names = [study.settings.study for study, _ in opened]
+    places: tuple[Callable[[Path], str], ...] = (lambda folder: folder.name, str)
+    for place in places:
+        if len({*names}) < len(names):
+            names = [f"{study.settings.study} ({place(store.folder)})" for study, store in opened]
+    return names
+
+
 def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any]]) -> str:
     """Return the page of two studies side by side."""
+    studies = names_of(opened)
     common = [n for n in found[0]["metrics"] if n in found[1]["metrics"] and "." not in n]
     requested = [n for n in opened[0][0].settings.criteria if n in common]
     names = list(dict.fromkeys([*requested, *(n for n in _FIRST if n in common)]))[:_SHOWN]
     drawn = []
     for name in names:
-        each: dict[str, Vector] = {}
-        for (study, store), summed in zip(opened, found, strict=True):
-            for label, values in figures.columns(study, store, name).items():
-                each[", ".join(filter(None, (summed["study"], label)))] = values
+        each = {
+            ", ".join(filter(None, (called, label))): values
+            for called, (study, store) in zip(studies, opened, strict=True)
+            for label, values in figures.columns(study, store, name).items()
+        }
         unit = found[0]["metrics"][name]["unit"]
         drawn.append((name, _html(figures.curves(each, name, unit))))
     told = [{row.name: row for row in overall_rows(one)} for one in found]
@@ -78,25 +91,23 @@ def comparison_page(opened: list[tuple[Study, Store]], found: list[dict[str, Any
         for name in common
         if all(name in one for one in told)
     ]
-    studies = [one["study"] for one in found]
-    means, tails = ([f"{of}, {name}" for name in studies] for of in ("mean", "99 %"))
+    means, tails = ([f"{of}, {called}" for called in studies] for of in ("mean", "99 %"))
     criteria = [
         (
-            one["study"],
+            called,
             str(row["metric"]),
             str(row["variant"] or ""),
             f"{row['successes']} of {row['trials']}",
             short(row["lower_bound"], digits=3),
             row["verdict"],
         )
-        for one in found
+        for called, one in zip(studies, found, strict=True)
         for row in one["criteria"]
     ]
     asked = ("study", "metric", "variant", "kept to", "lower bound", "")
     about = "; ".join(
-        f"{one['study']}: {one['trials']} trials, {one['failed']} failed, "
-        f"{one['sampling']['method']}"
-        for one in found
+        f"{called}: {one['trials']} trials, {one['failed']} failed, {one['sampling']['method']}"
+        for called, one in zip(studies, found, strict=True)
     )
     tables = (
         Table("Metrics", "", ("metric", *means, *tails), rows),
