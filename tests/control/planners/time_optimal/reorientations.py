@@ -1,16 +1,16 @@
 """Reorientations of a rigid craft by the planner, and by a transcription with CasADi."""
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
-from flexslew_plant.arrays import Vector
+from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds import read_testbed
 
 NAMES = ("roll", "pitch", "yaw")
@@ -53,17 +53,52 @@ def planned(inertia: Triple, limit: Triple, turn: Triple, **keys: Any) -> Plan:
     return make_plan(plan_settings(values, "here"), craft(inertia, limit), law=law)
 
 
+class Guess(NamedTuple):
+    """A smooth slew of a rigid craft, whose efforts are as good as none."""
+
+    position: Matrix  # rotation vectors, (k, 3) [rad]
+    velocity: Matrix  # in body axes, (k, 3) [rad/s]
+    effort: Matrix  # (k, 3) [N m]
+    duration: float  # [s]
+
+
+class Keep(NamedTuple):
+    """A cone and what keeps out of it."""
+
+    boresight: Vector
+    direction: Vector
+    half: float  # [rad]
+
+
+def through(passing: Rotation, turn: Triple, duration: float) -> Guess:
+    """Return a smooth slew to the end of a rotation vector through an attitude in its middle."""
+    s = np.linspace(0.0, 1.0, 400)
+    ends = Rotation.concatenate([Rotation.identity(), passing, Rotation.from_rotvec(turn)])
+    path = Slerp([0.0, 0.5, 1.0], ends)(3.0 * s**2 - 2.0 * s**3)
+    rate = (path[:-1].inv() * path[1:]).as_rotvec() * (s.size - 1) / duration
+    still = np.zeros((1, 3))
+    return Guess(path.as_rotvec(), np.vstack((rate, still)), np.zeros((s.size, 3)), duration)
+
+
+def beside(keep: Keep, turn: Triple, side: float) -> Rotation:
+    """Return the attitude half-way, its boresight turned to one side of a cone."""
+    middle = Rotation.from_rotvec(0.5 * np.array(turn))
+    look = middle.apply(keep.boresight)
+    ahead = np.cross(turn, look)  # the way of the boresight
+    return Rotation.from_rotvec(side * (keep.half + 0.3) * ahead / np.linalg.norm(ahead)) * middle
+
+
 def transcribed(
     inertia: Triple,
     limit: Triple,
     turn: Triple,
-    guess: Plan,
-    cone: tuple[Vector, float] | None = None,
+    guess: Plan | Guess,
+    keep: Keep | None = None,
     rate_limit: float | None = None,
 ) -> float:
     """Return the least duration of efforts on 120 pieces, by IPOPT from another slew's [s].
 
-    With a cone (direction, half angle [rad]) the body's z axis keeps out of it at the pieces' ends.
+    A boresight keeps out of its cone at the pieces' ends.
     """
     q, w, u, h = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("u", 3), ca.SX.sym("h")
     x, moment = ca.vertcat(q, w), ca.DM(inertia)
@@ -86,12 +121,12 @@ def transcribed(
     problem.subject_to(states[:3, -1] == ca.DM(goal[:3]))
     problem.subject_to(states[4:, -1] == 0.0)
     problem.subject_to(duration >= 0.1)
-    if cone is not None:
-        x1, y1, z1, w1 = (states[k, :] for k in range(4))
-        look = ca.vertcat(
-            2.0 * (x1 * z1 + w1 * y1), 2.0 * (y1 * z1 - w1 * x1), 1.0 - 2.0 * (x1**2 + y1**2)
-        )
-        problem.subject_to(ca.DM(cone[0]).T @ look <= np.cos(cone[1]))
+    if keep is not None:
+        along = ca.repmat(ca.DM(keep.boresight), 1, pieces + 1)
+        across = ca.cross(states[:3, :], along, 1)
+        scalar = ca.repmat(states[3, :], 3, 1)
+        look = along + 2.0 * (scalar * across + ca.cross(states[:3, :], across, 1))
+        problem.subject_to(ca.DM(keep.direction).T @ look <= np.cos(keep.half))
     if rate_limit is not None:
         problem.subject_to(ca.sum1(states[4:, :] ** 2) <= rate_limit**2)
     problem.minimize(duration)

@@ -10,8 +10,11 @@ from tests.control.planners.time_optimal.reorientations import (
     NAMES,
     SPHERE,
     UNIT,
+    Keep,
     Triple,
+    beside,
     craft,
+    through,
     transcribed,
 )
 
@@ -50,9 +53,39 @@ def test_it_goes_round_a_cone_hardly_later_than_a_transcription(aside: float, ha
     assert closest(plan, direction) >= half - 1e-9
     assert plan.summary["path_limits"] == ["keep_out sun"]
     assert plan.duration > plan.summary["rigid_duration"] - 1e-6
-    found = transcribed(*ASKEW, plan, (direction, half))
+    found = transcribed(*ASKEW, plan, Keep(np.array([0.0, 0.0, 1.0]), direction, half))
     assert plan.duration <= 1.02 * found
     assert max(plan.summary["predicted_residual_attitude_error"].values()) < 1e-5
+
+
+FURTHER = [  # inertia, limits, turn, boresight, direction and half angle of the cone
+    ((6.3, 8.6, 14.1), (1.04, 0.5, 0.88), (-2.87, -0.33, -1.23), (0.2, -0.4, -0.3),
+     (-0.2, -0.62, 0.75), 0.6),
+    ((19.3, 9.3, 14.7), (1.17, 0.72, 0.4), (2.51, 0.88, -0.82), (0.5, 1.9, -0.3),
+     (0.64, 0.52, 0.58), 0.6),
+    ((10.5, 6.3, 7.9), (0.64, 1.34, 0.54), (-0.45, -2.07, 2.03), (0.8, 1.1, 0.3),
+     (-0.61, 0.79, -0.05), 0.5),
+    ((17.2, 10.1, 13.2), (0.54, 1.5, 0.59), (-0.39, -2.42, 0.51), (0.0, 0.0, 1.0),
+     (-0.96, 0.0, 0.27), 0.53),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", FURTHER)
+def test_on_neither_side_of_a_cone_is_a_transcription_much_faster(case: Any) -> None:
+    """The transcription starts from smooth slews past either side."""
+    inertia, limit, turn, look, axis, half = case
+    boresight = np.array(look) / np.linalg.norm(look)
+    direction = np.array(axis) / np.linalg.norm(axis)
+    keep_out = {"sun": {"boresight": boresight.tolist(), "direction": direction.tolist(),
+                        "half_angle": half}}  # fmt: skip
+    plan = slew(craft(inertia, limit, keep_out=keep_out), turn)
+    assert plan.summary["path_limits"] == ["keep_out sun"]
+    looks = Rotation.from_rotvec(plan.position.copy()).apply(boresight)
+    assert np.arccos(looks @ direction).min() >= half - 1e-9
+    keep = Keep(boresight, direction, half)
+    for side in (1.0, -1.0):
+        guess = through(beside(keep, turn, side), turn, 1.2 * plan.duration)
+        assert plan.duration <= 1.02 * transcribed(inertia, limit, turn, guess, keep)
 
 
 def test_below_a_rate_it_coasts() -> None:

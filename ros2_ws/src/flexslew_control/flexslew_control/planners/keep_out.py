@@ -32,5 +32,6 @@ def require_clear(plan: Plan, testbed: Testbed) -> None:
             begin = plan.start + plan.period * inside[0]
             raise PlanFailed(
                 f"the plan looks into keep_out {cone.name} from {begin:g} s on, by "
-                f"{-margin.min():.3g} rad at most; time_optimal with drives: all goes round it"
+                f"{-margin.min():.3g} rad at most; time_optimal and minimax_feedforward with "
+                "drives: all go round it"
             )

@@ -31,7 +31,9 @@ class JointMotion:
         place = model.rest(dict(zip(model.joint_names, self.goal.tolist(), strict=True)))
         tip = np.zeros((len(model.appendages.names), 2 * n))
         tip[:, m:n] = model.appendages.tip
-        return RestMotion(model.linearise(place), joint_readings(n, m, 2 * n), tip, m)
+        none = np.zeros((0, 2 * n))
+        seen = joint_readings(n, m, 2 * n)
+        return RestMotion(model.linearise(place), seen, tip, m, none, none[:, 0])
 
     def flight(
         self, model: Model, efforts: Matrix, gains: Matrix, path: Matrix | None, motors: Lti
@@ -78,6 +80,14 @@ class JointMotion:
         """Return what reads tips, positions and rates off a state, (tips + 2 joints, size)."""
         rest = self.at_rest(model)
         return np.vstack((rest.tip, rest.seen))
+
+    def along(self, states: Matrix) -> Matrix:
+        """Return nothing."""
+        return np.zeros((len(states), 0))
+
+    def along_slopes(self, states: Matrix) -> Tensor:
+        """Return none."""
+        return np.zeros((len(states), 0, states.shape[1]))
 
     def deviation(self, model: Model, x: Vector) -> Vector:
         """Return how far a state is from the rest at the goal, shape (2 n,)."""

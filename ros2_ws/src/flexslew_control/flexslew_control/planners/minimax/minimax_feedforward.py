@@ -8,6 +8,7 @@ other efforts on these pieces can pass below; for any other plant a sequence of 
 optimum. Floating oscillator, stiffness within 20 %, 10 s: 1.2e-4 m without feedback.
 """
 
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -20,6 +21,7 @@ from flexslew_control.planners.minimax.members import Ensemble
 from flexslew_control.planners.minimax.optimum import Found, found_optimum
 from flexslew_control.planners.minimax.program import Limits
 from flexslew_control.planners.minimax.question import Question
+from flexslew_control.planners.minimax.search import SPARE
 from flexslew_control.planners.minimax.shortest import enough_time, shortest
 from flexslew_control.planners.minimax.turn import turn_of
 from flexslew_control.planners.minimax.turning_motion import TurningMotion
@@ -32,6 +34,8 @@ from flexslew_control.shared_keys import BelievedModel, Initial, Start
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.settings import NonNegative, Positive, section
+
+_OF_ROOM = 0.5  # share of what start and goal have to the edge of a cone that may be spared
 
 
 @section
@@ -59,8 +63,9 @@ class MinimaxFeedforward:
     # lowest and highest position that a joint may have on any member, by name [rad or m]; null:
     # free; none of a turn by all drives
     joint_range: dict[str, tuple[float, float]] | None = None
-    # largest rate of a joint on any member, by name [rad/s or m/s]; null: free
-    rate_limit: dict[str, Positive] | None = None
+    # largest rate of a joint on any member, by name [rad/s or m/s]; one number: of the length of
+    # the body rate of a turn by all drives [rad/s]; null: free
+    rate_limit: Positive | dict[str, Positive] | None = None
     # largest tip deflection of any member, during the slew and after [m]; null: free
     tip_limit: Positive | None = None
     # weight of the effort, worst residual + rho times the sum of its squares [m/(N m)^2 or m/N^2]
@@ -97,10 +102,16 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
         BadInput: a range or a limit is of no joint, or does not hold start and goal; nothing
             rests at the goal without an effort; or the craft is there already, or a drive does not
             turn it.
+        PlanFailed: start or goal looks into a cone of `keep_out`.
     """
     require_rest(slew, settings.start + settings.duration)
     names, demand = slew.model.joint_names, (1.0 - settings.reserve) * slew.effort_limit
-    turn = turn_of(slew, demand)
+    rates = settings.rate_limit if isinstance(settings.rate_limit, dict) else {}
+    length = None if isinstance(settings.rate_limit, dict) else settings.rate_limit
+    turn = turn_of(slew, demand, length)
+    if turn is None and length is not None:
+        words = "null, or rates by joint; turns in three axes with drives: all keep to one number"
+        raise BadInput(words, "plan", "rate_limit", length)
     if turn is not None and settings.joint_range is not None:
         words = "null; a turn by all drives has no range, take moving for one about an axis"
         raise BadInput(words, "plan", "joint_range", settings.joint_range)
@@ -117,10 +128,13 @@ def question_of(settings: MinimaxFeedforward, slew: Slew) -> Question:
             )
         joint[:, j] = low, high
     rate = np.full(len(names), np.inf)
-    for name, most in (settings.rate_limit or {}).items():
+    for name, most in rates.items():
         rate[_joint(name, names, "rate_limit")] = most
     tip = np.inf if settings.tip_limit is None else settings.tip_limit
     limits = Limits(demand, joint, rate, tip)
+    if turn is not None:
+        limits = replace(limits, along=turn.motion.limits.bounds)
+        limits = replace(limits, spare=min(SPARE, _OF_ROOM * turn.room) if limits.of_path else 0.0)
     return Question(
         slew,
         settings.ensemble,

@@ -61,6 +61,16 @@ class MemberMotion(Protocol):
     def readings(self, model: Model) -> Matrix:
         """Return what reads tips, positions and rates off a state, (tips + 2 joints, size)."""
 
+    def along(self, states: Matrix) -> Matrix:
+        """Return what else has limits all along the path, shape (k, readings).
+
+        Args:
+            states: of a member, shape (k, size).
+        """
+
+    def along_slopes(self, states: Matrix) -> Tensor:
+        """Return its derivatives by the states, shape (k, readings, size)."""
+
     def deviation(self, model: Model, x: Vector) -> Vector:
         """Return how far a state is from the rest at the goal, shape (2 k,)."""
 

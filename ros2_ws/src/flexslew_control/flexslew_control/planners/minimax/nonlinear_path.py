@@ -124,8 +124,8 @@ class TabledPath:
 def channels(motion: MemberMotion, model: Model, flown: MemberFlight) -> Matrix:
     """Return the channels at every tick but the last, (ticks, channels)."""
     read = flown.states[:-1] @ motion.readings(model).T
-    tips = len(model.appendages.names)
-    return np.hstack((read[:, :tips], flown.commanded, read[:, tips:]))
+    tips, along = len(model.appendages.names), motion.along(flown.states[:-1])
+    return np.hstack((read[:, :tips], flown.commanded, read[:, tips:], along))
 
 
 def deviation(motion: MemberMotion, model: Model, flown: MemberFlight) -> Vector:
@@ -178,11 +178,16 @@ def tabled(
     late = path_derivatives(f, g, by_own, by_nominal, matrices(motors), about, edges, states)
     readings = motion.readings(model)
     tips, m = len(model.appendages.names), grid.joints
-    slopes = dict[int, Matrix]()
+    slopes, others = dict[int, Matrix](), tips + 3 * m
+    if any(channel >= others for channel in requested):
+        along = motion.along_slopes(flown.states[:-1])
     for channel in requested:
         j = channel - tips
         if 0 <= j < m:
             slopes[channel] = _demand(j, states, about, by_own, by_nominal, grid)
+        elif channel >= others:
+            slopes[channel] = np.zeros((grid.ticks, grid.size))
+            _add(along[:, channel - others], states, slopes[channel])
         else:
             slopes[channel] = readings[channel - m * (j >= m)] @ states[:-1]
     last = np.vstack((motion.deviation_slopes(model, flown.states[-1]) @ states[-1], late))
@@ -206,8 +211,19 @@ def _demand(
     """
     found = np.zeros((grid.ticks, grid.size))
     for slopes, by in ((states, by_own[:, j]), (nominal, by_nominal[:, j])):
-        for i in np.flatnonzero(by.any(axis=0)):
-            found += by[:, i, None] * slopes[:-1, i]
+        _add(by, slopes, found)
     piece = np.repeat(np.arange(grid.pieces), np.diff(grid.edges))
     found[np.arange(grid.ticks), piece * grid.joints + j] += 1.0
     return found
+
+
+def _add(by: Matrix, states: Tensor, found: Matrix) -> None:
+    """Add the derivatives by the weights of what has derivatives by the states.
+
+    Args:
+        by: of every tick but the last, shape (ticks, size).
+        states: derivatives of the states, shape (ticks + 1, size, weights).
+        found: shape (ticks, weights).
+    """
+    for i in np.flatnonzero(by.any(axis=0)):
+        found += by[:, i, None] * states[:-1, i]

@@ -1,7 +1,7 @@
 """What is asked of an ensemble, as a convex program: the members' answers, the limits, the end."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -24,12 +24,22 @@ class Limits:
         joint: lowest and highest positions, shape (2, joints) [rad or m].
         rate: largest rates of the joints, shape (joints,) [rad/s or m/s].
         tip: largest |tip|, of the whole flight [m].
+        along: lowest and highest of what else the motion reads, shape (2, readings).
+        spare: share of rates and of `along` that is kept free, for what lies between the ticks and
+            what a search may miss [-].
     """
 
     demand: Vector
     joint: Matrix
     rate: Vector
     tip: float
+    along: Matrix = field(default_factory=lambda: np.zeros((2, 0)))
+    spare: float = 0.0
+
+    @property
+    def of_path(self) -> bool:
+        """Whether there are limits to spare."""
+        return bool(np.isfinite(self.rate).any()) or self.along.size > 0
 
     def of(self, tips: int) -> tuple[Vector, Vector, Vector]:
         """Return the lowest and highest values of each channel, and their size, (channels,) each.
@@ -38,8 +48,10 @@ class Limits:
             tips: how many tips are read.
         """
         tip = np.full(tips, self.tip)
-        high = np.concatenate((tip, self.demand, self.joint[1], self.rate))
-        low = np.concatenate((-tip, -self.demand, self.joint[0], -self.rate))
+        less, more = 1.0 - self.spare, 1.0 + self.spare
+        rate = less * self.rate
+        high = np.concatenate((tip, self.demand, self.joint[1], rate, less * self.along[1]))
+        low = np.concatenate((-tip, -self.demand, self.joint[0], -rate, more * self.along[0]))
         size = np.max(np.abs(np.where(np.isfinite((low, high)), (low, high), 0.0)), axis=0)
         return low, high, np.where(size > 0.0, size, 1.0)
 

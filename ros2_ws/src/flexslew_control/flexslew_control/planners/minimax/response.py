@@ -83,7 +83,8 @@ def grid_of(duration: float, pieces: int, joints: int, period: float, watched: f
 class AtRest(NamedTuple):
     """The motion about the rest at the goal, after the last tick.
 
-    The channels are the tips, then of every joint the demand, the position and the rate.
+    The channels are the tips, then of every joint the demand, the position and the rate, then what
+    else has limits along the path, see motion.MemberMotion.along.
     """
 
     # from deviation to the channels some ticks later, (watched + 1, channels, 2 n + s)
@@ -94,6 +95,7 @@ class AtRest(NamedTuple):
     # from deviation to the one that goes on alike without the motors' states, (2 n, 2 n + s)
     settled: Matrix
     bound: bool  # whether a spring holds a joint
+    along: Vector  # what the last channels read at the goal
 
 
 class RestMotion(NamedTuple):
@@ -103,6 +105,8 @@ class RestMotion(NamedTuple):
     seen: Matrix  # positions and rates of the joints, (2 joints, 2 k)
     tip: Matrix  # (tips, 2 k)
     free: int  # coordinates that no spring holds, unless one holds a joint
+    along: Matrix  # what else has limits, by coordinates and rates, (readings, 2 k)
+    level: Vector  # what it reads at the goal, (readings,)
 
 
 def at_rest(motion: RestMotion, gains: Matrix, motors: Lti, watched: int) -> AtRest:
@@ -121,8 +125,8 @@ def at_rest(motion: RestMotion, gains: Matrix, motors: Lti, watched: int) -> AtR
     f, g = zero_order_hold(linear.state_matrix, linear.state_input_matrix, motors.period)
     settled = _settled(f, g, motors)
     f, g = with_motors(f, g, motors)
-    late = np.zeros((len(motion.tip) + len(motion.seen), len(motors.a)))
-    tip, seen = np.split(np.hstack((np.vstack((motion.tip, motion.seen)), late)), [len(motion.tip)])
+    parts = (motion.tip, motion.seen, motion.along)
+    tip, seen, along = (np.pad(part, ((0, 0), (0, len(motors.a)))) for part in parts)
     factor = np.linalg.cholesky(linear.mass)
     inner = np.linalg.solve(factor, linear.stiffness)
     square, vectors = np.linalg.eigh(np.linalg.solve(factor, inner.T))
@@ -133,12 +137,13 @@ def at_rest(motion: RestMotion, gains: Matrix, motors: Lti, watched: int) -> AtR
     bent, rate = np.hstack((left, nothing)), np.hstack((nothing, left))
     w = np.sqrt(square[~rest])
     return AtRest(
-        _reads(np.vstack((tip, -gains @ seen, seen)), f - g @ gains @ seen, watched + 1),
+        _reads(np.vstack((tip, -gains @ seen, seen, along)), f - g @ gains @ seen, watched + 1),
         np.vstack((bent[~rest], rate[~rest] / w[:, None])) @ settled,
         np.abs(tip[:, : len(shapes)] @ shapes[:, ~rest]),
         np.vstack((bent[rest], rate[rest])) @ settled,
         settled,
         int(rest.sum()) < motion.free,
+        motion.level,
     )
 
 
@@ -221,7 +226,8 @@ class Response:
     def level(self) -> Vector:
         """What the channels read at rest at the goal, shape (channels,)."""
         m = self.goal.size
-        return np.concatenate((np.zeros(self.tips + m), self.goal, np.zeros(m)))
+        still = np.zeros(self.tips + m)
+        return np.concatenate((still, self.goal, np.zeros(m), self.rest.along))
 
     def flown(self, weights: Vector) -> Matrix:
         """Return the channels at all ticks, shape (ticks + watched + 1, channels)."""

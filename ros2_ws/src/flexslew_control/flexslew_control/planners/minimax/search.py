@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from flexslew_control.planners.minimax.between_ticks import passed
 from flexslew_control.planners.minimax.members import Member, members_of
 from flexslew_control.planners.minimax.program import ConeProgram
 from flexslew_control.planners.minimax.question import Question, program_of, rests_of
@@ -40,6 +41,8 @@ _NARROW = 0.02  # of the limits, the smallest first region with more members [-]
 _MORE = 6  # rounds in which members join, or an unsettled search goes on
 _ROUNDS, _CLOSE = 5, 1e-9  # of Newton's method, and share of the end that is missed then [-]
 _AT_ONCE = 6  # members that join in a round
+SPARE = 2e-3  # share of the limits of a turn's path that is kept free, four times what is missed
+_TIGHTER, _TIGHTENINGS = 1.5, 4  # times what was passed between the ticks, and how often
 
 
 @dataclass
@@ -144,6 +147,29 @@ class Search:
             weights = np.clip(weights - change, -limit, limit)
         return weights
 
+    def closed(self, weights: Vector) -> tuple[Vector, Merit]:
+        """Return weights and what they come to; of a turn those with which its end is met."""
+        merit = self.merit(weights)
+        if self.question.turn is not None and not self.question.feasible:
+            ended = self.ended(weights)
+            exact = self.merit(ended)
+            if exact.missed <= max(merit.missed, MET):
+                return ended, exact
+        return weights, merit
+
+    def tighter(self, past: float) -> "Search":
+        """Return the search with more to spare, after so large a share was passed."""
+        limits = self.question.limits
+        limits = replace(limits, spare=limits.spare + _TIGHTER * past)
+        question = replace(self.question, limits=limits)
+        return replace(self, question=question, known_rests=tuple(self.ensemble.rests))
+
+    def ordered(self, starts: list[Vector]) -> list[Vector]:
+        """Return starts as they are; where the path has limits, the one that misses least first."""
+        if not self.question.limits.along.size:
+            return starts
+        return sorted(starts, key=lambda weights: self.merit(weights).missed)
+
     def merit(self, weights: Vector) -> Merit:
         """Return what all members come to."""
         return merit_of(
@@ -167,8 +193,8 @@ def local_optimum(
     """
     stride, used = _stride(question), _outermost(members)
     grid = question.grid(stride)
-    first, *others = _starts(question, grid)
     search = Search(question, members, grid, report)
+    first, *others = search.ordered(_starts(question, grid))
     best, used = search.joined(first, used)
     enough = best.merit.residuals.max() <= NOTHING
     enough |= question.feasible and best.merit.missed <= MET
@@ -189,12 +215,19 @@ def local_optimum(
     most = np.inf if question.feasible else (1.0 + _WORSE) * best.merit.residuals.max()
     if merit.residuals.max() > max(most, NOTHING) or merit.missed > MET:
         weights = search.joined(weights, used)[0].weights
-        merit = search.merit(weights)
-    if question.turn is not None and not question.feasible:
-        ended = search.ended(weights)
-        exact = search.merit(ended)
-        if exact.missed <= max(merit.missed, MET):
-            weights, merit = ended, exact
+    weights, merit = search.closed(weights)
+    past = passed(search.ensemble, weights) if question.turn is not None else 0.0
+    for _ in range(_TIGHTENINGS):
+        if past <= 0.0 or merit.missed > _MISSED:
+            break
+        search = search.tighter(past)
+        weights, merit = search.closed(search.joined(weights, used)[0].weights)
+        past = passed(search.ensemble, weights)
+    if merit.missed <= _MISSED and past > 0.0:
+        raise PlanFailed(
+            f"no efforts were found that keep out of the cones of keep_out and below rate_limit in "
+            f"{question.duration:g} s: the best ones pass a limit by {100.0 * past:.3g} % of it"
+        )
     if merit.missed > _MISSED:
         raise PlanFailed(
             f"no efforts were found that lead to the goal in {question.duration:g} s within the "

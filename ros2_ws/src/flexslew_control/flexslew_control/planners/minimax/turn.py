@@ -9,11 +9,17 @@ from flexslew_control.planners.minimax.response import Grid
 from flexslew_control.planners.minimax.turning_motion import TurningMotion, platform_of
 from flexslew_control.planners.progress import ignore
 from flexslew_control.planners.slew import Slew
-from flexslew_control.planners.time_optimal.fastest_turns import Fastest, fastest_rigid, means
+from flexslew_control.planners.time_optimal.fastest_turns import Fastest, means
+from flexslew_control.planners.time_optimal.path_limits import PathLimits
 from flexslew_control.planners.time_optimal.reorientation import Reorientation
+from flexslew_control.planners.time_optimal.round_cones import (
+    fastest_rigid_within,
+    require_free_ends,
+)
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds.contract import ThreeAxes
+from flexslew_plant.testbeds.spacecraft.sky import HasSky
 
 
 @dataclass(frozen=True)
@@ -35,18 +41,27 @@ class AllDrivesTurn:
 
     @cached_property
     def fastest(self) -> Fastest:
-        """The fastest turn of the craft without modes, by all drives.
+        """The fastest turn of the craft without modes, by all drives, within the path's limits.
 
         Raises:
             PlanFailed: none was found.
         """
         rigid = self.testbed.rigid().model()
-        return fastest_rigid(replace(self.motion.nominal, model=rigid), ignore)
+        stiff = replace(self.motion.nominal, model=rigid)
+        return fastest_rigid_within(self.motion.limits, stiff, ignore)
 
     @cached_property
     def rigid(self) -> float:
         """Its duration [s]."""
         return float(self.fastest.durations.sum())
+
+    @property
+    def room(self) -> float:
+        """The least share of a half angle by which start and goal are outside its cone [-]."""
+        n, limits = self.motion.nominal, self.motion.limits
+        low = limits.bounds[0]
+        margin = self.motion.along(np.array([n.start, n.rest])) / low - 1.0
+        return float(margin[:, np.isfinite(low)].min(initial=np.inf))
 
     def about_eigenaxis(self, acceleration: Vector, rate: Vector) -> Matrix:
         """Return the efforts of a turn about the eigenaxis, shape (pieces, joints) [N m or N].
@@ -71,15 +86,17 @@ class AllDrivesTurn:
         return means(self.fastest.efforts / longer**2, longer * knots, edges).ravel()
 
 
-def turn_of(slew: Slew, demand: Vector) -> AllDrivesTurn | None:
+def turn_of(slew: Slew, demand: Vector, rate_limit: float | None) -> AllDrivesTurn | None:
     """Return the turn that a slew is; None: its joints move one by one.
 
     Args:
         slew: what is asked for.
         demand: limits of the drives, shape (joints,) [N m or N].
+        rate_limit: of the length of the body rate [rad/s]; None: any.
 
     Raises:
         BadInput: nothing turns, a drive does not turn the craft, or it does not float.
+        PlanFailed: start or goal looks into a cone of `keep_out`.
     """
     attitude, testbed = slew.model.attitude, slew.testbed
     if attitude is None:
@@ -94,4 +111,8 @@ def turn_of(slew: Slew, demand: Vector) -> AllDrivesTurn | None:
         words = "this testbed turns about one axis at a time; take moving"
         raise BadInput(words, "plan", "drives", "all")
     nominal = Reorientation(slew.model, slew.start, slew.goal, demand)
-    return AllDrivesTurn(testbed, TurningMotion(nominal, platform_of(slew.testbed)))
+    sky = testbed.sky() if isinstance(testbed, HasSky) else None
+    limits = PathLimits(() if sky is None else sky.cones, rate_limit)
+    if limits.names:
+        require_free_ends(limits, nominal)
+    return AllDrivesTurn(testbed, TurningMotion(nominal, platform_of(slew.testbed), limits))

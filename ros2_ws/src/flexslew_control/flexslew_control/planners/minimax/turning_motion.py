@@ -18,6 +18,7 @@ from flexslew_control.free_platform import rate_readings
 from flexslew_control.planners.minimax.closed_loop import closed_loop, feedback
 from flexslew_control.planners.minimax.motion import MemberFlight
 from flexslew_control.planners.minimax.response import RestMotion
+from flexslew_control.planners.time_optimal.path_limits import FREE, PathLimits
 from flexslew_control.planners.time_optimal.reorientation import Reorientation
 from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
 from flexslew_plant.errors import BadInput
@@ -60,10 +61,12 @@ class TurningMotion:
     Args:
         nominal: from rest to rest, on the model that the planner believes in.
         platform: where a state holds it.
+        limits: that every member keeps to all along its path.
     """
 
     nominal: Reorientation
     platform: PlatformEntries
+    limits: PathLimits = FREE
 
     @cached_property
     def _axes(self) -> Matrix:
@@ -102,9 +105,12 @@ class TurningMotion:
         seen[:joints, :3] = seen[joints:, k : k + 3] = self._axes
         tip = np.zeros((len(model.appendages.names), 2 * k))
         tip[:, 3:k] = model.appendages.tip
-        return RestMotion(
-            Linearisation(mass, damping, stiffness, own.T @ linear.input_matrix), seen, tip, 3
-        )
+        still = self._of(model).rest[None]
+        along = np.zeros((len(self.limits.names), 2 * k))
+        [by] = self.limits.reading_slopes(still[:, self.platform.attitude], np.zeros((1, 3)))
+        along[:, :3], along[:, k : k + 3] = by[:, :3], by[:, 3:]
+        rest = Linearisation(mass, damping, stiffness, own.T @ linear.input_matrix)
+        return RestMotion(rest, seen, tip, 3, along, self.along(still)[0])
 
     def flight(
         self, model: Model, efforts: Matrix, gains: Matrix, path: Matrix | None, motors: Lti
@@ -153,6 +159,20 @@ class TurningMotion:
         found = np.zeros((tips + 2 * joints, n + q))
         found[:tips, q - model.modes : q] = model.appendages.tip
         found[tips + joints :, self.platform.rate] = self._axes
+        return found
+
+    def along(self, states: Matrix) -> Matrix:
+        """Return what the limits of the path read, (k, limits) [rad, rad/s]."""
+        at, rate = self.platform
+        return self.limits.readings(states[:, at], states[:, rate])
+
+    def along_slopes(self, states: Matrix) -> Tensor:
+        """Return its derivatives by the states, (k, limits, size)."""
+        at, rate = self.platform
+        by = self.limits.reading_slopes(states[:, at], states[:, rate])
+        found = np.zeros((*by.shape[:2], states.shape[1]))
+        found[:, :, at] = by[:, :, :3] @ _slopes(states[:, at], states[:, at])[1]
+        found[:, :, rate] = by[:, :, 3:]
         return found
 
     def deviation(self, model: Model, x: Vector) -> Vector:

@@ -5,6 +5,7 @@ and Tucker makes those of a rigid craft exact. A flexible craft starts from the 
 and ends with its modes at rest.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from flexslew_control.planners.time_optimal.sequential_programs import (
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import PlanFailed
 
-_PIECES, _FLEXIBLE_PIECES = 60, 120
+PIECES, _FLEXIBLE_PIECES = 60, 120
 _STARTS, _SEED = 6, 1
 STEPS = 40  # of the programs
 _ASIDE = 0.7  # how far starts are from the eigenaxis, of the amplitude
@@ -62,25 +63,41 @@ def fastest_rigid(slew: Reorientation, progress: Progress) -> Fastest:
     return transcribed(slew, found[0], len(found))
 
 
-def from_starts(slew: Reorientation, progress: Progress) -> list[LocalArcs]:
+class Start(NamedTuple):
+    """Efforts to start from."""
+
+    shares: Matrix  # of the amplitude, over equal pieces, (PIECES, joints)
+    duration: float  # [s]
+
+
+def from_starts(
+    slew: Reorientation, progress: Progress, more: Sequence[Start] = ()
+) -> list[LocalArcs]:
     """Return the slews that starts beside the eigenaxis lead to, the fastest first.
+
+    Args:
+        slew: what is turned.
+        progress: called after every start.
+        more: starts that come first.
 
     Raises:
         PlanFailed: none leads to one.
     """
-    rng, found = np.random.default_rng(_SEED), list[LocalArcs]()
-    half = np.where(np.arange(_PIECES) < _PIECES // 2, 1.0, -1.0)
-    for k in range(_STARTS):
+    rng, found, starts = np.random.default_rng(_SEED), list[LocalArcs](), [*more]
+    half = np.where(np.arange(PIECES) < PIECES // 2, 1.0, -1.0)
+    for _ in range(_STARTS):
         levels = rng.uniform(-1.0, 1.0, (_LEVELS, slew.amplitude.size))
-        aside = _ASIDE * np.repeat(levels, _PIECES // _LEVELS, axis=0)
+        aside = _ASIDE * np.repeat(levels, PIECES // _LEVELS, axis=0)
         shares = np.clip(np.outer(half, slew.shares) + aside, -1.0, 1.0)
-        local = fastest_near(slew, shares, slew.duration, STEPS)
+        starts.append(Start(shares, slew.duration))
+    for k, start in enumerate(starts):
+        local = fastest_near(slew, *start, STEPS)
         if local.missed < _MET:
             found.append(local)
         least = min((one.duration for one in found), default=np.inf)
         progress(Update(k + 1, least, np.nan, np.nan, np.nan, True))
     if not found:
-        raise PlanFailed(f"none of {_STARTS} starts led to a slew; use another goal or limits")
+        raise PlanFailed(f"none of {len(starts)} starts led to a slew; use another goal or limits")
     return sorted(found, key=lambda one: one.duration)
 
 

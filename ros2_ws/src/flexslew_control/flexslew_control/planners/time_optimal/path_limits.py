@@ -4,12 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexslew_plant.arrays import Indices, Matrix, Vector
-from flexslew_plant.testbeds.attitude import quaternion
+from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
+from flexslew_plant.testbeds.attitude import conjugate, quaternion, to_inertial
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.spacecraft.sky import Cone
 
 _CHANGE = 1e-6  # of a state
+_CENTRE = 1e-9  # sine of the angle below which a boresight looks along the axis of a cone
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,55 @@ class PathLimits:
         change[np.arange(columns.size), columns] = _CHANGE
         ahead, back = self.excess(model, x + change), self.excess(model, x - change)
         found[:, columns] = (ahead - back).T / (2.0 * _CHANGE)
+        return found
+
+    @property
+    def bounds(self) -> Matrix:
+        """Lowest and highest allowed values of `readings`, without the spare, shape (2, limits)."""
+        rows = [(cone.half_angle, np.inf) for cone in self.cones]
+        if self.rate_limit is not None:
+            rows.append((-np.inf, self.rate_limit))
+        return np.array(rows).reshape(-1, 2).T
+
+    def readings(self, attitude: Matrix, rate: Matrix) -> Matrix:
+        """Return the angles between boresights and axes of the cones, and the length of the rate.
+
+        Args:
+            attitude: quaternions x y z w, shape (k, 4).
+            rate: in body axes, shape (k, 3) [rad/s].
+
+        Returns:
+            shape (k, limits) [rad, rad/s].
+        """
+        found = [cone.margin(attitude) + cone.half_angle for cone in self.cones]
+        if self.rate_limit is not None:
+            found.append(np.linalg.norm(rate, axis=1))
+        return np.array(found).reshape(-1, len(attitude)).T
+
+    def reading_slopes(self, attitude: Matrix, rate: Matrix) -> Tensor:
+        """Return the derivatives of `readings` by a turn about the body axes and by body rates.
+
+        The angle between a boresight b, in body axes, and the axis a of a cone, R^T a there, has
+            d angle = -(b x R^T a) . d phi / |b x R^T a|.
+        Where b looks along a any direction leads away: one across b is taken.
+
+        Args:
+            attitude: quaternions x y z w, shape (k, 4).
+            rate: in body axes, shape (k, 3) [rad/s].
+
+        Returns:
+            shape (k, limits, 6).
+        """
+        found = np.zeros((len(attitude), len(self.names), 6))
+        for i, cone in enumerate(self.cones):
+            across = np.cross(cone.boresight, to_inertial(conjugate(attitude), cone.axis))
+            sine = np.linalg.norm(across, axis=1)
+            aside = np.cross(cone.boresight, np.eye(3)[int(np.argmin(abs(cone.boresight)))])
+            across[sine < _CENTRE] = aside
+            found[:, i, :3] = -across / np.linalg.norm(across, axis=1)[:, None]
+        if self.rate_limit is not None:
+            size = np.linalg.norm(rate, axis=1)[:, None]
+            found[:, -1, 3:] = rate / np.where(size > 0.0, size, 1.0)
         return found
 
 

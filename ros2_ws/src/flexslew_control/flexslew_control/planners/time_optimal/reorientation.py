@@ -85,7 +85,7 @@ class Reorientation:
     @cached_property
     def shares(self) -> Vector:
         """Of the amplitudes, in the fastest acceleration about the eigenaxis, shape (joints,)."""
-        efforts = np.linalg.pinv(self._gain) @ self.turn
+        efforts = np.linalg.pinv(self.gain) @ self.turn
         shares = efforts / self.amplitude
         most: Vector = shares / abs(shares).max()
         return most
@@ -93,11 +93,11 @@ class Reorientation:
     @cached_property
     def duration(self) -> float:
         """Of the slew about the eigenaxis without gyroscopic torques [s]."""
-        push = self._gain @ (self.shares * self.amplitude)
+        push = self.gain @ (self.shares * self.amplitude)
         return float(2.0 * np.sqrt(np.linalg.norm(self.turn) / np.linalg.norm(push)))
 
     @cached_property
-    def _gain(self) -> Matrix:
+    def gain(self) -> Matrix:
         """From efforts to the platform's angular acceleration, shape (3, joints)."""
         q = self.start[: self.model.positions]
         moved = np.linalg.solve(self.model.mass_matrix(q), self.model.input_matrix(q))

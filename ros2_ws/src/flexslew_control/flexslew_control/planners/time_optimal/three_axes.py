@@ -63,7 +63,7 @@ def plan_three_axes(
     if limits.names:
         require_free_ends(limits, slew)
     stiff = slew if not asked.model.modes else Reorientation(rigid.model(), *_ends(slew))
-    best = fastest_rigid(stiff, progress)
+    best = free = fastest_rigid(stiff, progress)
     rigid_duration = float(best.durations.sum())
     if asked.model.modes:
         best = fastest_flexible(slew, best)
@@ -72,7 +72,7 @@ def plan_three_axes(
     limited = limits.names and (limits.excess(slew.model, states) > 0.0).any()
     if limited:
         on_ticks = partial(_on_ticks, slew, start=settings.start, period=asked.period)
-        best, states, effort = fastest_within(limits, slew, stiff, on_ticks, progress)
+        best, states, effort = fastest_within(limits, slew, stiff, free, on_ticks, progress)
     duration = float(best.durations.sum())
     if settings.longest is not None and duration > settings.longest:
         raise PlanFailed(

@@ -1,0 +1,42 @@
+"""How far members pass the limits of their path, between the ticks too.
+
+The programs look at the ticks. What the motors gave over each of them is known from the flight, so
+the states inside it follow from the same equations of motion.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexslew_control.planners.minimax.successive import EnsembleProblem
+from flexslew_plant.arrays import Vector
+
+_PARTS = 4  # of a tick, at whose ends states are looked at
+
+
+def passed(ensemble: EnsembleProblem, weights: Vector) -> float:
+    """Return the largest share by which a member passes a limit of its path; none: zero or less.
+
+    The limits are those of rates and of what the motion reads along the path, with nothing spared:
+    inside every tick of the slew, and at the ticks after it.
+
+    Args:
+        ensemble: the members.
+        weights: of the efforts.
+    """
+    limits, motion, period = ensemble.limits, ensemble.motion, ensemble.grid.period / _PARTS
+    if not limits.of_path:
+        return 0.0
+    flown = ensemble.flown(weights)
+    worst = -np.inf
+    for member, flight, response in zip(
+        ensemble.members, flown, ensemble.fixed(weights, flown), strict=True
+    ):
+        model, first = member.model, response.tips + 2 * response.goal.size
+        low, high, size = (part[first:] for part in replace(limits, spare=0.0).of(response.tips))
+        inside = model.path(flight.states[0], np.repeat(flight.applied, _PARTS, axis=0), period)
+        rates = inside @ motion.readings(model)[first - response.goal.size :].T
+        read = np.hstack((rates, motion.along(inside)))
+        read = np.vstack((read, response.later(response.path.end[1])[:, first:]))
+        worst = max(worst, float((np.maximum(low - read, read - high) / size).max()))
+    return worst
