@@ -42,4 +42,5 @@ def _some(rows: Matrix) -> Matrix:
     """Return as many rows as are drawn, the first and the last among them."""
     if not len(rows):
         return rows
-    return rows[np.unique(np.linspace(0, len(rows) - 1, _POINTS).astype(int))]
+    some: Matrix = rows[np.unique(np.linspace(0, len(rows) - 1, _POINTS).astype(int))]
+    return some
