@@ -97,6 +97,25 @@ def test_a_jump_is_refused_by_planner_and_controller_and_who_refuses_is_not_read
     assert str(course.objection(late, bench.bench.time)).startswith("the plan starts at 5 s")
 
 
+@pytest.mark.parametrize("now", [0.0, 3.0])
+def test_a_plan_that_ends_in_motion_must_last_until_the_run_ends(now: float) -> None:
+    bench = WireBench(Trial(controllers={"lqr": {}}, active="lqr", duration=60.0))
+    course = PlannedCourse(bench.plant)
+    bench.fly(round(now / 0.01))
+    first, *_ = default_testbed().typical_goal
+    rests = planned(bench, course, now + 1.0, {first: FARTHEST})
+    turns = replace(rests, velocity=rests.velocity + 2.0 * LARGEST_JUMP * np.eye(2)[0])
+    turns = replace(turns, velocity=np.vstack((rests.velocity[:1], turns.velocity[1:])))
+    over = turns.first_tick + turns.ticks
+    assert over == round((now + 1.0 + LAST) / 0.01)
+    words = str(course.objection(turns, now, over + 1))
+    assert words.startswith(f"{first} still moves when the plan is over, at {now + 5.0:g} s")
+    assert f"the run ends at {(over + 1) * 0.01:g} s" in words
+    for last_tick in (over, over - 10, 0):  # as long as the run, or nobody knows
+        assert course.objection(turns, now, last_tick) is None
+    assert course.objection(rests, now, over + 1000) is None
+
+
 def test_after_a_reset_a_new_plan_is_flown_from_tick_0_and_else_the_first_one_again() -> None:
     names = tuple(default_testbed().typical_goal)
     for new in (False, True):

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexslew_control.course import Course, jump
+from flexslew_control.course import LARGEST_JUMP, Course, jump
 from flexslew_control.law import PlantDescription, Reference
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import NOTHING
@@ -48,10 +48,17 @@ class PlannedCourse:
         at = self._course.reference(round(start / self._period), self._hold).position
         return dict(zip(self._names, at.tolist(), strict=True))
 
-    def objection(self, plan: Plan, now: float) -> Refusal | None:
-        """Return why the controllers would refuse a plan at this simulated time [s], or None."""
-        if now <= 0.0:
-            return None
+    def objection(self, plan: Plan, now: float, last_tick: int = 0) -> Refusal | None:
+        """Return why the bench cannot fly a plan from a simulated time on, or None.
+
+        Args:
+            plan: that is to be adopted.
+            now: at which the bench is [s].
+            last_tick: at which the run ends; zero: nobody knows.
+        """
+        stops = self._stops_early(plan, last_tick)
+        if now <= 0.0 or stops is not None:
+            return stops
         if plan.start <= now:
             return Refusal(
                 f"the plan starts at {plan.start:g} s, the bench is at {now:.2f} s; "
@@ -63,6 +70,18 @@ class PlannedCourse:
             return None
         words = f"{far.why}; leave `initial` out, and start when the plan before is over"
         return replace(far, why=words)
+
+    def _stops_early(self, plan: Plan, last_tick: int) -> Refusal | None:
+        """Return by how much the reference still moves where a plan is over before the run is."""
+        rates = np.abs(plan.velocity[-1])
+        worst = int(rates.argmax())
+        if rates[worst] <= LARGEST_JUMP or plan.first_tick + plan.ticks >= last_tick:
+            return None
+        return Refusal(
+            f"{plan.joint_names[worst]} still moves when the plan is over, at {plan.end:g} s, and "
+            f"the run ends at {last_tick * self._period:g} s; let the plan last until then",
+            cause=Cause.PLAN_MISMATCH,
+        )
 
     def add(self, plan: Plan, now: float) -> None:
         """Take note that a plan was published at this simulated time [s]."""

@@ -28,6 +28,11 @@ class BenchClock:
         return int(self._state.epoch)
 
     @property
+    def last_tick(self) -> int:
+        """At which the run ends; zero: when somebody stops it."""
+        return int(self._state.last_tick)
+
+    @property
     def running(self) -> bool:
         """Whether ticks pass, as far as is known."""
         return bool(self._state.state == "running")

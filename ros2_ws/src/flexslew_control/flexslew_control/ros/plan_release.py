@@ -184,7 +184,9 @@ class PlanRelease:
 
     def objection(self, plan: Plan) -> Refusal | None:
         """Return why a plan is not one that the bench can fly from now on, or None."""
-        return self._here.objection(plan, self._clock.now()) if self._course is not None else None
+        if self._course is None:
+            return None
+        return self._here.objection(plan, self._clock.now(), self._clock.last_tick)
 
     def publish(self, plan: Plan, who: str) -> msg.Plan:
         """Let the controllers follow a plan; return it as a message."""
