@@ -1,4 +1,4 @@
-"""A plant that leaves and comes back with another testbed; a listener that asks for too much."""
+"""A plant that comes slowly, or leaves and comes back; a listener that asks for too much."""
 
 import os
 import signal
@@ -9,11 +9,16 @@ from typing import Any
 
 import pytest
 import rclpy
-from flexslew_msgs.msg import ControllerStatus, Measurement
+from flexslew_msgs.msg import ControllerStatus, Measurement, Testbed
 
 from flexslew_lab.run.domain import own_domain
+from flexslew_plant.bench import message_fields
+from flexslew_plant.bench.bench import Bench as Plant
+from flexslew_plant.bench.records import BenchSettings
+from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.offers import qos
-from flexslew_plant.topics import CONTROLLER_STATUS, PLAN, TOPICS
+from flexslew_plant.settings import plain, yaml_text
+from flexslew_plant.topics import CONTROLLER_STATUS, PLAN, TESTBED, TOPICS
 
 from .flight import fork_server
 
@@ -101,3 +106,20 @@ def test_controllers_stand_before_the_testbed_of_a_plant_that_came_back(bench: B
     assert "deflection" in bench.statuses["lqr"].settings
     assert bench.runs("lqr")
     assert bench.runs("pd")
+
+
+def test_a_controller_that_knows_the_testbed_before_it_meets_the_questions_stays(
+    bench: Bench,
+) -> None:
+    """DDS tells of a plant's topics one by one; who leaves with the plant left before it came."""
+    settings = BenchSettings()
+    fields = message_fields.testbed_fields(Plant(settings), yaml_text(plain(settings)))
+    plant = bench.node.create_publisher(Testbed, TESTBED, qos(TOPICS[TESTBED]))
+    bench.start("pd", CONTROLLER, exit_with_plant="true")
+    plant.publish(message_of(Testbed, {"stamp": stamp(0.0), **fields}))
+    bench.until(lambda: "pd" in bench.statuses and "testbed" not in bench.statuses["pd"].reason)
+    end = monotonic() + 2.0  # ten looks
+    bench.until(lambda: monotonic() > end)
+    assert bench.runs("pd")
+    bench.node.destroy_publisher(plant)
+    bench.until(lambda: not bench.runs("pd"))

@@ -59,8 +59,7 @@ class ControllerNode:
             self._settings.wait_for,
         )
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
-        said_by_plant = self.answering.heard or testbed
-        self._watch = PlantWatch(loop, said_by_plant, self._settings.exit_with_plant)
+        self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         subscription(node, topics.PLAN, self._on_plan)
         subscription(node, topics.BENCH_STATE, self._on_bench_state)
         self._realtime = RealTime(CONTROLLER)

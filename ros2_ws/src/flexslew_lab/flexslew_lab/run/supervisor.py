@@ -57,6 +57,7 @@ class Supervisor:
         self._plant = processes[-1].name
         self._again = {p.name: p for p in processes if p.package == "flexslew_control"}
         self._tick = -1
+        self._left: float | None = None  # when the first one ended before the start [wall s]
         self._complaint = ""
         self._log = log.open("wb")
         self._running: dict[str, int] = {}  # pids
@@ -83,11 +84,11 @@ class Supervisor:
             while self._plant in self._running:
                 self._serve(0.2)
                 self._kill_the_stuck()
-                dead = [n for n, code in self._codes.items() if n != self._plant and code]
-                if dead and self._tick < 0:
+                lost = self._lost()
+                if lost:
                     self._end()
-                    code = 2 if self._codes[dead[0]] == 2 else 3
-                    return self._outcome(code, f"{dead[0]} ended before the start")
+                    code = 2 if self._codes[lost] == 2 else 3
+                    return self._outcome(code, f"{lost} ended before the start")
             self._wait_for_rest()
         except KeyboardInterrupt:
             self._end()
@@ -96,6 +97,20 @@ class Supervisor:
             self._end()
             raise
         return self._verdict()
+
+    def _lost(self) -> str:
+        """Return who ended before the start, so that it would never come; empty: nobody.
+
+        With exit code 0 that is who has left some time ago: others leave with the plant, which may
+        need a moment longer.
+        """
+        if self._tick >= 0:
+            return ""
+        ended = [name for name in self._codes if name != self._plant]
+        if ended and self._left is None:
+            self._left = monotonic()
+        late = self._left is not None and monotonic() - self._left > _GRACE
+        return next((name for name in ended if self._codes[name] or late), "")
 
     def _start(self, process: NodeProcess) -> None:
         arguments = ["--ros-args", "--params-file", str(self._parameters)]

@@ -119,7 +119,8 @@ class PlantWatch:
         enabled: otherwise it only watches.
 
     Attributes:
-        seen: it was there; set by who hears it, since it may come and go between two polls.
+        seen: it was there; set by who hears it on this very subscription, since it may come and go
+            between two polls. Of other topics DDS may tell earlier than of this one.
     """
 
     def __init__(self, loop: _Stops, subscription: "Subscription[Any]", enabled: bool) -> None:
