@@ -5,7 +5,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.control.planners.minimax.test_minimax_three_axes import GAINS, LAW, LIMIT, PERIOD, QUICK
+from tests.control.planners.minimax.test_minimax_three_axes import (
+    GAINS,
+    LAW,
+    LIMIT,
+    PERIOD,
+    QUICK,
+    derivatives_and_flights,
+)
 from tests.control.planners.time_optimal.test_three_axes_flexible import AXES, booms
 
 from flexslew_control.law import PlantDescription
@@ -15,7 +22,7 @@ from flexslew_control.planners.minimax import minimax_feedforward
 from flexslew_control.planners.minimax.between_ticks import passed
 from flexslew_control.planners.minimax.members import members_of
 from flexslew_control.planners.minimax.minimax_feedforward import question_of
-from flexslew_control.planners.minimax.nonlinear_path import channels, tabled
+from flexslew_control.planners.minimax.nonlinear_path import channels
 from flexslew_control.planners.minimax.question import Question
 from flexslew_control.planners.minimax.search import search_of, smooth
 from flexslew_control.planners.slew import slew_of
@@ -165,24 +172,12 @@ def test_the_derivatives_of_cones_and_rates_are_those_of_flights() -> None:
     }
     goal = {"roll": 1.3, "pitch": 0.5, "yaw": -1.0}
     asked = question(bench(keep_out), goal, duration=12.0, pieces=6, rate_limit=0.3)
-    motion, slew, gains, grid = asked.motion, asked.slew, asked.gains, asked.grid()
-    motors = slew.motors(PERIOD)
-    member = members_of(asked.ensemble, slew)[1].model
-    weights = 0.5 * LIMIT * np.random.default_rng(0).standard_normal(grid.size)
-
-    def both(weights: Any) -> Any:
-        first = motion.flight(slew.model, grid.held(weights), gains, None, motors)
-        return first, motion.flight(member, grid.held(weights), gains, first.states, motors)
-
-    first, other = both(weights)
+    motion, member = asked.motion, members_of(asked.ensemble, asked.slew)[1].model
     others = len(member.appendages.names) + 3 * len(AXES)
     limited = range(others, others + 3)
-    fixed = gains, motors, grid, weights, limited
-    about = tabled(motion, slew.model, first, None, *fixed)
-    found = tabled(motion, member, other, about, *fixed).path
-    for k in (0, 7, grid.size - 1):
-        step = 1e-4 * np.eye(grid.size)[k]
-        (_, ahead), (_, behind) = both(weights + step), both(weights - step)
+    found, beside = derivatives_and_flights(asked, member, limited)
+    for k in (0, 7, asked.grid().size - 1):
+        ahead, behind = beside(k, 1e-4)
         by = (channels(motion, member, ahead) - channels(motion, member, behind)) / 2e-4
         for channel in limited:
             # beside an angle of zero the angle bends by 1/angle: none here comes near it

@@ -1,6 +1,7 @@
 """A flexible craft turned in three axes by all drives: promises kept, exact ends, refusals."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -102,28 +103,39 @@ def test_the_nominal_craft_ends_at_rest_at_the_goal() -> None:
     assert plan.summary["predicted_residual_tip_deflection"] < 1e-5
 
 
-def test_the_derivatives_of_a_turn_are_those_of_its_flight() -> None:
-    asked = question({"roll": 1.3, "pitch": 0.5, "yaw": -1.0}, 12.0, pieces=8)
-    motion, slew, gains = asked.motion, asked.slew, asked.gains
+def derivatives_and_flights(
+    asked: Question, member: Any, limited: range
+) -> tuple[Any, Callable[[int, float], tuple[Any, Any]]]:
+    """Return a member's path under random weights, with the derivatives of these channels.
+
+    Also what flies it with one weight so much larger, and smaller.
+    """
+    motion, slew, gains, grid = asked.motion, asked.slew, asked.gains, asked.grid()
     motors = slew.motors(PERIOD)
-    member = members_of(asked.ensemble, slew)[1].model
-    grid = asked.grid()
-    rng = np.random.default_rng(0)
-    weights = 0.5 * LIMIT * rng.standard_normal(grid.size)
+    weights = 0.5 * LIMIT * np.random.default_rng(0).standard_normal(grid.size)
 
     def flown(weights: Any) -> Any:
         first = motion.flight(slew.model, grid.held(weights), gains, None, motors)
         return first, motion.flight(member, grid.held(weights), gains, first.states, motors)
 
+    def beside(k: int, by: float) -> tuple[Any, Any]:
+        step = by * np.eye(grid.size)[k]
+        return flown(weights + step)[1], flown(weights - step)[1]
+
     first, other = flown(weights)
-    tips = len(member.appendages.names)
-    limited = range(tips, tips + 3)
     fixed = gains, motors, grid, weights, limited
     about = tabled(motion, slew.model, first, None, *fixed)
-    found = tabled(motion, member, other, about, *fixed).path
-    for k in (0, 10, grid.size - 1):
-        step = 1e-3 * np.eye(grid.size)[k]
-        (_, ahead), (_, behind) = flown(weights + step), flown(weights - step)
+    return tabled(motion, member, other, about, *fixed).path, beside
+
+
+def test_the_derivatives_of_a_turn_are_those_of_its_flight() -> None:
+    asked = question({"roll": 1.3, "pitch": 0.5, "yaw": -1.0}, 12.0, pieces=8)
+    motion, member = asked.motion, members_of(asked.ensemble, asked.slew)[1].model
+    tips = len(member.appendages.names)
+    limited = range(tips, tips + 3)
+    found, beside = derivatives_and_flights(asked, member, limited)
+    for k in (0, 10, asked.grid().size - 1):
+        ahead, behind = beside(k, 1e-3)
         by = (channels(motion, member, ahead) - channels(motion, member, behind)) / 2e-3
         for channel in limited:
             np.testing.assert_allclose(found.slopes[channel][:, k], by[:, channel], atol=1e-6)

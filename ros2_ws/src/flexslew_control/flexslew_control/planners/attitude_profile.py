@@ -132,7 +132,7 @@ def plan_attitude_profile(
     motion = _motion(settings, knots, ticks)
     axes = model.attitude.axes
     turned = continuous(rotation_vector(motion.attitude)) @ axes.T
-    position = np.where(axes.any(axis=1), turned, slew.start)
+    position = np.where(model.attitude.reads, turned, slew.start)
     position[0] = slew.start
     velocity = motion.rate @ axes.T
     plan = Plan(

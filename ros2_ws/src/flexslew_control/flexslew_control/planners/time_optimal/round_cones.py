@@ -62,9 +62,7 @@ def fastest_rigid_within(limits: PathLimits, stiff: Reorientation, progress: Pro
     free = fastest_rigid(stiff, progress)
     if not limits.names:
         return free
-    knots = np.concatenate(([0.0], np.cumsum(free.durations)))
-    ends = np.linspace(0.0, knots[-1], _LOOKED_AT + 1)
-    states = stiff.states(means(free.efforts, knots, ends), float(knots[-1]))
+    states = stiff.states(*_on_pieces(free, _LOOKED_AT))
     if limits.excess(stiff.model, states).max() <= 0.0:
         return free
     body = replace(stiff, limits=limits)
@@ -122,12 +120,18 @@ def starts_round(slew: Reorientation, free: Fastest) -> list[Start]:
         slew: what is turned, a craft without modes.
         free: its fastest slew without limits.
     """
-    knots = np.concatenate(([0.0], np.cumsum(free.durations)))
-    ends = np.linspace(0.0, knots[-1], PIECES + 1)
-    starts = [Start(means(free.efforts, knots, ends) / slew.amplitude, float(knots[-1]))]
+    efforts, duration = _on_pieces(free, PIECES)
+    starts = [Start(efforts / slew.amplitude, duration)]
     for cone in slew.limits.cones:
         starts += [_past(slew, cone, side) for side in (1.0, -1.0)]
     return starts
+
+
+def _on_pieces(slew: Fastest, count: int) -> tuple[Matrix, float]:
+    """Return the mean efforts of a slew over so many equal pieces, and its duration [s]."""
+    knots = np.concatenate(([0.0], np.cumsum(slew.durations)))
+    ends = np.linspace(0.0, knots[-1], count + 1)
+    return means(slew.efforts, knots, ends), float(knots[-1])
 
 
 def _past(slew: Reorientation, cone: Cone, side: float) -> Start:
