@@ -21,6 +21,11 @@ class QuestionThread:
         self._confirmed = 0
         self.resumed = False  # by the last question: its thread is another than the one before
 
+    @property
+    def newest(self) -> Key | None:
+        """The last question that counted; None: there was none."""
+        return self._last
+
     def take(self, key: Key) -> bool:
         """Return whether a question counts."""
         self.resumed = False

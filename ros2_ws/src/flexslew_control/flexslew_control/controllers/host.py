@@ -95,6 +95,11 @@ class ControllerHost:
         """The last tick that the controller has seen; 0: none."""
         return max(self.controller.last_tick, 0) if self.controller else 0
 
+    @property
+    def newest(self) -> tuple[int, int] | None:
+        """Epoch and tick of the last question that counted; None: there was none."""
+        return self._thread.newest
+
     def announce(self, build: Build, appendages: int = 0) -> None:
         """Build the controller for a testbed, in place of any before.
 

@@ -1,6 +1,6 @@
 """Who a controller is and whether it could take charge: the status that its node announces."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from flexslew_msgs import msg
@@ -29,7 +29,8 @@ class Announcer:
         law: that it runs.
         alive: signs of life, for others of its name.
         sent: what must be heard: the commands first, then the states.
-        heard: the questions, which tell who the plant is; None: it asks by a call.
+        heard: returns what hears the questions, whose publisher is the plant; None: it asks
+            otherwise, and hears the answers there.
         listeners: nodes that must hear what is sent, besides the plant.
     """
 
@@ -40,7 +41,7 @@ class Announcer:
         law: str,
         alive: Alive,
         sent: Sequence["Publisher[Any]"],
-        heard: "Subscription[Any] | None",
+        heard: "Callable[[], Subscription[Any] | None]",
         listeners: Sequence[str],
     ) -> None:
         self._node, self._host, self._law, self._alive = node, host, law, alive
@@ -107,10 +108,11 @@ class Announcer:
         why = self.older or self._host.reason
         if why is not None or self._is_heard:
             return why
-        plant = publishers_of(self._node, self._heard) if self._heard else set()
+        heard = self._heard()
+        plant = publishers_of(self._node, heard) if heard else set()
         missing = unmatched(self._node, self._sent[:1], [*plant, *self._listeners])
         missing += unmatched(self._node, self._sent[1:], self._listeners)
-        self._is_heard = bool(plant or self._heard is None) and not missing
+        self._is_heard = bool(plant or heard is None) and not missing
         unheard = ", ".join(sorted(set(missing))) or "a plant"
         if self._is_heard:
             return None

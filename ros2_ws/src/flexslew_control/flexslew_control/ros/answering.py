@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from functools import partial
+from math import inf
+from time import monotonic
 from typing import Any
 
 from rclpy.node import Node
@@ -9,14 +11,22 @@ from rclpy.subscription import Subscription
 
 from flexslew_control.controllers.host import ControllerHost
 from flexslew_control.message_fields import state_bytes
+from flexslew_control.ros.calling import Calling
 from flexslew_plant import topics
 from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from, stamp_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.offers import publish_if_heard, publisher, subscription
 
+_AT_ONCE = 0.001  # questions of a line answered before the graph is served again [wall s]
+_BUSY = 0.5  # after a question the next one is waited for on the line alone [wall s]
+_IDLE = 0.02  # else the graph is, for so long [wall s]
+
 
 class Answering:
     """Answers `measurement` on `effort_command`, and says on `controller_state` what led to it.
+
+    Where the plant has a line (see Calling), it asks there; `measurement` is not heard any more,
+    and the answer goes out on the line before its copy does on `effort_command`.
 
     Args:
         node: of the controller.
@@ -27,7 +37,7 @@ class Answering:
     Attributes:
         period: of the bench [s].
         silent: observe only.
-        heard: the questions; None: they come by calls.
+        heard: the questions; None: they come by calls or on the line.
         sent: the commands, then the states.
     """
 
@@ -38,12 +48,17 @@ class Answering:
         observed: Callable[[int], None],
         by_call: bool = False,
     ) -> None:
-        self._host, self._observed = host, observed
+        self._node, self._host, self._observed = node, host, observed
         self.period, self.silent = 0.01, False
         self.sent = [publisher(node, t) for t in (topics.EFFORT_COMMAND, topics.CONTROLLER_STATE)]
         self.heard: Subscription[Any] | None = None
+        self._calling: Calling | None = None
+        self._asked = -inf  # on the line [wall s]
+        self._by_line = False  # what is still heard elsewhere is a copy
+        self._heard_before: tuple[int, int] | None = None  # what was heard when the line began
         if not by_call:
-            self.heard = subscription(node, topics.MEASUREMENT, self._hear, raw=True)
+            self._listen()
+            self._calling = Calling(node, host.name, self.sent[0].topic_name)
 
     @property
     def name(self) -> str:
@@ -52,10 +67,46 @@ class Answering:
 
     def answer(self, question: Measurement) -> EffortCommand | None:
         """Observe a question; return the answer, published already, if it names this controller."""
-        return self._answered(question, stamp_of(question.time))
+        return self._answered(question, stamp_of(question.time), None)
+
+    def begin_anew(self, period: float) -> None:
+        """Forget what was heard: a testbed was announced, with this period [s]."""
+        self.period, self._heard_before = period, None
+
+    def look(self, now: float) -> None:
+        """Call the plant, if there is one that answers; hear `measurement` where nobody does."""
+        if self._calling is None:
+            return
+        if not self.silent:
+            self._calling.look(now)
+        if self.heard is None and self._calling.hung_up(now):
+            self._listen()
+
+    def fly(self) -> float:
+        """Answer what comes on the line for a moment; return when to do so again [wall s]."""
+        if self._calling is None or not self._calling.open:
+            return inf
+        if not self._by_line and not self._begin():
+            return _IDLE
+        if self.heard is not None:  # not within its own callback
+            self._node.destroy_subscription(self.heard)
+            self.heard = None
+        now = monotonic()
+        busy, until = now < self._asked + _BUSY, now + _AT_ONCE
+        while (data := self._calling.receive(busy)) is not None:
+            self._asked = monotonic()
+            self._hear_on_line(data, self._calling)
+            if self._asked >= until:
+                break
+        return 0.0 if busy else _IDLE
 
     def serve(self) -> bool:
         """Answer a question that waits; return whether there was one."""
+        if self._by_line and self._calling is not None:
+            data = self._calling.receive(False)
+            if data is not None:
+                self._hear_on_line(data, self._calling)
+            return data is not None
         if self.heard is None:
             return False
         with self.heard.handle:
@@ -64,14 +115,50 @@ class Answering:
             self._hear(taken[0])
         return taken is not None
 
-    def _hear(self, data: bytes) -> None:
-        self._answered(*measurement_from(data, self.period))
+    def close(self) -> None:
+        """Hang up."""
+        if self._calling is not None:
+            self._calling.close()
 
-    def _answered(self, question: Measurement, at: Stamp) -> EffortCommand | None:
+    def _listen(self) -> None:
+        self._by_line = False
+        self.heard = subscription(self._node, topics.MEASUREMENT, self._hear, raw=True)
+
+    def _begin(self) -> bool:
+        """Change to the line if all questions before it were heard; return whether it was done."""
+        newest = self._host.newest
+        if self._calling is None or not self._calling.may_begin(newest, monotonic()):
+            return False
+        self._by_line, self._heard_before = True, newest
+        self._calling.begin()
+        return True
+
+    def _hear(self, data: bytes) -> None:
+        if not self._by_line:
+            self._answered(*measurement_from(data, self.period), None)
+            if self._calling is not None and self._calling.open:
+                self._begin()
+
+    def _hear_on_line(self, data: bytes, line: Calling) -> None:
+        question, at = measurement_from(data, self.period)
+        if self._heard_before is not None:
+            if (question.epoch, question.tick) < self._heard_before:
+                return
+            self._heard_before = None
+        self._answered(question, at, line)
+
+    def _answered(
+        self, question: Measurement, at: Stamp, line: Calling | None
+    ) -> EffortCommand | None:
         answer, command = self._host.observe(question), None
         if answer is not None and not self.silent:
             command = answer.command
-            publish_if_heard(self.sent[0], partial(command_bytes, command, at))
+            if line is not None:
+                data = command_bytes(command, at)
+                line.send(data)
+                publish_if_heard(self.sent[0], lambda: data)
+            else:
+                publish_if_heard(self.sent[0], partial(command_bytes, command, at))
             publish_if_heard(self.sent[1], partial(state_bytes, answer, at))
         self._observed(question.tick)
         return command

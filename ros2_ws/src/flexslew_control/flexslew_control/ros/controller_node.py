@@ -55,7 +55,7 @@ class ControllerNode:
             self._settings.law,
             self._alive,
             self.answering.sent,
-            self.answering.heard,
+            lambda: self.answering.heard,
             self._settings.wait_for,
         )
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
@@ -72,8 +72,13 @@ class ControllerNode:
             self._announcer.look()
             self.answering.silent = self._announcer.older is not None
             self._watch.look()
+            self.answering.look(now)
             self._next_look = now + (_POLL_PERIOD if self._announcer.reason else 0.2)
-        return self._next_look - now
+        return min(self._next_look - now, self.answering.fly())
+
+    def close(self) -> None:
+        """Hang up on the plant."""
+        self.answering.close()
 
     def _on_testbed(self, message: msg.Testbed) -> None:
         trust = Trust.of((self._settings.law, *self._settings.trust))
@@ -84,7 +89,7 @@ class ControllerNode:
             self._tell()
             return
         self._watch.seen = True
-        self.answering.period = message.period
+        self.answering.begin_anew(message.period)
         self._host.announce(
             lambda values: build_controller(
                 self._host.name,
@@ -96,6 +101,7 @@ class ControllerNode:
             ),
             len(message.appendage_names),
         )
+        self.answering.look(monotonic())
         self._announcer.describe(another_bench=True)
 
     def _on_plan(self, message: msg.Plan) -> None:

@@ -16,7 +16,7 @@ from flexslew_plant.arrays import NOTHING, Vector
 from flexslew_plant.bench.records import Truth
 from flexslew_plant.measurement import EffortCommand, Measurement
 
-_HEAD = b"\x00\x01\x00\x00"
+HEAD = b"\x00\x01\x00\x00"  # encapsulation
 _LENGTH = Struct("<I")
 _QUESTION = Struct("<iII")  # stamp, length of frame_id
 _TICK = Struct("<QII")  # tick, epoch, length of controller
@@ -75,7 +75,7 @@ def stamped_bytes(at: Stamp, tick: int, epoch: int, fields: Iterable[object]) ->
         fields: the others, in order: vectors, strings, lists of strings or floats.
     """
     parts: list[int | str] = []
-    values: list[object] = [_HEAD, *at, 1, b"\x00", tick, epoch]
+    values: list[object] = [HEAD, *at, 1, b"\x00", tick, epoch]
 
     def text(word: str) -> None:
         data = word.encode() + b"\x00"
@@ -135,7 +135,7 @@ def command_bytes(command: EffortCommand, at: Stamp) -> bytes:
     effort = command.effort.tolist()
     layout = _layout("<4siIQI", 20, (f"{len(name)}s", len(effort)))
     tick, epoch = command.tick, command.epoch
-    return layout.pack(_HEAD, *at, tick, epoch, len(name), name, len(effort), *effort)
+    return layout.pack(HEAD, *at, tick, epoch, len(name), name, len(effort), *effort)
 
 
 def command_from(data: bytes) -> EffortCommand:

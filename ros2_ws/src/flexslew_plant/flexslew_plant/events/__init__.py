@@ -45,6 +45,7 @@ from flexslew_plant.events.run import (
     Started,
     StateLost,
     Stepped,
+    TransportChosen,
     WasReset,
 )
 from flexslew_plant.events.switching import (
@@ -116,6 +117,7 @@ __all__ = [
     "SwitchRequested",
     "Switched",
     "TargetRequested",
+    "TransportChosen",
     "WasReset",
     "event_of",
     "fact_of",
@@ -138,6 +140,7 @@ _KINDS: tuple[Any, ...] = (
     FellBehind,
     CommandRejected,
     SecondPlant,
+    TransportChosen,
     SwitchRequested,
     Switched,
     SwitchRefused,

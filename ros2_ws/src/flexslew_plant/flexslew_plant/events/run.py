@@ -201,6 +201,21 @@ class FellBehind:
         return f"{self.late:.3f} s behind the schedule, which is shifted; {self.total:.3f} s in all"
 
 
+@fact
+class TransportChosen:
+    """How a controller is asked, and answers: what it computes is the same either way."""
+
+    kind: ClassVar[str] = "transport"
+    level: ClassVar[Level] = Level.INFO
+    controller: Text = ""
+    transport: Text = ""  # socket (a process of this machine and user) or dds
+
+    @property
+    def message(self) -> str:
+        """One line for a person."""
+        return f"{self.controller} is asked over {self.transport}"
+
+
 class Objection(StrEnum):
     """Why the drive does not take a command."""
 

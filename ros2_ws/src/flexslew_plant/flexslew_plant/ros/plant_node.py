@@ -44,7 +44,6 @@ class Plant:
         self._alive = loop.live(node, "plant")
         self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
         bench = Bench(self._settings.bench)
-        self._exchange = Exchange(node, loop, self._take, neighbour)
         self.session = Session(
             bench,
             self._settings.controllers,
@@ -52,8 +51,9 @@ class Plant:
             self._settings.answer_timeout,
             self._settings.autostart,
             self._missing,
-            self._exchange.arrived,
+            lambda: self._exchange.arrived(),
         )
+        self._exchange = Exchange(node, loop, self.session, self._take, neighbour)
         self.session.presence = self._alive.presence
         self.statuses: dict[str, msg.ControllerStatus] = {}
         self._truth = publisher(node, topics.TRUTH)
@@ -76,10 +76,11 @@ class Plant:
         now = monotonic()
         if self._report.is_duplicate(now):
             return NOTICE / 4
+        self._exchange.look(now)
         wait = self.session.poll(now)
         self._realtime.want(self.session.pacing.paced)
         self._send()
-        wait = min(wait, self._exchange.call())
+        wait = min(wait, self._exchange.call(wait))
         self._report.poll(now)
         self._diagnostics.poll(now)
         return min(wait, self._services.poll(now))
@@ -88,6 +89,10 @@ class Plant:
         """Say that the run ends before its time."""
         self.session.interrupted()
         self._send()
+
+    def close(self) -> None:
+        """Hang up on those who are asked on lines."""
+        self._exchange.close()
 
     def _send(self) -> None:
         """Publish what the session has to say."""

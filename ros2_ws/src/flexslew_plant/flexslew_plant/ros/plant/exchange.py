@@ -1,5 +1,6 @@
 """Question and answer between the plant and the controllers."""
 
+import os
 from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from functools import partial
@@ -11,13 +12,20 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from flexslew_plant import topics
+from flexslew_plant.bench.operation.session import Session
 from flexslew_plant.bench.wire import command_from, measurement_bytes
+from flexslew_plant.direct.line import SLICE
+from flexslew_plant.direct.lines import Lines
+from flexslew_plant.direct.names import DDS, SOCKET, address, direct
+from flexslew_plant.events import TransportChosen
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import publish_if_heard, publisher, subscription
 
 _AT_ONCE = 0.001  # ticks flown by calls before the graph is served again [wall s]
+_LOOK_EVERY = 0.02  # for those who call [wall s]
+_LOOK_AT_GRAPH = 0.1  # for those who answer over DDS [wall s]
 
 
 class Neighbour(Protocol):
@@ -32,11 +40,15 @@ class Neighbour(Protocol):
 
 
 class Exchange:
-    """Asks by messages, and a neighbour by calls; then everybody else hears copies.
+    """Asks a neighbour by calls, controllers of this machine by lines, and all others by messages.
+
+    Whoever is not asked by messages is listened to elsewhere: the plant hears `effort_command` only
+    while somebody else may answer there. Everybody on the graph hears copies.
 
     Args:
         node: the plant.
         loop: that serves it.
+        session: that asks.
         take: passes an answer on; returns whether the loop should poll at once.
         neighbour: a controller in this process. Nobody else is listened to until there is
             another controller; from then on all answers come as messages, in one order.
@@ -46,25 +58,46 @@ class Exchange:
         self,
         node: Node,
         loop: Loop,
+        session: Session,
         take: Callable[[EffortCommand], bool],
         neighbour: Neighbour | None = None,
     ) -> None:
         self._node, self._loop, self._take, self._neighbour = node, loop, take, neighbour
+        self._session = session
         self._unseen: deque[Measurement] = deque()  # what the neighbour has still to observe
         self._commands: Subscription[Any] | None = None
+        self._told: dict[str, str] = {}  # how each controller is asked, as told
+        self._next_look = self._next_graph = 0.0  # [wall s]
+        self._asked = ""
         self.questions = publisher(node, topics.MEASUREMENT)
+        self._topic = node.resolve_topic_name(topics.EFFORT_COMMAND)
+        self._lines: Lines | None = None
         if neighbour is None:
             self._listen()
+            if direct(os.environ):
+                domain = node.context.get_domain_id()
+                where = address(domain, self.questions.topic_name, self._topic)
+                self._lines = Lines(where, self._newest)
 
     def ask(self, question: Measurement) -> None:
         """Send a question out."""
+        self._asked = question.controller
+        if self._lines:
+            data = measurement_bytes(question)
+            self._lines.send(question.controller, data)
+            publish_if_heard(self.questions, lambda: data)
+            return
         publish_if_heard(self.questions, partial(measurement_bytes, question))
         if self._neighbour is not None:
             self._unseen.append(question)
             self._loop.hurry()
 
-    def call(self) -> float:
-        """Fly by calls for a moment; return when to poll again at the latest [wall s]."""
+    def call(self, wait: float) -> float:
+        """Fly without messages for a moment; return when to poll again at the latest [wall s].
+
+        Args:
+            wait: that nothing is due [wall s].
+        """
         until = monotonic() + _AT_ONCE
         while self._neighbour is not None and self._unseen:
             command = self._neighbour.answer(self._unseen.popleft())
@@ -72,33 +105,104 @@ class Exchange:
                 continue
             if self._take(command) or monotonic() >= until:
                 return 0.0
-        return inf
+        lines = self._lines
+        if lines is None:
+            return inf
+        while self._waits and self._asked in lines.answering:
+            answer = lines.answer(self._asked, min(wait, SLICE))
+            if answer is not None:
+                wait = SLICE
+            if (answer is None or self._take(answer)) or monotonic() >= until:
+                return 0.0
+        return SLICE if lines.greeting else _LOOK_EVERY
+
+    def look(self, now: float) -> None:
+        """Take calls; listen to `effort_command` while somebody may answer there."""
+        if self._lines is None:
+            return
+        if now >= self._next_look or self._lines.greeting:
+            self._next_look = now + _LOOK_EVERY
+            self._lines.look()
+            for command in self._lines.arrived():  # also the words that an answer is to come
+                self._take(command)
+            self._tell()
+        if now >= self._next_graph:
+            self._next_graph = now + _LOOK_AT_GRAPH
+            self._choose()
 
     def arrived(self) -> Iterator[EffortCommand]:
-        """Take the answers that wait in DDS."""
+        """Take the answers that wait."""
+        if self._lines is not None:
+            yield from self._lines.arrived()
         if self._commands is None:
             return
         with self._commands.handle:
             take, kind = self._commands.handle.take_message, self._commands.msg_type
             while (taken := take(kind, True)) is not None:
-                yield command_from(taken[0])
+                command = command_from(taken[0])
+                if not self._copied(command):
+                    yield command
 
     def known(self, controller: str) -> None:
         """Listen to the answers of this controller, too."""
-        if self._commands is None and controller != self._name:
+        if self._commands is None and controller not in (self._name, *self._direct):
             self._listen()
 
     def unheard(self, controllers: Collection[str]) -> list[str]:
         """Return which of these controllers a question would not reach now."""
-        return unmatched(self._node, [self.questions], sorted({*controllers} - {self._name}))
+        others = {*controllers} - {self._name} - self._direct
+        return unmatched(self._node, [self.questions], sorted(others))
+
+    def close(self) -> None:
+        """Hang up."""
+        if self._lines is not None:
+            self._lines.close()
 
     @property
     def _name(self) -> str:
         return "" if self._neighbour is None else self._neighbour.name
+
+    @property
+    def _direct(self) -> set[str]:
+        """Who answers on a line."""
+        return set() if self._lines is None else self._lines.answering
+
+    @property
+    def _waits(self) -> bool:
+        """An answer is missing."""
+        return self._session.run.running and not self._session.bench.answered
+
+    def _newest(self) -> tuple[int, int]:
+        question = self._session.bench.question
+        return question.epoch, question.tick
+
+    def _choose(self) -> None:
+        infos = self._node.get_publishers_info_by_topic(self._topic)
+        here = self._node.get_namespace()
+        others = [i for i in infos if i.node_name not in self._direct or i.node_namespace != here]
+        if self._commands is None and others:
+            self._listen()
+        elif self._commands is not None and self._direct and not others:
+            self._node.destroy_subscription(self._commands)
+            self._commands = None
+
+    def _tell(self) -> None:
+        """Say once how each controller is asked."""
+        for name, reason in self._session.reasons.items():
+            how = SOCKET if name in self._direct else DDS
+            if reason is None and self._told.get(name) != how and self._session.run.running:
+                self._told[name] = how
+                self._session.bench.tell(TransportChosen(name, how))
 
     def _listen(self) -> None:
         topic, hear = topics.EFFORT_COMMAND, self._hear
         self._commands = subscription(self._node, topic, hear, raw=True)
 
     def _hear(self, data: bytes) -> None:
-        self._take(command_from(data))
+        command = command_from(data)
+        if not self._copied(command):
+            self._take(command)
+
+    def _copied(self, command: EffortCommand) -> bool:
+        """Return whether an answer is the copy of one that came on a line."""
+        return command.controller in self._direct

@@ -1,0 +1,95 @@
+"""A controller's end of the line to its plant."""
+
+import os
+from math import inf
+
+from rclpy.node import Node
+
+from flexslew_plant import topics
+from flexslew_plant.direct.line import SLICE, Line, call, facts
+from flexslew_plant.direct.lines import ANSWERS, CALLER, EPOCH, TICK
+from flexslew_plant.direct.names import address, direct
+
+_AGAIN = 0.2  # until the plant is called again [wall s]
+_CATCHING_UP = 1.0  # for the questions before those of the line [wall s]
+_WITHOUT = 1.0  # without a line until messages are heard again [wall s]
+
+
+class Calling:
+    """Calls the plant of the bench until it answers, and again when it has hung up.
+
+    Args:
+        node: of the controller.
+        name: that the bench knows it by.
+        answers: absolute name of the topic of its commands.
+    """
+
+    def __init__(self, node: Node, name: str, answers: str) -> None:
+        questions = node.resolve_topic_name(topics.MEASUREMENT)
+        self._address = address(node.context.get_domain_id(), questions, answers)
+        self._name, self._direct = name, direct(os.environ)
+        self._line: Line | None = None
+        self._before: tuple[int, int] | None = None  # the newest question that is not on the line
+        self._welcomed = 0.0  # [wall s]
+        self._next = 0.0  # call [wall s]
+        self._since = -inf  # there has been no line [wall s]
+
+    @property
+    def open(self) -> bool:
+        """The plant has been reached and has not hung up."""
+        return self._line is not None and not self._line.closed
+
+    def look(self, now: float) -> None:
+        """Call if there is no line, and it is time."""
+        if self.open:
+            return
+        if self._line is not None:
+            self._line, self._before, self._since = None, None, now
+        if not self._direct or now < self._next:
+            return
+        self._next = now + _AGAIN
+        self._line = call(self._address)
+        if self._line is not None:
+            self._line.say({CALLER: self._name})
+
+    def hung_up(self, now: float) -> bool:
+        """Return whether there has been no line for a while."""
+        return not self.open and now > self._since + _WITHOUT
+
+    def may_begin(self, newest: tuple[int, int] | None, now: float) -> bool:
+        """Return whether the next question is one of the line.
+
+        Args:
+            newest: epoch and tick of the last question that was heard; None: none was.
+            now: [wall s].
+        """
+        if self._before is None:
+            data = self.receive(False)
+            if data is None:
+                return False
+            said = facts(data)
+            epoch, tick = said.get(EPOCH), said.get(TICK)
+            if not isinstance(epoch, int) or not isinstance(tick, int):
+                self.close()
+                return False
+            self._before, self._welcomed = (epoch, tick), now
+        return newest is None or newest >= self._before or now > self._welcomed + _CATCHING_UP
+
+    def begin(self) -> None:
+        """Say that answers come on the line from now on."""
+        assert self._line is not None
+        self._line.say({ANSWERS: True})
+
+    def receive(self, wait: bool) -> bytes | None:
+        """Return the next question; None: there is none yet, or the plant has hung up."""
+        return None if self._line is None else self._line.receive(SLICE if wait else 0.0)
+
+    def send(self, answer: bytes) -> None:
+        """Send an answer."""
+        if self._line is not None:
+            self._line.send(answer)
+
+    def close(self) -> None:
+        """Hang up."""
+        if self._line is not None:
+            self._line.close()

@@ -1,0 +1,126 @@
+"""One end of a line: whole messages in their order, without waiting for the other end."""
+
+import json
+import os
+import select
+import socket
+import struct
+from collections import deque
+from contextlib import suppress
+from typing import Any
+
+from flexslew_plant.topics import LOOP_DEPTH
+
+SLICE = 0.002  # that a process waits for a message before it looks at the graph [wall s]
+_LARGEST = 1 << 15  # of a message [B]
+_TIME = struct.Struct("@ll")
+_PEER = struct.Struct("@3i")  # pid, uid, gid (unix(7), SO_PEERCRED)
+_NOW = socket.MSG_DONTWAIT
+
+
+class Line:
+    """A connected socket of whole messages (SOCK_SEQPACKET).
+
+    Args:
+        connected: the socket.
+
+    Attributes:
+        closed: the other end is gone, or was not understood.
+    """
+
+    def __init__(self, connected: socket.socket) -> None:
+        connected.setblocking(True)
+        wait = _TIME.pack(0, round(SLICE * 1e6))
+        connected.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
+        self._socket = connected
+        self._unsent: deque[bytes] = deque(maxlen=LOOP_DEPTH)  # as much as DDS would keep
+        self.closed = False
+
+    @property
+    def own_user(self) -> bool:
+        """Whether the other end is a process of the user of this one."""
+        size = _PEER.size
+        _, user, _ = _PEER.unpack(self._socket.getsockopt(socket.SOL_SOCKET, _PEERCRED, size))
+        return bool(user == os.getuid())
+
+    def send(self, data: bytes) -> None:
+        """Send a message, or keep it until the other end takes more."""
+        if self._unsent:
+            self._unsent.append(data)
+            self.flush()
+            return
+        try:
+            self._socket.send(data, _NOW)
+        except BlockingIOError:
+            self._unsent.append(data)
+        except OSError:
+            self.close()
+
+    def flush(self) -> None:
+        """Send what was kept, as far as the other end takes it."""
+        try:
+            while self._unsent:
+                self._socket.send(self._unsent[0], _NOW)
+                self._unsent.popleft()
+        except BlockingIOError:
+            return
+        except OSError:
+            self.close()
+
+    def receive(self, wait: float = 0.0) -> bytes | None:
+        """Return the next message; None: there is none yet, or there will be none any more.
+
+        Args:
+            wait: for it, no longer than SLICE [wall s].
+        """
+        if self.closed:
+            return None
+        try:
+            if 0.0 < wait < SLICE:
+                select.select([self._socket], [], [], wait)
+            data = self._socket.recv(_LARGEST, 0 if wait >= SLICE else _NOW)
+        except BlockingIOError:
+            return None
+        except OSError:
+            data = b""
+        if not data:
+            self.close()
+        return data or None
+
+    def say(self, words: dict[str, Any]) -> None:
+        """Send a few facts."""
+        self.send(json.dumps(words).encode())
+
+    def close(self) -> None:
+        """Hang up."""
+        self.closed = True
+        self._unsent.clear()
+        with suppress(OSError):
+            self._socket.close()
+
+
+_PEERCRED = getattr(socket, "SO_PEERCRED", 17)
+
+
+def facts(data: bytes) -> dict[str, Any]:
+    """Return what `say` has sent; {}: it is something else."""
+    with suppress(ValueError, RecursionError):
+        found = json.loads(data)
+        if isinstance(found, dict):
+            return found
+    return {}
+
+
+def call(address: bytes) -> Line | None:
+    """Return a line to the plant that listens there, of this very user; None: nobody does."""
+    connected = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        connected.setblocking(False)
+        connected.connect(address)
+        line = Line(connected)
+        if line.own_user:
+            return line
+    except OSError:
+        pass
+    connected.close()
+    return None

@@ -1,0 +1,131 @@
+"""The plant's ends of all lines."""
+
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from struct import error as StructError
+from typing import TypeAlias
+
+from flexslew_plant.bench.wire import HEAD, command_from
+from flexslew_plant.direct.line import Line, facts
+from flexslew_plant.measurement import EffortCommand
+
+Key: TypeAlias = tuple[int, int]  # epoch and tick
+
+_WAITING = 16  # that call at the same moment
+CALLER, ANSWERS = "controller", "answers"  # facts that a caller says: its name, that it has begun
+EPOCH, TICK = "epoch", "tick"  # facts that the plant says: of the newest question before the line
+
+
+class Lines:
+    """Takes the calls of controllers, one line for each name.
+
+    A caller says its name, and is told which question is out: it is asked all later ones on the
+    line. When that question has reached it over DDS, it says that it answers on the line.
+
+    Args:
+        address: where to listen.
+        newest: returns epoch and tick of the question that is out.
+    """
+
+    def __init__(self, address: bytes, newest: Callable[[], Key]) -> None:
+        self._address, self._newest = address, newest
+        self._listener: socket.socket | None = None
+        self._strangers: list[Line] = []  # that have not said who they are
+        self._lines: dict[str, Line] = {}
+        self.answering: set[str] = set()  # who answers on its line
+        self._listen()
+
+    def look(self) -> None:
+        """Take calls, and let go of who has hung up."""
+        if self._listener is None:
+            self._listen()
+        for name in [name for name, line in self._lines.items() if line.closed]:
+            del self._lines[name]
+            self.answering.discard(name)
+        for line in self._lines.values():
+            line.flush()
+        self._strangers += self._calls()
+        for line in list(self._strangers):
+            self._greet(line)
+
+
+    def send(self, named: str, question: bytes) -> None:
+        """Ask: first the one that is named, then the others, who observe."""
+        first = self._lines.get(named)
+        if first is not None:
+            first.send(question)
+        for line in self._lines.values():
+            if line is not first:
+                line.send(question)
+
+    def answer(self, name: str, wait: float) -> EffortCommand | None:
+        """Return the next answer of a controller; None: there is none yet, see Line.receive."""
+        data = self._lines[name].receive(wait)
+        return None if data is None else self._understood(name, data)
+
+    def arrived(self) -> Iterator[EffortCommand]:
+        """Yield all answers that wait."""
+        for name, line in self._lines.items():
+            while (data := line.receive()) is not None:
+                command = self._understood(name, data)
+                if command is not None:
+                    yield command
+
+    def _understood(self, name: str, data: bytes) -> EffortCommand | None:
+        """Return an answer; None: it is something else, after which there may be no line."""
+        try:
+            if data[:4] == HEAD:
+                return command_from(data)
+        except (ValueError, StructError):
+            pass
+        if facts(data).get(ANSWERS) is True:
+            self.answering.add(name)
+        else:
+            self._lines[name].close()
+        return None
+
+    @property
+    def greeting(self) -> bool:
+        """Somebody has called and does not answer on its line yet."""
+        return bool(self._strangers) or len(self.answering) < len(self._lines)
+
+    def close(self) -> None:
+        """Hang up on all, and listen no more."""
+        for line in [*self._lines.values(), *self._strangers]:
+            line.close()
+        if self._listener is not None:
+            self._listener.close()
+
+    def _listen(self) -> None:
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            listener.bind(self._address)
+            listener.listen(_WAITING)
+            listener.setblocking(False)
+            self._listener = listener
+        except OSError:  # another plant that has not left yet
+            listener.close()
+
+    def _calls(self) -> Iterator[Line]:
+        with suppress(OSError):
+            while self._listener is not None:
+                line = Line(self._listener.accept()[0])
+                if line.own_user:
+                    yield line
+                else:
+                    line.close()
+
+    def _greet(self, line: Line) -> None:
+        """Learn who calls, and say from which question on it will be asked here."""
+        data = line.receive()
+        if data is None and not line.closed:
+            return
+        self._strangers.remove(line)
+        name = facts(data or b"").get(CALLER)
+        if not isinstance(name, str) or not name or name in self._lines:
+            line.close()  # of two with one name the older one is asked
+            return
+        epoch, tick = self._newest()
+        line.say({EPOCH: epoch, TICK: tick})
+        self._lines[name] = line

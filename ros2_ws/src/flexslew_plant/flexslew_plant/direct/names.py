@@ -1,0 +1,36 @@
+"""Where the plant of a bench listens, and whether direct lines are used at all."""
+
+import os
+from collections.abc import Mapping
+from hashlib import sha256
+
+from flexslew_plant.errors import BadInput
+
+SETTING = "FLEXSLEW_TRANSPORT"  # environment variable
+AUTO, DDS = "auto", "dds"
+SOCKET = "socket"  # how a controller is asked, beside DDS
+
+
+def direct(environment: Mapping[str, str]) -> bool:
+    """Return whether question and answer take a direct line where there is one.
+
+    Raises:
+        BadInput: FLEXSLEW_TRANSPORT is neither auto nor dds.
+    """
+    value = environment.get(SETTING, "") or AUTO
+    if value not in (AUTO, DDS):
+        words = f"{AUTO} (direct lines on this machine) or {DDS} (DDS alone)"
+        raise BadInput(words, key=SETTING, value=value)
+    return value == AUTO
+
+
+def address(domain: int, questions: str, answers: str) -> bytes:
+    """Return the name of the plant's socket, which is on no disk (unix(7), abstract).
+
+    Args:
+        domain: ROS_DOMAIN_ID.
+        questions: absolute name of the topic of measurements, with namespace and remappings.
+        answers: the same of commands.
+    """
+    bench = f"{os.getuid()} {domain} {questions} {answers}"
+    return b"\0flexslew/" + sha256(bench.encode()).hexdigest()[:32].encode()
