@@ -21,6 +21,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("campaigns")
     group.addoption("--cases", type=int, default=10, help="Random cases of each campaign.")
+    group.addoption("--transport", default="", help="Of questions over ROS: auto or dds.")
     group.addoption("--seed", type=int, default=1, help="Of the first case; the next has the next.")
 
 

@@ -115,11 +115,6 @@ class Answering:
             self._hear(taken[0])
         return taken is not None
 
-    def close(self) -> None:
-        """Hang up."""
-        if self._calling is not None:
-            self._calling.close()
-
     def _listen(self) -> None:
         self._by_line = False
         self.heard = subscription(self._node, topics.MEASUREMENT, self._hear, raw=True)

@@ -6,7 +6,7 @@ from math import inf
 from rclpy.node import Node
 
 from flexslew_plant import topics
-from flexslew_plant.direct.line import SLICE, Line, call, facts
+from flexslew_plant.direct.line import SLICE, DirectLine, call, facts
 from flexslew_plant.direct.lines import ANSWERS, CALLER, EPOCH, TICK
 from flexslew_plant.direct.names import address, direct
 
@@ -28,7 +28,7 @@ class Calling:
         questions = node.resolve_topic_name(topics.MEASUREMENT)
         self._address = address(node.context.get_domain_id(), questions, answers)
         self._name, self._direct = name, direct(os.environ)
-        self._line: Line | None = None
+        self._line: DirectLine | None = None
         self._before: tuple[int, int] | None = None  # the newest question that is not on the line
         self._welcomed = 0.0  # [wall s]
         self._next = 0.0  # call [wall s]

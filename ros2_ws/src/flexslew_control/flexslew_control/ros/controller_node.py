@@ -76,10 +76,6 @@ class ControllerNode:
             self._next_look = now + (_POLL_PERIOD if self._announcer.reason else 0.2)
         return min(self._next_look - now, self.answering.fly())
 
-    def close(self) -> None:
-        """Hang up on the plant."""
-        self.answering.close()
-
     def _on_testbed(self, message: msg.Testbed) -> None:
         trust = Trust.of((self._settings.law, *self._settings.trust))
         try:

@@ -18,7 +18,7 @@ _PEER = struct.Struct("@3i")  # pid, uid, gid (unix(7), SO_PEERCRED)
 _NOW = socket.MSG_DONTWAIT
 
 
-class Line:
+class DirectLine:
     """A connected socket of whole messages (SOCK_SEQPACKET).
 
     Args:
@@ -111,13 +111,13 @@ def facts(data: bytes) -> dict[str, Any]:
     return {}
 
 
-def call(address: bytes) -> Line | None:
+def call(address: bytes) -> DirectLine | None:
     """Return a line to the plant that listens there, of this very user; None: nobody does."""
     connected = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         connected.setblocking(False)
         connected.connect(address)
-        line = Line(connected)
+        line = DirectLine(connected)
         if line.own_user:
             return line
     except OSError:

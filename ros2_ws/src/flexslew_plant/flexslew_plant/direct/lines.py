@@ -1,14 +1,15 @@
 """The plant's ends of all lines."""
 
 import socket
+import struct
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from struct import error as StructError
 from typing import TypeAlias
 
 from flexslew_plant.bench.wire import HEAD, command_from
-from flexslew_plant.direct.line import Line, facts
+from flexslew_plant.direct.line import DirectLine, facts
 from flexslew_plant.measurement import EffortCommand
+from flexslew_plant.topics import LOOP_DEPTH
 
 Key: TypeAlias = tuple[int, int]  # epoch and tick
 
@@ -31,8 +32,9 @@ class Lines:
     def __init__(self, address: bytes, newest: Callable[[], Key]) -> None:
         self._address, self._newest = address, newest
         self._listener: socket.socket | None = None
-        self._strangers: list[Line] = []  # that have not said who they are
-        self._lines: dict[str, Line] = {}
+        self._strangers: list[DirectLine] = []  # that have not said who they are
+        self._lines: dict[str, DirectLine] = {}
+        self._answers: dict[bytes, None] = {}  # as many as DDS would keep, the oldest first
         self.answering: set[str] = set()  # who answers on its line
         self._listen()
 
@@ -49,7 +51,6 @@ class Lines:
         for line in list(self._strangers):
             self._greet(line)
 
-
     def send(self, named: str, question: bytes) -> None:
         """Ask: first the one that is named, then the others, who observe."""
         first = self._lines.get(named)
@@ -60,7 +61,7 @@ class Lines:
                 line.send(question)
 
     def answer(self, name: str, wait: float) -> EffortCommand | None:
-        """Return the next answer of a controller; None: there is none yet, see Line.receive."""
+        """Return the next answer of a controller, see DirectLine.receive; None: none yet."""
         data = self._lines[name].receive(wait)
         return None if data is None else self._understood(name, data)
 
@@ -76,8 +77,12 @@ class Lines:
         """Return an answer; None: it is something else, after which there may be no line."""
         try:
             if data[:4] == HEAD:
-                return command_from(data)
-        except (ValueError, StructError):
+                command = command_from(data)
+                self._answers[data] = None
+                if len(self._answers) > LOOP_DEPTH:
+                    del self._answers[next(iter(self._answers))]
+                return command
+        except (ValueError, struct.error):
             pass
         if facts(data).get(ANSWERS) is True:
             self.answering.add(name)
@@ -85,17 +90,14 @@ class Lines:
             self._lines[name].close()
         return None
 
+    def copied(self, data: bytes) -> bool:
+        """Return whether an answer came on a line before."""
+        return data in self._answers
+
     @property
     def greeting(self) -> bool:
         """Somebody has called and does not answer on its line yet."""
         return bool(self._strangers) or len(self.answering) < len(self._lines)
-
-    def close(self) -> None:
-        """Hang up on all, and listen no more."""
-        for line in [*self._lines.values(), *self._strangers]:
-            line.close()
-        if self._listener is not None:
-            self._listener.close()
 
     def _listen(self) -> None:
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -107,16 +109,16 @@ class Lines:
         except OSError:  # another plant that has not left yet
             listener.close()
 
-    def _calls(self) -> Iterator[Line]:
+    def _calls(self) -> Iterator[DirectLine]:
         with suppress(OSError):
             while self._listener is not None:
-                line = Line(self._listener.accept()[0])
+                line = DirectLine(self._listener.accept()[0])
                 if line.own_user:
                     yield line
                 else:
                     line.close()
 
-    def _greet(self, line: Line) -> None:
+    def _greet(self, line: DirectLine) -> None:
         """Learn who calls, and say from which question on it will be asked here."""
         data = line.receive()
         if data is None and not line.closed:

@@ -56,9 +56,8 @@ class Plant:
         self._exchange = Exchange(node, loop, self.session, self._take, neighbour)
         self.session.presence = self._alive.presence
         self.statuses: dict[str, msg.ControllerStatus] = {}
-        self._truth = publisher(node, topics.TRUTH)
+        self._truth, self._testbed = (publisher(node, t) for t in (topics.TRUTH, topics.TESTBED))
         self._events = EventLog(node)
-        self._testbed = publisher(node, topics.TESTBED)
         self.display = Display(node, bench, self._settings.display_rate)
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
@@ -89,10 +88,6 @@ class Plant:
         """Say that the run ends before its time."""
         self.session.interrupted()
         self._send()
-
-    def close(self) -> None:
-        """Hang up on those who are asked on lines."""
-        self._exchange.close()
 
     def _send(self) -> None:
         """Publish what the session has to say."""

@@ -25,6 +25,7 @@ from flexslew_plant.ros.offers import publish_if_heard, publisher, subscription
 
 _AT_ONCE = 0.001  # ticks flown by calls before the graph is served again [wall s]
 _LOOK_EVERY = 0.02  # for those who call [wall s]
+_DECIDING = 1.0  # for a controller to call, before it is said to be asked over DDS [wall s]
 _LOOK_AT_GRAPH = 0.1  # for those who answer over DDS [wall s]
 
 
@@ -67,6 +68,7 @@ class Exchange:
         self._unseen: deque[Measurement] = deque()  # what the neighbour has still to observe
         self._commands: Subscription[Any] | None = None
         self._told: dict[str, str] = {}  # how each controller is asked, as told
+        self._since: dict[str, float] = {}  # when each was ready at first [wall s]
         self._next_look = self._next_graph = 0.0  # [wall s]
         self._asked = ""
         self.questions = publisher(node, topics.MEASUREMENT)
@@ -120,12 +122,12 @@ class Exchange:
         """Take calls; listen to `effort_command` while somebody may answer there."""
         if self._lines is None:
             return
-        if now >= self._next_look or self._lines.greeting:
+        if now >= self._next_look or self._lines.greeting or not self._session.run.running:
             self._next_look = now + _LOOK_EVERY
             self._lines.look()
             for command in self._lines.arrived():  # also the words that an answer is to come
                 self._take(command)
-            self._tell()
+            self._tell(now)
         if now >= self._next_graph:
             self._next_graph = now + _LOOK_AT_GRAPH
             self._choose()
@@ -139,9 +141,8 @@ class Exchange:
         with self._commands.handle:
             take, kind = self._commands.handle.take_message, self._commands.msg_type
             while (taken := take(kind, True)) is not None:
-                command = command_from(taken[0])
-                if not self._copied(command):
-                    yield command
+                if not self._copied(taken[0]):
+                    yield command_from(taken[0])
 
     def known(self, controller: str) -> None:
         """Listen to the answers of this controller, too."""
@@ -152,11 +153,6 @@ class Exchange:
         """Return which of these controllers a question would not reach now."""
         others = {*controllers} - {self._name} - self._direct
         return unmatched(self._node, [self.questions], sorted(others))
-
-    def close(self) -> None:
-        """Hang up."""
-        if self._lines is not None:
-            self._lines.close()
 
     @property
     def _name(self) -> str:
@@ -186,23 +182,24 @@ class Exchange:
             self._node.destroy_subscription(self._commands)
             self._commands = None
 
-    def _tell(self) -> None:
-        """Say once how each controller is asked."""
-        for name, reason in self._session.reasons.items():
+    def _tell(self, now: float) -> None:
+        """Say once how each controller is asked, which it needs a moment to decide."""
+        session = self._session
+        for name, reason in session.reasons.items():
             how = SOCKET if name in self._direct else DDS
-            if reason is None and self._told.get(name) != how and self._session.run.running:
+            decided = how == SOCKET or now > self._since.setdefault(name, now) + _DECIDING
+            if reason is None and decided and self._told.get(name) != how and session.run.running:
                 self._told[name] = how
-                self._session.bench.tell(TransportChosen(name, how))
+                session.bench.tell(TransportChosen(name, how))
 
     def _listen(self) -> None:
         topic, hear = topics.EFFORT_COMMAND, self._hear
         self._commands = subscription(self._node, topic, hear, raw=True)
 
     def _hear(self, data: bytes) -> None:
-        command = command_from(data)
-        if not self._copied(command):
-            self._take(command)
+        if not self._copied(data):
+            self._take(command_from(data))
 
-    def _copied(self, command: EffortCommand) -> bool:
+    def _copied(self, data: bytes) -> bool:
         """Return whether an answer is the copy of one that came on a line."""
-        return command.controller in self._direct
+        return self._lines is not None and self._lines.copied(data)

@@ -1,0 +1,230 @@
+"""Question and answer past DDS: the same bits, the same log, whoever is asked in which way."""
+
+import os
+import signal
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from threading import Timer
+from typing import Any
+
+import pytest
+
+from flexslew_control.plan_file import save_plan
+from flexslew_lab.log.bag_reader import BagReader
+from flexslew_lab.log.checks.check import check_log
+from flexslew_lab.metrics.from_bag import metrics_of
+from flexslew_lab.replay.resim import resim
+from flexslew_lab.run.domain import own_domain
+from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
+from flexslew_lab.run.run_trial import run_trial
+from flexslew_lab.run.supervisor import Supervisor
+from flexslew_lab.trial.trial import plan_of_trial
+from flexslew_plant.direct.names import SETTING, address
+from tests.present import present
+
+from .bystander import Bystander, beside
+from .flight import Flight, fork_server, kill, slew
+
+SWAPS = "schedule: [{at: 1.5, switch: lqr}, {at: 3.0, switch: pd_feedforward}]"
+PER_TICK = ("/measurement", "/effort_command", "/controller_state")
+
+
+@pytest.fixture(params=["auto", "dds"])
+def transport(request: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Let all nodes of a test choose by themselves, or take DDS alone."""
+    monkeypatch.setenv(SETTING, request.param)
+    return request.param
+
+
+@pytest.fixture
+def chosen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let all nodes of a test choose by themselves."""
+    monkeypatch.setenv(SETTING, "auto")
+
+
+def alone(trial: Any, folder: Path) -> Any:
+    result = run_trial(trial, "test", folder / "alone", in_process=True, report=False)
+    return result.metrics["trajectory_hash"]
+
+
+def asked(bag: Path) -> dict[str, set[str]]:
+    """Return how each controller was asked, as the events say."""
+    found: dict[str, set[str]] = {}
+    for event in BagReader(bag).overview.events:
+        if event.kind == "transport":
+            found.setdefault(event.data["controller"], set()).add(event.data["transport"])
+    return found
+
+
+def whole(bag: Path, ticks: int) -> None:
+    """Check that a log has every message of every tick, and flies again to the same bits."""
+    overview = BagReader(bag).overview
+    assert [overview.counts[name] for name in PER_TICK] == [ticks] * 3
+    assert [finding for finding in check_log(bag) if not finding.ok] == []
+    assert {"stray", "rejected", "missed"}.isdisjoint(event.kind for event in overview.events)
+    assert resim(bag).identical
+
+
+def flown(
+    trial: Any,
+    folder: Path,
+    change: Callable[[NodeProcess], NodeProcess],
+    act: Callable[[dict[str, int], int], None] = lambda pids, domain: None,
+) -> Path:
+    """Return the bag of a flight of which some nodes are others.
+
+    Args:
+        trial: what to fly.
+        folder: of the run.
+        change: returns what is started in place of a node.
+        act: called once the run has begun, with pids by name and the domain.
+    """
+    save_plan(present(plan_of_trial(trial)), folder / "plan.yaml")
+    nodes = node_processes(trial, folder, True, {"trial_file": "test"}, folder / "plan.yaml")
+    (folder / "parameters.yaml").write_text(parameter_file(nodes))
+    begun = False
+    with own_domain() as domain:
+
+        def progress(tick: int, last: int) -> None:
+            nonlocal begun
+            if not begun:
+                begun = True
+                act(supervisor.pids, domain)
+
+        log = folder / "nodes.log"
+        supervisor = Supervisor(
+            [change(node) for node in nodes], folder / "parameters.yaml", log, domain, progress,
+            fork_server(),
+        )  # fmt: skip
+        outcome = supervisor.run()
+    assert outcome == (0, ""), log.read_text()
+    return folder / "bag"
+
+
+def over_dds(name: str) -> Callable[[NodeProcess], NodeProcess]:
+    """Return what makes one controller a node that is asked over DDS."""
+    return lambda node: (
+        node._replace(package="tests", executable="over_dds") if node.name == name else node
+    )
+
+
+def test_two_swaps_give_the_same_bits_and_a_whole_log(transport: str, tmp_path: Path) -> None:
+    trial = slew(more=", lqr: {}", extra=SWAPS)
+    flight = Flight(trial, tmp_path)
+    assert flight.outcome == (0, ""), flight.log
+    assert flight.metrics["trajectory_hash"] == alone(trial, tmp_path)
+    assert (flight.metrics["switches"], flight.metrics["missed_ticks"]) == (2, 0)
+    whole(flight.bag, 600)
+    if transport == "auto":
+        assert asked(flight.bag).keys() == {"pd_feedforward", "lqr"}
+        assert all("socket" in ways for ways in asked(flight.bag).values())
+    else:
+        assert not any("socket" in ways for ways in asked(flight.bag).values())
+
+
+@pytest.mark.usefixtures("chosen")
+@pytest.mark.parametrize("remote", ["lqr", "pd_feedforward"])
+def test_swaps_pass_between_a_line_and_dds(remote: str, tmp_path: Path) -> None:
+    trial = slew(more=", lqr: {}", extra=SWAPS)
+    bag = flown(trial, tmp_path, over_dds(remote))
+    metrics = metrics_of(bag)
+    assert metrics["trajectory_hash"] == alone(trial, tmp_path)
+    assert (metrics["switches"], metrics["missed_ticks"]) == (2, 0)
+    whole(bag, 600)
+    assert "socket" not in asked(bag).get(remote, set())
+    (other,) = {"lqr", "pd_feedforward"} - {remote}
+    assert "socket" in asked(bag)[other]
+
+
+@pytest.mark.usefixtures("chosen")
+def test_strangers_on_the_plant_s_socket_change_nothing(tmp_path: Path) -> None:
+    kept: list[socket.socket] = []
+
+    def call(domain: int, *words: bytes) -> None:
+        caller = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        caller.connect(address(domain, "/measurement", "/effort_command"))
+        for word in words:
+            caller.send(word)
+        kept.append(caller)
+
+    def act(pids: dict[str, int], domain: int) -> None:
+        call(domain)  # never says a word
+        call(domain, os.urandom(3000))
+        call(domain, b'{"controller": "pd_feedforward"}', b'{"answers": true}', b"?")
+        call(domain, b'{"controller": "somebody"}')  # never reads, never answers
+        call(domain, b'{"controller": "liar"}', b'{"answers": true}', b"\0\1\0\0" + bytes(40))
+
+    trial = slew(duration=40.0)
+    bag = flown(trial, tmp_path, lambda node: node, act)
+    for caller in kept:
+        caller.close()
+    assert len(kept) == 5
+    assert metrics_of(bag)["trajectory_hash"] == alone(trial, tmp_path)
+    assert metrics_of(bag)["missed_ticks"] == 0
+    overview = BagReader(bag).overview
+    assert [overview.counts[name] for name in PER_TICK] == [4000] * 3
+
+
+@pytest.mark.parametrize("who", ["pd_feedforward", "plant", "recorder"])
+def test_a_process_that_is_stopped_for_a_moment_goes_on(
+    transport: str, who: str, tmp_path: Path
+) -> None:
+    def stop(pids: dict[str, int], domain: int) -> None:
+        os.kill(pids[who], signal.SIGSTOP)
+        Timer(0.5, os.kill, (pids[who], signal.SIGCONT)).start()
+
+    trial = slew(duration=30.0)
+    flight = Flight(trial, tmp_path, 20, stop)
+    assert flight.outcome == (0, ""), flight.log
+    assert flight.metrics["missed_ticks"] == 0
+    assert flight.metrics["trajectory_hash"] == alone(trial, tmp_path)
+    assert flight.metrics["log_complete"]
+    assert transport == "auto" or "socket" not in asked(flight.bag).get("pd_feedforward", set())
+
+
+def test_a_fallback_on_either_transport_takes_over_from_the_killed(
+    transport: str, tmp_path: Path
+) -> None:
+    trial = slew(60.0, more=", second: {law: pd_feedforward}", extra="fallback: [second]",
+                 patience=0.5)  # fmt: skip
+    flight = Flight(trial, tmp_path, 30, kill("pd_feedforward"))
+    assert flight.outcome.exit_code == 3
+    assert "fallback" in flight.events
+    assert "brake" not in flight.events
+    assert flight.metrics["ticks"] == 6000
+    assert resim(flight.bag).identical
+    assert transport == "auto" or not any("socket" in w for w in asked(flight.bag).values())
+
+
+@pytest.mark.usefixtures("chosen")
+def test_a_controller_that_was_killed_comes_back_and_is_swapped_in(tmp_path: Path) -> None:
+    born: list[int] = []
+
+    def act(pids: dict[str, int], domain: int) -> None:
+        os.kill(pids["lqr"], signal.SIGKILL)
+        with beside(domain) as one, (tmp_path / "again.log").open("wb") as said:
+            arguments = ["--ros-args", "--params-file", str(tmp_path / "parameters.yaml"),
+                         "-r", "__node:=lqr"]  # fmt: skip
+            born.append(
+                fork_server().start(
+                    "flexslew_control.ros.controller_node", arguments,
+                    {"ROS_DOMAIN_ID": str(domain)}, said.fileno(),
+                )
+            )  # fmt: skip
+            _swapped(one)
+
+    trial = slew(duration=200.0, rate=20.0, more=", lqr: {}")
+    flight = Flight(trial, tmp_path, 20, act)
+    assert flight.outcome.exit_code == 3  # somebody was killed
+    assert "lqr ended" in flight.outcome.message
+    assert flight.events.count("switched") == 2
+    assert "stray" not in flight.events
+    assert resim(flight.bag).identical
+    assert fork_server().exit_code(born[0]) in (None, 0)
+
+
+def _swapped(one: Bystander) -> None:
+    one.swap("lqr")
+    one.pass_by(100)
+    one.swap("pd_feedforward")
