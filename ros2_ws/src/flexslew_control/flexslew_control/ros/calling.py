@@ -22,6 +22,9 @@ class Calling:
         node: of the controller.
         name: that the bench knows it by.
         answers: absolute name of the topic of its commands.
+
+    Attributes:
+        begun: questions come on the line; what is heard elsewhere is a copy.
     """
 
     def __init__(self, node: Node, name: str, answers: str) -> None:
@@ -29,6 +32,7 @@ class Calling:
         self._address = address(node.context.get_domain_id(), questions, answers)
         self._name, self._direct = name, direct(os.environ)
         self._line: DirectLine | None = None
+        self.begun = False
         self._before: tuple[int, int] | None = None  # the newest question that is not on the line
         self._welcomed = 0.0  # [wall s]
         self._next = 0.0  # call [wall s]
@@ -44,7 +48,7 @@ class Calling:
         if self.open:
             return
         if self._line is not None:
-            self._line, self._before, self._since = None, None, now
+            self._line, self._before, self._since, self.begun = None, None, now, False
         if not self._direct or now < self._next:
             return
         self._next = now + _AGAIN
@@ -78,6 +82,7 @@ class Calling:
     def begin(self) -> None:
         """Say that answers come on the line from now on."""
         assert self._line is not None
+        self.begun = True
         self._line.say({ANSWERS: True})
 
     def receive(self, wait: bool) -> bytes | None:
