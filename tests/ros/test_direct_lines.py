@@ -3,7 +3,7 @@
 import os
 import signal
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from threading import Timer
 from typing import Any
@@ -31,10 +31,10 @@ PER_TICK = ("/measurement", "/effort_command", "/controller_state")
 
 
 @pytest.fixture(params=["auto", "dds"])
-def transport(request: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+def transport(request: Any, monkeypatch: pytest.MonkeyPatch) -> str:
     """Let all nodes of a test choose by themselves, or take DDS alone."""
     monkeypatch.setenv(SETTING, request.param)
-    return request.param
+    return str(request.param)
 
 
 @pytest.fixture

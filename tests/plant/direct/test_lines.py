@@ -88,7 +88,7 @@ def test_a_controller_that_does_not_read_holds_nobody_up_and_misses_nothing(
     for question in questions:
         lines.send("quick", question)
         assert quick.receive() == question
-    heard = []
+    heard: list[bytes] = []
     while len(heard) < len(questions):
         found = slow.receive()
         if found is None:
