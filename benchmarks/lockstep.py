@@ -16,6 +16,7 @@ from flexslew_lab.run.domain import own_domain
 from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
 from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import Trial
+from flexslew_plant.direct.names import AUTO, DDS, SETTING
 
 TICKS = 6000
 ROUNDS = 3
@@ -104,7 +105,8 @@ def _floor(kind: str) -> float:
     return float(done.stdout)
 
 
-def _ours(trial: Trial, record: bool, together: bool = False) -> float:
+def _ours(trial: Trial, record: bool, together: bool = False, transport: str = AUTO) -> float:
+    os.environ[SETTING] = transport
     with tempfile.TemporaryDirectory() as scratch, own_domain() as domain:
         folder = Path(scratch)
         processes = node_processes(trial, folder, record, {})
@@ -139,6 +141,8 @@ def figures() -> dict[str, float]:
         runs.setdefault("lockstep_floor_ticks_per_s", []).append(_floor("typed"))
         runs.setdefault("raw_floor_ticks_per_s", []).append(_floor("raw"))
         runs.setdefault("lockstep_ticks_per_s", []).append(_ours(bare, record=True))
+        runs.setdefault("direct_ticks_per_s", []).append(_ours(bare, record=False))
+        runs.setdefault("dds_ticks_per_s", []).append(_ours(bare, record=True, transport=DDS))
         runs.setdefault("displayed_ticks_per_s", []).append(_ours(shown, record=True))
         runs.setdefault("output_feedback_ticks_per_s", []).append(_ours(estimated, record=True))
         runs.setdefault("three_controllers_ticks_per_s", []).append(_ours(several, record=True))
@@ -149,6 +153,7 @@ def figures() -> dict[str, float]:
     result["one_process_ratio"] = (
         result["one_process_ticks_per_s"] / result["raw_floor_ticks_per_s"]
     )
+    result["direct_ratio"] = result["direct_ticks_per_s"] / result["raw_floor_ticks_per_s"]
     result["recorded_ratio"] = rate / result["raw_floor_ticks_per_s"]
     result["displayed_ratio"] = result["displayed_ticks_per_s"] / rate
     result["output_feedback_ratio"] = result["output_feedback_ticks_per_s"] / rate
