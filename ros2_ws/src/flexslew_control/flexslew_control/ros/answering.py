@@ -77,8 +77,7 @@ class Answering:
         """Call the plant, if there is one that answers; hear `measurement` where nobody does."""
         if self._calling is None:
             return
-        if not self.silent:
-            self._calling.look(now)
+        self._calling.look(now, self.silent)
         if self.heard is None and self._calling.hung_up(now):
             self._listen()
 

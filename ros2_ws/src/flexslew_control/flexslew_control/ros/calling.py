@@ -43,13 +43,20 @@ class Calling:
         """The plant has been reached and has not hung up."""
         return self._line is not None and not self._line.closed
 
-    def look(self, now: float) -> None:
-        """Call if there is no line, and it is time."""
+    def look(self, now: float, silent: bool) -> None:
+        """Call if there is no line, and it is time.
+
+        Args:
+            now: [wall s].
+            silent: another one of this name is to be asked: hang up and do not call.
+        """
+        if silent:
+            self.close()
         if self.open:
             return
         if self._line is not None:
             self._line, self._before, self._since, self.begun = None, None, now, False
-        if not self._direct or now < self._next:
+        if silent or not self._direct or now < self._next:
             return
         self._next = now + _AGAIN
         self._line = call(self._address)

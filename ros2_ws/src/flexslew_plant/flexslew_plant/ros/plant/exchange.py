@@ -68,7 +68,7 @@ class Exchange:
         self._unseen: deque[Measurement] = deque()  # what the neighbour has still to observe
         self._commands: Subscription[Any] | None = None
         self._told: dict[str, str] = {}  # how each controller is asked, as told
-        self._since: dict[str, float] = {}  # when each was ready at first [wall s]
+        self._since: dict[str, float] = {}  # when each was on a line, or seen at first [wall s]
         self._next_look = self._next_graph = 0.0  # [wall s]
         self._asked = ""
         self.questions = publisher(node, topics.MEASUREMENT)
@@ -112,10 +112,11 @@ class Exchange:
             return inf
         while self._waits and self._asked in lines.answering:
             answer = lines.answer(self._asked, min(wait, SLICE))
-            if answer is not None:
-                wait = SLICE
-            if (answer is None or self._take(answer)) or monotonic() >= until:
+            if answer is None or self._take(answer) or monotonic() >= until:
                 return 0.0
+            if self._session.pacing.paced:
+                return 0.0  # something else may be due before the next answer
+            wait = SLICE
         return SLICE if lines.greeting else _LOOK_EVERY
 
     def look(self, now: float) -> None:
@@ -187,6 +188,8 @@ class Exchange:
         session = self._session
         for name, reason in session.reasons.items():
             how = SOCKET if name in self._direct else DDS
+            if how == SOCKET:
+                self._since[name] = now
             decided = how == SOCKET or now > self._since.setdefault(name, now) + _DECIDING
             if reason is None and decided and self._told.get(name) != how and session.run.running:
                 self._told[name] = how
