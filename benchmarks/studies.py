@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from flexslew_lab.studies.cases import Cases, case_of, case_trial
-from flexslew_lab.studies.execution.pool import Pool
+from flexslew_lab.run.pool import Pool
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.flight import flown
 from flexslew_lab.studies.lanes.fleet import Lanes

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from flexslew_lab.run.pool import Chunks, Executor, InThisProcess, Pool
 from flexslew_lab.studies.cases import Case, case_of
-from flexslew_lab.studies.execution.pool import Chunks, Executor, InThisProcess, Pool
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
@@ -41,7 +41,7 @@ class Odd:
 '''
 
 
-def flown(ready: Preparation, executor: Executor) -> dict[int, Flown]:
+def flown(ready: Preparation, executor: Executor[Case, Flown]) -> dict[int, Flown]:
     """Return the results by number; every trial exactly once."""
     cases = (case_of(ready.study, ready.samples, k) for k in range(ready.trials))
     found: dict[int, Flown] = {}
