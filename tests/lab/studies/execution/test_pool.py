@@ -105,7 +105,7 @@ def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is
 
 
 def test_workers_share_a_short_study_in_chunks_of_whole_lanes() -> None:
-    chunks, rate = Chunks(), 2000.0  # trials / s
+    chunks, rate = Chunks(LANES), 2000.0  # trials / s
     endless = (Case(k, k, 0, 0, ()) for k in count())
     for _ in range(8):  # it learns that a chunk of seconds holds thousands
         chunk = chunks.next(endless)

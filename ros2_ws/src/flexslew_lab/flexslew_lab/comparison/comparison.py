@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexslew_control.plan import Plan
-from flexslew_lab.comparison.flights import FlightCase, Flights, Outcome, PlanCase
+from flexslew_lab.comparison.flights import CaseOutcome, ComparisonJob, FlightCase, PlanCase
 from flexslew_lab.report.panels import Group
 from flexslew_lab.run.flight_log import FlightLog
 from flexslew_lab.run.pool import Executor, InThisProcess, Pool
@@ -149,7 +149,7 @@ class Description:
         source: its file, for messages.
         candidates: variants of it.
         benches: that each flies on, with a plan for the trial's own.
-        redesigned: see Flights, as `metrics` and `curves`.
+        redesigned: see ComparisonJob, as `metrics` and `curves`.
         metrics: what a flight is compared by.
         curves: what is drawn of a flight over time.
         view: returns what the entries show.
@@ -170,7 +170,7 @@ class Description:
     distinct: bool = False
 
 
-_Executor = Executor[PlanCase | FlightCase, Outcome]
+_Executor = Executor[PlanCase | FlightCase, CaseOutcome]
 _Planned = list[tuple[Candidate, ComparedEntry]]
 
 
@@ -186,7 +186,7 @@ def compared(
         progress: called with the flights done and their number.
         workers: processes that plan and fly; 1: this one.
     """
-    job = Flights(
+    job = ComparisonJob(
         trial_text(described.trial),
         described.source,
         described.trial.trust,
@@ -254,7 +254,7 @@ def _flown(
         if not entry.refused
         for b, section in enumerate(sections)
     ]
-    made: dict[int, Outcome] = {}
+    made: dict[int, CaseOutcome] = {}
     for some in executor.fly(iter(cases)):
         for outcome in some:
             made[outcome.number] = outcome

@@ -50,7 +50,7 @@ class FlightOutcome(NamedTuple):
     curves: Matrix  # (samples, curves of the comparison)
 
 
-class Outcome(NamedTuple):
+class CaseOutcome(NamedTuple):
     """What became of a case."""
 
     number: int
@@ -63,8 +63,8 @@ Cases = Sequence[PlanCase | FlightCase]
 
 
 @dataclass(frozen=True)
-class Flights:
-    """Implements Job: plans and flights of one trial's variants.
+class ComparisonJob:
+    """Implements PooledJob: plans and flights of one trial's variants.
 
     Args:
         trial: its text, with the section of the manoeuvre as its plan, or with none.
@@ -91,35 +91,35 @@ class Flights:
         """Return what plans and flies in this process."""
         return _Flyer(self, parse_trial(self.trial, self.source, self.trust))
 
-    def failed(self, number: int, reason: str) -> Outcome:
+    def failed(self, number: int, reason: str) -> CaseOutcome:
         """Return the outcome of a case that came to nothing."""
-        return Outcome(number, refused=reason)
+        return CaseOutcome(number, refused=reason)
 
 
 class _Flyer(NamedTuple):
-    job: Flights
+    job: ComparisonJob
     trial: Trial
 
     def fly(
         self,
         cases: Cases,
-        report: Callable[[list[Outcome]], None],
+        report: Callable[[list[CaseOutcome]], None],
         begin: Callable[[int], None] = lambda number: None,
     ) -> None:
-        """Do the cases; see Flyer."""
+        """Do the cases; see CaseFlyer."""
         for case in cases:
             begin(case.number)
             report([self._outcome(case)])
 
-    def _outcome(self, case: PlanCase | FlightCase) -> Outcome:
+    def _outcome(self, case: PlanCase | FlightCase) -> CaseOutcome:
         try:
             if isinstance(case, PlanCase):
-                return Outcome(case.number, plan=self._planned(case))
-            return Outcome(case.number, flight=self._flown(case))
+                return CaseOutcome(case.number, plan=self._planned(case))
+            return CaseOutcome(case.number, flight=self._flown(case))
         except FlexslewError as refused:
-            return Outcome(case.number, refused=without_source(refused))
+            return CaseOutcome(case.number, refused=without_source(refused))
         except Exception as error:  # a class of the user's own may do anything
-            return Outcome(case.number, refused=one_line(error))
+            return CaseOutcome(case.number, refused=one_line(error))
 
     def _planned(self, case: PlanCase) -> Plan | None:
         asked = self.trial.plan

@@ -41,7 +41,7 @@ _Given = TypeVar("_Given", bound=Numbered, contravariant=True)
 _Result = TypeVar("_Result", bound=Numbered)
 
 
-class Flyer(Protocol[_Given, _Result]):
+class CaseFlyer(Protocol[_Given, _Result]):
     """Does cases of a job in whatever process it stands."""
 
     def fly(
@@ -59,7 +59,7 @@ class Flyer(Protocol[_Given, _Result]):
         """
 
 
-class Job(Protocol[_Given, _Result]):
+class PooledJob(Protocol[_Given, _Result]):
     """All that a process must know to do any case; it goes from process to process."""
 
     @property
@@ -70,7 +70,7 @@ class Job(Protocol[_Given, _Result]):
     def at_once(self) -> int:
         """How many cases are done as fast as one."""
 
-    def flyer(self) -> Flyer[_Given, _Result]:
+    def flyer(self) -> CaseFlyer[_Given, _Result]:
         """Return what does its cases; called once in every process."""
 
     def failed(self, number: int, reason: str) -> _Result:
@@ -90,7 +90,7 @@ class Executor(Protocol[_Given, _Result]):
 class InThisProcess(Generic[_Case, _Result]):
     """Implements Executor in this process, one case after the other."""
 
-    def __init__(self, job: Job[_Case, _Result]) -> None:
+    def __init__(self, job: PooledJob[_Case, _Result]) -> None:
         self._flyer, self._at_once = job.flyer(), job.at_once
 
     def fly(self, cases: Iterator[_Case]) -> Iterator[list[_Result]]:
@@ -171,7 +171,7 @@ class Pool(Generic[_Case, _Result]):
         workers: how many.
     """
 
-    def __init__(self, job: Job[_Case, _Result], workers: int) -> None:
+    def __init__(self, job: PooledJob[_Case, _Result], workers: int) -> None:
         self._job, self._count = job, workers
         self._workers: list[_Worker[_Case]] = []
         self._again: deque[_Chunk[_Case]] = deque()
@@ -299,7 +299,7 @@ class Pool(Generic[_Case, _Result]):
         worker.pipe.close()
 
 
-def _work(pipe: Connection, job: Job[Any, Any]) -> None:
+def _work(pipe: Connection, job: PooledJob[Any, Any]) -> None:
     """Do what comes through the pipe until it is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who gives out chunks
     flyer = job.flyer()
