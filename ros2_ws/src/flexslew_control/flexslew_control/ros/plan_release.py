@@ -174,6 +174,16 @@ class PlanRelease:
         trust = Trust(self._trust.names | {method}, self._trust.everything)
         return request._replace(trust=trust)
 
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints of the testbed; none before it is known."""
+        return tuple(self._testbed.joint_names)
+
+    @property
+    def clock(self) -> BenchClock:
+        """The time that plans start in."""
+        return self._clock
+
     def _rest_at(self, start: float) -> dict[str, float]:
         """Return where the joints' references are at a simulated time [s]; {}: as at tick 0."""
         return self._here.rest_at(start, self._clock.now()) if self._course is not None else {}

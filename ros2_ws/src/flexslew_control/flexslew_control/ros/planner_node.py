@@ -1,7 +1,7 @@
 """The `planner` node: plans on request and what its parameters ask for.
 
 The action `plan_slew` publishes its plan, `draft_plan` keeps it until somebody decides, and what
-is heard on `joint_trajectory` is published as a plan.
+is heard on `joint_trajectory` is published as a plan, as is a goal of `follow_joint_trajectory`.
 """
 
 from collections.abc import Callable
@@ -16,6 +16,7 @@ from rclpy.task import Future
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
+from flexslew_control.ros.follow_trajectory import follow_trajectory
 from flexslew_control.ros.plan_job import Outcome, PlanJob
 from flexslew_control.ros.plan_release import MODEL, PlanRelease
 from flexslew_control.ros.plan_result import BUSY, failure, plan_result
@@ -48,6 +49,7 @@ class Planner:
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         self._release.serve_model(node, s.model)
         self._trajectories = TrajectoryRequests(node, self._job, self._release)
+        self._following = follow_trajectory(node, loop, self._job, self._release)
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         self._servers = [
             ActionServer(
@@ -69,6 +71,8 @@ class Planner:
         if now >= self._next_look:
             self._watch.look()
             self._next_look = now + _POLL_PERIOD
+            if self._following is not None:
+                self._following.poll()
         awaited = self._release.poll(now)
         if not self._job.busy:
             return _PLANNING if awaited else self._next_look - now
@@ -80,6 +84,8 @@ class Planner:
         self._job.close()
         for server in self._servers:
             server.destroy()
+        if self._following is not None:
+            self._following.close()
 
     def _own_plan(self, outcome: Outcome) -> None:
         """Publish what the parameters ask for; without it the node has no purpose."""
