@@ -106,6 +106,9 @@ def test_a_robot_is_moved_along_a_trajectory(tmp_path: Path) -> None:
         asked("odd", odd)
         unmeasured = [JointTolerance(name="hub_pitch", acceleration=1.0)]
         asked("unmeasured", path_tolerance=unmeasured)
+        dropped = client.goal(trajectory=path)  # planning takes seconds at first
+        bystander.until(dropped.cancel_goal_async().done)
+        found["dropped"] = client.result(dropped)
         goal = client.planned(
             trajectory=path,
             path_tolerance=[JointTolerance(name="hub_pitch", position=0.2)],
@@ -137,10 +140,12 @@ def test_a_robot_is_moved_along_a_trajectory(tmp_path: Path) -> None:
         "strange": "INVALID_JOINTS",
         "odd": "INVALID_GOAL",
         "unmeasured": "INVALID_GOAL",
+        "dropped": "INVALID_GOAL",
         "flown": "SUCCESSFUL",
         "late": "OLD_HEADER_TIMESTAMP",
         "tight": "PATH_TOLERANCE_VIOLATED",
     }, found
+    assert found["dropped"].error_string == "canceled by the client"
     assert found["canceling"] == 0  # a published plan is flown
     feedback = found["feedback"]
     assert list(feedback.joint_names) == ["hub_pitch", "base_yaw"]

@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from flexslew_control.ros.bench_clock import BenchClock
 from flexslew_control.ros.plan_job import Outcome, PlanJob
 from flexslew_control.ros.plan_release import PlanRelease
-from flexslew_control.ros.plan_result import BUSY
+from flexslew_control.ros.plan_result import BUSY, CANCELED
 from flexslew_control.ros.trajectories import trajectory_section
 from flexslew_control.tracking import Tolerance, Tracked, Tracking, TrackingCode, TrackingEnd
 from flexslew_plant import topics
@@ -90,6 +90,8 @@ class FollowTrajectory:
             past = outcome.cause is Cause.PAST
             code = TrackingCode.OLD_HEADER_TIMESTAMP if past else TrackingCode.INVALID_GOAL
             return TrackingEnd(code, str(outcome))
+        if goal.is_cancel_requested:
+            return TrackingEnd(TrackingCode.INVALID_GOAL, str(CANCELED))
         after = request.goal_time_tolerance
         tracking = Tracking(
             outcome,
