@@ -50,7 +50,7 @@ def compare(
     words = "laws" if by_law else "compare"
     target = writable_file(out or new_file(f"{requested.name}-{words}.html"), "--out")
     described = (laws if by_law else planners)(requested, source)
-    with progress("compare", "flights") as advance:
+    with progress("compare", "plans and flights") as advance:
         found = compared(described, advance, workers or os.cpu_count() or 1)
     if as_json:
         print(json.dumps(found.rows(), indent=2))

@@ -170,7 +170,6 @@ class Description:
     distinct: bool = False
 
 
-_Executor = Executor[PlanCase | FlightCase, CaseOutcome]
 _Planned = list[tuple[Candidate, ComparedEntry]]
 
 
@@ -183,7 +182,8 @@ def compared(
 
     Args:
         described: what is compared.
-        progress: called with the flights done and their number.
+        progress: called with the plans and flights done and their number, at most that many at
+            first.
         workers: processes that plan and fly; 1: this one.
     """
     job = ComparisonJob(
@@ -195,20 +195,48 @@ def compared(
         described.curves,
     )
     with closing(InThisProcess(job) if workers == 1 else Pool(job, workers)) as executor:
-        planned = _planned(described, executor)
+        work = _Work(executor, progress)
+        planned = _planned(described, work)
         if described.distinct:
             planned = _distinct(planned)
-        return described.view(tuple(_flown(described, planned, executor, progress)))
+        return described.view(tuple(_flown(described, planned, work)))
 
 
-def _planned(described: Description, executor: _Executor) -> _Planned:
+@dataclass
+class _Work:
+    """Whoever plans and flies, and how much of that is done."""
+
+    executor: Executor[PlanCase | FlightCase, CaseOutcome]
+    progress: Callable[[int, int], None]
+    done: int = 0
+
+    def outcomes(
+        self, cases: Sequence[PlanCase | FlightCase], later: int = 0
+    ) -> dict[int, CaseOutcome]:
+        """Return the outcomes by number.
+
+        Args:
+            cases: to be done.
+            later: how many come after them, at most.
+        """
+        made: dict[int, CaseOutcome] = {}
+        last = self.done + len(cases) + later
+        for some in self.executor.fly(iter(cases)):
+            for outcome in some:
+                made[outcome.number] = outcome
+                self.done += 1
+                self.progress(self.done, last)
+        return made
+
+
+def _planned(described: Description, work: _Work) -> _Planned:
     """Return the candidates with their plans, or why they have none; a plan is made once."""
     if described.trial.plan is None:
         return [(c, ComparedEntry(c.name, None, "")) for c in described.candidates]
     keys = [yaml_text([c.method, plain(dict(c.keys))]) for c in described.candidates]
     firsts = {key: keys.index(key) for key in keys}
     cases = [PlanCase(k, *described.candidates[k][1:3]) for k in firsts.values()]
-    made = {outcome.number: outcome for some in executor.fly(iter(cases)) for outcome in some}
+    made = work.outcomes(cases, len(described.candidates) * len(described.benches))
     found = [made[firsts[key]] for key in keys]
     return [
         (c, ComparedEntry(c.name, outcome.plan, outcome.refused))
@@ -234,12 +262,7 @@ def _same_motion(one: Plan | None, other: Plan | None) -> bool:
     )
 
 
-def _flown(
-    described: Description,
-    planned: _Planned,
-    executor: _Executor,
-    progress: Callable[[int, int], None],
-) -> list[ComparedEntry]:
+def _flown(described: Description, planned: _Planned, work: _Work) -> list[ComparedEntry]:
     """Return the entries with their flights; one that is refused on a bench has none."""
     longest = max((e.plan.end for _, e in planned if e.plan is not None), default=0.0)
     duration, benches = described.trial.duration, described.benches
@@ -254,11 +277,7 @@ def _flown(
         if not entry.refused
         for b, section in enumerate(sections)
     ]
-    made: dict[int, CaseOutcome] = {}
-    for some in executor.fly(iter(cases)):
-        for outcome in some:
-            made[outcome.number] = outcome
-            progress(len(made), len(cases))
+    made = work.outcomes(cases)
     entries = []
     for k, (_, entry) in enumerate(planned):
         if not entry.refused:
