@@ -248,7 +248,7 @@ class PlanRelease:
     @property
     def _met(self) -> bool:
         """Whether all controllers on the graph were heard: DDS may name them long before."""
-        there = self._node.count_publishers(topics.CONTROLLER_STATUS)
+        there: int = self._node.count_publishers(topics.CONTROLLER_STATUS)
         return there <= len(self._answers.known)
 
     @property
