@@ -208,12 +208,12 @@ def initial_state(testbed: Testbed) -> Vector:
     return np.concatenate((rest, np.zeros(model.coordinates)))
 
 
-def _starts_moving(testbed: object) -> TypeGuard[StartsMoving]:
+def _starts_moving(testbed: Any) -> TypeGuard[StartsMoving]:
     return _kind_starts_moving(type(testbed))
 
 
 @lru_cache
-def _kind_starts_moving(kind: type) -> bool:
+def _kind_starts_moving(kind: type[Any]) -> bool:
     """Return whether testbeds of a kind may move at the start; asked once, for it takes long."""
     return issubclass(kind, StartsMoving)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import NamedTuple, Protocol, TypeAlias, TypeGuard, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeAlias, TypeGuard, runtime_checkable
 
 import numpy as np
 
@@ -47,13 +47,13 @@ class KnowsFrequency(Protocol):
         """Return a bound of the frequencies of its modes with the joints free [rad/s]."""
 
 
-def knows_frequency(testbed: object) -> TypeGuard[KnowsFrequency]:
+def knows_frequency(testbed: Any) -> TypeGuard[KnowsFrequency]:
     """Return whether a testbed does; kinds are asked once, as asking takes longer than the rest."""
     return _know_frequency(type(testbed))
 
 
 @lru_cache
-def _know_frequency(kind: type) -> bool:
+def _know_frequency(kind: type[Any]) -> bool:
     return issubclass(kind, KnowsFrequency)
 
 

@@ -15,8 +15,8 @@ class Nystrom(NamedTuple):
     times: Vector  # (stages,)
 
 
-# Nystrom's of order 5 (Hairer, Norsett and Wanner (1993), table II.14.2). For a force that reads the
-# rates, too, they are those of the one scheme of order 4 with the same weights and times.
+# Nystrom's of order 5 (Hairer, Norsett and Wanner (1993), table II.14.2). Where the force reads the
+# rates, too, these go by the one scheme of order 4 with the same weights and times.
 NYSTROM = Nystrom(
     np.array(
         [

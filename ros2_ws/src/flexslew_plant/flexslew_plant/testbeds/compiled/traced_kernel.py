@@ -16,7 +16,6 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from flexslew_plant.arrays import Matrix, Vector, vectorised
-from flexslew_plant.testbeds.compiled.aligned_stack import aligned_stack
 from flexslew_plant.testbeds.compiled.generated import generated
 from flexslew_plant.testbeds.compiled.lanes import (
     LANES,
@@ -100,9 +99,7 @@ def _kernel(model: Model, equations: NotedEquations, brisk: bool) -> LaneKernel 
     brisk = brisk and few
     results = slopes
     if few:
-        results = (
-            equations.nystrom_step(t, h, NYSTROM) if brisk else equations.step(t, h, *_EIGHT)
-        )
+        results = equations.nystrom_step(t, h, NYSTROM) if brisk else equations.step(t, h, *_EIGHT)
     needs = needed(tape, [*results, *joints])
 
     def text(
@@ -136,7 +133,8 @@ def _kernel(model: Model, equations: NotedEquations, brisk: bool) -> LaneKernel 
 
 
 def _function(name: str, text: str) -> Any:
-    return vectorised(generated(name, text, {"np": np, "sine_cosine": sine_cosine, "turned": turned, "aligned_stack": aligned_stack}))
+    names = {"np": np, "sine_cosine": sine_cosine, "turned": turned}
+    return vectorised(generated(name, text, names))
 
 
 @lru_cache
