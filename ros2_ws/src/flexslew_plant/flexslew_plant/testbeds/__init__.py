@@ -209,7 +209,8 @@ def initial_state(testbed: Testbed) -> Vector:
 
 
 def _starts_moving(testbed: Any) -> TypeGuard[StartsMoving]:
-    return _kind_starts_moving(type(testbed))
+    kind: Any = type(testbed)
+    return _kind_starts_moving(kind)
 
 
 @lru_cache

@@ -49,7 +49,8 @@ class KnowsFrequency(Protocol):
 
 def knows_frequency(testbed: Any) -> TypeGuard[KnowsFrequency]:
     """Return whether a testbed does; kinds are asked once, as asking takes longer than the rest."""
-    return _know_frequency(type(testbed))
+    kind: Any = type(testbed)
+    return _know_frequency(kind)
 
 
 @lru_cache
