@@ -32,6 +32,7 @@ from flexslew_plant.ros.parameters import new_node, settings_of
 
 _POLL_PERIOD = 0.2  # between two polls at the graph [wall s]
 _PLANNING = 0.02  # between two polls at the planning process [wall s]
+_LATE = 0.1  # a poll that comes so much later is the planner's own fault [wall s]
 
 
 class Planner:
@@ -40,10 +41,10 @@ class Planner:
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
         self.node = node = new_node("planner")
-        alive = loop.live(node, "planner")
+        self._presence = (alive := loop.live(node, "planner")).presence
         self._settings: PlannerSettings = settings_of(node, PlannerSettings, (MODEL,))
         self._job = PlanJob(loop, soon=not self._settings.file)
-        self._next_look = 0.0
+        self._next_look = self._due = 0.0
         s = self._settings
         self._release = PlanRelease(node, loop, alive, (s.kp, s.kd), s.trust, s.in_charge())
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
@@ -68,6 +69,13 @@ class Planner:
     def poll(self) -> float:
         """Look for the plant and for plans; return the wall seconds until the next look."""
         now = monotonic()
+        if self._due and now > self._due + _LATE:  # a long plan was written: nobody was heard
+            self._presence.excuse(now - self._due)
+        wait = self._next(now)
+        self._due = now + wait
+        return wait
+
+    def _next(self, now: float) -> float:
         if now >= self._next_look:
             self._watch.look()
             self._next_look = now + _POLL_PERIOD

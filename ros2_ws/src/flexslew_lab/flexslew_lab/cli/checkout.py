@@ -87,10 +87,9 @@ def extras() -> None:
 def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
-    Without arguments they run side by side: first those that need no ROS, as many as there are
-    processors, then those over ROS, which mostly wait, twice as many, a file at a time, and at
-    last, alone, those that hold a bench against the wall clock. A test that fails has failed: none
-    runs twice.
+    Without arguments as many run side by side as there are processors, at most eight: first those
+    that need no ROS, then those over ROS, a file at a time, and at last, alone, those that hold a
+    bench against the wall clock. A test that fails has failed: none runs twice.
 
     Example: `./flexslew test tests/plant -k energy`
     """
@@ -102,7 +101,7 @@ def test(context: typer.Context) -> None:
     # a long file at the end is shared; the benches of a file over ROS stay with one process
     parts = (
         ("-n", f"{workers}", "--dist", "worksteal", *ignored),
-        ("-n", f"{2 * workers}", "--dist", "loadfile", *OVER_ROS, "-m", "not alone"),
+        ("-n", f"{workers}", "--dist", "loadfile", *OVER_ROS, "-m", "not alone"),
         (*OVER_ROS, "-m", "alone"),
     )
     raise typer.Exit(max(_pytest(*part) for part in parts))
