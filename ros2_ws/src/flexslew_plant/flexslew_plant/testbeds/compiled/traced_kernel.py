@@ -3,9 +3,9 @@
 The equations run once on numbers that take notes (tape, trace); what comes out is one loop over
 lanes without a branch (written). Short equations are written as whole steps, all numbers of which
 stay in registers or near them; long ones stage by stage, for a block of lanes that fits into the
-first cache. Where a testbed bounds its frequencies the scheme is Nystrom's of order 5 in
-Norsett and Wanner (1993), table II.14.2; in rates the order is 4) in steps short enough for metrics
-good to 1e-11, else that of the bench, of order 8.
+first cache. Where a testbed bounds its frequencies the scheme of short equations is Nystrom's of
+order 5 (see nystrom), in steps short enough for metrics good to 1e-11, else that of the bench, of
+order 8.
 """
 
 from collections.abc import Callable
