@@ -8,8 +8,8 @@ from time import perf_counter
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from flexslew_lab.run.pool import Pool
 from flexslew_lab.studies.cases import Cases, case_of, case_trial
-from flexslew_lab.studies.execution.pool import Pool
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.flight import flown
 from flexslew_lab.studies.lanes.fleet import Lanes
@@ -33,6 +33,29 @@ testbed: {kind: floating_oscillator}
 plan: {method: reference_only, goal: {mass: 0.1}, duration: 10.0}
 controllers: {pd_feedforward: {kp: 2.0, kd: 2.0}}
 """
+_THREE_AXES = """
+name: three_axes
+duration: 40.0
+period: 0.02
+testbed:
+  kind: spacecraft
+  platform: {mass: 200.0, inertia: {xx: 35.0, yy: 30.0, zz: 32.0}}
+  appendages:
+    left:
+      hinge: {place: [0.0, 0.6, 0.0], axes: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]}
+      shape: {kind: modal_data, file: solar_panel.yaml}
+    right:
+      hinge: {place: [0.0, -0.6, 0.0], axes: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]}
+      shape: {kind: modal_data, file: solar_panel.yaml}
+  actuators: {}
+  wheels:
+    roll: {axis: [1.0, 0.0, 0.0], inertia: 0.02, limit: 0.5, momentum_limit: 10.0}
+    pitch: {axis: [0.0, 1.0, 0.0], inertia: 0.02, limit: 0.5, momentum_limit: 10.0}
+    yaw: {axis: [0.0, 0.0, 1.0], inertia: 0.02, limit: 0.5, momentum_limit: 10.0}
+plan: {method: reference_only, goal: {roll: 0.5, pitch: -0.3, yaw: 0.4}, duration: 30.0}
+controllers:
+  pd_feedforward: {kp: [12.0], kd: [60.0]}
+"""
 _ROUNDS = 3
 _ON_BENCH = 16  # trials on each number of processes
 _COUNTED = 50_000_000  # numbers
@@ -45,6 +68,7 @@ def figures() -> dict[str, float]:
     studies_other_lanes: 40 s of the floating oscillator in lanes, over the same on the bench.
     studies_lanes_2: in lanes on two processes, from the first chunk to the last result.
     studies_spacecraft_lanes: own_spacecraft in lanes, over the same on the bench.
+    studies_three_axes_lanes: 40 s of a craft in three axes in lanes, over the same on the bench.
     studies_bench_1, studies_bench_2: by the ordinary bench on one and on two processes.
     studies_bench_speed_up: of two processes over one.
     studies_machine_speed_up: the floor for that, two processes that only count over one.
@@ -64,9 +88,14 @@ def figures() -> dict[str, float]:
         craft = prepare(
             parse_study(other.replace("other.yaml", "own_spacecraft"), "benchmark", Path(folder))
         )
+        (Path(folder) / "three.yaml").write_text(_THREE_AXES)
+        three = prepare(
+            parse_study(other.replace("other.yaml", "three.yaml"), "benchmark", Path(folder))
+        )
     found = {"studies_lane_kernel": _kernel(lanes)}
     found["studies_other_lanes"] = _kernel(others) / _one_by_one(others)
     found["studies_spacecraft_lanes"] = _kernel(craft) / _one_by_one(craft)
+    found["studies_three_axes_lanes"] = _kernel(three) / _one_by_one(three)
     found["studies_lanes_2"] = _processes(lanes, 2, 1024)
     found["studies_bench_1"] = _processes(bench, 1, _ON_BENCH)
     found["studies_bench_2"] = _processes(bench, 2, 2 * _ON_BENCH)

@@ -92,6 +92,8 @@ def services() -> Iterator[tuple[str, str]]:
             yield name, f"flexslew_msgs/srv/{typed[1]}"
         elif re.search(rf"\baction\b|PlanSlew,\s*topics\.{constant}\b", text) and "plan" in name:
             yield name, "flexslew_msgs/action/PlanSlew"
+        elif re.search(rf"\bFollowJointTrajectory,\s*topics\.{constant}\b", text):
+            yield name, "control_msgs/action/FollowJointTrajectory"
         elif re.search(rf"\btopics\.{constant}:", text):
             yield name, "std_srvs/srv/Trigger"
         else:

@@ -31,7 +31,7 @@ from tests.lab.log.crafted import Message, flown, one_line, plain, written
 def campaign(case: np.random.Generator, examples: int) -> Callable[[Any], Any]:
     """Return what draws so many examples for a test, from the seed of its case."""
     strategy = settings(
-        database=None, deadline=None, max_examples=examples,
+        database=None, max_examples=examples,
         suppress_health_check=list(HealthCheck),
     )  # fmt: skip
     return lambda test: seed(int(case.integers(2**32)))(strategy(test))

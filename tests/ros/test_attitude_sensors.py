@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from flexslew_msgs.srv import SetRate
 from geometry_msgs.msg import QuaternionStamped
 from sensor_msgs.msg import Imu
 
@@ -80,6 +81,7 @@ def test_gyro_and_star_tracker_are_heard_in_standard_messages(tmp_path: Path) ->
                 profile = qos(TOPICS[at])
                 bystander.node.create_subscription(kind, at, heard[kind].append, profile)
             bystander.until(lambda: all(len(messages) > 3 for messages in heard.values()))
+            assert bystander.ask(SetRate, "set_rate", rate_factor=0.0).ok
 
     paced = trial_with(rate_factor=1.0, duration=10.0, max_missed=1000, schedule=[])
     flight = Flight(paced, tmp_path, 5, listen)

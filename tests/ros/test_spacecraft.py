@@ -1,5 +1,6 @@
 """Spacecraft over ROS 2: swaps and faults on them, the same bits as in process, flown again."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from flexslew_lab.replay.check import check
 from flexslew_lab.replay.resim import resim
 from flexslew_lab.reproduce.scole_flights import shipped_values
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.trial.trial import trial_of_values
+from flexslew_lab.trial.trial import SavedPlan, Trial, trial_of_values
 
 from .flight import Flight
 
@@ -70,13 +71,22 @@ TRIALS: dict[str, dict[str, Any]] = {
 }
 
 
+def with_plan_of(flight: Flight, trial: Trial) -> Trial:
+    """Return the trial with the plan that a flight has been given, if it has any."""
+    if trial.plan is None:
+        return trial
+    return replace(trial, plan=SavedPlan(file=str(flight.folder / "plan.yaml")))
+
+
 @pytest.mark.parametrize("name", TRIALS)
 def test_a_spacecraft_flies_over_ros_as_in_process(name: str, tmp_path: Path) -> None:
     values = shipped_values(name, TRIALS[name]) | {"allow_faults": True}
     trial = trial_of_values(values, name)
     flight = Flight(trial, tmp_path / "ros")
     assert flight.outcome.exit_code == 0, flight.log
-    here = run_trial(trial, name, tmp_path / "here", in_process=True, report=False)
+    here = run_trial(
+        with_plan_of(flight, trial), name, tmp_path / "here", in_process=True, report=False
+    )
     assert flight.metrics["trajectory_hash"] == here.metrics["trajectory_hash"]
     assert flight.metrics["switches"] == 1
     assert flight.metrics["faults"] >= 1
@@ -112,7 +122,9 @@ def test_the_other_cases_of_the_paper_fly_over_ros_as_in_process(name: str, tmp_
     trial = trial_of_values(shipped_values(name, {"duration": 1.2}), name)
     flight = Flight(trial, tmp_path / "ros")
     assert flight.outcome.exit_code == 0, flight.log
-    here = run_trial(trial, name, tmp_path / "here", in_process=True, report=False)
+    here = run_trial(
+        with_plan_of(flight, trial), name, tmp_path / "here", in_process=True, report=False
+    )
     assert flight.metrics["trajectory_hash"] == here.metrics["trajectory_hash"]
     assert flight.metrics["missed_ticks"] == 0
     assert resim(flight.bag).identical

@@ -122,10 +122,10 @@ def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[Flight, list[JointTr
                 )
             )  # fmt: skip
             bystander.until(lambda: len(heard) == 2)
-            assert bystander.ask(SetRate, "set_rate", rate=0.0).ok
+            assert bystander.ask(SetRate, "set_rate", rate_factor=0.0).ok
             assert bystander.ask(Trigger, "start").success
 
-    trial = slew(duration=16.0, rate=1.0)
+    trial = slew(duration=16.0, rate=1.0, extra="max_missed: 1000")
     return Flight(trial, tmp_path_factory.mktemp("sent"), 10, send), heard
 
 

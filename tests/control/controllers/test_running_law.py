@@ -16,7 +16,7 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_control.controllers.running_law import running_law
 from flexslew_control.estimators.kalman import KalmanFilter
 from flexslew_control.law import MeasuredJoints
-from flexslew_control.linear_form import KalmanForm, LinearForm
+from flexslew_control.linear_form import KalmanForm, LinearForm, LinearObserver
 from flexslew_control.plan import Plan
 from flexslew_plant.errors import BadInput
 from flexslew_plant.testbeds import read_testbed
@@ -55,6 +55,7 @@ def formula(found: LinearForm, stationary: Any, inputs: np.ndarray, m: int, peri
             z = prior + stationary @ (y - c @ prior)
             seen = np.concatenate((z, y - c @ prior))
         else:
+            assert isinstance(observer, LinearObserver)
             z = (
                 observer.start @ np.zeros(outputs)
                 if before is None

@@ -112,3 +112,27 @@ def test_a_program_that_calls_the_command_line_keeps_its_own_handler(
     with pytest.raises(SystemExit):
         main()
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize("leave", ["raise KeyboardInterrupt", "sys.exit(130)"])
+def test_an_interrupt_in_a_text_that_is_run_has_the_exit_code_of_any_other(
+    tmp_path: Path, leave: str
+) -> None:
+    """Dataclasses are made by exec: Python takes what leaves it for unhandled, caught or not."""
+    program = f"""
+import sys
+from flexslew_lab.cli import main as cli
+
+def command(**_):
+    try:
+        exec("raise KeyboardInterrupt")
+    except KeyboardInterrupt:
+        {leave}
+
+cli.get_command = lambda app: None
+cli.without_types = lambda app: command
+cli.main()
+"""
+    (tmp_path / "bench.py").write_text(program)
+    done = subprocess.run([sys.executable, "-m", "bench"], cwd=tmp_path, check=False)
+    assert done.returncode == 130

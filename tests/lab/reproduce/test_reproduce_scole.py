@@ -1,11 +1,15 @@
 """SCOLE-S flown on the bench gives the numbers of its table."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from flexslew_control.controllers.sampled_loop import LinearPlant, collocated_loop, radius
+from flexslew_control.plan import Plan
+from flexslew_lab.reproduce import scole_flights
 from flexslew_lab.reproduce.scole import TABLE, _eight_modes, numbers
-from flexslew_lab.reproduce.scole_flights import flown, shipped
+from flexslew_lab.reproduce.scole_flights import CASES, flown, shipped
 from flexslew_lab.trial.trial import build_controllers
 from flexslew_plant.errors import BadInput
 
@@ -13,7 +17,12 @@ RESIDUAL, EFFORT = 0.1, 0.01
 
 
 @pytest.mark.parametrize("case", ["tracking (a)", "tracking (b)", "rigid hold", "open loop"])
-def test_the_four_cases_give_the_table(case: str) -> None:
+def test_the_four_cases_give_the_table(
+    case: str, shipped_plan: Callable[[str], Plan | None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, changes = CASES[case]
+    assert not changes
+    monkeypatch.setattr(scole_flights, "plan_of_trial", lambda _: shipped_plan(name))
     found, expected = numbers(flown(case)), TABLE[case]
     tolerances = (EFFORT, *[RESIDUAL] * 4, EFFORT, EFFORT, EFFORT)
     for ours, reference, tolerance in zip(found, expected, tolerances, strict=True):

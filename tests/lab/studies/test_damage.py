@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flexslew_lab.cli.main import app
-from flexslew_lab.studies.execution.pool import InThisProcess
+from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.studies.finish import finished, keep_worst
 from flexslew_lab.studies.run import Preparation, prepare, run_study
 from flexslew_lab.studies.seals import part_name

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.studies.cases import Case, case_of
-from flexslew_lab.studies.execution.pool import InThisProcess
 from flexslew_lab.studies.findings.summary import passed
 from flexslew_lab.studies.finish import finished, fly_again
 from flexslew_lab.studies.flight import Flown, flown
@@ -23,7 +23,7 @@ from flexslew_plant.own_code import NO_CODE
 from flexslew_plant.settings import yaml_text
 
 
-class OneByOne(InThisProcess):
+class OneByOne(InThisProcess[Case, Flown]):
     """Gives every result alone, so that there are many moments to be killed at."""
 
     def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
@@ -89,7 +89,7 @@ def test_ctrl_c_keeps_what_was_flown(ready: Preparation, tmp_path: Path) -> None
 
 
 def test_a_finished_study_flies_nothing_again(ready: Preparation, tmp_path: Path) -> None:
-    class Nobody(InThisProcess):
+    class Nobody(InThisProcess[Case, Flown]):
         def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
             assert next(cases, None) is None
             return iter(())
@@ -155,7 +155,7 @@ def test_shards_make_the_table_of_the_whole(ready: Preparation, tmp_path: Path) 
 def test_failed_trials_are_results_and_are_flown_again_on_demand(
     ready: Preparation, tmp_path: Path
 ) -> None:
-    class Clumsy(InThisProcess):
+    class Clumsy(InThisProcess[Case, Flown]):
         def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
             for results in super().fly(cases):
                 yield [

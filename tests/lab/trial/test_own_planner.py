@@ -17,8 +17,8 @@ from flexslew_lab.comparison.laws import laws
 from flexslew_lab.comparison.planners import planners
 from flexslew_lab.log.bag_reader import BagReader
 from flexslew_lab.replay.resim import resim
+from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.studies.execution.pool import InThisProcess
 from flexslew_lab.studies.run import prepare, run_study
 from flexslew_lab.studies.study import parse_study
 from flexslew_lab.trial.trial import parse_trial

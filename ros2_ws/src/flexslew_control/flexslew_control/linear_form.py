@@ -3,15 +3,18 @@
 u(k) = f(k) + kp (q_d - q) + kd (q_d' - q') + K z(k) + H y(k) + s(k),
 s' = g(k) + ki (q_d - q) + G z(k) + (sat(u) - u) / T_t,
 with y the measured joints, their rates and the first tip, f and g from the reference alone, and
-z the state of an observer: see Observer and KalmanForm.
+z the state of an observer: see LinearObserver, KalmanForm and GainedFilter, whose z is its state
+and then its innovation, too.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from flexslew_control.estimators.gained_filter import GainedFilter, gained
 from flexslew_control.estimators.kalman import FilterMatrices, KalmanFilter
-from flexslew_control.law import Reference, nominal_state
+from flexslew_control.free_platform import nominal_states
+from flexslew_control.law import Reference
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.model import Model
 
@@ -27,10 +30,9 @@ class LinearObserver(NamedTuple):
 
 
 class KalmanForm(NamedTuple):
-    """A KalmanFilter: z is its state [q, v, d], and then its innovation."""
+    """A KalmanFilter that predicts by equations: z is its state [q, v, d], then its innovation."""
 
     model: Model
-    linear: bool
     matrices: FilterMatrices
 
 
@@ -54,7 +56,7 @@ class LinearForm(NamedTuple):
     """A law with what it knows of the bench."""
 
     law: LawForm
-    observer: LinearObserver | KalmanForm
+    observer: LinearObserver | GainedFilter | KalmanForm
 
 
 class Integration(NamedTuple):
@@ -106,16 +108,11 @@ def nominal_form(
     gains: OnDeviation,
     references: list[Reference],
     integration: Integration,
-) -> LinearForm | None:
-    """Return a law on the deviation of a KalmanFilter's estimate from the nominal state.
-
-    None where the filter's model is that of small motions of a free platform: no kernel flies it.
-    """
+) -> LinearForm:
+    """Return a law on the deviation of a KalmanFilter's estimate from the nominal state."""
     model = estimator.model
-    if not isinstance(model, Model):
-        return None
     n, m, outputs = model.coordinates, model.joints, len(estimator.matrices.c)
-    nominal = np.array([nominal_state(r.state, r, m, model.modes) for r in references])
+    nominal = nominal_states(model, references)
     demand = np.array([r.effort for r in references])
     to_integral, none = np.zeros((m, 2 * n + m + outputs)), np.zeros(m)
     to_integral[:, :n] = -gains.ki
@@ -130,10 +127,13 @@ def nominal_form(
         nominal[:, :n] @ gains.ki.T,
         **integration._asdict(),
     )
-    return LinearForm(form, kalman_form(estimator, model))
+    return LinearForm(form, kalman_form(estimator, len(references)))
 
 
-def kalman_form(estimator: KalmanFilter, model: Model) -> KalmanForm:
-    """Return a filter as matrices."""
-    linear = estimator.settings.prediction == "linear"
-    return KalmanForm(model, linear, estimator.matrices)
+def kalman_form(estimator: KalmanFilter, ticks: int) -> GainedFilter | KalmanForm:
+    """Return a filter as matrices for so many ticks."""
+    found = gained(estimator, ticks)
+    if found is not None:
+        return found
+    assert isinstance(estimator.model, Model)
+    return KalmanForm(estimator.model, estimator.matrices)

@@ -56,7 +56,7 @@ def study(file: str | Path, folder: Path | None = None, workers: int = 1) -> dic
         BadInput: no such study, or one of its values is not allowed.
         ModuleNotFoundError: pyarrow is not installed.
     """
-    from flexslew_lab.studies.execution.pool import Pool
+    from flexslew_lab.run.pool import Pool
     from flexslew_lab.studies.finish import finished
     from flexslew_lab.studies.run import default_folder, prepare, run_study
     from flexslew_lab.studies.study import load_study, study_path

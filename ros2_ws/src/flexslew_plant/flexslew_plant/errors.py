@@ -1,6 +1,6 @@
 """Errors for the user: each message is one line with cause and remedy."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from flexslew_plant.refusal import NOTHING, Refusal, one_line
@@ -14,6 +14,7 @@ class FlexslewError(Exception):
         return one_line(super().__str__())
 
 
+@dataclass(eq=False)
 class BadInput(FlexslewError):
     """A value from a person is not usable; nothing was changed. Exit code 2.
 
@@ -24,16 +25,21 @@ class BadInput(FlexslewError):
         value: that is not allowed; left out where it is about none.
     """
 
-    def __init__(
-        self, why: Refusal | str = "", source: object = "", key: str = "", value: Any = NOTHING
-    ) -> None:
-        super().__init__(why if isinstance(why, Refusal) else Refusal(why, key, value, str(source)))
+    why: Refusal | str = ""
+    source: object = ""
+    key: str = ""
+    value: Any = NOTHING
+
+    def __str__(self) -> str:
+        """Return the refusal in one line; see FlexslewError."""
+        return one_line(str(self.refusal))
 
     @property
     def refusal(self) -> Refusal:
         """What is not allowed, part by part."""
-        refusal: Refusal = self.args[0]
-        return refusal
+        if isinstance(self.why, Refusal):
+            return self.why
+        return Refusal(self.why, self.key, self.value, str(self.source))
 
 
 def without_source(error: FlexslewError) -> str:

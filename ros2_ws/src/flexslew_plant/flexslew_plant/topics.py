@@ -104,3 +104,4 @@ INJECT_FAULT, END_FAULT, RETARGET = "inject_fault", "end_fault", "retarget"
 TUNE = "~/tune"  # of each controller
 PLAN_SLEW, DRAFT_PLAN = "plan_slew", "draft_plan"  # actions: published, kept as a draft
 DECIDE_PLAN = "decide_plan"
+FOLLOW_JOINT_TRAJECTORY = "follow_joint_trajectory"  # an action, where control_msgs is installed

@@ -4,9 +4,9 @@ import signal
 import distributed
 import pytest
 
+from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.studies.cases import case_of
 from flexslew_lab.studies.execution.cluster import Cluster
-from flexslew_lab.studies.execution.pool import InThisProcess
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation
 from flexslew_plant.errors import BadInput, RunFault

@@ -5,9 +5,9 @@ import heapq
 import numpy as np
 import pytest
 
+from flexslew_lab.run.pool import CHUNK_TIME, Chunks
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.execution.pace import Pace
-from flexslew_lab.studies.execution.pool import CHUNK_TIME, Chunks
 
 
 def reports(

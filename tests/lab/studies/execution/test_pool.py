@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from flexslew_lab.run.pool import Chunks, Executor, InThisProcess, Pool
 from flexslew_lab.studies.cases import Case, case_of
-from flexslew_lab.studies.execution.pool import Chunks, Executor, InThisProcess, Pool
 from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
@@ -41,7 +41,7 @@ class Odd:
 '''
 
 
-def flown(ready: Preparation, executor: Executor) -> dict[int, Flown]:
+def flown(ready: Preparation, executor: Executor[Case, Flown]) -> dict[int, Flown]:
     """Return the results by number; every trial exactly once."""
     cases = (case_of(ready.study, ready.samples, k) for k in range(ready.trials))
     found: dict[int, Flown] = {}
@@ -105,7 +105,7 @@ def test_a_trial_that_kills_or_hangs_or_raises_is_a_failed_trial_and_no_other_is
 
 
 def test_workers_share_a_short_study_in_chunks_of_whole_lanes() -> None:
-    chunks, rate = Chunks(), 2000.0  # trials / s
+    chunks, rate = Chunks(LANES), 2000.0  # trials / s
     endless = (Case(k, k, 0, 0, ()) for k in count())
     for _ in range(8):  # it learns that a chunk of seconds holds thousands
         chunk = chunks.next(endless)

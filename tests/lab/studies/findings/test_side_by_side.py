@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flexslew_lab.cli.main import app
-from flexslew_lab.studies.execution.pool import InThisProcess
+from flexslew_lab.run.pool import InThisProcess
 from flexslew_lab.studies.finish import finished
 from flexslew_lab.studies.run import prepare, run_study
 from flexslew_lab.studies.study import Study

@@ -14,7 +14,7 @@ from flexslew_lab.studies.lanes.lane_trial import LaneIntake
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
 from flexslew_plant.testbeds import read_testbed
-from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine
+from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine, turned
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 from flexslew_plant.testbeds.csa import CsaTestbed
 
@@ -220,6 +220,71 @@ def test_a_spacecraft_flies_in_lanes_as_on_the_bench(
     require_equal(ready, [0, 3])
 
 
+THREE_WHEELS = {
+    name: {"axis": axis, "inertia": 0.05, "limit": 20.0}
+    for name, axis in (
+        ("roll", [1.0, 0.0, 0.0]),
+        ("pitch", [0.0, 1.0, 0.0]),
+        ("yaw", [0.0, 0.0, 1.0]),
+    )
+}
+
+
+@pytest.mark.parametrize("law", ["pd_feedforward", "collocated_pid"])
+def test_three_axes_fly_in_lanes_as_on_the_bench(study_of: Callable[..., Study], law: str) -> None:
+    goal = np.random.default_rng(8).uniform(-1.5, 1.5, 3).tolist()  # some rotation, about no axis
+    gains: dict[str, Any] = {"kp": [30.0], "kd": [60.0]}
+    trial = {
+        "duration": 6.0,
+        "testbed": {**CRAFT, "wheels": THREE_WHEELS},
+        "plan": {"method": "none", "goal": dict(zip(THREE_WHEELS, goal, strict=True))},
+        "controllers": {law: gains | ({"ki": [1.0]} if law == "collocated_pid" else {})},
+        "active": law,
+        "schedule": [{"at": 1.0, "until": 1.5, "disturbance": {"pitch": 0.1}}],
+        "sensors": {"joint_velocity": {"noise": 1e-4}, "joint_position": {"noise": 1e-4}},
+    }
+    vary = {
+        f"controllers.{law}.kp": {"relative": {"uniform": [-0.3, 0.3]}},
+        "testbed.platform.mass": {"uniform": [100.0, 200.0]},
+    }
+    ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
+    require_equal(ready, [0, 1, 3])
+
+
+@pytest.mark.parametrize("law", ["lqr", "proportional_integral"])
+def test_a_kalman_filter_on_a_spacecraft_flies_in_lanes_as_on_the_bench(
+    study_of: Callable[..., Study], law: str
+) -> None:
+    trial = {
+        "duration": 6.0,
+        "testbed": CRAFT,
+        "plan": {"method": "reference_only", "goal": {"roll": 0.2}, "duration": 4.0},
+        "controllers": {law: {"filter": {"modal_noise": 1.0}}},
+        "active": law,
+        "schedule": [{"at": 1.0, "until": 1.5, "disturbance": {"roll": 0.1}}],
+        "sensors": {"joint_velocity": {"noise": 1e-4}},
+    }
+    vary = {"testbed.platform.inertia.xx": {"uniform": [35.0, 45.0]}}
+    ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
+    require_equal(ready, [0, 3])
+
+
+def test_a_filter_by_matrices_flies_in_lanes_as_on_the_bench(
+    study_of: Callable[..., Study],
+) -> None:
+    trial = {
+        "duration": 6.0,
+        "testbed": {"kind": "floating_oscillator", "damping_ratio": 0.02},
+        "plan": {"method": "none", "goal": {"mass": 0.1}},
+        "controllers": {"lqr": {"filter": {"prediction": "linear", "modal_noise": 1.0}}},
+        "active": "lqr",
+        "sensors": {"joint_velocity": {"noise": 1e-3}},
+    }
+    vary = {"testbed.damping_ratio": {"uniform": [0.0, 0.1]}}
+    ready = prepare(study_of(flown=trial, lanes=True, vary=vary))
+    require_equal(ready, [0, 3])
+
+
 def test_testbeds_of_one_size_share_one_kernel_and_kinds_do_not() -> None:
     models = [CsaTestbed(modes=3, damping_ratio=ratio).model() for ratio in (0.02, 0.1)]
     printed = CsaTestbed(modes=3, damping_ratio=0.02, variant="printed").model()
@@ -246,3 +311,11 @@ def test_sine_and_cosine_are_right_to_the_last_digit() -> None:
         sine, cosine = sine_cosine(angle)
         assert abs(sine - np.sin(angle)) < 3e-16
         assert abs(cosine - np.cos(angle)) < 3e-16
+
+
+def test_what_an_angle_has_turned_gives_its_sine_and_cosine() -> None:
+    rng = np.random.default_rng(3)
+    for start, by in zip(rng.uniform(-60.0, 60.0, 2000), rng.uniform(-0.7, 0.7, 2000), strict=True):
+        sine, cosine = turned(np.sin(start), np.cos(start), by)
+        assert abs(sine - np.sin(start + by)) < 1e-14  # of start + by, whose last digit is 7e-15
+        assert abs(cosine - np.cos(start + by)) < 1e-14

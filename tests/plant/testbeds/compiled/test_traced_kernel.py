@@ -4,12 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from flexslew_lab.trial.sources import read_trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds import Model, read_testbed
 from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
 from flexslew_plant.testbeds.compiled.lanes import LANES, LaneKernel
+from flexslew_plant.testbeds.compiled.nystrom import NYSTROM
 from flexslew_plant.testbeds.compiled.tape import Tape, Untraceable
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 
@@ -70,6 +72,69 @@ def test_a_spacecraft_steps_as_the_model_does(trial: str) -> None:
     kernel = traced_kernel(model, False)
     assert kernel is not None
     require_steps_of_the_model(model, kernel)
+
+
+@pytest.mark.parametrize("variant", ["complete", "printed"])
+def test_accelerations_by_hand_are_those_of_the_terms(variant: str) -> None:
+    rng = np.random.default_rng(6)
+    for modes in (1, 3, 12):
+        kind = {"kind": "csa", "modes": modes, "damping_ratio": 0.1, "variant": variant}
+        model = read_testbed(kind, "test").model()
+        assert model.kernels.acceleration is not None
+        for _ in range(20):
+            x, u = some(model, rng)
+            found = np.empty(model.coordinates)
+            model.kernels.acceleration(model.packed, 0.0, x, u, found)
+            expected = model.derivative(x, u)[model.coordinates :]
+            assert np.allclose(found, expected, rtol=1e-12, atol=1e-12 * abs(expected).max())
+
+
+def test_the_short_scheme_is_of_order_five_where_the_force_reads_positions_alone() -> None:
+    errors = []
+    for steps in (10, 20, 40):
+        q, v, h = np.array([0.6]), np.array([0.2]), 1.0 / steps
+        for _ in range(steps):
+            q, v = nystrom(lambda q, v: -np.sin(q), q, v, h)
+        errors.append(abs(q[0] - pendulum(1.0, 0.6, 0.2)))
+    assert np.log2(errors[0] / errors[1]) > 4.7
+    assert np.log2(errors[1] / errors[2]) > 4.7
+
+
+def test_the_short_scheme_is_of_order_four_where_it_reads_rates() -> None:
+    def force(q: Vector, v: Vector) -> Vector:
+        return -np.sin(q) - 0.4 * v * abs(q)
+
+    errors = []
+    exact = solve_ivp(
+        lambda t, x: [x[1], force(x[0], x[1])], (0.0, 1.0), [0.6, 0.2], rtol=1e-13, atol=1e-13
+    ).y[0, -1]
+    for steps in (10, 20, 40):
+        q, v, h = np.array([0.6]), np.array([0.2]), 1.0 / steps
+        for _ in range(steps):
+            q, v = nystrom(force, q, v, h)
+        errors.append(abs(q[0] - exact))
+    assert np.log2(errors[0] / errors[1]) > 3.7
+    assert np.log2(errors[1] / errors[2]) > 3.7
+
+
+def nystrom(force: Any, q: Vector, v: Vector, h: float) -> tuple[Vector, Vector]:
+    """Return position and rate a step later by the table of the scheme."""
+    found: list[Vector] = []
+    for i, time in enumerate([*NYSTROM.times, 1.0]):
+        rows = NYSTROM.of_place[i], NYSTROM.of_rate[i]
+        place, rate = (
+            sum((w * a for w, a in zip(row, found, strict=False)), np.zeros(1)) for row in rows
+        )
+        at = q + h * time * v + h * h * place, v + h * rate
+        if i < len(NYSTROM.times):
+            found.append(force(*at))
+    return at
+
+
+def pendulum(t: float, q: float, v: float) -> float:
+    """Return where a pendulum is after t by a far finer integration of another kind."""
+    found = solve_ivp(lambda _, x: [x[1], -np.sin(x[0])], (0.0, t), [q, v], rtol=1e-13, atol=1e-13)
+    return float(found.y[0, -1])
 
 
 def test_equations_that_branch_on_time_step_lane_by_lane() -> None:

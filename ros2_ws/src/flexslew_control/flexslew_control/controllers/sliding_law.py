@@ -11,6 +11,7 @@ from flexslew_control.controllers.design_model import (
     held_step,
 )
 from flexslew_control.controllers.sliding_surface import SlidingDesign
+from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman import KalmanFilter
 from flexslew_control.law import Estimate, Estimator, Reference
 from flexslew_control.linear_form import (
@@ -170,9 +171,9 @@ def sliding_form(
     nominal, slope = (np.array(column) for column in zip(*pairs, strict=True))
     demand = slope @ (inverse @ surface).T + nominal @ reaching.T + equivalent @ observed.origin
     of_state, outputs = -equivalent - reaching, len(system.c)
-    found: LinearObserver | KalmanForm
+    found: LinearObserver | GainedFilter | KalmanForm
     if isinstance(estimator, KalmanFilter):
-        found, of_output = kalman_form(estimator, observed.model), np.zeros((m, outputs))
+        found, of_output = kalman_form(estimator, len(references)), np.zeros((m, outputs))
         of_state = np.hstack((of_state, innovation))
     elif isinstance(estimator, SampledObserver):
         found, of_output = _sampled(observed), innovation  # of e = y - C z

@@ -37,6 +37,11 @@ class BenchClock:
         """Whether ticks pass, as far as is known."""
         return bool(self._state.state == "running")
 
+    @property
+    def over(self) -> bool:
+        """Whether the run has come to its end."""
+        return bool(self._state.state == "finished")
+
     def now(self) -> float:
         """Return the simulated time [s]: as told, and what has passed since where it is paced."""
         passed = (monotonic() - self._heard) * self._state.rate_factor if self.running else 0.0

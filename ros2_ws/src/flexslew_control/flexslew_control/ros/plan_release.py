@@ -77,7 +77,7 @@ class PlanRelease:
         trust: Sequence[str],
         law: ActiveLaw | None = None,
     ) -> None:
-        self._trust, self._law = Trust.of(trust), law
+        self._node, self._trust, self._law = node, Trust.of(trust), law
         self._loop, self._alive, self._gains = loop, alive, gains
         self._believed: dict[str, Any] | None = None  # a testbed's section; None: as each request
         self._draft: tuple[Plan, msg.Plan] | None = None
@@ -174,6 +174,16 @@ class PlanRelease:
         trust = Trust(self._trust.names | {method}, self._trust.everything)
         return request._replace(trust=trust)
 
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The joints of the testbed; none before it is known."""
+        return tuple(self._testbed.joint_names)
+
+    @property
+    def clock(self) -> BenchClock:
+        """The time that plans start in."""
+        return self._clock
+
     def _rest_at(self, start: float) -> dict[str, float]:
         """Return where the joints' references are at a simulated time [s]; {}: as at tick 0."""
         return self._here.rest_at(start, self._clock.now()) if self._course is not None else {}
@@ -229,10 +239,17 @@ class PlanRelease:
         for pending in list(self._pending):
             gone = [n for n in self._answers.known if self._alive.presence.silent(n, now)]
             found = self._answers.of(pending.digest, gone)
-            if not found.silent or now >= pending.deadline:
+            answered = not found.silent and self._met
+            if answered or now >= pending.deadline:
                 self._pending.remove(pending)
                 pending.future.set_result(found)
         return bool(self._pending)
+
+    @property
+    def _met(self) -> bool:
+        """Whether all controllers on the graph were heard: DDS may name them long before."""
+        there: int = self._node.count_publishers(topics.CONTROLLER_STATUS)
+        return there <= len(self._answers.known)
 
     @property
     def _here(self) -> PlannedCourse:

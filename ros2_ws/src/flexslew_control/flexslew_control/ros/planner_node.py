@@ -1,7 +1,7 @@
 """The `planner` node: plans on request and what its parameters ask for.
 
 The action `plan_slew` publishes its plan, `draft_plan` keeps it until somebody decides, and what
-is heard on `joint_trajectory` is published as a plan.
+is heard on `joint_trajectory` is published as a plan, as is a goal of `follow_joint_trajectory`.
 """
 
 from collections.abc import Callable
@@ -16,6 +16,7 @@ from rclpy.task import Future
 
 from flexslew_control.plan import Plan
 from flexslew_control.plan_file import load_plan
+from flexslew_control.ros.follow_trajectory import follow_trajectory
 from flexslew_control.ros.plan_job import Outcome, PlanJob
 from flexslew_control.ros.plan_release import MODEL, PlanRelease
 from flexslew_control.ros.plan_result import BUSY, failure, plan_result
@@ -31,6 +32,7 @@ from flexslew_plant.ros.parameters import new_node, settings_of
 
 _POLL_PERIOD = 0.2  # between two polls at the graph [wall s]
 _PLANNING = 0.02  # between two polls at the planning process [wall s]
+_LATE = 0.1  # a poll that comes so much later is the planner's own fault [wall s]
 
 
 class Planner:
@@ -39,15 +41,16 @@ class Planner:
     def __init__(self, loop: Loop) -> None:
         self.loop = loop
         self.node = node = new_node("planner")
-        alive = loop.live(node, "planner")
+        self._presence = (alive := loop.live(node, "planner")).presence
         self._settings: PlannerSettings = settings_of(node, PlannerSettings, (MODEL,))
         self._job = PlanJob(loop, soon=not self._settings.file)
-        self._next_look = 0.0
+        self._next_look = self._due = 0.0
         s = self._settings
         self._release = PlanRelease(node, loop, alive, (s.kp, s.kd), s.trust, s.in_charge())
         testbed = subscription(node, topics.TESTBED, self._on_testbed)
         self._release.serve_model(node, s.model)
         self._trajectories = TrajectoryRequests(node, self._job, self._release)
+        self._following = follow_trajectory(node, loop, self._job, self._release)
         self._watch = PlantWatch(loop, testbed, self._settings.exit_with_plant)
         self._servers = [
             ActionServer(
@@ -66,9 +69,18 @@ class Planner:
     def poll(self) -> float:
         """Look for the plant and for plans; return the wall seconds until the next look."""
         now = monotonic()
+        if self._due and now > self._due + _LATE:  # a long plan was written: nobody was heard
+            self._presence.excuse(now - self._due)
+        wait = self._next(now)
+        self._due = now + wait
+        return wait
+
+    def _next(self, now: float) -> float:
         if now >= self._next_look:
             self._watch.look()
             self._next_look = now + _POLL_PERIOD
+            if self._following is not None:
+                self._following.poll()
         awaited = self._release.poll(now)
         if not self._job.busy:
             return _PLANNING if awaited else self._next_look - now
@@ -80,6 +92,8 @@ class Planner:
         self._job.close()
         for server in self._servers:
             server.destroy()
+        if self._following is not None:
+            self._following.close()
 
     def _own_plan(self, outcome: Outcome) -> None:
         """Publish what the parameters ask for; without it the node has no purpose."""

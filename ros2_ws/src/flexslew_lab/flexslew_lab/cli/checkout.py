@@ -1,6 +1,7 @@
 """Subcommands that need a checkout: benchmarks and tests."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -16,9 +17,7 @@ from flexslew_plant.errors import BadInput
 # they take long, or much of the machine
 LONG = ("console", "day", "gains", "identification", "margins", "study_bad_days")
 OVER_ROS = ("tests/ros", "tests/campaigns/ros")
-# a long file at the end is shared; the benches of a file over ROS stay with one process
-_WITHOUT_ROS = ("-n", "2", "--dist", "worksteal", *(f"--ignore={part}" for part in OVER_ROS))
-_WITH_ROS = ("-n", "2", "--dist", "loadfile", *OVER_ROS, "-m", "not alone")
+_MOST = 8  # processes that compute, of three quarters of a gigabyte each
 
 
 def bench(
@@ -88,18 +87,24 @@ def extras() -> None:
 def test(context: typer.Context) -> None:
     """Run the tests; all arguments are passed on to pytest.
 
-    Without arguments two run side by side: first those that need no ROS, then those over ROS, a
-    file at a time, and at last, alone, those that hold a bench against the wall clock. A test that
-    fails has failed: none runs twice.
+    Without arguments as many run side by side as there are processors, at most eight: first those
+    that need no ROS, then those over ROS, a file at a time, and at last, alone, those that hold a
+    bench against the wall clock. A test that fails has failed: none runs twice.
 
     Example: `./flexslew test tests/plant -k energy`
     """
     _wait_for_machine_code()
     if context.args:
         raise typer.Exit(_pytest(*context.args))
-    code = _pytest(*_WITHOUT_ROS)
-    over_ros = max(_pytest(*_WITH_ROS), _pytest(*OVER_ROS, "-m", "alone"))
-    raise typer.Exit(max(code, over_ros))
+    workers = min(os.cpu_count() or 2, _MOST)
+    ignored = (f"--ignore={part}" for part in OVER_ROS)
+    # a long file at the end is shared; the benches of a file over ROS stay with one process
+    parts = (
+        ("-n", f"{workers}", "--dist", "worksteal", *ignored),
+        ("-n", f"{workers}", "--dist", "loadfile", *OVER_ROS, "-m", "not alone"),
+        (*OVER_ROS, "-m", "alone"),
+    )
+    raise typer.Exit(max(_pytest(*part) for part in parts))
 
 
 def _wait_for_machine_code() -> None:

@@ -1,6 +1,7 @@
 """Subcommand that flies one manoeuvre with every planner, or with every law."""
 
 import json
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -19,11 +20,16 @@ Sets = Annotated[
     typer.Option("--set", help="key.path=value, replaces the file's; may be repeated."),
 ]
 
+Workers = Annotated[
+    int | None, typer.Option(help="Processes here; one per core if left out.", min=1)
+]
+
 
 def compare(
     file: TrialFile = None,
     sets: Sets = None,
     by_law: Annotated[bool, typer.Option("--laws", help="Compare laws, not planners.")] = False,
+    workers: Workers = None,
     out: Annotated[
         Path | None, typer.Option(help="HTML file; default: a new one below runs/.")
     ] = None,
@@ -44,8 +50,8 @@ def compare(
     words = "laws" if by_law else "compare"
     target = writable_file(out or new_file(f"{requested.name}-{words}.html"), "--out")
     described = (laws if by_law else planners)(requested, source)
-    with progress("compare", "flights") as advance:
-        found = compared(described, advance)
+    with progress("compare", "plans and flights") as advance:
+        found = compared(described, advance, workers or os.cpu_count() or 1)
     if as_json:
         print(json.dumps(found.rows(), indent=2))
     else:

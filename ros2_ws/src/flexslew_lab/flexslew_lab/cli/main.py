@@ -25,6 +25,7 @@ from flexslew_lab.cli.interrupt import (
     EXIT_TIMEOUT,
     INTERRUPTED,
     NODES_EXIT_TIMEOUT,
+    handled,
     patient,
     while_running,
 )
@@ -302,6 +303,13 @@ def _called() -> str:
 @while_running()
 def main() -> None:
     """Run the command line; every known error is one line."""
+    try:
+        sys.exit(_exit_code())
+    finally:
+        handled()
+
+
+def _exit_code() -> int:
     code = 0
     if "--json" not in sys.argv:  # whose reader may take both outputs for one
         say_when_compiling()
@@ -338,7 +346,7 @@ def main() -> None:
             raise
         say(str(error.format_message()), head="error: ")
         code = 2
-    sys.exit(code)
+    return code
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flexslew_lab.cli.compare import Workers
 from flexslew_lab.cli.interrupt import NODES_EXIT_TIMEOUT, patient
 from flexslew_lab.cli.log import Json, demand
 from flexslew_lab.cli.replay import TrustOption
@@ -17,7 +18,9 @@ from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import ANY_CODE, Trust
 
 if TYPE_CHECKING:
-    from flexslew_lab.studies.execution.pool import Executor
+    from flexslew_lab.run.pool import Executor
+    from flexslew_lab.studies.cases import Case
+    from flexslew_lab.studies.flight import Flown
     from flexslew_lab.studies.run import Preparation, Shard
     from flexslew_lab.studies.store import Store
     from flexslew_lab.studies.study import Study
@@ -32,9 +35,7 @@ Out = Annotated[Path | None, typer.Option(help="Folder of the study; else runs/s
 @study.command()
 def run(
     file: File,
-    workers: Annotated[
-        int | None, typer.Option(help="Processes here; one per core if left out.", min=1)
-    ] = None,
+    workers: Workers = None,
     dask: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
     shard: Annotated[
         str | None, typer.Option(help="I/N: this part of N, for batch queues.")
@@ -267,8 +268,10 @@ def _opened(place: str, out: Path | None, trust: list[str] | None) -> tuple["Stu
     return requested, store
 
 
-def _executor(ready: "Preparation", workers: int | None, dask: str | None) -> "Executor":
-    from flexslew_lab.studies.execution.pool import Pool
+def _executor(
+    ready: "Preparation", workers: int | None, dask: str | None
+) -> "Executor[Case, Flown]":
+    from flexslew_lab.run.pool import Pool
 
     if dask is not None:
         from flexslew_lab.studies.execution.cluster import Cluster
@@ -278,7 +281,7 @@ def _executor(ready: "Preparation", workers: int | None, dask: str | None) -> "E
 
 
 def _check_lanes(ready: "Preparation", store: "Store", workers: int | None) -> None:
-    from flexslew_lab.studies.execution.pool import Pool
+    from flexslew_lab.run.pool import Pool
     from flexslew_lab.studies.lanes.check import bench_job, check_lanes
 
     pool = Pool(bench_job(ready), workers or os.cpu_count() or 1)

@@ -1,25 +1,25 @@
 """A comparison: candidates that fly one manoeuvre on a trial's bench and on others beside it."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexslew_control.plan import Plan
-from flexslew_control.planners import other_method
+from flexslew_lab.comparison.flights import CaseOutcome, ComparisonJob, FlightCase, PlanCase
 from flexslew_lab.report.panels import Group
 from flexslew_lab.run.flight_log import FlightLog
-from flexslew_lab.run.in_process import fly
-from flexslew_lab.trial.trial import SavedPlan, Trial, follow, plan_of_trial, set_up
+from flexslew_lab.run.pool import Executor, InThisProcess, Pool
+from flexslew_lab.trial.trial import Trial, trial_text
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.bench.bench import Truth
-from flexslew_plant.errors import BadInput, PlanFailed, without_source
+from flexslew_plant.errors import BadInput
 from flexslew_plant.settings import plain, yaml_text
 from flexslew_plant.testbeds import Testbed
 
 STIFFNESS, CARRIED = "stiffness", "carried"  # what a bench may have otherwise
-_SHOWN = 600  # samples of a curve
 _MOTION = ("start", "duration", "position", "velocity", "effort", "state", "gains")  # of a plan
 
 
@@ -66,14 +66,14 @@ def other_benches(
 
 @dataclass(frozen=True)
 class ComparedFlight:
-    """What a candidate did on one bench."""
+    """What a candidate did on one bench; see FlightOutcome."""
 
     stiffness: float  # errors as of OtherBench [-]
     carried: float
     metrics: Mapping[str, Any]
-    lost: str  # why the flight could not be flown to its end; empty: it was
-    time: Vector  # (samples,) [s]
-    curves: Matrix  # (samples, curves of the description)
+    lost: str
+    time: Vector
+    curves: Matrix
 
 
 @dataclass(frozen=True)
@@ -149,11 +149,9 @@ class Description:
         source: its file, for messages.
         candidates: variants of it.
         benches: that each flies on, with a plan for the trial's own.
-        redesigned: whether the laws are designed for the bench that they fly on, not for the
-            trial's own.
-        metrics: returns what a flight is compared by; it is told when the manoeuvre ends, a step
-            with the longest plan beside it [s].
-        curves: returns what is drawn of some ticks of a flight over time, (ticks, curves).
+        redesigned: see ComparisonJob, as `metrics` and `curves`.
+        metrics: what a flight is compared by.
+        curves: what is drawn of a flight over time.
         view: returns what the entries show.
         rest: how long a flight is watched after the longest plan, at least; None: the trial says
             when it ends [s].
@@ -172,74 +170,83 @@ class Description:
     distinct: bool = False
 
 
+_Planned = list[tuple[Candidate, ComparedEntry]]
+
+
 def compared(
-    described: Description, progress: Callable[[int, int], None] = lambda done, last: None
+    described: Description,
+    progress: Callable[[int, int], None] = lambda done, last: None,
+    workers: int = 1,
 ) -> Comparison:
     """Return what every candidate does with the manoeuvre.
 
     Args:
         described: what is compared.
-        progress: called with the flights done and their number.
+        progress: called with the plans and flights done and their number, at most that many at
+            first.
+        workers: processes that plan and fly; 1: this one.
     """
-    made: dict[str, Plan | str] = {}
-    planned = [(c, _planned(described, c, made)) for c in described.candidates]
-    if described.distinct:
-        planned = _distinct(planned)
-    longest = max((e.plan.end for _, e in planned if e.plan is not None), default=0.0)
-    trial, count = described.trial, len(described.benches)
-    if described.rest is not None:
-        trial = replace(trial, duration=max(trial.duration, longest + described.rest))
-    last, done = count * sum(not entry.refused for _, entry in planned), 0
-    entries = []
-    for candidate, entry in planned:
-        if not entry.refused:
-            flights = []
-            variant = replace(trial, controllers=candidate.controllers, active=candidate.active)
-            try:
-                for bench in described.benches:
-                    flights.append(_flight(described, variant, entry.plan, bench, longest))
-                    progress(done + len(flights), last)
-                entry = replace(entry, flights=tuple(flights))
-            except BadInput as refused:
-                entry = replace(entry, refused=without_source(refused))
-                progress(done + count, last)
-            done += count
-        entries.append(entry)
-    return described.view(tuple(entries))
+    job = ComparisonJob(
+        trial_text(described.trial),
+        described.source,
+        described.trial.trust,
+        described.redesigned,
+        described.metrics,
+        described.curves,
+    )
+    with closing(InThisProcess(job) if workers == 1 else Pool(job, workers)) as executor:
+        work = _Work(executor, progress)
+        planned = _planned(described, work)
+        if described.distinct:
+            planned = _distinct(planned)
+        return described.view(tuple(_flown(described, planned, work)))
 
 
-def _planned(
-    described: Description, candidate: Candidate, made: dict[str, Plan | str]
-) -> ComparedEntry:
-    """Return a candidate with its plan, or why it has none; a plan is made once."""
-    trial = described.trial
-    if trial.plan is None:
-        return ComparedEntry(candidate.name, None, "")
-    assert not isinstance(trial.plan, SavedPlan)
-    place = f"{described.source}: plan"
-    try:
-        section = other_method(trial.plan, candidate.method, place, **candidate.keys)
-    except BadInput as refused:
-        return ComparedEntry(candidate.name, None, without_source(refused))
-    key = yaml_text(plain(section))
-    if key not in made:
-        try:
-            plan = plan_of_trial(replace(trial, plan=section))
-            assert plan is not None
-            made[key] = plan
-        except (BadInput, PlanFailed) as refused:
-            made[key] = without_source(refused)
-    found = made[key]
-    if isinstance(found, str):
-        return ComparedEntry(candidate.name, None, found)
-    return ComparedEntry(candidate.name, found, "")
+@dataclass
+class _Work:
+    """Whoever plans and flies, and how much of that is done."""
+
+    executor: Executor[PlanCase | FlightCase, CaseOutcome]
+    progress: Callable[[int, int], None]
+    done: int = 0
+
+    def outcomes(
+        self, cases: Sequence[PlanCase | FlightCase], later: int = 0
+    ) -> dict[int, CaseOutcome]:
+        """Return the outcomes by number.
+
+        Args:
+            cases: to be done.
+            later: how many come after them, at most.
+        """
+        made: dict[int, CaseOutcome] = {}
+        last = self.done + len(cases) + later
+        for some in self.executor.fly(iter(cases)):
+            for outcome in some:
+                made[outcome.number] = outcome
+                self.done += 1
+                self.progress(self.done, last)
+        return made
 
 
-def _distinct(
-    planned: Sequence[tuple[Candidate, ComparedEntry]],
-) -> list[tuple[Candidate, ComparedEntry]]:
+def _planned(described: Description, work: _Work) -> _Planned:
+    """Return the candidates with their plans, or why they have none; a plan is made once."""
+    if described.trial.plan is None:
+        return [(c, ComparedEntry(c.name, None, "")) for c in described.candidates]
+    keys = [yaml_text([c.method, plain(dict(c.keys))]) for c in described.candidates]
+    firsts = {key: keys.index(key) for key in keys}
+    cases = [PlanCase(k, *described.candidates[k][1:3]) for k in firsts.values()]
+    made = work.outcomes(cases, len(described.candidates) * len(described.benches))
+    found = [made[firsts[key]] for key in keys]
+    return [
+        (c, ComparedEntry(c.name, outcome.plan, outcome.refused))
+        for c, outcome in zip(described.candidates, found, strict=True)
+    ]
+
+
+def _distinct(planned: _Planned) -> _Planned:
     """Leave out variants whose plan is that of an earlier one of their method."""
-    kept: list[tuple[Candidate, ComparedEntry]] = []
+    kept: _Planned = []
     for candidate, entry in planned:
         others = (e.plan for c, e in kept if c.method == candidate.method)
         if not any(_same_motion(entry.plan, other) for other in others):
@@ -255,37 +262,32 @@ def _same_motion(one: Plan | None, other: Plan | None) -> bool:
     )
 
 
-def _flight(
-    described: Description, trial: Trial, plan: Plan | None, other: OtherBench, longest: float
-) -> ComparedFlight:
-    """Return the flight of a candidate on another bench than it believes in.
-
-    Raises:
-        BadInput: there is no such law for this testbed, or it does not take the plan.
-    """
-    if described.redesigned:
-        trial = replace(trial, testbed=other.testbed)
-    bench, controllers = set_up(trial, described.source, other.testbed)
-    refused = follow(controllers, trial.active, plan) or controllers[trial.active].reason
-    if refused is not None:
-        raise BadInput(refused)
-    seen = FlightLog(bench, plan)
-    fly(bench, controllers, seen)
-    end = plan.end if plan is not None and plan.duration else longest
-    shown = np.unique(np.linspace(0, len(seen.truths) - 1, _SHOWN).astype(int))
-    some = [seen.truths[row] for row in shown]
-    return ComparedFlight(
-        other.stiffness,
-        other.carried,
-        described.metrics(seen, end),
-        bench.failure,
-        np.array([truth.time for truth in some]),
-        described.curves(seen, some),
-    )
-
-
-def largest_tip(truths: Sequence[Truth]) -> Vector:
-    """Return the largest appendage's deflection at each tick, with its sign, (ticks,) [m]."""
-    # with a zero, so that there is one where nothing deflects
-    tips = np.array([(*truth.tip_deflection, 0.0) for truth in truths])
-    return np.take_along_axis(tips, np.abs(tips).argmax(axis=1)[:, None], axis=1)[:, 0]
+def _flown(described: Description, planned: _Planned, work: _Work) -> list[ComparedEntry]:
+    """Return the entries with their flights; one that is refused on a bench has none."""
+    longest = max((e.plan.end for _, e in planned if e.plan is not None), default=0.0)
+    duration, benches = described.trial.duration, described.benches
+    if described.rest is not None:
+        duration = max(duration, longest + described.rest)
+    sections = [plain(bench.testbed) for bench in benches]
+    cases = [
+        FlightCase(
+            k * len(benches) + b, c.controllers, c.active, entry.plan, section, duration, longest
+        )
+        for k, (c, entry) in enumerate(planned)
+        if not entry.refused
+        for b, section in enumerate(sections)
+    ]
+    made = work.outcomes(cases)
+    entries = []
+    for k, (_, entry) in enumerate(planned):
+        if not entry.refused:
+            outcomes = [made[k * len(benches) + b] for b in range(len(benches))]
+            refused = next((o.refused for o in outcomes if o.refused), "")
+            flights = tuple(
+                ComparedFlight(bench.stiffness, bench.carried, *outcome.flight)
+                for bench, outcome in zip(benches, outcomes, strict=True)
+                if outcome.flight is not None and not refused
+            )
+            entry = replace(entry, refused=refused, flights=flights)
+        entries.append(entry)
+    return entries

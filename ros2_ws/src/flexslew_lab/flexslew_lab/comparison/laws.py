@@ -19,9 +19,9 @@ from flexslew_lab.comparison.comparison import (
     Description,
     Entries,
     TableColumn,
-    largest_tip,
     other_benches,
 )
+from flexslew_lab.comparison.flights import largest_tip
 from flexslew_lab.comparison.page import DrawnQuantity, motion, robustness
 from flexslew_lab.comparison.quantities import ComparedQuantity, quantities
 from flexslew_lab.run.flight_log import FlightLog
@@ -63,7 +63,7 @@ def laws(trial: Trial, source: str, errors: Sequence[float] = ERRORS) -> Descrip
         _candidates(trial),
         other_benches(trial.testbed, (0.0, *errors), errors, _heavier),
         False,
-        lambda seen, _: seen.metrics(),
+        _metrics,
         _curves,
         lambda entries: _view(trial, entries),
     )
@@ -96,6 +96,11 @@ def _candidates(trial: Trial) -> list[Candidate]:
             controllers = {active: {**values, "law": law}}
             found.append(Candidate(called, method, {**(usual or {}), **keys}, controllers, active))
     return found
+
+
+def _metrics(seen: FlightLog, end: float) -> dict[str, Any]:
+    """Return what every flight is measured by; it is watched from the start."""
+    return seen.metrics()
 
 
 def _curves(seen: FlightLog, truths: Sequence[Truth]) -> Matrix:

@@ -16,9 +16,9 @@ from flexslew_lab.comparison.comparison import (
     Description,
     Entries,
     TableColumn,
-    largest_tip,
     other_benches,
 )
+from flexslew_lab.comparison.flights import largest_tip
 from flexslew_lab.comparison.page import DrawnQuantity, motion, robustness
 from flexslew_lab.comparison.slew import (
     SlewComparison,

@@ -6,6 +6,7 @@ from typing import Any
 from flexslew_lab.metrics import KEYS, Key
 
 AXES = "xyz"
+_UNKNOWN = Key("-", False, "")
 
 
 def flat(metrics: Mapping[str, Any]) -> dict[str, Any]:
@@ -18,7 +19,7 @@ def flat(metrics: Mapping[str, Any]) -> dict[str, Any]:
 
 def key_of(name: str) -> Key:
     """Return what a row holds; of a metric that is not the bench's own, nothing is known."""
-    return KEYS.get(name.split(".")[0], Key("-", False, ""))
+    return KEYS.get(name.split(".")[0], _UNKNOWN)
 
 
 def unit_of(name: str, kinds: Collection[str]) -> str:

@@ -1,6 +1,6 @@
 """Studies: one trial flown thousands of times with varied values, and what that shows.
 
-Offers: cases, execution.cluster, execution.pace, execution.pool, execution.worker,
-findings.criteria, findings.page, findings.summary, findings.tables, finish, flight, lanes.check,
-lanes.fleet, merge, run, store, study.
+Offers: cases, execution.cluster, execution.pace, execution.worker, findings.criteria,
+findings.page, findings.summary, findings.tables, finish, flight, lanes.check, lanes.fleet, merge,
+run, store, study.
 """

@@ -12,7 +12,14 @@ from flexslew_lab.studies.experiment import found_by_flying
 from flexslew_lab.studies.sampling.methods import Samples, drawn
 from flexslew_lab.studies.study import EXPERIMENT, MANOEUVRE, Nominal, Study
 from flexslew_lab.trial.overrides import overridden, value_at
-from flexslew_lab.trial.trial import Trial, feedback_of, law_of, trial_of_values
+from flexslew_lab.trial.trial import (
+    ALONE,
+    Trial,
+    feedback_of,
+    law_of,
+    trial_of_values,
+    with_sections,
+)
 from flexslew_plant.errors import BadInput
 from flexslew_plant.own_code import Trust
 from flexslew_plant.settings import plain
@@ -134,11 +141,14 @@ def case_trial(study: Study, case: Case) -> Trial:
     nominal = study.nominal[case.variant]
     changes = changes_of(study, case)
     touched = {key: nominal.values[key] for key in {path.split(".")[0] for path in changes}}
-    alike = {key: value for key, value in vars(nominal.trial).items() if key in nominal.values}
     changed = overridden(touched, changes)
     name = f"{study.settings.study}-{max(case.number, 0)}"
     own = {"seed": case.seed, "name": name, "rate_factor": 0.0}
-    trial = trial_of_values(alike | changed | own, source, study.trust)
+    if changed.keys() <= ALONE:
+        trial = with_sections(nominal.trial, changed | own, source)
+    else:
+        alike = {key: value for key, value in vars(nominal.trial).items() if key in nominal.values}
+        trial = trial_of_values(alike | changed | own, source, study.trust)
     knows = study.variants[case.variant].replan
     if knows not in (EXPERIMENT, MANOEUVRE):
         return trial

@@ -173,7 +173,7 @@ def columns_of(metrics: dict[str, Any]) -> dict[str, float | None]:
         if isinstance(value, float) or (value is None and not key.axes):  # most of them
             found[name] = value
             continue
-        parts = flat({name: value})
+        parts = _parts(name, value)
         if key.axes:
             parts = {k: v for part, entry in parts.items() for k, v in _by_axis(part, entry)}
         if name not in parts:
@@ -182,6 +182,15 @@ def columns_of(metrics: dict[str, Any]) -> dict[str, float | None]:
         for part, entry in parts.items():
             found[part] = None if entry is None else float(entry)
     return found
+
+
+def _parts(name: str, value: Any) -> dict[str, Any]:
+    """Return what `flat` does; at once where the parts are single numbers, as most of them."""
+    if type(value) is dict:
+        found = {f"{name}.{part}": entry for part, entry in value.items()}
+        if all(entry is None or type(entry) is float for entry in found.values()):
+            return found
+    return flat({name: value})
 
 
 def _by_axis(name: str, value: float | None) -> list[tuple[str, float | None]]:

@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow as pa
 
 from flexslew_lab.metrics.own import own_metrics
-from flexslew_lab.studies.cases import Cases, case_of, case_trial, sample_table, typical_case
-from flexslew_lab.studies.execution.pool import Executor
+from flexslew_lab.run.pool import Executor
+from flexslew_lab.studies.cases import Case, Cases, case_of, case_trial, sample_table, typical_case
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.findings.stopping import interim_sizes, settled
 from flexslew_lab.studies.flight import Flown, Plans, metric_columns, plan_key
@@ -116,7 +116,7 @@ def checked(study: Study, samples: pa.Table) -> tuple[list[str], list[Trial]]:
 def run_study(
     ready: Preparation,
     folder: Path,
-    executor: Executor,
+    executor: Executor[Case, Flown],
     shard: Shard = ALL,
     retry_failed: bool = False,
     progress: Progress = lambda done, requested: None,
@@ -187,7 +187,7 @@ def _describe(study: Study, store: Store) -> None:
 def _fly_missing(
     ready: Preparation,
     store: Store,
-    executor: Executor,
+    executor: Executor[Case, Flown],
     shard: Shard,
     retry_failed: bool,
     progress: Progress,

@@ -26,6 +26,8 @@ from flexslew_plant.bench.records import BenchSettings, PaceSettings
 from flexslew_plant.bench.retarget import with_schedule
 from flexslew_plant.bench.schedule import command_delays, require_allowed
 from flexslew_plant.errors import BadInput
+from flexslew_plant.hardware.actuator import ActuatorSettings
+from flexslew_plant.hardware.sensors import SensorSettings
 from flexslew_plant.near_names import did_you_mean
 from flexslew_plant.own_code import NO_CODE, Trust
 from flexslew_plant.refusal import Refusal
@@ -38,7 +40,7 @@ from flexslew_plant.settings import (
     validated,
     yaml_text,
 )
-from flexslew_plant.testbeds import Testbed, with_model_file
+from flexslew_plant.testbeds import Testbed, TestbedSettings, default_testbed, with_model_file
 
 
 def _default_law_alone() -> dict[str, dict[str, Any]]:
@@ -145,7 +147,9 @@ def trial_of_values(values: Any, source: str, trust: Trust = NO_CODE) -> Trial:
     """Return the trial that plain data describe; see load_trial."""
     if not isinstance(values, dict):
         raise BadInput("holds no keys; `flexslew trials` lists examples", source)
-    trial: Trial = replace(validated(Trial, values, source, trust), trust=trust)
+    trial: Trial = validated(Trial, values, source, trust)
+    if trial.trust != trust:
+        trial = replace(trial, trust=trust)
     requested = {"active": trial.active} | {
         f"fallback.{i}": c for i, c in enumerate(trial.fallback)
     }
@@ -180,7 +184,42 @@ def _with_files(trial: Trial, source: str) -> Trial:
     model = getattr(plan, "model", None)
     if isinstance(model, dict):
         plan = replace(plan, model=with_model_file(model, f"{source}: plan.model"))
+    if read == trial.controllers and plan is trial.plan:
+        return trial
     return replace(trial, controllers=read, plan=plan)
+
+
+@section
+class _Alone:
+    """Sections of a trial that no other one is checked against."""
+
+    testbed: TestbedSettings = Field(default_factory=default_testbed)
+    actuator: ActuatorSettings = ActuatorSettings()
+    sensors: SensorSettings = SensorSettings()
+
+
+ALONE = frozenset(field.name for field in fields(_Alone))
+
+
+def with_sections(trial: Trial, values: dict[str, Any], source: str) -> Trial:
+    """Return a checked trial with other sections of ALONE, and with its own name, seed and pace.
+
+    Many times as fast as trial_of_values for all of it.
+
+    Args:
+        trial: whose other sections stay.
+        values: plain data of the other sections; seed, name and rate_factor as they are.
+        source: for messages.
+
+    Raises:
+        BadInput: a value of a section is not allowed.
+    """
+    given = {name: value for name, value in values.items() if name in ALONE}
+    alone = validated(_Alone, given, source, trial.trust)
+    read = {name: getattr(alone, name) for name in given}
+    other = object.__new__(Trial)  # all of it is checked
+    vars(other).update({**vars(trial), **values, **read})
+    return other
 
 
 def trial_text(trial: Trial) -> str:

@@ -12,7 +12,8 @@ spacecraft.sky, spacecraft.testbed, spacecraft.units.
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from functools import lru_cache
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeGuard
 
 from pydantic import BeforeValidator, Discriminator, PlainValidator, Tag, ValidationInfo
 
@@ -202,9 +203,20 @@ def initial_state(testbed: Testbed) -> Vector:
 
     model = testbed.model()
     rest = model.rest(initial_positions(testbed))
-    if isinstance(testbed, StartsMoving):
+    if _starts_moving(testbed):
         return np.concatenate((rest, testbed.initial_rates()))
     return np.concatenate((rest, np.zeros(model.coordinates)))
+
+
+def _starts_moving(testbed: Any) -> TypeGuard[StartsMoving]:
+    kind: Any = type(testbed)
+    return _kind_starts_moving(kind)
+
+
+@lru_cache
+def _kind_starts_moving(kind: type[Any]) -> bool:
+    """Return whether testbeds of a kind may move at the start; asked once, for it takes long."""
+    return issubclass(kind, StartsMoving)
 
 
 def _merged(values: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

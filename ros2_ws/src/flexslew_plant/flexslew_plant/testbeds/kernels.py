@@ -40,9 +40,11 @@ class Kernels:
     kinematics(p, t, x, rate): writes q' = N(q) v, shape (positions,); left out, q' = v.
     reading(p, x, position, rate): writes where each joint is and how fast, each (joints,); left
         out, the first entries of q and v.
+    acceleration(p, t, x, effort, a): writes M^-1 (B u - h), shape (n,), in fewer operations than
+        from the terms: the same but for rounding, and for lanes alone.
 
     Args:
-        terms, residual_jacobian, potential, actuation, kinematics, reading: as above.
+        terms, residual_jacobian, potential, actuation, kinematics, reading, acceleration: as above.
         full_mass: whether terms writes the whole mass matrix.
         extra_positions: how many entries q has more than v (a quaternion: 1); needs kinematics.
         any_size: whether they are compiled once for all sizes of a state rather than for each: for
@@ -57,6 +59,7 @@ class Kernels:
     actuation: Callable[..., None] | None = None
     kinematics: Callable[..., None] | None = None
     reading: Callable[..., None] | None = None
+    acceleration: Callable[..., None] | None = None
     full_mass: bool = False
     extra_positions: int = 0
     any_size: bool = False

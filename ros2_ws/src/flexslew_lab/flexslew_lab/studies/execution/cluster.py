@@ -9,8 +9,8 @@ from time import monotonic
 from typing import Any
 from uuid import uuid4
 
+from flexslew_lab.run.pool import Chunks
 from flexslew_lab.studies.cases import Case
-from flexslew_lab.studies.execution.pool import Chunks
 from flexslew_lab.studies.execution.worker import Job
 from flexslew_lab.studies.flight import Flown, failed
 from flexslew_plant.errors import BadInput, RunFault
@@ -43,7 +43,7 @@ class Cluster:
             self._client: Any = distributed.Client(address, timeout=_CONNECT, set_as_default=False)
         except (OSError, ValueError) as error:
             raise BadInput(f"--dask: {address}: no scheduler answers: {error}") from None
-        self._limit = job.study.settings.limit
+        self._limit = job.limit
         self._name = f"flexslew-{uuid4()}"
         try:
             self._client.register_plugin(StudyFlights(job, self._name))
@@ -52,7 +52,7 @@ class Cluster:
             raise BadInput(f"--dask: {address}: its workers cannot fly: {_line(error)}") from None
         self._running: dict[Any, tuple[list[Case], float]] = {}
         self._ended: SimpleQueue[Any] = SimpleQueue()
-        self._chunks = Chunks()
+        self._chunks = Chunks(job.at_once)
 
     def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
         """Yield the results of all cases; see Executor.

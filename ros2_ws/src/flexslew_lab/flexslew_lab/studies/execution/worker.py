@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from flexslew_lab.studies.cases import Case
-from flexslew_lab.studies.flight import Flown, Plans, flown
+from flexslew_lab.studies.flight import Flown, Plans, failed, flown
 from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.study import Study
+from flexslew_plant.testbeds.compiled.lanes import LANES
 
 Report = Callable[[list[Flown]], None]
 Begin = Callable[[int], None]
@@ -18,6 +19,20 @@ class Job(NamedTuple):
 
     study: Study
     plans: Plans
+    at_once: int = LANES
+
+    @property
+    def limit(self) -> float:
+        """The longest that a trial may take [wall s]."""
+        return self.study.settings.limit
+
+    def flyer(self) -> "Flyer":
+        """Return what flies its trials."""
+        return Flyer(self)
+
+    def failed(self, number: int, reason: str) -> Flown:
+        """Return the result of a trial that has none."""
+        return failed(number, reason)
 
 
 @dataclass

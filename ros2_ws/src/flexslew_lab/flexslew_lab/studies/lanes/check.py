@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 import pyarrow.compute as pc
 
-from flexslew_lab.studies.cases import Cases
-from flexslew_lab.studies.execution.pool import Executor
+from flexslew_lab.run.pool import Executor
+from flexslew_lab.studies.cases import Case, Cases
 from flexslew_lab.studies.execution.worker import Job
+from flexslew_lab.studies.flight import Flown
 from flexslew_lab.studies.run import Preparation, note
 from flexslew_lab.studies.store import Store
 from flexslew_lab.studies.study import Study
@@ -47,7 +48,9 @@ def bench_job(ready: Preparation) -> Job:
     return Job(ready.study._replace(settings=settings), ready.plans)
 
 
-def check_lanes(ready: Preparation, store: Store, bench: Executor) -> dict[str, Any] | None:
+def check_lanes(
+    ready: Preparation, store: Store, bench: Executor[Case, Flown]
+) -> dict[str, Any] | None:
     """Fly the chosen trials by the ordinary bench and note how far the metrics are apart.
 
     Args:

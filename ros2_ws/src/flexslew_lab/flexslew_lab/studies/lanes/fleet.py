@@ -18,6 +18,7 @@ from flexslew_lab.studies.lanes.loop import Matrices, Schedule, lane_loop
 from flexslew_lab.studies.lanes.observers import beginning
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
+from flexslew_lab.studies.lanes.turned import turned_joints
 from flexslew_lab.studies.study import Study
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
@@ -98,7 +99,7 @@ class Lanes:
         w[rows.outside : rows.terminal] = -np.inf
         recorded = isinstance(first.trial.testbed, Pointing)
         loop = partial(
-            lane_loop(kernel, sizes, observer.observe, recorded),
+            lane_loop(kernel, sizes, observer.observe, recorded, model.attitude is not None),
             w,
             first.trial.period,
             first.steps,
@@ -107,6 +108,7 @@ class Lanes:
             form.integral,
             form.unwinding,
             errors_of(lanes, sizes.outputs, len(schedule.time)),
+            turned_joints(model.attitude, model.joints),
             observer.constants,
             observer.z,
             observer.memory,

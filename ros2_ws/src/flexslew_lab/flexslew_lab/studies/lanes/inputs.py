@@ -59,14 +59,15 @@ def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
 
 def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownManoeuvre]:
     """Return what the metrics of a group are measured against: from `tip` on, and as a record."""
-    goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration)
+    testbed = lane.trial.testbed
+    goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration, testbed)
     assert goal.goal is not None
     rows = (
         lane.model.appendages.tip.ravel(),
         goal.goal,
         np.sign(goal.displacement),
         settling_band(goal.displacement),
-        np.array(lane.trial.testbed.effort_limit),
+        np.array(testbed.effort_limit),
         np.minimum(form.limit, np.finfo(float).max),
     )
     return np.concatenate(rows), goal

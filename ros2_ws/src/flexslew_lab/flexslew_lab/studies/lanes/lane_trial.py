@@ -15,7 +15,7 @@ from flexslew_plant.errors import FlexslewError
 from flexslew_plant.hardware.actuator import ActuatorSettings
 from flexslew_plant.settings import plain
 from flexslew_plant.testbeds.compiled.lane_by_lane import lane_by_lane
-from flexslew_plant.testbeds.compiled.lanes import KnowsFrequency, LaneKernel
+from flexslew_plant.testbeds.compiled.lanes import LaneKernel, knows_frequency
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
 from flexslew_plant.testbeds.model import Model
 
@@ -58,7 +58,7 @@ class LaneIntake:
             model = trial.testbed.model()
             if trial.plan is None or not (_plain(trial, model) and _linear(trial)):
                 return None
-            bound = trial.testbed if isinstance(trial.testbed, KnowsFrequency) else None
+            bound = trial.testbed if knows_frequency(trial.testbed) else None
             kernel = traced_kernel(model, bound is not None) or lane_by_lane(model)
             common = self._said(case.variant, trial)
         except FlexslewError:
@@ -66,7 +66,9 @@ class LaneIntake:
         fast = 0.0 if bound is None else bound.highest_frequency() * trial.period
         steps = max(1, ceil(fast / kernel.reach))
         noisy = tuple(bool(channel.noise or channel.bias) for channel in _read_channels(trial))
-        alike = (common.law, kernel.advance, steps, noisy, model.appendages.tip.tobytes())
+        turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
+        tips = model.appendages.tip.tobytes()
+        alike = (common.law, kernel.advance, steps, noisy, turned, tips)
         return LaneTrial(case, trial, common.asked, model, kernel, steps, alike)
 
     def _said(self, variant: int, trial: Trial) -> _Common:
@@ -105,7 +107,7 @@ def _simple(trial: Trial) -> bool:
 def _plain(trial: Trial, model: Model) -> bool:
     """Return whether joints, drives and surroundings are such as lanes know."""
     read = model.reading is None or model.kernels.reading is not None
-    straight = read and model.attitude is None and not model.one_way and model.outside is None
+    straight = read and not model.one_way and model.outside is None
     noisy = any(channel.noise for channel in _read_channels(trial))
     return (
         straight

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
+from flexslew_lab.studies.lanes.turned import about_reference
 from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES, KernelRows, LaneKernel
 
@@ -44,15 +45,17 @@ Loop = Callable[..., None]
 
 
 @lru_cache
-def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe, recorded: bool) -> Loop:
+def lane_loop(
+    kernel: LaneKernel, sizes: Sizes, observe: Observe, recorded: bool, turns: bool
+) -> Loop:
     """Return the loop for a testbed and a law of these sizes.
 
-    It takes (w, dt, steps, Schedule, Matrices, integral, unwinding, error, observer, z, memory,
-    filled, first, last, record): w of lanes.Advance with the rows of `rows` behind; `error` of the
-    readings, (ticks + 1 or 1, outputs LANES); w, z and memory in and out; `observer` as `observe`
-    wants it, which is asked for the first `filled` lanes at least; ticks from `first` to before
-    `last`. If `recorded`, the truth goes into `record`, (LANES, ticks, states + joints), and is
-    measured afterwards; else the loop counts what the metrics need.
+    It takes (w, dt, steps, Schedule, Matrices, integral, unwinding, error, turned, observer, z,
+    memory, filled, first, last, record): w of lanes.Advance with the rows of `rows` behind; `error`
+    of the readings, (ticks + 1 or 1, outputs LANES); TurnedJoints, if `turns`; w, z and memory in
+    and out; `observer` as `observe` wants it, which is asked for the first `filled` lanes at least;
+    ticks from `first` to before `last`. If `recorded`, the truth goes into `record`, (LANES, ticks,
+    states + joints), and is measured afterwards; else the loop counts what the metrics need.
     """
     m, modes, ny = sizes.joints, sizes.modes, sizes.outputs
     rows, of_kernel = rows_of(kernel.size, sizes), kernel.rows
@@ -62,7 +65,7 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe, recorded: bool
     )
     locate, position, velocity, mode = kernel.read, *of_kernel[1:4]
     reading, earlier, effort = rows.reading, rows.earlier, rows.applied
-    tip = rows.tip
+    tip, about = rows.tip, about_reference(m, rows.reading, turns)
 
     @vectorised
     def read(k: int, error: Matrix, w: Vector) -> None:
@@ -92,6 +95,7 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe, recorded: bool
         integral: bool,
         unwinding: float,
         error: Matrix,
+        turned: Any,
         observer: Any,
         z: Vector,
         memory: Vector,
@@ -112,6 +116,7 @@ def lane_loop(kernel: LaneKernel, sizes: Sizes, observe: Observe, recorded: bool
             if k == ticks:
                 break
             read(k, error, w)
+            about(w, turned, schedule.position[k], filled)
             observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
             law(k, dt, schedule, matrices, integral, unwinding, z, w)
             advance(k * dt, dt, steps, w)

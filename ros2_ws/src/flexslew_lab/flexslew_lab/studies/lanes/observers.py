@@ -9,9 +9,10 @@ from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
+from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman_tick import FilterBelief, kalman_tick
 from flexslew_control.linear_form import LinearForm, LinearObserver
-from flexslew_plant.arrays import Vector, compiled, vectorised
+from flexslew_plant.arrays import Matrix, Vector, compiled, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.kernels import Kernels
 
@@ -44,17 +45,32 @@ def beginning(form: LinearForm) -> Beginning:
         k = len(found.constant)
         matrices = LinearObserver(*map(np.ascontiguousarray, found))
         return Beginning(linear(k), matrices, np.zeros(k * LANES), np.empty(k * LANES))
+    if isinstance(found, GainedFilter):
+        outputs, k = found.output.shape
+        filtered = GainedFilter(*map(np.ascontiguousarray, found))
+        return Beginning(gained(k), filtered, np.zeros((k + outputs) * LANES), np.empty(k * LANES))
     k, outputs = len(found.matrices.origin), len(found.matrices.c)
     constants = FilterBelief(found.model.packed, *map(np.ascontiguousarray, found.matrices))
     memory = np.empty(LANES * (k + k * k))
     model = found.model
-    observe = kalman(model.kernels, model.before_modes, model.coordinates, found.linear)
+    observe = kalman(model.kernels, model.before_modes, model.coordinates)
     return Beginning(observe, constants, np.zeros((k + outputs) * LANES), memory)
+
+
+@vectorised
+def _add_product(matrix: Matrix, given: Vector, out: Vector) -> None:
+    """Add matrix @ given to out, lane by lane."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            weight = matrix[i, j]
+            if weight != 0.0:
+                for lane in range(LANES):
+                    out[i * LANES + lane] += weight * given[j * LANES + lane]
 
 
 @lru_cache
 def linear(states: int) -> Observe:
-    """Return the observer whose matrices linear_form.Observer holds."""
+    """Return the observer whose matrices linear_form.LinearObserver holds."""
 
     @vectorised
     def observe(
@@ -67,29 +83,14 @@ def linear(states: int) -> Observe:
         after: Vector,
         filled: int,
     ) -> None:
-        joints, outputs = law.effort.shape[1], law.start.shape[1]
-        for i in range(states):
-            base = law.constant[i] if k > 0 else 0.0
-            for lane in range(LANES):
-                after[i * LANES + lane] = base
-            if k == 0:
-                for j in range(outputs):
-                    weight = law.start[i, j]
-                    for lane in range(LANES):
-                        after[i * LANES + lane] += weight * signals.y[j * LANES + lane]
-                continue
-            for j in range(states):
-                weight = law.state[i, j]
-                for lane in range(LANES):
-                    after[i * LANES + lane] += weight * z[j * LANES + lane]
-            for j in range(joints):
-                weight = law.effort[i, j]
-                for lane in range(LANES):
-                    after[i * LANES + lane] += weight * signals.effort[j * LANES + lane]
-            for j in range(outputs):
-                weight = law.before[i, j]
-                for lane in range(LANES):
-                    after[i * LANES + lane] += weight * signals.earlier[j * LANES + lane]
+        for i in range(states * LANES):
+            after[i] = law.constant[i // LANES] if k > 0 else 0.0
+        if k == 0:
+            _add_product(law.start, signals.y, after)
+        else:
+            _add_product(law.state, z, after)
+            _add_product(law.effort, signals.effort, after)
+            _add_product(law.before, signals.earlier, after)
         for i in range(states * LANES):
             z[i] = after[i]
 
@@ -97,16 +98,52 @@ def linear(states: int) -> Observe:
 
 
 @lru_cache
-def kalman(kernels: Kernels, before: int, n: int, by_matrices: bool) -> Observe:
-    """Return the Kalman filter, lane after lane as on the bench.
+def gained(states: int) -> Observe:
+    """Return the filter whose matrices gained_filter.GainedFilter holds."""
+
+    @vectorised
+    def observe(
+        k: int,
+        t: float,
+        dt: float,
+        law: GainedFilter,
+        signals: LaneSignals,
+        z: Vector,
+        ahead: Vector,
+        filled: int,
+    ) -> None:
+        x, innovation = z[: states * LANES], z[states * LANES :]
+        if k == 0:
+            for i in range(z.size):
+                z[i] = 0.0
+            _add_product(law.start, signals.y, x)
+            return
+        for i in range(x.size):
+            x[i] -= law.origin[i // LANES]
+            ahead[i] = law.origin[i // LANES]
+        _add_product(law.state, x, ahead)
+        _add_product(law.effort, signals.effort, ahead)
+        for i in range(x.size):
+            x[i] = ahead[i]
+            ahead[i] = -ahead[i]
+        for i in range(innovation.size):
+            innovation[i] = signals.y[i]
+        _add_product(law.output, ahead, innovation)
+        _add_product(law.gains[k], innovation, x)
+
+    return cast(Observe, observe)
+
+
+@lru_cache
+def kalman(kernels: Kernels, before: int, n: int) -> Observe:
+    """Return the Kalman filter that predicts by equations, lane after lane as on the bench.
 
     Args:
         kernels: the equations that it believes in.
         before: coordinates before the modes.
         n: coordinates.
-        by_matrices: whether it predicts by matrices.
     """
-    tick = kalman_tick(kernels, n, before, by_matrices)
+    tick = kalman_tick(kernels, n, before, False)
 
     @compiled
     def observe(

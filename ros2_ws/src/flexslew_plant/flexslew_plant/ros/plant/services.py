@@ -19,6 +19,7 @@ from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import seconds_of, stamp
 from flexslew_plant.ros.offers import publisher, service
 from flexslew_plant.ros.parameters import requested_text
+from flexslew_plant.ros.plant.simulation_services import simulation_services
 from flexslew_plant.ros.plant.switch_service import SwitchService
 
 _START = 2.0  # until somebody who starts the bench hears whom it waits for [wall s]
@@ -55,6 +56,7 @@ class Services:
             topics.BRAKE: lambda who: session.brake(True, who),
             topics.RELEASE_BRAKE: lambda who: session.brake(False, who),
         }
+        self._simulation = simulation_services(node, session, loop, self._started)
         self._starts: list[tuple[float, Future]] = []  # until when somebody waits for one [wall s]
         for name, act in self._actions.items():
             answer = self._on_start if name == topics.START else self._trigger(act)
@@ -79,6 +81,8 @@ class Services:
         """Answer those who wait for a switch, show the state; return when to do so again [s]."""
         self._show(now)
         self._look_at_starts(now)
+        if self._simulation is not None:
+            self._simulation.poll(now)
         return min(_RENEW, self._switches.poll(now))
 
     def _show(self, now: float) -> None:

@@ -1,7 +1,8 @@
 """Many trials side by side: the step that a compiled kernel takes for all of them at once."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
+from functools import lru_cache
+from typing import Any, NamedTuple, Protocol, TypeAlias, TypeGuard, runtime_checkable
 
 import numpy as np
 
@@ -44,6 +45,17 @@ class KnowsFrequency(Protocol):
 
     def highest_frequency(self) -> float:
         """Return a bound of the frequencies of its modes with the joints free [rad/s]."""
+
+
+def knows_frequency(testbed: Any) -> TypeGuard[KnowsFrequency]:
+    """Return whether a testbed does; kinds are asked once, as asking takes longer than the rest."""
+    kind: Any = type(testbed)
+    return _know_frequency(kind)
+
+
+@lru_cache
+def _know_frequency(kind: type[Any]) -> bool:
+    return issubclass(kind, KnowsFrequency)
 
 
 def rows_of(states: int, efforts: int, joints: int, modes: int, reads: bool) -> KernelRows:

@@ -8,10 +8,8 @@ _ROUND = 6755399441055744.0  # 1.5 * 2**52: adding and subtracting it rounds to 
 
 
 @vectorised
-def sine_cosine(angle: float) -> tuple[float, float]:
-    """Return sin and cos of an angle below 1e5 rad, to one unit in the last place."""
-    turns = (angle * 0.6366197723675814 + _ROUND) - _ROUND
-    r = ((angle - turns * _P1) - turns * _P2) - turns * _P3
+def small(r: float) -> tuple[float, float]:
+    """Return sin and cos of an angle between -pi/4 and pi/4, to one unit in the last place."""
     z = r * r
     s = r + r * z * (
         -1.66666666666666324348e-01
@@ -51,9 +49,25 @@ def sine_cosine(angle: float) -> tuple[float, float]:
             )
         )
     )
+    return s, c
+
+
+@vectorised
+def sine_cosine(angle: float) -> tuple[float, float]:
+    """Return sin and cos of an angle below 1e5 rad, to one unit in the last place."""
+    turns = (angle * 0.6366197723675814 + _ROUND) - _ROUND
+    r = ((angle - turns * _P1) - turns * _P2) - turns * _P3
+    s, c = small(r)
     quarter = turns - 4.0 * ((0.25 * turns + _ROUND) - _ROUND)  # -2, -1, 0, 1 or 2
     odd = quarter * quarter == 1.0
     a, b = (c if odd else s), (s if odd else c)
     sine = -a if (quarter < -0.5 or quarter > 1.5) else a
     cosine = -b if (quarter > 0.5 or quarter < -1.5) else b
     return sine, cosine
+
+
+@vectorised
+def turned(sine: float, cosine: float, by: float) -> tuple[float, float]:
+    """Return sin and cos of an angle that has turned by at most pi/4 since those given."""
+    s, c = small(by)
+    return sine * c + cosine * s, cosine * c - sine * s

@@ -9,7 +9,8 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.testbeds.compiled import mass
-from flexslew_plant.testbeds.compiled.tape import Tape, Value
+from flexslew_plant.testbeds.compiled.nystrom import Nystrom
+from flexslew_plant.testbeds.compiled.tape import Number, Tape, Value
 from flexslew_plant.testbeds.kernels import chosen
 from flexslew_plant.testbeds.model import Model
 
@@ -26,9 +27,11 @@ class NotedEquations:
         self._kernels, self._n, self._m = model.kernels, model.coordinates, model.before_modes
         self._p = self.tape.parameters()
         self._known: dict[Any, Any] = {}
+        self._moved: dict[int, Any] = {}  # coordinates of a stage: those at the start of the step
         self.x = _array([self.tape.input("x", k) for k in range(model.positions + self._n)])
         self.u = _array([self.tape.input("u", k) for k in range(model.efforts)])
         self._joints = model.joints
+        self._numpy = _Numpy(self.tape, self._moved_from)
 
     def slopes(self, t: Value, x: Any) -> Any:
         """Return the slopes of a state at time t, shape of x.
@@ -36,8 +39,22 @@ class NotedEquations:
         Raises:
             Untraceable: the equations branch on more than packed numbers.
         """
+        own, n, p = self._kernels.functions, self._n, self._p
+        rate = _zeros(len(x))
+        if "kinematics" in own:
+            self._run(own["kinematics"], p, t, x, rate)
+        else:
+            rate[:n] = x[n:]
+        rate[len(x) - n :] = self.acceleration(t, x)
+        return rate
+
+    def acceleration(self, t: Value, x: Any) -> Any:
+        """Return M^-1 (B u - h) of a state at time t, shape (n,)."""
         own, n, m, p = self._kernels.functions, self._n, self._m, self._p
-        positions = len(x) - n
+        if "acceleration" in own:
+            out = _zeros(n)
+            self._run(own["acceleration"], p, t, x, self.u, out)
+            return out
         s = n if self._kernels.full_mass else m
         joints, coupling = _zeros((s, s)), _zeros((s, n - s))
         modal, out = _zeros(n - s), _zeros(n)
@@ -51,13 +68,7 @@ class NotedEquations:
             out[: len(self.u)] += self.u
         self._run(mass.factor, joints, coupling, modal)
         self._run(mass.solve, joints, coupling, modal, out)
-        rate = _zeros(len(x))
-        if "kinematics" in own:
-            self._run(own["kinematics"], p, t, x, rate)
-        else:
-            rate[:n] = x[n:]
-        rate[positions:] = out
-        return rate
+        return out
 
     def joints(self) -> list[Value]:
         """Return position and rate of the joints where the equations say how they are read."""
@@ -85,8 +96,40 @@ class NotedEquations:
                 slopes.append(self.slopes(t + h * float(time), x))
         return x
 
+    def nystrom_step(self, t: Value, h: Value, scheme: Nystrom) -> Any:
+        """Return the state after a step of a Runge-Kutta-Nystrom scheme, for q' = v.
+
+        Args:
+            t: at its start.
+            h: its length.
+            scheme: its weights.
+        """
+        n, times = self._n, scheme.times
+        q, v = self.x[:n], self.x[n:]
+        found: list[Any] = []
+        x = self.x
+        for i, time in enumerate([*times, 1.0]):
+            place, rate = q + v * (h * float(time)), v
+            for a, of_place, of_rate in zip(
+                found, scheme.of_place[i], scheme.of_rate[i], strict=False
+            ):
+                place = place + a * (h * h * float(of_place)) if of_place else place
+                rate = rate + a * (h * float(of_rate)) if of_rate else rate
+            x = _array([*place, *rate]) if i else self.x
+            if i < len(times):
+                self._moved = {
+                    new.index: old for new, old in zip(place, q, strict=True) if new is not old
+                }
+                found.append(self.acceleration(t + h * float(time), x))
+        self._moved = {}
+        return x
+
+    def _moved_from(self, angle: Value) -> Value:
+        """Return the coordinate at the start of a step that has become this one; None: unknown."""
+        return self._moved.get(angle.index) if isinstance(angle, Number) else None
+
     def _run(self, function: Any, *given: Any) -> None:
-        _noting(self.tape, self._known, function)(*given)
+        _noting(self._numpy, self._known, function)(*given)
 
 
 def _array(values: list[Any]) -> Any:
@@ -102,18 +145,34 @@ def _zeros(shape: Any) -> Any:
 class _Numpy:
     """The part of NumPy that equations use, on numbers that take notes."""
 
-    def __init__(self, tape: Tape) -> None:
-        one = tape.operation
-        self.sin, self.cos, self.sqrt = (partial(one, f) for f in ("sine", "cosine", "sqrt"))
+    def __init__(self, tape: Tape, moved_from: Callable[[Value], Value]) -> None:
+        self.operation = one = tape.operation
+        self.sqrt, self._moved_from = partial(one, "sqrt"), moved_from
         self.arctan2 = partial(one, "arctan2")
         self.empty = self.zeros = _zeros
         self.pi = np.pi
 
+    def sin(self, angle: Value) -> Value:
+        """Note a sine."""
+        return self._turned("sine", angle)
 
-def _noting(tape: Tape, known: dict[Any, Any], function: Any) -> Callable[..., Any]:
+    def cos(self, angle: Value) -> Value:
+        """Note a cosine."""
+        return self._turned("cosine", angle)
+
+    def _turned(self, name: str, angle: Value) -> Value:
+        """Note it by what the angle has turned since the step began, where that is known."""
+        start = self._moved_from(angle)
+        if start is None:
+            return self.operation(name, angle)
+        before = self.operation("sine", start), self.operation("cosine", start)
+        return self.operation(name, *before, angle - start)
+
+
+def _noting(numpy: _Numpy, known: dict[Any, Any], function: Any) -> Callable[..., Any]:
     """Return a function, and all that it calls, for numbers that take notes."""
     if function is chosen:
-        return partial(tape.operation, "where")
+        return partial(numpy.operation, "where")
     plain = getattr(function, "py_func", function)
     if plain not in known:
         names = dict(plain.__globals__)
@@ -124,8 +183,8 @@ def _noting(tape: Tape, known: dict[Any, Any], function: Any) -> Callable[..., A
         for name in plain.__code__.co_names:
             value = names.get(name)
             if value is np:
-                names[name] = _Numpy(tape)
+                names[name] = numpy
             elif hasattr(value, "py_func"):
-                names[name] = _noting(tape, known, value)
+                names[name] = _noting(numpy, known, value)
     found: Callable[..., Any] = known[plain]
     return found

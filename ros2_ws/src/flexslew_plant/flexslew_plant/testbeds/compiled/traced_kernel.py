@@ -3,8 +3,9 @@
 The equations run once on numbers that take notes (tape, trace); what comes out is one loop over
 lanes without a branch (written). Short equations are written as whole steps, all numbers of which
 stay in registers or near them; long ones stage by stage, for a block of lanes that fits into the
-first cache. Where a testbed bounds its frequencies the scheme is Dormand and Prince's of order 5 in
-steps short enough for metrics good to 1e-11, else that of the bench, of order 8.
+first cache. Where a testbed bounds its frequencies the scheme of short equations is Nystrom's of
+order 5 (see nystrom), in steps short enough for metrics good to 1e-11, else that of the bench, of
+order 8.
 """
 
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from scipy.integrate import DOP853, RK45
+from scipy.integrate import DOP853
 
 from flexslew_plant.arrays import Matrix, Vector, vectorised
 from flexslew_plant.testbeds.compiled.generated import generated
@@ -22,7 +23,8 @@ from flexslew_plant.testbeds.compiled.lanes import (
     nothing_to_read,
     rows_of,
 )
-from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine
+from flexslew_plant.testbeds.compiled.nystrom import NYSTROM
+from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine, turned
 from flexslew_plant.testbeds.compiled.tape import Untraceable
 from flexslew_plant.testbeds.compiled.trace import NotedEquations
 from flexslew_plant.testbeds.compiled.written import Needed, needed, written
@@ -48,7 +50,7 @@ def _scheme(kind: Any, stages: int) -> _Scheme:
     return _Scheme(weights, np.array(kind.C[:stages], dtype=np.float64))
 
 
-_FIVE, _EIGHT = _scheme(RK45, 6), _scheme(DOP853, 12)
+_EIGHT = _scheme(DOP853, 12)
 _KNOWN: dict[Any, tuple[list[int], dict[bytes, LaneKernel | None]]] = {}
 
 
@@ -60,7 +62,7 @@ def traced_kernel(model: Model, brisk: bool) -> LaneKernel | None:
         brisk: whether it bounds its frequencies.
     """
     packed = model.packed
-    plain = np.where(np.isin(packed, (0.0, 1.0, -1.0)), packed, np.inf)
+    plain = np.where((packed == 0.0) | (abs(packed) == 1.0), packed, np.inf)
     sizes = model.coordinates, model.before_modes, model.efforts, model.joints, model.modes
     key = model.kernels, sizes, plain.tobytes(), brisk
     if key in _KNOWN:
@@ -72,7 +74,7 @@ def traced_kernel(model: Model, brisk: bool) -> LaneKernel | None:
         fixed, found = _KNOWN.setdefault(key, ([], {}))
     equations = NotedEquations(model)
     try:
-        kernel = _kernel(model, equations, _FIVE if brisk else _EIGHT)
+        kernel = _kernel(model, equations, brisk and "kinematics" not in model.kernels.functions)
     except Untraceable:
         kernel = None
     seen = sorted(equations.tape.fixed)
@@ -83,7 +85,7 @@ def traced_kernel(model: Model, brisk: bool) -> LaneKernel | None:
     return kernel
 
 
-def _kernel(model: Model, equations: NotedEquations, scheme: _Scheme) -> LaneKernel | None:
+def _kernel(model: Model, equations: NotedEquations, brisk: bool) -> LaneKernel | None:
     tape, states = equations.tape, len(equations.x)
     reads = "reading" in model.kernels.functions
     rows = rows_of(states, model.efforts, model.joints, model.modes, reads)
@@ -92,8 +94,12 @@ def _kernel(model: Model, equations: NotedEquations, scheme: _Scheme) -> LaneKer
     read = nothing_to_read
     joints = equations.joints() if reads else ()
     slopes = equations.slopes(t, equations.x)
-    few = len(needed(tape, slopes).steps) * len(scheme.times) <= _WHOLE
-    results = equations.step(t, h, *scheme) if few else slopes
+    stages = len(NYSTROM.times if brisk else _EIGHT.times)
+    few = len(needed(tape, slopes).steps) * stages <= _WHOLE
+    brisk = brisk and few
+    results = slopes
+    if few:
+        results = equations.nystrom_step(t, h, NYSTROM) if brisk else equations.step(t, h, *_EIGHT)
     needs = needed(tape, [*results, *joints])
 
     def text(
@@ -115,20 +121,20 @@ def _kernel(model: Model, equations: NotedEquations, scheme: _Scheme) -> LaneKer
         places = {"x": at, "u": u, "constants": constants}
         slopes_of = _function("slopes", text("slopes", results, slope, places, _BLOCK))
         work = _Work(states, states + model.efforts, len(needs.constants), rows.end, x, at, slope)
-        advance = _by_stages(slopes_of, scheme, work)
-        size = slope + _BLOCK * states * (1 + len(scheme.times))
+        advance = _by_stages(slopes_of, _EIGHT, work)
+        size = slope + _BLOCK * states * (1 + stages)
 
     def place(packed: Matrix) -> Vector:
         w = np.zeros(size)
         w[rows.end : end] = tape.evaluated(packed, needs.constants).ravel()
         return w
 
-    reach = _REACH if scheme is _FIVE else np.inf
-    return LaneKernel(advance, read, rows, size, place, reach)
+    return LaneKernel(advance, read, rows, size, place, _REACH if brisk else np.inf)
 
 
 def _function(name: str, text: str) -> Any:
-    return vectorised(generated(name, text, {"np": np, "sine_cosine": sine_cosine}))
+    names = {"np": np, "sine_cosine": sine_cosine, "turned": turned}
+    return vectorised(generated(name, text, names))
 
 
 @lru_cache

@@ -64,7 +64,7 @@ def written(
         return f"w[{of_constant[part]} + k]" if part in of_constant else f"a{part}"
 
     lines = [f"def {name}({given}):", f"    for k in range({width}):"]
-    turned: set[object] = set()  # angles whose sine and cosine are there
+    turned: dict[tuple[object, ...], int] = {}  # what sine and cosine are there of
     for k in needs.steps:
         what, *parts = tape.nodes[k]
         if what == "input":
@@ -72,11 +72,12 @@ def written(
             shared = kind in ("t", "h")
             value = kind if shared else f"w[{rows[kind] + index * width} + k]"
         elif what in ("sine", "cosine"):
-            angle = parts[0]
+            angle = tuple(parts)
             if angle not in turned:
-                turned.add(angle)
-                lines.append(f"        s{angle}, c{angle} = sine_cosine({text(angle)})")
-            value = f"{what[0]}{angle}"
+                turned[angle] = k
+                function = "turned" if len(parts) > 1 else "sine_cosine"
+                lines.append(f"        s{k}, c{k} = {function}({', '.join(map(text, parts))})")
+            value = f"{what[0]}{turned[angle]}"
         elif what in _FORM:
             value = _FORM[what].format(*map(text, parts))
         else:

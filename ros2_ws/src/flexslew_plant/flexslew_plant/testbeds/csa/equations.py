@@ -145,6 +145,52 @@ def residual_jacobian(p: Vector, t: float, x: Vector, a: Vector, dq: Matrix, dv:
         dv[1, 0] += s * sway_rate
 
 
+def acceleration(p: Vector, t: float, x: Vector, effort: Vector, out: Vector) -> None:
+    """Write a = M^-1 (B u - h) of `terms` in few operations: the modes are eliminated by hand.
+
+    With S = sum of m^2 / M_qq, D = m^T q and r = c theta'' + coriolis, each mode is
+    q'' = -(K q + C q' + m r) / M_qq, which leaves two equations for the joints.
+
+    Args:
+        p, x: as in terms.
+        effort: of the drives, shape (2,) [N m].
+        out: a, shape (2 + modes,).
+    """
+    n = x.size // 2 - 2
+    j_a, c, s = p[_J_A], np.cos(x[1]), np.sin(x[1])
+    yaw_rate, pitch_rate = x[2 + n], x[3 + n]
+    deflection, deflection_rate, pull, share = 0.0, 0.0, 0.0, 0.0
+    for j in range(n):
+        m, inverse = p[_MODES + j], 1.0 / p[_MODES + n + j]
+        stiffness, damping = p[_MODES + 2 * n + j], p[_MODES + 3 * n + j]
+        deflection = m * x[2 + j] + deflection
+        deflection_rate = m * x[4 + n + j] + deflection_rate
+        pull = (m * inverse * stiffness) * x[2 + j] + pull
+        pull = (m * inverse * damping) * x[4 + n + j] + pull
+        share = share + m * m * inverse
+    free = j_a - share
+    turning = s * yaw_rate
+    if p[_COMPLETE] > 0.5:
+        off, coriolis = s * deflection, -2.0 * turning * pitch_rate
+        first = effort[0] + c * (pull - free * coriolis - pitch_rate * (pitch_rate * deflection))
+        second = effort[1] - turning * (c * (j_a * yaw_rate) + 2.0 * deflection_rate)
+    else:
+        off, coriolis = 0.0, 0.0 - turning * pitch_rate
+        first = effort[0] + c * (pull + (share - 2.0 * j_a) * coriolis)
+        first = first + s * pitch_rate * deflection_rate
+        second = effort[1] - turning * (c * (j_a * yaw_rate) + deflection_rate)
+    pitch_inverse = 1.0 / p[_J_2]
+    lever = off * pitch_inverse
+    out[0] = (first - lever * second) / (p[_J_1] + free * (c * c) - off * lever)
+    out[1] = (second - off * out[0]) * pitch_inverse
+    drive = c * out[0] + coriolis
+    for j in range(n):
+        inverse = 1.0 / p[_MODES + n + j]
+        m, stiffness, damping = p[_MODES + j], p[_MODES + 2 * n + j], p[_MODES + 3 * n + j]
+        back = (stiffness * inverse) * x[2 + j] + (damping * inverse) * x[4 + n + j]
+        out[2 + j] = 0.0 - ((m * inverse) * drive + back)
+
+
 def potential(p: Vector, t: float, q: Vector) -> float:
     """Return the strain energy of both beams (7) [J]."""
     n = q.size - 2
@@ -154,4 +200,4 @@ def potential(p: Vector, t: float, q: Vector) -> float:
     return energy
 
 
-KERNELS = Kernels(terms, residual_jacobian, potential)
+KERNELS = Kernels(terms, residual_jacobian, potential, acceleration=acceleration)

@@ -82,7 +82,7 @@ class CsaTestbed:
 
         max(K_qq / M_qq) / (1 - sum of m^2 / (M_qq J)) with J all that turns bounds their squares.
         """
-        return highest_frequency(packed(self))
+        return highest_frequency(_model(self).packed)
 
     def scaled(self, stiffness: float = 1.0, payload: float = 1.0) -> "CsaTestbed":
         """Return it with other beams (EI) and another hub (I_1 and I_2), as factors [-]."""

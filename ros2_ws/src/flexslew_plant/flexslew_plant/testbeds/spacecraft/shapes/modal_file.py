@@ -25,7 +25,9 @@ x,y,z,mass,mode_1_x,mode_1_y,mode_1_z,mode_2_x,...
 
 import zipfile
 from dataclasses import replace
+from functools import lru_cache
 from importlib import resources
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +79,17 @@ def modal_shape(path: Path) -> FlexibleShape:
     """
     if not path.exists() and (_SHIPPED / path).exists():
         path = _SHIPPED / path
-    data = _read(path)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise BadInput(f"cannot be read as modal data: {error}", path) from None
+    return _shape_of(path, content)
+
+
+@lru_cache(maxsize=16)
+def _shape_of(path: Path, content: bytes) -> FlexibleShape:
+    """Return what a file with this content describes: every trial of a study asks for the same."""
+    data = _read(path, content)
     unknown = sorted(set(data) - _KEYS)
     if unknown:
         raise BadInput(f"{unknown[0]}: unknown key; allowed here: {', '.join(sorted(_KEYS))}", path)
@@ -123,16 +135,16 @@ def modal_shape(path: Path) -> FlexibleShape:
     )
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path, content: bytes) -> dict[str, Any]:
     """Return what the file holds, by key."""
     try:
         if path.suffix == ".npz":
-            with np.load(path) as archive:
+            with np.load(BytesIO(content)) as archive:
                 data = dict(archive)
             for key in [k for k in data if k.startswith("rigid_")]:
                 data.setdefault("rigid", {})[key.removeprefix("rigid_")] = data.pop(key)
             return {k: v.item() if getattr(v, "shape", 1) == () else v for k, v in data.items()}
-        text = path.read_text(encoding="utf-8")
+        text = TextIOWrapper(BytesIO(content), encoding="utf-8").read()
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         raise BadInput(f"cannot be read as modal data: {error}", path) from None
     if path.suffix == ".csv":

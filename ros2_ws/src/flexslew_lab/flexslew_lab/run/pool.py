@@ -1,61 +1,104 @@
-"""Processes on this machine that fly chunks: the dead are replaced, the hung are ended.
+"""Processes on this machine that do numbered cases of a job, a chunk at a time.
 
-Every process has a pipe of its own, so one that dies at any moment harms no other. A result does
-not depend on who flew it or in which chunk.
+The dead are replaced, the hung are ended. Every process has a pipe of its own, so one that dies at
+any moment harms no other. A result does not depend on who found it or in which chunk.
 """
 
 import multiprocessing
 import signal
 import sys
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from multiprocessing.connection import Connection, wait
 from operator import length_hint
 from time import monotonic
-from typing import Protocol
-
-from flexslew_lab.studies.cases import Case
-from flexslew_lab.studies.execution.worker import Flyer, Job
-from flexslew_lab.studies.flight import Flown, failed
-from flexslew_plant.testbeds.compiled.lanes import LANES
+from typing import Any, Generic, Protocol, TypeVar
 
 CHUNK_TIME = 3.0  # of a chunk, aimed at [wall s]
-_LEAST_TIME = 0.05  # of a chunk, where there are enough trials for all [wall s]
+_LEAST_TIME = 0.05  # of a chunk, where there are enough cases for all [wall s]
 _SHARES = 2  # that each worker gets of the cases left, at least
-_LARGEST = 4096  # trials of a chunk
+_LARGEST = 4096  # cases of a chunk
 _GROWTH = 4  # of a chunk over the one before, at most
-_DEATHS = 2  # with a chunk, before it is split to find out which trial it is
+_DEATHS = 2  # with a chunk, before it is split to find out which case it is
 _READY = -1  # what a process says first
 _START = 120.0  # that a process may take before it says so [wall s]
 _SERVER = multiprocessing.get_context("forkserver")  # has imported everything once, for all
-_SERVER.set_forkserver_preload(["flexslew_lab.studies.execution.worker"])
 
 
-class Executor(Protocol):
-    """Something that flies trials."""
+class Numbered(Protocol):
+    """A case, or its result."""
 
-    def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
-        """Yield the results of all cases as they come, each trial once."""
+    @property
+    def number(self) -> int:
+        """Of the case, unlike any other's."""
+
+
+_Case = TypeVar("_Case", bound=Numbered)
+_Given = TypeVar("_Given", bound=Numbered, contravariant=True)
+_Result = TypeVar("_Result", bound=Numbered)
+
+
+class CaseFlyer(Protocol[_Given, _Result]):
+    """Does cases of a job in whatever process it stands."""
+
+    def fly(
+        self,
+        cases: Sequence[_Given],
+        report: Callable[[list[_Result]], None],
+        begin: Callable[[int], None] = lambda number: None,
+    ) -> None:
+        """Do the cases.
+
+        Args:
+            cases: of the job.
+            report: gets the results as they come, in any order.
+            begin: told the number of a case before it is done alone.
+        """
+
+
+class PooledJob(Protocol[_Given, _Result]):
+    """All that a process must know to do any case; it goes from process to process."""
+
+    @property
+    def limit(self) -> float:
+        """The longest that a case may take [wall s]."""
+
+    @property
+    def at_once(self) -> int:
+        """How many cases are done as fast as one."""
+
+    def flyer(self) -> CaseFlyer[_Given, _Result]:
+        """Return what does its cases; called once in every process."""
+
+    def failed(self, number: int, reason: str) -> _Result:
+        """Return the result of a case that came to nothing."""
+
+
+class Executor(Protocol[_Given, _Result]):
+    """Something that does the cases of a job."""
+
+    def fly(self, cases: Iterator[_Given]) -> Iterator[list[_Result]]:
+        """Yield the results of all cases as they come, each once."""
 
     def close(self) -> None:
         """End the processes."""
 
 
-class InThisProcess:
-    """Implements Executor in this process, one trial after the other."""
+class InThisProcess(Generic[_Case, _Result]):
+    """Implements Executor in this process, one case after the other."""
 
-    def __init__(self, job: Job) -> None:
-        self._flyer = Flyer(job)
+    def __init__(self, job: PooledJob[_Case, _Result]) -> None:
+        self._flyer, self._at_once = job.flyer(), job.at_once
 
-    def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+    def fly(self, cases: Iterator[_Case]) -> Iterator[list[_Result]]:
         """Yield the results of all cases; see Executor."""
-        chunks = Chunks()
+        chunks = Chunks(self._at_once)
         while chunk := chunks.next(cases):
             started = monotonic()
-            results: list[Flown] = []
+            results: list[_Result] = []
             self._flyer.fly(chunk, results.extend)
             chunks.learn(len(chunk), monotonic() - started)
             yield results
@@ -65,13 +108,17 @@ class InThisProcess:
 
 
 class Chunks:
-    """Chunks of some seconds; how many trials that is, it learns on the way."""
+    """Chunks of some seconds; how many cases that is, it learns on the way.
 
-    def __init__(self) -> None:
-        self._size = 1
-        self._rate = 0.0  # of the last chunk [trials / s]
+    Args:
+        at_once: how many cases are done as fast as one.
+    """
 
-    def next(self, cases: Iterator[Case], workers: int = 1) -> list[Case]:
+    def __init__(self, at_once: int = 1) -> None:
+        self._size, self._at_once = 1, at_once
+        self._rate = 0.0  # of the last chunk [cases / s]
+
+    def next(self, cases: Iterator[_Case], workers: int = 1) -> list[_Case]:
         """Return the next chunk; empty at the end.
 
         Towards the end of the cases, if they say how many are left, chunks become smaller: no
@@ -80,7 +127,7 @@ class Chunks:
         size = self._size
         if workers > 1:
             share = length_hint(cases, sys.maxsize) // (_SHARES * workers)
-            size = max(1, min(size, _whole_lanes(max(share, int(self._rate * _LEAST_TIME)))))
+            size = max(1, min(size, self._whole(max(share, int(self._rate * _LEAST_TIME)))))
         return list(islice(cases, size))
 
     def learn(self, count: int, seconds: float) -> None:
@@ -89,50 +136,49 @@ class Chunks:
         if count < self._size:  # a rest of another one
             return
         aim = int(self._rate * CHUNK_TIME)
-        self._size = max(1, _whole_lanes(min(aim, _GROWTH * self._size, _LARGEST)))
+        self._size = max(1, self._whole(min(aim, _GROWTH * self._size, _LARGEST)))
+
+    def _whole(self, cases: int) -> int:
+        """Return as many cases, or as many of them as are done at once."""
+        return cases - cases % self._at_once if cases > self._at_once else cases
 
 
-def _whole_lanes(trials: int) -> int:
-    """Return as many trials, or as many of them as fill their lanes."""
-    return trials - trials % LANES if trials > LANES else trials
-
-
-class _Chunk(deque[Case]):
+class _Chunk(deque[_Case]):
     """Cases that have no result yet."""
 
     deaths = 0  # of processes that flew it
 
 
 @dataclass
-class _Worker:
+class _Worker(Generic[_Case]):
     """One process and what it is at."""
 
     process: multiprocessing.process.BaseProcess
     pipe: Connection
-    chunk: _Chunk = field(default_factory=_Chunk)
-    now: int | None = None  # number of the trial that is flown alone
+    chunk: _Chunk[_Case] = field(default_factory=_Chunk)
+    now: int | None = None  # number of the case that is done alone
     heard: float = 0.0  # when something came from it last [wall s]
     patience: float = _START  # with its silence [wall s]
     started: float = 0.0  # the chunk [wall s]
     size: int = 0  # of the chunk at its start
 
 
-class Pool:
+class Pool(Generic[_Case, _Result]):
     """Implements Executor with processes.
 
     Args:
-        job: what they fly.
+        job: what they do.
         workers: how many.
     """
 
-    def __init__(self, job: Job, workers: int) -> None:
+    def __init__(self, job: PooledJob[_Case, _Result], workers: int) -> None:
         self._job, self._count = job, workers
-        self._limit = job.study.settings.limit
-        self._workers: list[_Worker] = []
-        self._again: deque[_Chunk] = deque()
-        self._chunks = Chunks()
+        self._workers: list[_Worker[_Case]] = []
+        self._again: deque[_Chunk[_Case]] = deque()
+        self._chunks = Chunks(job.at_once)
+        _SERVER.set_forkserver_preload([type(job).__module__])
 
-    def fly(self, cases: Iterator[Case]) -> Iterator[list[Flown]]:
+    def fly(self, cases: Iterator[_Case]) -> Iterator[list[_Result]]:
         """Yield the results of all cases; see Executor."""
         while True:
             self._fill(cases)
@@ -161,14 +207,14 @@ class Pool:
         """Return the process numbers of the workers."""
         return [worker.process.pid or 0 for worker in self._workers]
 
-    def _fill(self, cases: Iterator[Case]) -> None:
+    def _fill(self, cases: Iterator[_Case]) -> None:
         """Give every idle process a chunk, as long as there are any."""
         idle = [worker for worker in self._workers if not worker.chunk]
         while idle or len(self._workers) < self._count:
             if self._again:
                 chunk = self._again.popleft()
             else:
-                chunk = _Chunk(self._chunks.next(cases, self._count))
+                chunk = _Chunk[_Case](self._chunks.next(cases, self._count))
             if not chunk:
                 return
             worker = idle.pop() if idle else self._start()
@@ -177,20 +223,20 @@ class Pool:
             with suppress(OSError):  # it is dead: its pipe will say so
                 worker.pipe.send(list(chunk))
 
-    def _start(self) -> _Worker:
+    def _start(self) -> _Worker[_Case]:
         ours, theirs = _SERVER.Pipe()
         process = _SERVER.Process(target=_work, args=(theirs, self._job), daemon=True)
         process.start()
         theirs.close()
-        self._workers.append(_Worker(process, ours))
+        self._workers.append(_Worker[_Case](process, ours))
         return self._workers[-1]
 
-    def _hear(self, worker: _Worker) -> list[Flown]:
+    def _hear(self, worker: _Worker[_Case]) -> list[_Result]:
         try:
             message = worker.pipe.recv()
         except (EOFError, OSError):
             return self._replace(worker)
-        worker.heard, worker.patience = monotonic(), self._limit
+        worker.heard, worker.patience = monotonic(), self._job.limit
         if isinstance(message, int):
             worker.now = message if message != _READY else None
             return []
@@ -203,8 +249,8 @@ class Pool:
             self._chunks.learn(worker.size, worker.heard - worker.started)
         return list(message)
 
-    def _replace(self, worker: _Worker) -> list[Flown]:
-        """Put what a dead process was at back into the queue; give up a trial that kills twice."""
+    def _replace(self, worker: _Worker[_Case]) -> list[_Result]:
+        """Put what a dead process was at back into the queue; give up a case that kills twice."""
         self._end(worker)
         self._workers.remove(worker)
         code = worker.process.exitcode
@@ -216,46 +262,47 @@ class Pool:
             self._again.append(lost)
             return []
         if len(lost) == 1:
-            return [failed(lost[0].number, f"its process died {_DEATHS} times ({_cause(code)})")]
+            why = f"its process died {_DEATHS} times ({_cause(code)})"
+            return [self._job.failed(lost[0].number, why)]
         self._split(lost)
         return []
 
-    def _end_hung(self, worker: _Worker) -> list[Flown]:
+    def _end_hung(self, worker: _Worker[_Case]) -> list[_Result]:
         self._end(worker)
         self._workers.remove(worker)
         lost, rest = self._culprits(worker)
         if rest:
             self._again.append(rest)
         if len(lost) == 1:
-            return [failed(lost[0].number, f"no end after {self._limit:g} s")]
+            return [self._job.failed(lost[0].number, f"no end after {self._job.limit:g} s")]
         self._split(lost)
         return []
 
-    def _culprits(self, worker: _Worker) -> tuple[_Chunk, _Chunk]:
-        """Return what the process was flying when it ended, and the rest of its chunk."""
-        lost, rest = _Chunk(), _Chunk()
+    def _culprits(self, worker: _Worker[_Case]) -> tuple[_Chunk[_Case], _Chunk[_Case]]:
+        """Return what the process was at when it ended, and the rest of its chunk."""
+        lost, rest = _Chunk[_Case](), _Chunk[_Case]()
         for case in worker.chunk:
             (lost if worker.now in (None, case.number) else rest).append(case)
         lost.deaths = worker.chunk.deaths
         return lost, rest
 
-    def _split(self, chunk: _Chunk) -> None:
+    def _split(self, chunk: _Chunk[_Case]) -> None:
         half = len(chunk) // 2
         for part in (list(chunk)[:half], list(chunk)[half:]):
-            smaller = _Chunk(part)
+            smaller = _Chunk[_Case](part)
             smaller.deaths = _DEATHS - 1
             self._again.append(smaller)
 
-    def _end(self, worker: _Worker) -> None:
+    def _end(self, worker: _Worker[_Case]) -> None:
         worker.process.kill()
         worker.process.join()
         worker.pipe.close()
 
 
-def _work(pipe: Connection, job: Job) -> None:
-    """Fly what comes through the pipe until it is closed."""
+def _work(pipe: Connection, job: PooledJob[Any, Any]) -> None:
+    """Do what comes through the pipe until it is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who gives out chunks
-    flyer = Flyer(job)
+    flyer = job.flyer()
     with suppress(EOFError, OSError):  # whoever gave out chunks is gone
         pipe.send(_READY)
         while True:

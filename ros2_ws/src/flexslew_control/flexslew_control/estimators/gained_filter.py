@@ -1,0 +1,63 @@
+"""A Kalman filter whose gains are known beforehand: no measurement changes its covariance."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_control.estimators.kalman import KalmanFilter, corrected, predicted_covariance
+from flexslew_plant.arrays import Matrix, Tensor, Vector
+from flexslew_plant.testbeds.model import Model
+
+
+class GainedFilter(NamedTuple):
+    """A filter of k states and l outputs.
+
+    x(0) = S y(0), and then x- = o + F (x - o) + G u, e = y - C x-, x = x- + K(tick) e.
+    """
+
+    start: Matrix  # S, (k, l)
+    state: Matrix  # F, (k, k)
+    effort: Matrix  # G, (k, joints)
+    output: Matrix  # C, (l, k)
+    origin: Vector  # o, (k,)
+    gains: Tensor  # K, (ticks, k, l)
+
+
+def gained(estimator: KalmanFilter, ticks: int) -> GainedFilter | None:
+    """Return a filter as matrices of each tick; None where its predictions are not linear.
+
+    Args:
+        estimator: the filter.
+        ticks: how many, the first of a reset.
+    """
+    linear, model = estimator.settings.prediction == "linear", estimator.model
+    if not linear and isinstance(model, Model):
+        return None
+    own, period = estimator.matrices, estimator.period
+    k, m, n = len(own.origin), model.joints, model.coordinates
+    d = k - 2 * n
+    f, g, origin = own.f, own.g, own.origin
+    if not linear:
+        f, g, origin = np.eye(k), np.zeros((k, m)), np.zeros(k)
+        states, efforts = np.eye(k - d), np.eye(m)
+        f[: k - d, : k - d] = np.array(
+            [model.advance(x, 0.0 * efforts[0], period) for x in states]
+        ).T
+        g[: k - d] = np.array([model.advance(0.0 * states[0], u, period) for u in efforts]).T
+        f[: k - d, k - d :] = g[: k - d, :d]
+    dx, du = model.jacobian(np.zeros(k - d), np.zeros(m))
+    gains, p = np.zeros((ticks, k, len(own.c))), own.first
+    for tick in range(1, ticks):
+        if linear:
+            ahead = f @ p @ f.T + own.q
+        else:
+            ahead = predicted_covariance(dx, du[:, :d], p, own.q, period)
+        found = [corrected(np.zeros(k), ahead, e, own.c, own.r) for e in np.eye(len(own.c))]
+        gains[tick], after = np.array([x for x, *_ in found]).T, found[0][1]
+        if np.array_equal(after, p):  # it is stationary
+            gains[tick + 1 :] = gains[tick]
+            break
+        p = after
+    start = np.zeros((k, len(own.c)))
+    start[:m, :m], start[n : n + m, m : 2 * m] = np.eye(m), np.eye(m)
+    return GainedFilter(start, f, g, own.c, origin, gains)

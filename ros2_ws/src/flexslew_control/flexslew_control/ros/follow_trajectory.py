@@ -1,0 +1,208 @@
+"""The action of `control_msgs` that robots are moved by: FollowJointTrajectory.
+
+Only where that package is installed: it is not among the wheels.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from flexslew_control.ros.bench_clock import BenchClock
+from flexslew_control.ros.plan_job import Outcome, PlanJob
+from flexslew_control.ros.plan_release import PlanRelease
+from flexslew_control.ros.plan_result import BUSY, CANCELED
+from flexslew_control.ros.trajectories import trajectory_section
+from flexslew_control.tracking import Tolerance, Tracked, Tracking, TrackingCode, TrackingEnd
+from flexslew_plant import topics
+from flexslew_plant.errors import BadInput
+from flexslew_plant.refusal import Cause, Refusal
+from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.messages import seconds_of
+from flexslew_plant.ros.offers import subscription
+
+INSTALLED = find_spec("control_msgs") is not None
+
+
+class FollowTrajectory:
+    """Publishes a trajectory as a plan, and looks at the joints until it is over.
+
+    Args:
+        node: of the planner.
+        loop: that serves it.
+        job: that plans.
+        release: that publishes.
+    """
+
+    def __init__(self, node: Node, loop: Loop, job: PlanJob, release: PlanRelease) -> None:
+        from control_msgs.action import FollowJointTrajectory
+
+        self._kind: Any = FollowJointTrajectory
+        self._node, self._loop, self._job, self._release = node, loop, job, release
+        self._flown: dict[bytes, _Flight] = {}  # by the goal's number
+        self._server = ActionServer(
+            node,
+            FollowJointTrajectory,
+            topics.FOLLOW_JOINT_TRAJECTORY,
+            self._execute,
+            cancel_callback=self._may_cancel,
+        )
+
+    def poll(self) -> None:
+        """End what cannot go on: the run is over, or begins anew."""
+        for flight in self._flown.values():
+            if (end := flight.lost(self._release.clock)) is not None:
+                flight.over(end)
+
+    def close(self) -> None:
+        """End the action."""
+        self._server.destroy()
+
+    def _may_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
+        """A published plan is flown: who wants the bench to stop takes the brake."""
+        return CancelResponse.REJECT if _number(goal) in self._flown else CancelResponse.ACCEPT
+
+    async def _execute(self, goal: ServerGoalHandle) -> Any:
+        end = await self._followed(goal)
+        if end.code == TrackingCode.SUCCESSFUL:
+            goal.succeed()
+        elif goal.is_cancel_requested:
+            goal.canceled()
+        else:
+            goal.abort()
+        return self._kind.Result(error_code=int(end.code), error_string=end.words)
+
+    async def _followed(self, goal: ServerGoalHandle) -> TrackingEnd:
+        request = goal.request
+        refused = self._refused(request)
+        if refused is not None:
+            return refused
+        outcome = await self._planned(goal)
+        if isinstance(outcome, Refusal):
+            past = outcome.cause is Cause.PAST
+            code = TrackingCode.OLD_HEADER_TIMESTAMP if past else TrackingCode.INVALID_GOAL
+            return TrackingEnd(code, str(outcome))
+        if goal.is_cancel_requested:
+            return TrackingEnd(TrackingCode.INVALID_GOAL, str(CANCELED))
+        after = request.goal_time_tolerance
+        tracking = Tracking(
+            outcome,
+            tuple(request.trajectory.joint_names),
+            {t.name: Tolerance(t.position, t.velocity) for t in request.path_tolerance},
+            {t.name: Tolerance(t.position, t.velocity) for t in request.goal_tolerance},
+            after.sec + 1e-9 * after.nanosec,
+        )
+        flight = _Flight(tracking, self._release.clock.epoch, self._loop.future())
+        states = subscription(
+            self._node,
+            topics.JOINT_STATES,
+            partial(flight.see, lambda time, seen: self._tell(goal, tracking, time, seen)),
+        )
+        self._flown[_number(goal)] = flight
+        try:
+            message = self._release.publish(outcome, "")
+            answered = await self._release.answered(message.hash)
+            if answered.refused or answered.silent:
+                return TrackingEnd(TrackingCode.INVALID_GOAL, answered.message)
+            end: TrackingEnd = await flight.ended
+            return end
+        finally:
+            del self._flown[_number(goal)]
+            self._node.destroy_subscription(states)
+
+    def _refused(self, request: Any) -> TrackingEnd | None:
+        """Return what cannot be asked for of this bench, or None."""
+        known, asked = self._release.joint_names, request.trajectory.joint_names
+        tolerances = (*request.path_tolerance, *request.goal_tolerance)
+        strange = [name for name in (*asked, *(t.name for t in tolerances)) if name not in known]
+        if not asked or strange:
+            named = f"{strange[0]} is unknown" if strange else "none is named"
+            words = f"joint_names: {named}; allowed: {', '.join(known)}"
+            return TrackingEnd(TrackingCode.INVALID_JOINTS, words)
+        if any(t.acceleration > 0.0 for t in tolerances):
+            words = "acceleration: is not measured; leave its tolerances at zero"
+            return TrackingEnd(TrackingCode.INVALID_GOAL, words)
+        if getattr(getattr(request, "multi_dof_trajectory", None), "points", ()):
+            words = "multi_dof_trajectory: the bench moves joints; give a trajectory"
+            return TrackingEnd(TrackingCode.INVALID_GOAL, words)
+        return None
+
+    async def _planned(self, goal: ServerGoalHandle) -> Outcome:
+        """Return the plan through the points, or why there is none."""
+        if self._job.busy:
+            return BUSY
+        try:
+            section = trajectory_section(goal.request.trajectory, self._release.soonest())
+        except BadInput as error:
+            return error.refusal
+        done: Future = self._loop.future()
+        self._job.ask(self._release.request(section), done.set_result)
+        return self._release.checked(await done)
+
+    def _tell(self, goal: ServerGoalHandle, tracking: Tracking, time: float, seen: Tracked) -> None:
+        told = self._kind.Feedback(joint_names=list(tracking.joints))
+        after = Duration(nanoseconds=round(1e9 * max(time - tracking.plan.start, 0.0))).to_msg()
+        for field in ("desired", "actual", "error"):
+            position, velocity = getattr(seen, field)
+            point = JointTrajectoryPoint(
+                positions=position.tolist(), velocities=velocity.tolist(), time_from_start=after
+            )
+            setattr(told, field, point)
+        goal.publish_feedback(told)
+
+
+def _number(goal: ServerGoalHandle) -> bytes:
+    return bytes(goal.goal_id.uuid)
+
+
+class _Flight:
+    """A trajectory that is flown.
+
+    Args:
+        tracking: of its plan.
+        epoch: in which it is flown.
+        ended: gets what comes of it.
+    """
+
+    def __init__(self, tracking: Tracking, epoch: int, ended: Future) -> None:
+        self._tracking, self._epoch, self.ended = tracking, epoch, ended
+
+    def see(self, tell: Callable[[float, Tracked], None], states: JointState) -> None:
+        """Hold the joints against the plan."""
+        time, names = seconds_of(states.header.stamp), states.name
+        positions = dict(zip(names, states.position, strict=True))
+        rates = dict(zip(names, states.velocity, strict=True))
+        seen = self._tracking.at(time, positions, rates)
+        tell(time, seen)
+        if (end := self._tracking.end(time, seen)) is not None:
+            self.over(end)
+
+    def lost(self, clock: BenchClock) -> TrackingEnd | None:
+        """Return why nothing can come of it any more, or None."""
+        if clock.epoch != self._epoch:
+            words = "the bench was reset"
+        elif clock.over:
+            words = f"the run is over at {clock.now():g} s; see display_rate, goal_time_tolerance"
+        else:
+            return None
+        return TrackingEnd(TrackingCode.GOAL_TOLERANCE_VIOLATED, words)
+
+    def over(self, end: TrackingEnd) -> None:
+        """Say what came of it, once."""
+        if not self.ended.done():
+            self.ended.set_result(end)
+
+
+def follow_trajectory(
+    node: Node, loop: Loop, job: PlanJob, release: PlanRelease
+) -> FollowTrajectory | None:
+    """Return what serves the action; None where `control_msgs` is not installed."""
+    return FollowTrajectory(node, loop, job, release) if INSTALLED else None

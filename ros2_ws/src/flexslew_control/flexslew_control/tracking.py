@@ -1,0 +1,110 @@
+"""How closely joints follow a plan: tolerances on the way, at the end, and what comes of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from flexslew_control.plan import Plan
+from flexslew_plant.arrays import Vector
+
+
+class TrackingCode(IntEnum):
+    """The error codes of control_msgs/action/FollowJointTrajectory."""
+
+    SUCCESSFUL = 0
+    INVALID_GOAL = -1
+    INVALID_JOINTS = -2
+    OLD_HEADER_TIMESTAMP = -3
+    PATH_TOLERANCE_VIOLATED = -4
+    GOAL_TOLERANCE_VIOLATED = -5
+
+
+class Tolerance(NamedTuple):
+    """The largest errors of a joint; zero or less: any."""
+
+    position: float = 0.0  # [rad or m]
+    velocity: float = 0.0  # [rad/s or m/s]
+
+
+class Tracked(NamedTuple):
+    """Joints against a plan at one time."""
+
+    desired: tuple[Vector, Vector]  # position, velocity, (joints,) each
+    actual: tuple[Vector, Vector]
+
+    @property
+    def error(self) -> tuple[Vector, Vector]:
+        """Desired minus actual."""
+        return self.desired[0] - self.actual[0], self.desired[1] - self.actual[1]
+
+
+class TrackingEnd(NamedTuple):
+    """What came of a trajectory."""
+
+    code: TrackingCode
+    words: str
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Holds what joints do against a plan.
+
+    Args:
+        plan: that is flown.
+        joints: that are looked at, all of the plan.
+        path: tolerances while it is flown, by joint.
+        goal: tolerances at its end, by joint.
+        goal_time: how long after its end the joints may still come within them [s].
+    """
+
+    plan: Plan
+    joints: tuple[str, ...]
+    path: Mapping[str, Tolerance]
+    goal: Mapping[str, Tolerance]
+    goal_time: float = 0.0
+
+    def at(
+        self, time: float, positions: Mapping[str, float], rates: Mapping[str, float]
+    ) -> Tracked:
+        """Return where the joints should be and are.
+
+        Args:
+            time: simulated [s].
+            positions: of the joints [rad or m].
+            rates: of the joints [rad/s or m/s].
+        """
+        reference = self.plan.reference(round(time / self.plan.period))
+        columns = [self.plan.joint_names.index(name) for name in self.joints]
+        actual = [np.array([values[name] for name in self.joints]) for values in (positions, rates)]
+        return Tracked(
+            (reference.position[columns], reference.velocity[columns]), (actual[0], actual[1])
+        )
+
+    def end(self, time: float, tracked: Tracked) -> TrackingEnd | None:
+        """Return what has come of it at a simulated time [s]; None: it goes on."""
+        if time < self.plan.start:
+            return None
+        if time < self.plan.end:
+            beyond = self._beyond(self.path, tracked)
+            if beyond is None:
+                return None
+            words = f"at {time:g} s {beyond}; the plan is flown on, the brake would stop it"
+            return TrackingEnd(TrackingCode.PATH_TOLERANCE_VIOLATED, words)
+        beyond = self._beyond(self.goal, tracked)
+        if beyond is None:
+            return TrackingEnd(TrackingCode.SUCCESSFUL, f"within tolerance at {time:g} s")
+        if time < self.plan.end + self.goal_time:
+            return None
+        return TrackingEnd(TrackingCode.GOAL_TOLERANCE_VIOLATED, f"at {time:g} s {beyond}")
+
+    def _beyond(self, allowed: Mapping[str, Tolerance], tracked: Tracked) -> str | None:
+        """Return which joint is farther off than it may be, and by how much."""
+        for k, name in enumerate(self.joints):
+            limits = allowed.get(name, Tolerance())
+            for what, limit, error in zip(limits._fields, limits, tracked.error, strict=True):
+                if 0.0 < limit < abs(error[k]):
+                    return f"the {what} of {name} is {abs(error[k]):.3g} off, allowed {limit:g}"
+        return None

@@ -1,0 +1,81 @@
+"""Where joints read an attitude: their positions as a law sees them, errors being rotations.
+
+In compiled form what Controller and AttitudeJoints.about say for one run; lane after lane, by the
+same functions.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from math import pi, sqrt
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from flexslew_plant.arrays import Matrix, Vector, compiled
+from flexslew_plant.testbeds.attitude import AttitudeJoints
+from flexslew_plant.testbeds.compiled.lanes import LANES
+from flexslew_plant.testbeds.quaternions import multiplied, of_turn, turn_of
+
+
+class TurnedJoints(NamedTuple):
+    """The joints that read a rotation vector; none of either where no joints do."""
+
+    axes: Matrix  # (joints, 3), see AttitudeJoints
+    inverse: Matrix  # from the joints to the rotation vector, (3, joints)
+
+
+def turned_joints(attitude: AttitudeJoints | None, joints: int) -> TurnedJoints:
+    """Return the joints of a model with so many of them."""
+    if attitude is None:
+        return TurnedJoints(np.zeros((0, 3)), np.zeros((3, 0)))
+    return TurnedJoints(
+        np.ascontiguousarray(attitude.axes),
+        np.ascontiguousarray(attitude.turn_of(np.eye(joints)).T),
+    )
+
+
+@lru_cache
+def about_reference(joints: int, reading: int, turns: bool) -> Callable[..., None]:
+    """Return what replaces positions by some whose differences from the reference are the errors.
+
+    It takes (w, TurnedJoints, reference, first lanes to be asked for).
+
+    Args:
+        joints: how many.
+        reading: where in the flat array their positions begin.
+        turns: whether they read an attitude; else all stays.
+    """
+    if not turns:
+
+        @compiled
+        def nothing(w: Vector, turned: TurnedJoints, reference: Vector, filled: int) -> None:
+            pass
+
+        return cast(Callable[..., None], nothing)
+
+    @compiled
+    def about(w: Vector, turned: TurnedJoints, reference: Vector, filled: int) -> None:
+        axes, inverse = turned.axes, turned.inverse
+        bx, by, bz = 0.0, 0.0, 0.0
+        for i in range(joints):
+            bx += inverse[0, i] * reference[i]
+            by += inverse[1, i] * reference[i]
+            bz += inverse[2, i] * reference[i]
+        goal = of_turn(bx, by, bz)
+        for lane in range(filled):
+            ax, ay, az = 0.0, 0.0, 0.0
+            for i in range(joints):
+                measured = w[reading + i * LANES + lane]
+                ax += inverse[0, i] * measured
+                ay += inverse[1, i] * measured
+                az += inverse[2, i] * measured
+            about_one = ay * bz == az * by and az * bx == ax * bz and ax * by == ay * bx
+            if about_one and sqrt((bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2) <= pi:
+                continue
+            x, y, z = turn_of(multiplied(of_turn(-ax, -ay, -az), goal))
+            for i in range(joints):
+                if axes[i, 0] != 0.0 or axes[i, 1] != 0.0 or axes[i, 2] != 0.0:
+                    error = axes[i, 0] * x + axes[i, 1] * y + axes[i, 2] * z
+                    w[reading + i * LANES + lane] = reference[i] - error
+
+    return cast(Callable[..., None], about)

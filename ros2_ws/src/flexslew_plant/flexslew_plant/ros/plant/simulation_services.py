@@ -1,0 +1,199 @@
+"""The bench as any simulator: the services of `simulation_interfaces`, where that is installed.
+
+It is not among the wheels. Of its features the bench has state, pause, reset and steps.
+"""
+
+from collections.abc import Awaitable, Callable
+from importlib.util import find_spec
+from time import monotonic
+from typing import Any, NamedTuple
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+from rclpy.task import Future
+
+from flexslew_plant.bench.operation.run_state import FINISHED, PAUSED, Reply
+from flexslew_plant.bench.operation.session import Session
+from flexslew_plant.ros.loop import Loop
+from flexslew_plant.ros.offers import service
+
+INSTALLED = find_spec("simulation_interfaces") is not None
+_FEATURES = (
+    *("SIMULATION_RESET", "SIMULATION_STATE_GETTING", "SIMULATION_STATE_SETTING"),
+    *("SIMULATION_STATE_PAUSE", "STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE"),
+    "STEP_SIMULATION_ACTION",
+)
+_FEEDBACK = 0.1  # between two of them [wall s]
+
+
+class _Steps(NamedTuple):
+    """Ticks that somebody waits for."""
+
+    first: int  # tick before them
+    ticks: int
+    epoch: int
+    goal: ServerGoalHandle | None  # that is told how many are left; None: a service
+    done: Future
+
+
+class SimulationServices:
+    """Answers them.
+
+    Args:
+        node: of the plant.
+        session: what is operated.
+        loop: that serves the node.
+        start: starts or resumes; returns as soon as ticks pass.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        session: Session,
+        loop: Loop,
+        start: Callable[[str], Awaitable[Reply]],
+    ) -> None:
+        from simulation_interfaces import action, msg, srv
+
+        self._msg, self._action, self._srv = msg, action, srv
+        self._session, self._loop, self._start = session, loop, start
+        self._steps: _Steps | None = None
+        self._next_feedback = 0.0
+        service(node, srv.GetSimulatorFeatures, "get_simulator_features", self._on_features)
+        service(node, srv.GetSimulationState, "get_simulation_state", self._on_get_state)
+        service(node, srv.SetSimulationState, "set_simulation_state", self._on_set_state)
+        service(node, srv.ResetSimulation, "reset_simulation", self._on_reset)
+        service(node, srv.StepSimulation, "step_simulation", self._on_step)
+        self._server = ActionServer(
+            node,
+            action.SimulateSteps,
+            "simulate_steps",
+            self._simulate,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )
+
+    def poll(self, now: float) -> None:
+        """Tell those who wait for ticks, and answer them when these have passed."""
+        steps = self._steps
+        if steps is None:
+            return
+        canceled = steps.goal is not None and steps.goal.is_cancel_requested
+        if canceled and self._session.run.state != PAUSED:
+            self._session.pause(now)
+        if steps.goal is not None and now >= self._next_feedback:
+            self._next_feedback = now + _FEEDBACK
+            flown = self._flown(steps)
+            told = self._action.SimulateSteps.Feedback(
+                completed_steps=flown, remaining_steps=steps.ticks - flown
+            )
+            steps.goal.publish_feedback(told)
+        lost = steps.epoch != self._session.bench.epoch
+        if lost or self._session.run.state in (PAUSED, FINISHED):
+            self._steps = None
+            steps.done.set_result(None)
+
+    def _flown(self, steps: _Steps) -> int:
+        bench = self._session.bench
+        return bench.tick - steps.first if bench.epoch == steps.epoch else 0
+
+    def _result(self, code: int, words: str = "") -> Any:
+        return self._msg.Result(result=code, error_message=words)
+
+    def _of(self, reply: Reply, otherwise: int) -> Any:
+        """Return what became of a request; the code otherwise says what kind of refusal it is."""
+        ok = self._msg.Result.RESULT_OK
+        return self._result(ok) if reply.ok else self._result(otherwise, reply.message)
+
+    @property
+    def _state(self) -> int:
+        kinds, session = self._msg.SimulationState, self._session
+        if session.run.state == FINISHED:
+            return int(kinds.STATE_STOPPED)
+        if session.run.state != PAUSED:
+            return int(kinds.STATE_PLAYING)
+        return int(kinds.STATE_PAUSED if session.bench.tick else kinds.STATE_STOPPED)
+
+    def _on_features(self, _: Any, reply: Any) -> Any:
+        kinds = self._msg.SimulatorFeatures
+        reply.features = kinds(
+            features=[getattr(kinds, name) for name in _FEATURES],
+            custom_info="a step is one tick of the bench; a reset is of time and state together",
+        )
+        return reply
+
+    def _on_get_state(self, _: Any, reply: Any) -> Any:
+        reply.state.state = self._state
+        reply.result = self._result(self._msg.Result.RESULT_OK)
+        return reply
+
+    async def _on_set_state(self, request: Any, reply: Any) -> Any:
+        kinds, asked = self._msg.SimulationState, request.state.state
+        service_kind = self._srv.SetSimulationState.Response
+        if asked == self._state:
+            words = "it is so already"
+            reply.result = self._result(service_kind.ALREADY_IN_TARGET_STATE, words)
+        elif asked == kinds.STATE_PLAYING:
+            reply.result = self._of(await self._start(""), service_kind.STATE_TRANSITION_ERROR)
+        elif asked == kinds.STATE_PAUSED:
+            outcome = self._session.pause(monotonic())
+            reply.result = self._of(outcome, service_kind.INCORRECT_TRANSITION)
+        elif asked == kinds.STATE_STOPPED:
+            outcome = self._session.reset()
+            reply.result = self._of(outcome, service_kind.STATE_TRANSITION_ERROR)
+        else:
+            words = "state: stopped, playing or paused; the bench ends by Ctrl-C or its duration"
+            reply.result = self._result(self._msg.Result.RESULT_FEATURE_UNSUPPORTED, words)
+        self._loop.hurry()
+        return reply
+
+    def _on_reset(self, request: Any, reply: Any) -> Any:
+        kind = self._srv.ResetSimulation.Request
+        whole = kind.SCOPE_TIME | kind.SCOPE_STATE
+        if request.scope != kind.SCOPE_DEFAULT and request.scope & whole != whole:
+            words = "scope: the bench resets time and state together, and spawns nothing"
+            reply.result = self._result(self._msg.Result.RESULT_FEATURE_UNSUPPORTED, words)
+            return reply
+        outcome = self._session.reset()
+        reply.result = self._of(outcome, self._msg.Result.RESULT_OPERATION_FAILED)
+        self._loop.hurry()
+        return reply
+
+    async def _on_step(self, request: Any, reply: Any) -> Any:
+        reply.result = await self._stepped(request.steps, None)
+        return reply
+
+    async def _simulate(self, goal: ServerGoalHandle) -> Any:
+        result = await self._stepped(goal.request.steps, goal)
+        if goal.is_cancel_requested:
+            goal.canceled()
+        elif result.result == self._msg.Result.RESULT_OK:
+            goal.succeed()
+        else:
+            goal.abort()
+        return self._action.SimulateSteps.Result(result=result)
+
+    async def _stepped(self, count: int, goal: ServerGoalHandle | None) -> Any:
+        """Fly so many ticks of a paused bench; return what came of it when they have passed."""
+        failed = self._msg.Result.RESULT_OPERATION_FAILED
+        if count < 1:
+            return self._result(failed, f"steps: 1 or more, not {count}")
+        bench = self._session.bench
+        outcome = self._session.step(count)
+        self._loop.hurry()
+        if not outcome.ok:
+            return self._result(failed, outcome.message)
+        steps = _Steps(bench.tick, count, bench.epoch, goal, self._loop.future())
+        self._steps = steps
+        await steps.done
+        flown = self._flown(steps)
+        if flown == count:
+            return self._result(self._msg.Result.RESULT_OK)
+        return self._result(failed, f"{flown} of {count} ticks were flown")
+
+
+def simulation_services(
+    node: Node, session: Session, loop: Loop, start: Callable[[str], Awaitable[Reply]]
+) -> SimulationServices | None:
+    """Return what answers; None where `simulation_interfaces` is not installed."""
+    return SimulationServices(node, session, loop, start) if INSTALLED else None

@@ -1,0 +1,27 @@
+"""A planner that was busy itself blames nobody for what it could not hear."""
+
+import pytest
+
+from flexslew_control.ros import planner_node
+from flexslew_control.ros.planner_node import Planner
+from flexslew_plant.bench.operation.presence import Beat, Presence
+
+
+@pytest.mark.parametrize("busy", [0.0, 0.5, 1.5, 20.0])
+def test_who_beat_before_a_long_plan_was_written_is_there_after_it(
+    monkeypatch: pytest.MonkeyPatch, busy: float
+) -> None:
+    now = 10.0
+    monkeypatch.setattr(planner_node, "monotonic", lambda: now)
+    planner = object.__new__(Planner)
+    planner._due, planner._presence = 0.0, Presence()
+    monkeypatch.setattr(planner, "_next", lambda now: 0.02)
+    planner._presence.hear(Beat("pd_feedforward", "controller", 1, 1), now)
+    planner.poll()
+    now += busy
+    planner.poll()
+    assert not planner._presence.silent("pd_feedforward", now)
+    for _ in range(50):  # it listens, and hears nothing
+        now += 0.02
+        planner.poll()
+    assert planner._presence.silent("pd_feedforward", now)
