@@ -18,7 +18,7 @@ from flexslew_lab.run.supervisor import Supervisor
 from flexslew_lab.trial.trial import Trial
 from flexslew_plant.direct.names import AUTO, DDS, SETTING
 
-TICKS = 6000
+TICKS = 40000
 ROUNDS = 3
 
 

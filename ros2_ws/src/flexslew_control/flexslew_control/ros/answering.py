@@ -18,7 +18,7 @@ from flexslew_plant.bench.wire import Stamp, command_bytes, measurement_from, st
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.ros.offers import publish_if_heard, publisher, subscription
 
-_AT_ONCE = 0.002  # questions of a line answered before the graph is served again [wall s]
+_AT_ONCE = 0.005  # questions of a line answered before the graph is served again [wall s]
 _BUSY = 0.5  # after a question the next one is waited for on the line alone [wall s]
 _IDLE = 0.02  # else the graph is, for so long [wall s]
 

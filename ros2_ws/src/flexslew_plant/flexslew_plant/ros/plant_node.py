@@ -17,7 +17,7 @@ from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.node_process import run_node
-from flexslew_plant.ros.offers import publish_if_heard, publisher, subscription
+from flexslew_plant.ros.offers import is_heard, publish_if_heard, publisher, subscription
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.ros.plant.diagnostics import Diagnostics
 from flexslew_plant.ros.plant.display import Display
@@ -59,6 +59,7 @@ class Plant:
         self._truth, self._testbed = (publisher(node, t) for t in (topics.TRUTH, topics.TESTBED))
         self._events = EventLog(node)
         self.display = Display(node, bench, self._settings.display_rate)
+        self.session.watched = self._watched
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
         heard = [self._exchange.questions, self._truth]
@@ -108,6 +109,11 @@ class Plant:
                 print(f"error: {bench.failure}", flush=True)  # for the one who started this node
             self.loop.stop(3 if bench.faulted else 0)
 
+    def _watched(self) -> bool:
+        """Return whether somebody hears the truth of this tick."""
+        heard = self._settings.truth and is_heard(self._truth)
+        return heard or self.display.due(self.session.bench.tick)
+
     def _show(self, truth: Truth) -> None:
         if self._settings.truth:
             publish_if_heard(self._truth, partial(truth_bytes, truth))
@@ -138,6 +144,7 @@ class Plant:
 
     def _on_recorder(self, message: msg.RecorderStatus) -> None:
         self.session.backlog.heard(message.recorder, message.tick, message.epoch, recorder=True)
+        self.loop.hurry()  # the bench may wait for just this
 
 
 def main() -> None:

@@ -88,7 +88,8 @@ def turntable(
         inertias: of the links that the joints turn, about x, y and z [kg m^2].
         appendage: its inertial, seen from its root, along x.
     """
-    along = np.linspace(0.0, length, POINTS) + radius
+    straight = np.zeros((POINTS, 3))
+    straight[:, 0] = np.linspace(0.0, length, POINTS) + radius
     m = len(joints)
 
     def frames(q: Vector) -> list[Frame]:
@@ -101,11 +102,9 @@ def turntable(
         ]
 
     def lines(q: Vector) -> list[Matrix]:
-        bend, flat = q[m:] @ shapes, np.zeros(POINTS)
-        return [
-            np.column_stack((along, bend, flat)),
-            np.column_stack((-along, -bend, flat)),
-        ]
+        bent = straight.copy()
+        bent[:, 1] = q[m:] @ shapes
+        return [bent, bent * (-1.0, -1.0, 1.0)]
 
     seen = max(radius, 0.05 * length)
     inertials = [principal(max(each) / (0.4 * seen**2), each) for each in inertias]

@@ -70,6 +70,7 @@ class Session:
         self.reasons: dict[str, Refusal | None] = {}  # why not ready, as the controllers say
         self.waiting_for: list[str] = []
         self.outbox: deque[Outgoing] = deque()
+        self.watched: Callable[[], bool] = lambda: True  # whether this tick's truth is of use
         self._requested = controllers
         scheduled = (entry.switch for entry in bench.settings.schedule if entry.switch)
         self._named = {*bench.settings.fallback, *scheduled}  # may have to take over
@@ -265,10 +266,10 @@ class Session:
         self._flush()
 
     def _tell_truth(self) -> None:
-        truth = self.bench.truth()
-        if (truth.epoch, truth.tick) != self._shown:  # resumed: only the question is repeated
-            self._shown = truth.epoch, truth.tick
-            self.outbox.append(truth)
+        tick = self.bench.epoch, self.bench.tick
+        if tick != self._shown and self.watched():  # resumed: only the question is repeated
+            self._shown = tick
+            self.outbox.append(self.bench.truth())
 
     def _tell_late(self, behind: float) -> None:
         count, total = self._late[0] + 1, self._late[1] + behind
@@ -292,9 +293,10 @@ class Session:
         """
         tick, epoch = self.bench.tick + 1, self.bench.epoch
         slow = self.backlog.slow(tick, epoch, now)
-        recorders = self.presence.of_role("recorder")
-        if any(name in recorders or not self.presence.silent(name, now) for name in slow):
-            return True
+        if slow:
+            recorders = self.presence.of_role("recorder")
+            if any(name in recorders or not self.presence.silent(name, now) for name in slow):
+                return True
         if self.pacing.paced:
             return False
         due = [*self.bench.handover.due(tick), *self._heirs(now)]

@@ -16,11 +16,11 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from flexslew_plant import topics
-from flexslew_plant.arrays import NOTHING, Vector
+from flexslew_plant.arrays import NOTHING, Indices, Vector
 from flexslew_plant.bench.bench import Bench, Truth
 from flexslew_plant.bench.wire import stamp_of
 from flexslew_plant.measurement import Measurement
-from flexslew_plant.ros.offers import publisher
+from flexslew_plant.ros.offers import publish_if_heard, publisher
 from flexslew_plant.ros.plant.instrument_display import InstrumentDisplay
 from flexslew_plant.ros.plant.platform_display import PlatformDisplay
 from flexslew_plant.ros.template import Template
@@ -62,6 +62,10 @@ class Display:
         """Show so many samples per simulated second; 0: none."""
         self._every = max(1, round(1.0 / (rate * self._bench.settings.period))) if rate else 0
 
+    def due(self, tick: int) -> bool:
+        """Return whether something is shown at this tick."""
+        return self._every > 0 and tick % self._every == 0
+
     @property
     def publishers(self) -> list["Publisher[Any]"]:
         """What is published at this rate."""
@@ -70,7 +74,7 @@ class Display:
 
     def show(self, truth: Truth) -> None:
         """Publish this truth if it is due."""
-        if not self._every or truth.tick % self._every:
+        if not self.due(truth.tick):
             return
         if self._bench.testbed is not self._testbed:  # an antenna has a new target
             self._draw(self._bench.testbed)
@@ -81,18 +85,27 @@ class Display:
         joints[:2] = model.joint_state(x)
         joints[2, : model.efforts] = truth.applied_effort[: model.joints]
         tips = (truth.tip_deflection, appendages.tip @ rates, appendages.curvature @ modes)
-        self._clock.publish(shown.clock.filled(at, NOTHING))
-        self._joints.publish(shown.joints.filled(at, joints[:, shown.named].ravel()))
-        self._appendages.publish(shown.appendages.filled(at, np.concatenate((*tips, modes, rates))))
-        frames = self._moving(truth.position, truth.time)
-        self._tf.publish(shown.frames.filled(at, _numbers(frames)))
+        bent = np.concatenate((*tips, modes, rates))
+        publish_if_heard(self._clock, lambda: shown.clock.filled(at, NOTHING))
+        publish_if_heard(self._joints, lambda: shown.joints.filled(at, joints.take(shown.named)))
+        publish_if_heard(self._appendages, lambda: shown.appendages.filled(at, bent))
+        publish_if_heard(self._tf, lambda: shown.frames.filled(at, self._moved(truth)))
         self._platform.show(at, x, truth.applied_effort, truth.time)
-        points = [line.ravel() for line in self._scene.lines(truth.position)]
-        self._markers.publish(shown.lines.filled(at, np.concatenate((NOTHING, *points))))
+        publish_if_heard(self._markers, lambda: shown.lines.filled(at, self._drawn(truth)))
 
     def sense(self, measurement: Measurement) -> None:
         """Publish what instruments read, at whatever rate the rest is shown."""
         self._instruments.show(measurement)
+
+    def _moved(self, truth: Truth) -> Vector:
+        """Return translations and rotations of the frames, one after the other."""
+        frames = self._moving(truth.position, truth.time)
+        return np.array([x for f in frames for x in (*f.translation, *f.rotation)])
+
+    def _drawn(self, truth: Truth) -> Vector:
+        """Return the points of the lines, one after the other."""
+        lines = self._scene.lines(truth.position)
+        return np.concatenate((NOTHING, *(line.ravel() for line in lines)))
 
     def _moving(self, position: Vector, time: float) -> list[Frame]:
         """Return the frames that are not static."""
@@ -106,6 +119,7 @@ class Display:
         model, scene = testbed.model(), self._scene
         names = scene.joints if scene.joints is not None else model.joint_names
         named = [model.joint_names.index(name) for name in names]
+        places = np.arange(3 * model.joints).reshape(3, -1)[:, named].ravel()
         m, tips, n = len(named), len(model.appendages.names), model.modes
         rest = model.rest({})
         frames, lines = self._moving(rest, 0.0), scene.lines(rest)
@@ -152,7 +166,7 @@ class Display:
             )
 
         self._shown = _Shown(
-            named,
+            places,
             Template(lambda at, _: Clock(clock=at), 0),
             Template(joints, 3 * m),
             Template(appendages, 3 * tips + 2 * n),
@@ -171,9 +185,9 @@ class Display:
 
 
 class _Shown(NamedTuple):
-    """The messages of a testbed, and which of its joints are named in them."""
+    """The messages of a testbed, and where its named joints stand among (position, ...) of all."""
 
-    named: list[int]
+    named: Indices
     clock: Template
     joints: Template
     appendages: Template
@@ -185,11 +199,6 @@ def _parts(numbers: list[float], *sizes: int) -> list[list[float]]:
     """Return the numbers in parts of these sizes."""
     each = iter(numbers)
     return [list(islice(each, size)) for size in sizes]
-
-
-def _numbers(frames: list[Frame]) -> Vector:
-    """Return translations and rotations one after the other."""
-    return np.array([x for f in frames for x in (*f.translation, *f.rotation)])
 
 
 def _marker(number: int, frame: str, points: list[float], at: Time) -> Marker:

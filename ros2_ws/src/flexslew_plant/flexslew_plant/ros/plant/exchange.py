@@ -23,7 +23,7 @@ from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.offers import publish_if_heard, publisher, subscription
 
-_AT_ONCE = 0.002  # ticks flown by calls before the graph is served again [wall s]
+_AT_ONCE = 0.005  # ticks flown by calls before the graph is served again [wall s]
 _LOOK_EVERY = 0.02  # for those who call [wall s]
 _DECIDING = 1.0  # for a controller to call, before it is said to be asked over DDS [wall s]
 _LOOK_AT_GRAPH = 0.1  # for those who answer over DDS [wall s]
