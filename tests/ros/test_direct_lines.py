@@ -198,8 +198,9 @@ def test_a_fallback_on_either_transport_takes_over_from_the_killed(
     assert transport == "auto" or not any("socket" in w for w in asked(flight.bag).values())
 
 
-@pytest.mark.usefixtures("chosen")
-def test_a_controller_that_was_killed_comes_back_and_is_swapped_in(tmp_path: Path) -> None:
+def test_a_controller_that_was_killed_comes_back_and_is_swapped_in(
+    transport: str, tmp_path: Path
+) -> None:
     born: list[int] = []
 
     def act(pids: dict[str, int], domain: int) -> None:
@@ -222,6 +223,7 @@ def test_a_controller_that_was_killed_comes_back_and_is_swapped_in(tmp_path: Pat
     assert flight.events.count("switched") == 2
     assert "stray" not in flight.events
     assert flight.metrics["log_complete"]
+    assert resim(flight.bag).identical
     assert fork_server().exit_code(born[0]) in (None, 0)
 
 

@@ -22,7 +22,7 @@ from flexslew_control.law import (
 )
 from flexslew_control.plan import Plan
 from flexslew_plant.arrays import NOTHING, Vector, handed_out, kept
-from flexslew_plant.events import EstimateDoubted, Event, event_of
+from flexslew_plant.events import EstimateBegan, EstimateDoubted, Event, Fact, event_of
 from flexslew_plant.measurement import EffortCommand, Measurement
 from flexslew_plant.refusal import Cause, Refusal
 from flexslew_plant.testbeds.attitude import AttitudeJoints, conjugate, product
@@ -86,6 +86,7 @@ class Controller:
         self._key = (-1, _NONE)  # epoch and tick of the last measurement
         self._answered = -1  # last tick it answered
         self._led = False  # it was in charge in this epoch
+        self._fresh = True  # it has seen no measurement yet
         self._answer: Answer | None = None
         self._offset: Vector = np.zeros(len(joint_names))  # predecessor minus own effort
         self._handover_tick = 0
@@ -186,7 +187,7 @@ class Controller:
         else the estimator starts afresh); its effort is handed over as that of any predecessor.
         """
         self._course, self._hold, self._key = other._course, other._hold, other._key
-        self._led = other._led
+        self._led, self._fresh = other._led, other._fresh
         # one that was succeeded before it saw a measurement knows nothing of its own
         self._predecessor = other._predecessor or other._estimator
 
@@ -220,6 +221,10 @@ class Controller:
                 self._expect(self.reference(tick))
             if not follows:
                 self._hold = self._at_rest(measurement.joint_position)
+                if tick > 0:
+                    what = EstimateBegan(self.name, self._fresh)
+                    self._tell(what, measurement)
+            self._fresh = False
             seen = self._about_reference(measurement)
             if not follows:
                 self._estimator.reset(seen)
@@ -263,8 +268,11 @@ class Controller:
         channel = channel_name(doubt.channel, self.joint_names)
         what = EstimateDoubted(self.name, channel, doubt.ticks, doubt.statistic, doubt.limit)
         self._doubt = Refusal(what.reason, cause=Cause.DOUBTED)
-        m = measurement
-        self.events.append(event_of(what, m.tick, m.time, m.epoch, self.name))
+        self._tell(what, measurement)
+
+    def _tell(self, what: Fact, at: Measurement) -> None:
+        """Have something to say of this tick."""
+        self.events.append(event_of(what, at.tick, at.time, at.epoch, self.name))
 
     def _compute_answer(self, measurement: Measurement, estimate: Estimate) -> Answer:
         reference = self.reference(measurement.tick)
@@ -276,8 +284,7 @@ class Controller:
             self._foresee(self.reference, measurement.tick)
         effort = self._law.update(measurement, estimate, reference)
         for what in getattr(self._law, "remarks", ()):
-            m = measurement
-            self.events.append(event_of(what, m.tick, m.time, m.epoch, self.name))
+            self._tell(what, measurement)
         if takes_over:
             self._handover_tick = measurement.tick
             # at tick 0 there is no predecessor to blend out

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from flexslew_control.controllers import (
     CONTROLLERS,
@@ -20,10 +20,11 @@ from flexslew_lab.log.messages.logged_text import logged_yaml
 from flexslew_lab.trial.overrides import overridden
 from flexslew_lab.trial.trial import Trial, law_of, plant_of, trial_of_values
 from flexslew_plant.errors import BadInput
-from flexslew_plant.events import ControllerTuned
+from flexslew_plant.events import ControllerTuned, EstimateBegan
 from flexslew_plant.own_code import Trust
 
 Key = tuple[int, int]  # epoch and tick
+_Kind = TypeVar("_Kind", ControllerTuned, EstimateBegan)
 
 
 class Adoption(NamedTuple):
@@ -85,10 +86,14 @@ class LoggedControllers:
         self._laws = laws if only is None else {only: laws[only]}
         self.by_name = {name: self._built(name) for name in self._laws}
         self._due = [a for a in adoptions(bag) if a.controller in self.by_name]
+        self._first = dict(self._laws)  # before anybody tuned them
+        self._begun = [
+            (k, what) for k, what in _told(bag, EstimateBegan) if what.controller in self._laws
+        ]
         flown = logged_laws(bag)  # settings of one law say nothing to another
         self._tunings = [
             (key, what)
-            for key, what in _tunings(bag)
+            for key, what in _told(bag, ControllerTuned)
             if (name := what.controller) in self._laws
             and name in flown
             and self._laws[name][0] == flown[name][0]
@@ -100,6 +105,8 @@ class LoggedControllers:
         Returns:
             how many were tuned since the call before.
         """
+        while self._begun and self._begun[0][0] <= key:
+            self._begin_anew(*self._begun.pop(0))
         while self._due and self._due[0].first <= key:
             adoption = self._due.pop(0)
             controller = self.by_name[adoption.controller]
@@ -117,6 +124,17 @@ class LoggedControllers:
             tuned += 1
         return tuned
 
+    def _begin_anew(self, key: Key, what: EstimateBegan) -> None:
+        """Let an estimator begin in flight; that of a new process with the newest plan, untuned."""
+        name = what.controller
+        if what.fresh:
+            plan = self.by_name[name].plan
+            self._laws[name] = self._first[name]
+            self.by_name[name] = self._built(name)
+            if plan is not None:
+                self.by_name[name].adopt(plan)
+        self.by_name[name].begin_anew(key[0])
+
     def _built(self, name: str) -> Controller:
         law, values = self._laws[name]
         # wall time decides nothing here
@@ -130,14 +148,14 @@ class LoggedControllers:
         )
 
 
-def _tunings(bag: BagReader) -> list[tuple[Key, ControllerTuned]]:
-    """Return the changes of settings in flight, in their order."""
-    tuned = [
+def _told(bag: BagReader, kind: type[_Kind]) -> list[tuple[Key, _Kind]]:
+    """Return what controllers said of this kind and at which tick, in their order."""
+    told = [
         ((event.epoch, event.tick), event.what)
         for event in bag.overview.events
-        if isinstance(event.what, ControllerTuned)
+        if isinstance(event.what, kind)
     ]
-    return sorted(tuned, key=lambda pair: pair[0])
+    return sorted(told, key=lambda pair: pair[0])
 
 
 def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
@@ -150,7 +168,9 @@ def logged_laws(bag: BagReader) -> dict[str, tuple[str, dict[str, Any]]]:
             if status.law == OUTPUT_FEEDBACK.name:  # older logs: when it had no other one
                 values.setdefault("observer", "steady")
             laws[name] = status.law, values
-    for _, what in reversed(_tunings(bag)):  # what a status says last is what was tuned last
+    for _, what in reversed(
+        _told(bag, ControllerTuned)
+    ):  # what a status says last is what was tuned last
         if what.controller in laws:
             laws[what.controller] = laws[what.controller][0], what.before
     return laws

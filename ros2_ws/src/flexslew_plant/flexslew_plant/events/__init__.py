@@ -10,6 +10,7 @@ from typing import Any
 from flexslew_plant.events.control import (
     AnswerRepeated,
     ControllerTuned,
+    EstimateBegan,
     EstimateDoubted,
     LimitSoftened,
     PlanDrafted,
@@ -82,6 +83,7 @@ __all__ = [
     "CommandRejected",
     "ControllerTuned",
     "DisturbanceChanged",
+    "EstimateBegan",
     "EstimateDoubted",
     "Event",
     "Fact",
@@ -164,6 +166,7 @@ _KINDS: tuple[Any, ...] = (
     RecorderLost,
     RecorderBack,
     ControllerTuned,
+    EstimateBegan,
     EstimateDoubted,
     LimitSoftened,
     AnswerRepeated,

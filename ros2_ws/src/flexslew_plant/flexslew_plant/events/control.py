@@ -24,6 +24,22 @@ class ControllerTuned:
 
 
 @fact
+class EstimateBegan:
+    """An estimator begins in flight: its controller came late, came back, or heard a gap."""
+
+    kind: ClassVar[str] = "began"
+    level: ClassVar[Level] = Level.INFO
+    controller: Text = ""
+    fresh: bool = False  # the first question that this process has heard
+
+    @property
+    def message(self) -> str:
+        """One line for a person."""
+        why = "has just come" if self.fresh else "has not heard the questions before"
+        return f"{self.controller} {why}: its estimator begins here"
+
+
+@fact
 class EstimateDoubted:
     """The innovations of an estimator are larger than it states."""
 
