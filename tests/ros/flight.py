@@ -78,7 +78,8 @@ def fork_server() -> ForkServer:
 class Flight:
     """Flies a trial; from the tick `at` on `act` is called once: pids by name, ROS_DOMAIN_ID.
 
-    Nodes other than the controllers get the `names` that are given for theirs.
+    Nodes other than the controllers get the `names` that are given for theirs; `change` returns
+    what is started in place of a node.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class Flight:
         act: Any = None,
         extra: Sequence[NodeProcess] = (),
         names: Mapping[str, str] = MappingProxyType({}),
+        change: Callable[[NodeProcess], NodeProcess] = lambda node: node,
     ) -> None:
         self._at, self._act = at, act
         self.folder, self.bag = folder, folder / "bag"
@@ -98,7 +100,7 @@ class Flight:
             plan = folder / "plan.yaml"
             save_plan(present(plan_of_trial(trial)), plan)
         nodes = node_processes(trial, folder, True, {"trial_file": "test"}, plan)
-        processes = [*extra, *(_renamed(node, names) for node in nodes)]
+        processes = [*extra, *(change(_renamed(node, names)) for node in nodes)]
         parameters = folder / "parameters.yaml"
         parameters.write_text(parameter_file(processes))
         with own_domain() as domain:

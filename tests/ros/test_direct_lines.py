@@ -3,31 +3,21 @@
 import os
 import signal
 import socket
-from collections.abc import Callable
 from pathlib import Path
 from threading import Timer
 from typing import Any
 
 import pytest
+from flexslew_msgs.srv import SetRate
 
-from flexslew_control.plan_file import save_plan
-from flexslew_lab.log.bag_reader import BagReader
-from flexslew_lab.log.checks.check import check_log
-from flexslew_lab.metrics.from_bag import metrics_of
 from flexslew_lab.replay.resim import resim
-from flexslew_lab.run.domain import own_domain
-from flexslew_lab.run.processes import NodeProcess, node_processes, parameter_file
-from flexslew_lab.run.run_trial import run_trial
-from flexslew_lab.run.supervisor import Supervisor
-from flexslew_lab.trial.trial import plan_of_trial
 from flexslew_plant.direct.names import SETTING, address
-from tests.present import present
 
 from .bystander import Bystander, beside
 from .flight import Flight, fork_server, kill, slew
+from .lines import alone, asked, every_tick, over_dds, whole
 
 SWAPS = "schedule: [{at: 1.5, switch: lqr}, {at: 3.0, switch: pd_feedforward}]"
-PER_TICK = ("/measurement", "/effort_command", "/controller_state")
 
 
 @pytest.fixture(params=["auto", "dds"])
@@ -41,73 +31,6 @@ def transport(request: Any, monkeypatch: pytest.MonkeyPatch) -> str:
 def chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let all nodes of a test choose by themselves."""
     monkeypatch.setenv(SETTING, "auto")
-
-
-def alone(trial: Any, folder: Path) -> Any:
-    result = run_trial(trial, "test", folder / "alone", in_process=True, report=False)
-    return result.metrics["trajectory_hash"]
-
-
-def asked(bag: Path) -> dict[str, set[str]]:
-    """Return how each controller was asked, as the events say."""
-    found: dict[str, set[str]] = {}
-    for event in BagReader(bag).overview.events:
-        if event.kind == "transport":
-            found.setdefault(event.data["controller"], set()).add(event.data["transport"])
-    return found
-
-
-def whole(bag: Path, ticks: int) -> None:
-    """Check that a log has every message of every tick, and flies again to the same bits."""
-    overview = BagReader(bag).overview
-    for topic in PER_TICK:  # a question is repeated where the machine holds somebody up
-        assert {*BagReader(bag).columns(topic, {"tick"})["tick"].tolist()} == {*range(ticks)}
-    assert [finding for finding in check_log(bag) if not finding.ok] == []
-    assert {"stray", "rejected", "missed"}.isdisjoint(event.kind for event in overview.events)
-    assert resim(bag).identical
-
-
-def flown(
-    trial: Any,
-    folder: Path,
-    change: Callable[[NodeProcess], NodeProcess],
-    act: Callable[[dict[str, int], int], None] = lambda pids, domain: None,
-) -> Path:
-    """Return the bag of a flight of which some nodes are others.
-
-    Args:
-        trial: what to fly.
-        folder: of the run.
-        change: returns what is started in place of a node.
-        act: called once the run has begun, with pids by name and the domain.
-    """
-    save_plan(present(plan_of_trial(trial)), folder / "plan.yaml")
-    nodes = node_processes(trial, folder, True, {"trial_file": "test"}, folder / "plan.yaml")
-    (folder / "parameters.yaml").write_text(parameter_file(nodes))
-    begun = False
-    with own_domain() as domain:
-
-        def progress(tick: int, last: int) -> None:
-            nonlocal begun
-            if not begun:
-                begun = True
-                act(supervisor.pids, domain)
-
-        log = folder / "nodes.log"
-        supervisor = Supervisor(
-            [change(node) for node in nodes], folder / "parameters.yaml", log, domain, progress,
-            fork_server(),
-        )  # fmt: skip
-        outcome = supervisor.run()
-    assert outcome == (0, ""), log.read_text()
-    return folder / "bag"
-
-
-def over_dds(name: str) -> Callable[[NodeProcess], NodeProcess]:
-    """Return what makes one controller a node that is asked over DDS."""
-    return lambda node: (
-        node._replace(package="tests", executable="over_dds") if node.name == name else node
-    )
 
 
 def test_two_swaps_give_the_same_bits_and_a_whole_log(transport: str, tmp_path: Path) -> None:
@@ -128,14 +51,14 @@ def test_two_swaps_give_the_same_bits_and_a_whole_log(transport: str, tmp_path: 
 @pytest.mark.parametrize("remote", ["lqr", "pd_feedforward"])
 def test_swaps_pass_between_a_line_and_dds(remote: str, tmp_path: Path) -> None:
     trial = slew(more=", lqr: {}", extra=SWAPS)
-    bag = flown(trial, tmp_path, over_dds(remote))
-    metrics = metrics_of(bag)
-    assert metrics["trajectory_hash"] == alone(trial, tmp_path)
-    assert (metrics["switches"], metrics["missed_ticks"]) == (2, 0)
-    whole(bag, 600)
-    assert "socket" not in asked(bag).get(remote, set())
+    flight = Flight(trial, tmp_path, change=over_dds([remote]))
+    assert flight.outcome == (0, ""), flight.log
+    assert flight.metrics["trajectory_hash"] == alone(trial, tmp_path)
+    assert (flight.metrics["switches"], flight.metrics["missed_ticks"]) == (2, 0)
+    whole(flight.bag, 600)
+    assert "socket" not in asked(flight.bag).get(remote, set())
     (other,) = {"lqr", "pd_feedforward"} - {remote}
-    assert "socket" in asked(bag)[other]
+    assert "socket" in asked(flight.bag)[other]
 
 
 @pytest.mark.usefixtures("chosen")
@@ -157,14 +80,14 @@ def test_strangers_on_the_plant_s_socket_change_nothing(tmp_path: Path) -> None:
         call(domain, b'{"controller": "liar"}', b'{"answers": true}', b"\0\1\0\0" + bytes(40))
 
     trial = slew(duration=40.0)
-    bag = flown(trial, tmp_path, lambda node: node, act)
+    flight = Flight(trial, tmp_path, 0, act)
     for caller in kept:
         caller.close()
+    assert flight.outcome == (0, ""), flight.log
     assert len(kept) == 5
-    assert metrics_of(bag)["trajectory_hash"] == alone(trial, tmp_path)
-    assert metrics_of(bag)["missed_ticks"] == 0
-    for topic in PER_TICK:
-        assert {*BagReader(bag).columns(topic, {"tick"})["tick"].tolist()} == {*range(4000)}
+    assert flight.metrics["trajectory_hash"] == alone(trial, tmp_path)
+    assert flight.metrics["missed_ticks"] == 0
+    every_tick(flight.bag, 4000)
 
 
 @pytest.mark.parametrize("who", ["pd_feedforward", "plant", "recorder"])
@@ -216,7 +139,7 @@ def test_a_controller_that_was_killed_comes_back_and_is_swapped_in(
             )  # fmt: skip
             _swapped(one)
 
-    trial = slew(duration=200.0, rate=20.0, more=", lqr: {}")
+    trial = slew(duration=900.0, rate=20.0, more=", lqr: {}")
     flight = Flight(trial, tmp_path, 20, act)
     assert flight.outcome.exit_code == 3  # somebody was killed
     assert "lqr ended" in flight.outcome.message
@@ -231,3 +154,4 @@ def _swapped(one: Bystander) -> None:
     one.swap("lqr")
     one.pass_by(100)
     one.swap("pd_feedforward")
+    assert one.ask(SetRate, "set_rate", rate_factor=0.0).ok  # the rest as fast as it goes

@@ -145,6 +145,7 @@ class Answering:
             if (question.epoch, question.tick) < self._heard_before:
                 return
             self._heard_before = None
+        line.expect(question.controller == self.name)
         self._answered(question, at, line)
 
     def _answered(

@@ -96,6 +96,11 @@ class Calling:
         """Return the next question; None: there is none yet, or the plant has hung up."""
         return None if self._line is None else self._line.receive(SLICE if wait else 0.0)
 
+    def expect(self, charge: bool) -> None:
+        """Know whether the next question will ask this controller, as far as can be told."""
+        if self._line is not None:
+            self._line.eager = charge
+
     def send(self, answer: bytes) -> None:
         """Send an answer."""
         if self._line is not None:

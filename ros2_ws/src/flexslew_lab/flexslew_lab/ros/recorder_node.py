@@ -27,8 +27,8 @@ from flexslew_plant.settings import section
 # who leaves after the plant
 _AFTER_PLANT = ("/effort_command", "/controller_state", "/plan", "/planned_trajectory")
 _FRAMES = (topics.TF, topics.TF_STATIC)  # of all benches of a domain
-_TAKE_EVERY, _BUSY_EVERY = 0.005, 0.002  # [wall s]
-_BUSY = 20  # messages at once; the plant flies faster than the clock and would wait for the log
+_TAKE_EVERY = 0.005  # [wall s]
+_BUSY, _BUSY_EVERY = 20, 0.002  # messages at once: the plant flies fast, and waits for the log
 _SILENCE = 10.0  # after which nothing is expected any more [wall s]; DDS repairs every 3 s
 _ENDING = 3.0  # of a plant that is interrupted together with the recorder [wall s]
 
@@ -60,7 +60,6 @@ class Recorder:
         self._leave_at: float | None = None  # interrupted: when to leave at the latest [wall s]
         self._next_look = 0.0
         self._heard = 0.0  # when something came [wall s]
-        self._came = 0  # messages, in all
         self._listener = HiddenListener(node, TOPICS)
         loop.own(self._listener.node)
         measurement = self._listener.subscriptions["/measurement"]
@@ -100,20 +99,20 @@ class Recorder:
         return now < self._heard + _SILENCE and any(there)
 
     def _take(self, last: bool = False) -> int:
-        """Write what has come; return how many messages it was."""
-        now, before = monotonic(), self._came
-        for message in self._order.take(self._arrived(), now, last):
+        """Write what is due; return how many messages it was."""
+        now = monotonic()
+        messages = self._order.take(self._arrived(), now, last)
+        for message in messages:
             self._recording.write(message)
             self._tell_status()
         self._recording.flush(now)
         self._tell_status()
         self._rebroadcast.poll(now, last)
-        return self._came - before
+        return len(messages)
 
     def _arrived(self) -> Iterator[tuple[str, bytes]]:
         for topic, data in self._listener.take():
             self._heard = monotonic()
-            self._came += 1
             self._watch.seen = self._watch.seen or topic == "/measurement"
             self._rebroadcast.hear(topic, data)
             if topic not in _FRAMES or of_namespace(data, self.node.get_namespace()):

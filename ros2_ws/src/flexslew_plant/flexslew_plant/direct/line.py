@@ -19,6 +19,7 @@ _AWAKE = 0.0002
 _LARGEST = 1 << 15  # of a message [B]
 _TIME = struct.Struct("@ll")
 _PEER = struct.Struct("@3i")  # pid, uid, gid (unix(7), SO_PEERCRED)
+_PEERCRED = getattr(socket, "SO_PEERCRED", 17)
 _NOW = socket.MSG_DONTWAIT
 
 
@@ -29,6 +30,7 @@ class DirectLine:
         connected: the socket.
 
     Attributes:
+        eager: somebody waits for what this end makes of the next message.
         closed: the other end is gone, or was not understood.
     """
 
@@ -39,7 +41,7 @@ class DirectLine:
         self._socket = connected
         self._unsent: deque[bytes] = deque(maxlen=LOOP_DEPTH)  # as much as DDS would keep
         self._soon = False  # the last message that was waited for came within _AWAKE
-        self.closed = False
+        self.eager, self.closed = True, False
 
     @property
     def own_user(self) -> bool:
@@ -96,14 +98,14 @@ class DirectLine:
         return data or None
 
     def _waited(self) -> bytes:
-        """Return the next message, waited for awake if the last one came soon; see receive.
+        """Return the next message; an eager end waits awake for it if the last one came soon.
 
         Raises:
             BlockingIOError: none came within SLICE.
         """
         began = monotonic()
         take = self._socket.recv
-        while self._soon:
+        while self._soon and self.eager:
             try:
                 return take(_LARGEST, _NOW)
             except BlockingIOError:
@@ -124,9 +126,6 @@ class DirectLine:
         self._unsent.clear()
         with suppress(OSError):
             self._socket.close()
-
-
-_PEERCRED = getattr(socket, "SO_PEERCRED", 17)
 
 
 def facts(data: bytes) -> dict[str, Any]:
