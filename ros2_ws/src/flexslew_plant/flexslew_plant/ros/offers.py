@@ -62,7 +62,7 @@ def publish_if_heard(publisher: "Publisher[Any]", message: Callable[[], bytes]) 
 
 def is_heard(publisher: "Publisher[Any]") -> bool:
     """Return whether anybody listens; every tick asks, so by the handle, which is quicker."""
-    return publisher.handle.get_subscription_count() > 0
+    return bool(publisher.handle.get_subscription_count())
 
 
 def subscription(
