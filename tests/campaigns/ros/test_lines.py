@@ -4,6 +4,7 @@ import os
 import signal
 from pathlib import Path
 from threading import Timer
+from time import sleep
 
 import numpy as np
 import pytest
@@ -30,9 +31,12 @@ def test_any_mixture_of_sockets_and_dds_gives_the_same_bits_and_a_whole_log(
     begin, pause = case.uniform(0.0, 0.3), case.uniform(0.0, 0.4)
 
     def hold_up(pids: dict[str, int], domain: int) -> None:
-        process = pids[held_up]
-        Timer(begin, os.kill, (process, signal.SIGSTOP)).start()
-        Timer(begin + pause, os.kill, (process, signal.SIGCONT)).start()
+        def stop() -> None:
+            os.kill(pids[held_up], signal.SIGSTOP)
+            sleep(pause)
+            os.kill(pids[held_up], signal.SIGCONT)
+
+        Timer(begin, stop).start()
 
     flight = Flight(trial, tmp_path, 0, hold_up, change=over_dds(remote))
     assert flight.outcome == (0, ""), flight.log
