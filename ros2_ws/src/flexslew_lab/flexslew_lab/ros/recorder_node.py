@@ -58,8 +58,7 @@ class Recorder:
         self._order = RecordingOrder()
         self._told = self._recording.safe
         self._leave_at: float | None = None  # interrupted: when to leave at the latest [wall s]
-        self._next_look = 0.0
-        self._heard = 0.0  # when something came [wall s]
+        self._next_look = self._heard = 0.0  # for the plant; when something came [wall s]
         self._listener = HiddenListener(node, TOPICS)
         loop.own(self._listener.node)
         measurement = self._listener.subscriptions["/measurement"]
