@@ -1,6 +1,5 @@
 """The `plant` node: the bench behind topics and services. It owns time."""
 
-from functools import partial
 from time import monotonic
 
 from flexslew_msgs import msg
@@ -17,7 +16,7 @@ from flexslew_plant.ros.graph import unmatched
 from flexslew_plant.ros.loop import Loop
 from flexslew_plant.ros.messages import message_of, stamp
 from flexslew_plant.ros.node_process import run_node
-from flexslew_plant.ros.offers import is_heard, publish_if_heard, publisher, subscription
+from flexslew_plant.ros.offers import is_heard, publisher, subscription
 from flexslew_plant.ros.parameters import new_node, settings_of
 from flexslew_plant.ros.plant.diagnostics import Diagnostics
 from flexslew_plant.ros.plant.display import Display
@@ -43,6 +42,7 @@ class Plant:
         self.node = node = new_node("plant")
         self._alive = loop.live(node, "plant")
         self._settings: PlantSettings = settings_of(node, PlantSettings, CHANGEABLE)
+        self.statuses: dict[str, msg.ControllerStatus] = {}
         bench = Bench(self._settings.bench)
         self.session = Session(
             bench,
@@ -55,21 +55,19 @@ class Plant:
         )
         self._exchange = Exchange(node, loop, self.session, self._take, neighbour)
         self.session.presence = self._alive.presence
-        self.statuses: dict[str, msg.ControllerStatus] = {}
         self._truth, self._testbed = (publisher(node, t) for t in (topics.TRUTH, topics.TESTBED))
-        self._events = EventLog(node)
+        self._events, self._realtime = EventLog(node), RealTime(PLANT)
         self.display = Display(node, bench, self._settings.display_rate)
-        self.session.watched = self._watched
+        self.session.watched = lambda: self._said() or self.display.due(bench.tick)
         subscription(node, topics.CONTROLLER_STATUS, self._on_status)
         subscription(node, topics.RECORDER_STATUS, self._on_recorder)
-        heard = [self._exchange.questions, self._truth]
-        self._report = PlantReport(node, self.session, self._alive, self._settings.progress, heard)
+        progress, heard = self._settings.progress, [self._exchange.questions, self._truth]
+        self._report = PlantReport(node, self.session, self._alive, progress, heard)
         self._services = Services(node, self.session, self.statuses, loop)
         self._diagnostics = Diagnostics(node, self.session)
         self._parameters = PlantParameters(node, self.session, self.display, loop)
-        self._realtime = RealTime(PLANT)
-        fields = testbed_fields(bench, yaml_text(plain(self._settings)))
-        self._testbed.publish(message_of(msg.Testbed, {"stamp": stamp(0.0), **fields}))
+        fields = {"stamp": stamp(0.0), **testbed_fields(bench, yaml_text(plain(self._settings)))}
+        self._testbed.publish(message_of(msg.Testbed, fields))
 
     def poll(self) -> float:
         """Do what is due; return the wall seconds until something can be due again."""
@@ -80,10 +78,10 @@ class Plant:
         wait = self.session.poll(now)
         self._realtime.want(self.session.pacing.paced)
         self._send()
-        wait = min(wait, self._exchange.call(wait))
+        wait = min(wait, self._exchange.call(wait), self._services.poll(now))
         self._report.poll(now)
         self._diagnostics.poll(now)
-        return min(wait, self._services.poll(now))
+        return wait
 
     def interrupted(self) -> None:
         """Say that the run ends before its time."""
@@ -99,25 +97,20 @@ class Plant:
                 self._exchange.ask(record)
                 self.display.sense(record)
             elif isinstance(record, Truth):
-                self._show(record)
+                if self._said():
+                    self._truth.publish(truth_bytes(record))
+                self.display.show(record)
             else:
                 self._events.tell(record)
         done = self.session.run.state == FINISHED and not self.loop.stopped
         if done and self._settings.exit_when_done:
-            bench = self.session.bench
-            if bench.failure:
-                print(f"error: {bench.failure}", flush=True)  # for the one who started this node
-            self.loop.stop(3 if bench.faulted else 0)
+            if failure := self.session.bench.failure:
+                print(f"error: {failure}", flush=True)  # for the one who started this node
+            self.loop.stop(3 if self.session.bench.faulted else 0)
 
-    def _watched(self) -> bool:
-        """Return whether somebody hears the truth of this tick."""
-        heard = self._settings.truth and is_heard(self._truth)
-        return heard or self.display.due(self.session.bench.tick)
-
-    def _show(self, truth: Truth) -> None:
-        if self._settings.truth:
-            publish_if_heard(self._truth, partial(truth_bytes, truth))
-        self.display.show(truth)
+    def _said(self) -> bool:
+        """Return whether the truth is published, and heard."""
+        return self._settings.truth and is_heard(self._truth)
 
     def _missing(self) -> list[str]:
         """Return who would not hear the first question."""
