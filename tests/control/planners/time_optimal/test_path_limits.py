@@ -22,6 +22,7 @@ from flexslew_control.law import ActiveLaw, PlantDescription
 from flexslew_control.plan import Plan
 from flexslew_control.planners import make_plan, plan_settings
 from flexslew_control.planners.time_optimal.path_limits import PathLimits
+from flexslew_control.planners.time_optimal.reorientation import Reorientation
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import BadInput, PlanFailed
 from flexslew_plant.testbeds import read_testbed
@@ -141,8 +142,23 @@ def test_the_slopes_of_the_limits_are_those_of_differences(seed: int) -> None:
     step = 1e-4 * rng.standard_normal(x.size)
     step[3:7] -= (step[3:7] @ x[3:7]) * x[3:7]
     ahead = limits.excess(model, (x + step)[None])[0]
-    slopes = limits.slopes(model, x, np.arange(x.size))
-    np.testing.assert_allclose(ahead - row, slopes @ step, atol=1e-6)
+    both = limits.slopes(model, np.array([x + 3.0 * step, x]), np.arange(x.size))
+    np.testing.assert_allclose(ahead - row, both[1] @ step, atol=1e-6)
+    [alone] = limits.slopes(model, (x + 3.0 * step)[None], np.arange(x.size))
+    np.testing.assert_allclose(both[0], alone, atol=1e-9)
+
+
+def test_the_slopes_along_a_flight_are_those_of_flights() -> None:
+    rng, axis = np.random.default_rng(3), np.array([0.0, 0.6, 0.8])
+    limits = PathLimits((Cone("sun", np.array([0.0, 0.0, 1.0]), axis, 0.4),), 0.8)
+    model, turn = craft(SPHERE, UNIT).testbed.model(), np.array([0.0, 1.5, 0.0])
+    body = Reorientation(model, np.zeros(3), turn, np.ones(3), limits=limits)
+    efforts, held = rng.uniform(-1.0, 1.0, (6, 3)), np.full(6, 0.5)
+    along, step = body.ended(efforts, held).along, 1e-5 * rng.standard_normal((6, 3))
+    assert len(along.excess) > 6  # of both limits, at some of the ends of the pieces
+    ahead, back = (body.ended(efforts + sign * step, held).along.excess for sign in (1.0, -1.0))
+    told = np.tensordot(along.by_effort, step)
+    np.testing.assert_allclose(0.5 * (ahead - back), told, atol=1e-4 * abs(told).max())
 
 
 def test_ends_inside_of_a_cone_and_limits_of_others_are_refused() -> None:

@@ -65,15 +65,15 @@ def to_body(turned: Vector) -> Matrix:
 
 
 def to_inertial(turned: Matrix, along: Vector) -> Matrix:
-    """Return vectors given along turned axes, along inertial ones, shape (k, 3).
+    """Return vectors given along turned axes, along inertial ones, shape (..., 3).
 
     Args:
-        turned: quaternions x y z w, shape (k, 4) or (1, 4).
-        along: in body axes, shape (3,) or (k, 3).
+        turned: quaternions x y z w, shape (..., 4).
+        along: in body axes, shape (3,) or (..., 3).
     """
-    across = np.cross(turned[:, :3], along)
-    found: Matrix = along + 2.0 * (turned[:, 3:] * across + np.cross(turned[:, :3], across))
-    return found
+    across = cross(turned[..., :3], along)
+    found = along + 2.0 * (turned[..., 3:] * across + cross(turned[..., :3], across))
+    return np.ascontiguousarray(found)  # the layout decides the last bits of products with it
 
 
 def skew(a: Vector) -> Matrix:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexslew_plant.arrays import Indices, Matrix, Tensor, Vector
+from flexslew_plant.arrays import Indices, Matrix, Tensor
 from flexslew_plant.testbeds.attitude import conjugate, quaternion, to_inertial
 from flexslew_plant.testbeds.model import Model
 from flexslew_plant.testbeds.spacecraft.sky import Cone
@@ -35,34 +35,37 @@ class PathLimits:
         return cones + (("rate_limit",) if self.rate_limit is not None else ())
 
     def excess(self, model: Model, states: Matrix) -> Matrix:
-        """Return by how much states are beyond the limits, shape (k, limits) [rad, rad/s].
+        """Return by how much states are beyond the limits, shape (..., limits) [rad, rad/s].
 
         Args:
             model: whose joints tell an attitude.
-            states: shape (k, size).
+            states: shape (..., size).
         """
         assert model.attitude is not None
-        rows = [model.joint_state(x) for x in states]
-        turned = quaternion(model.attitude.turn_of(np.array([position for position, _ in rows])))
+        rows = [model.joint_state(x) for x in states.reshape(-1, states.shape[-1])]
+        shape = (*states.shape[:-1], model.joints)
+        position, rate = (np.array(part).reshape(shape) for part in zip(*rows, strict=True))
+        turned = quaternion(model.attitude.turn_of(position))
         beyond = [self.spare - cone.margin(turned) for cone in self.cones]
         if self.rate_limit is not None:
-            rate = model.attitude.turn_of(np.array([rate for _, rate in rows]))
-            beyond.append(np.linalg.norm(rate, axis=1) - (1.0 - self.spare) * self.rate_limit)
-        return np.column_stack(beyond)
+            size = np.linalg.norm(model.attitude.turn_of(rate), axis=-1)
+            beyond.append(size - (1.0 - self.spare) * self.rate_limit)
+        return np.stack(beyond, axis=-1)
 
-    def slopes(self, model: Model, x: Vector, columns: Indices) -> Matrix:
-        """Return the derivatives of `excess` by a state, shape (limits, size).
+    def slopes(self, model: Model, states: Matrix, columns: Indices) -> Tensor:
+        """Return the derivatives of `excess` by the states, shape (k, limits, size).
 
         Args:
             model: as above.
-            x: state, shape (size,).
-            columns: entries of the state that matter; the others' columns are zero.
+            states: shape (k, size).
+            columns: entries of a state that matter; the others' columns are zero.
         """
-        found = np.zeros((len(self.names), x.size))
-        change = np.zeros((columns.size, x.size))
+        found = np.zeros((len(states), len(self.names), states.shape[1]))
+        change = np.zeros((columns.size, states.shape[1]))
         change[np.arange(columns.size), columns] = _CHANGE
-        ahead, back = self.excess(model, x + change), self.excess(model, x - change)
-        found[:, columns] = (ahead - back).T / (2.0 * _CHANGE)
+        beside = np.stack((states[:, None] + change, states[:, None] - change))
+        ahead, back = self.excess(model, beside)
+        found[:, :, columns] = (ahead - back).swapaxes(1, 2) / (2.0 * _CHANGE)
         return found
 
     @property

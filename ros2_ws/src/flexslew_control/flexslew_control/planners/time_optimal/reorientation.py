@@ -198,12 +198,14 @@ class Reorientation:
         near = excess > -_NEAR
         rows, held = int(near.sum()), np.zeros((0, size))
         by_effort, by_duration = np.zeros((rows, *efforts.shape)), np.zeros((rows, pieces))
+        close = np.flatnonzero(near.any(axis=1))
+        slopes = np.zeros((pieces, len(self.limits.names), size))
+        if rows:
+            slopes[close] = self.limits.slopes(self.model, flown.states[1:][close], self.columns)
         for k in range(pieces - 1, -1, -1):
             if near[k].any():
-                x = flown.states[k + 1]
-                slopes = self.limits.slopes(self.model, x, self.columns)[near[k]]
                 units = np.where(np.flatnonzero(near[k]) < len(self.limits.cones), 0, 3)
-                held = np.vstack((held, slopes / self.scale[units][:, None]))
+                held = np.vstack((held, slopes[k][near[k]] / self.scale[units][:, None]))
             if len(held):
                 by_effort[: len(held), k] = held @ flown.by_effort[k]
                 rate = self.model.derivative(flown.states[k + 1], efforts[k])

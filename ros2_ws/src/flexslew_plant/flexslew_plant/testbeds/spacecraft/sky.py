@@ -7,7 +7,7 @@ import numpy as np
 
 from flexslew_plant.arrays import Matrix, Vector
 from flexslew_plant.errors import BadInput
-from flexslew_plant.testbeds.attitude import to_inertial
+from flexslew_plant.testbeds.attitude import cross, to_inertial
 from flexslew_plant.testbeds.instruments import StarTrackerSettings, SunSensorSettings
 from flexslew_plant.testbeds.spacecraft.assembly.bodies import unit_direction
 from flexslew_plant.testbeds.spacecraft.assembly.craft import Spacecraft
@@ -27,13 +27,13 @@ class Cone(NamedTuple):
     half_angle: float  # [rad]
 
     def margin(self, attitude: Matrix) -> Vector:
-        """Return the angle by which the boresight stays outside; negative: inside, (k,) [rad].
+        """Return the angle by which the boresight stays outside; negative: inside, (...) [rad].
 
         Args:
-            attitude: quaternions x y z w from inertial to body axes, shape (k, 4).
+            attitude: quaternions x y z w from inertial to body axes, shape (..., 4).
         """
         look = to_inertial(attitude, self.boresight)
-        across = np.linalg.norm(np.cross(look, self.axis), axis=1)
+        across = np.linalg.norm(cross(look, self.axis), axis=-1)
         angle: Vector = np.arctan2(across, look @ self.axis)
         return angle - self.half_angle
 
