@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from flexslew_lab.studies.cases import case_of
-from flexslew_lab.studies.flight import flown
+from flexslew_lab.studies.execution.worker import Job
+from flexslew_lab.studies.flight import Flown, flown
 from flexslew_lab.studies.lanes.fleet import Lanes
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake
 from flexslew_lab.studies.run import Preparation, prepare
 from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.ways import Way
 from flexslew_plant.testbeds import read_testbed
 from flexslew_plant.testbeds.compiled.sine_cosine import sine_cosine, turned
 from flexslew_plant.testbeds.compiled.traced_kernel import traced_kernel
@@ -101,25 +103,34 @@ def test_efforts_at_their_limits_are_counted_alike(prepared: Callable[..., Prepa
 
 
 @pytest.mark.parametrize(
-    "trial",
+    ("way", "trial"),
     [
-        {"controllers": {"output_feedback": {}}, "active": "output_feedback"},  # tracking (a)
-        {"sensors": {"joint_position": {"quantisation": 1e-5}}},
-        {"actuator": {"lag": 0.1}},
-        {"plan": None},
-        {
-            "controllers": {"pd_feedforward": {}, "collocated_pid": {}},
-            "schedule": [{"at": 1.0, "switch": "collocated_pid"}],
-        },
+        (
+            Way.SETTINGS,  # tracking (a)
+            {"controllers": {"output_feedback": {}}, "active": "output_feedback"},
+        ),
+        (Way.QUANTISED, {"sensors": {"joint_position": {"quantisation": 1e-5}}}),
+        (Way.MOTORS, {"actuator": {"lag": 0.1}}),
+        (Way.NO_PLAN, {"plan": None}),
+        (
+            Way.SCHEDULE,
+            {
+                "controllers": {"pd_feedforward": {}, "collocated_pid": {}},
+                "schedule": [{"at": 1.0, "switch": "collocated_pid"}],
+            },
+        ),
     ],
 )
-def test_what_lanes_do_not_know_is_left_to_the_bench(
-    prepared: Callable[..., Preparation], trial: dict[str, Any]
+def test_what_lanes_do_not_know_is_left_to_the_bench_which_says_why(
+    prepared: Callable[..., Preparation], way: Way, trial: dict[str, Any]
 ) -> None:
     ready = prepared(vary={"testbed.damping_ratio": {"uniform": [0.0, 0.1]}}, **trial)
     cases = [case_of(ready.study, ready.samples, k) for k in range(3)]
     found = list(Lanes(ready.study, ready.plans).fly(cases))
-    assert [others for _, others in found] == [cases]
+    assert found == [([], [(case, way) for case in cases])]
+    results: list[Flown] = []
+    Job(ready.study, ready.plans).flyer().fly(cases[:1], results.extend)
+    assert [result.way for result in results] == [way]
 
 
 def test_a_step_to_the_goal_is_one_plan_for_all_benches(

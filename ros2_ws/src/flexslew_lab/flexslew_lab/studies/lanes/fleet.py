@@ -20,6 +20,7 @@ from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_o
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
 from flexslew_lab.studies.lanes.turned import turned_joints
 from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.ways import Way
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.testbeds import initial_state
@@ -29,6 +30,13 @@ from flexslew_plant.testbeds.spacecraft.motions import Pointing
 
 _FAR = 1e6  # a state beyond it is for the ordinary bench to judge
 _KEPT = 32  # laws on a plan that are kept
+
+
+class ForBench(NamedTuple):
+    """A trial that only the bench can fly."""
+
+    case: Case
+    way: Way  # the reason
 
 
 class _Prepared(NamedTuple):
@@ -51,21 +59,21 @@ class Lanes:
 
     study: Study
     plans: Plans
-    _prepared: dict[Hashable, _Prepared | None] = field(init=False, default_factory=dict)
+    _prepared: dict[Hashable, _Prepared | Way] = field(init=False, default_factory=dict)
     _intake: LaneIntake = field(init=False)
 
     def __post_init__(self) -> None:
         """Prepare to take cases."""
         self._intake = LaneIntake(self.study)
 
-    def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[Flown], list[Case]]]:
+    def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[Flown], list[ForBench]]]:
         """Yield results, and cases that have to be flown one by one."""
         groups: dict[Hashable, list[LaneTrial]] = {}
         others = []
         for case in cases:
             lane = self._intake.lane_trial(case)
-            if lane is None:
-                others.append(case)
+            if isinstance(lane, Way):
+                others.append(ForBench(case, lane))
                 continue
             group = groups.setdefault(lane.alike, [])
             group.append(lane)
@@ -76,11 +84,11 @@ class Lanes:
         if others:
             yield [], others
 
-    def _flown(self, group: list[LaneTrial]) -> tuple[list[Flown], list[Case]]:
+    def _flown(self, group: list[LaneTrial]) -> tuple[list[Flown], list[ForBench]]:
         first = group[0]
         prepared = self._prepare(first)
-        if prepared is None:
-            return [], [lane.case for lane in group]
+        if isinstance(prepared, Way):
+            return [], [ForBench(lane.case, prepared) for lane in group]
         form, schedule = prepared.form.law, prepared.schedule
         model, kernel = first.model, first.kernel
         states, outputs = form.from_state.shape[1], form.from_output.shape[1]
@@ -119,20 +127,20 @@ class Lanes:
         else:
             loop(0, len(schedule.time), np.empty((0, 0, 0)))
             found = LaneMetrics(first, rows, schedule, prepared.goal, at_rest[: model.joints])
-            measured = [partial(found.metrics, w, k) for k in range(len(group))]
+            measured = found.metrics(w).__getitem__
         results, lost = [], []
         far = np.abs(w[: at_rest.size].reshape(-1, LANES)).max(axis=0)  # NaN, where it is
         for k, lane in enumerate(group):
             if far[k] < _FAR:
-                results.append(Flown(lane.case.number, measured[k](), None, "ok", "", "lanes"))
+                results.append(Flown(lane.case.number, measured(k), None, "ok", "", Way.LANES))
             else:
-                lost.append(lane.case)
+                lost.append(ForBench(lane.case, Way.FAR))
         return results, lost
 
     def _recorded(
         self, group: list[LaneTrial], prepared: _Prepared, loop: Callable[..., None]
-    ) -> list[Callable[[], dict[str, float | None]]]:
-        """Fly a group that is measured from its truth; return what gives each trial's metrics."""
+    ) -> Callable[[int], dict[str, float | None]]:
+        """Fly a group that is measured from its truth; return what gives the metrics of each."""
         model, period = group[0].model, group[0].trial.period
         found = [RecordedMetrics(lane, prepared.goal) for lane in group]
         end = len(prepared.schedule.time)
@@ -143,39 +151,43 @@ class Lanes:
             stamps = stamps_of(first, last, period)
             for one, truth in zip(found, record, strict=False):
                 one.add(stamps, truth[: last - first])
-        return [one.metrics for one in found]
+        return lambda k: found[k].metrics()
 
-    def _prepare(self, lane: LaneTrial) -> _Prepared | None:
-        """Return what is common to all like this one; None if its law is not linear."""
-        if lane.alike in self._prepared:
-            return self._prepared[lane.alike]
+    def _prepare(self, lane: LaneTrial) -> _Prepared | Way:
+        """Return what is common to all like this one, or why the bench has to fly them."""
+        if lane.alike not in self._prepared:
+            while len(self._prepared) >= _KEPT:
+                self._prepared.pop(next(iter(self._prepared)))
+            self._prepared[lane.alike] = self._made(lane)
+        return self._prepared[lane.alike]
+
+    def _made(self, lane: LaneTrial) -> _Prepared | Way:
         trial = lane.trial
         try:
             plan = self.plans.of(trial, lane.asked)
         except FlexslewError:
-            return None  # the bench says why
+            return Way.NOT_ALLOWED
         controller = controller_of(trial)
         if plan is None or controller.adopt(plan):
-            return None
+            return Way.NOT_ALLOWED
         ticks = round(trial.duration / trial.period)
         references = [plan.reference(k) for k in range(ticks)]
         linear = law_entry(trial).linear
         form = linear and linear(controller.estimator, controller.law, references)
-        while len(self._prepared) >= _KEPT:
-            self._prepared.pop(next(iter(self._prepared)))
-        if form is None or not _heard(form, lane.model):
-            self._prepared[lane.alike] = None
-            return None
-        schedule = schedule_of(lane, plan, form.law, ticks)
-        made = _Prepared(form, schedule, *aim_of(lane, plan, form.law))
-        self._prepared[lane.alike] = made
-        return made
+        if form is None:
+            return Way.SETTINGS
+        if (way := _heard(form, lane.model)) is not Way.LANES:
+            return way
+        return _Prepared(
+            form, schedule_of(lane, plan, form.law, ticks), *aim_of(lane, plan, form.law)
+        )
 
 
-def _heard(form: LinearForm, model: Model) -> bool:
-    """Return whether the law listens to what lanes read: joints, and a tip moved by modes alone."""
+def _heard(form: LinearForm, model: Model) -> Way:
+    """Return LANES where the law listens to what they read: joints, and a tip moved by modes."""
     if isinstance(form.observer, KalmanForm) and model.leading is not None:
-        return False  # its joints are no coordinates
+        return Way.ATTITUDE  # its joints are no coordinates
     sensors = model.appendages
     tips = form.law.from_output.shape[1] > 2 * model.joints
-    return not tips or (sensors.rate is None and sensors.felt is None)
+    known = not tips or (sensors.rate is None and sensors.felt is None)
+    return Way.LANES if known else Way.TIPS

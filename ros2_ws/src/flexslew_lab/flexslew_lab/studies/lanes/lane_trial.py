@@ -10,6 +10,7 @@ from flexslew_control.controllers.controller import Controller
 from flexslew_lab.studies.cases import Case, case_trial
 from flexslew_lab.studies.flight import plan_key, sets_every_key, uses_testbed
 from flexslew_lab.studies.study import Study
+from flexslew_lab.studies.ways import Way
 from flexslew_lab.trial.trial import Trial, law_of, plant_of
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.hardware.actuator import ActuatorSettings
@@ -38,8 +39,10 @@ class _Common(NamedTuple):
     """What does not depend on the testbed, and what it was made from."""
 
     source: tuple[Any, ...]
-    asked: str
-    law: str
+    way: Way
+    noisy: tuple[bool, ...]  # by channel that a law may read: whether it errs
+    asked: str = ""
+    law: str = ""
 
 
 class LaneIntake:
@@ -49,36 +52,39 @@ class LaneIntake:
         self._study = study
         self._common: dict[int, _Common] = {}  # newest by variant
 
-    def lane_trial(self, case: Case) -> LaneTrial | None:
-        """Return a case ready for a lane; None where only the bench can fly it."""
+    def lane_trial(self, case: Case) -> LaneTrial | Way:
+        """Return a case ready for a lane; a way where only the bench can fly it."""
         try:
             trial = case_trial(self._study, case)
-            if not _simple(trial):
-                return None
+            common = self._said(case.variant, trial)
             model = trial.testbed.model()
-            if trial.plan is None or not (_plain(trial, model) and _linear(trial)):
-                return None
+            way = common.way if common.way is not Way.LANES else _way_of(model, trial)
+            if way is not Way.LANES:
+                return way
             bound = trial.testbed if knows_frequency(trial.testbed) else None
             kernel = traced_kernel(model, bound is not None) or lane_by_lane(model)
-            common = self._said(case.variant, trial)
         except FlexslewError:
-            return None  # the bench says why
+            return Way.NOT_ALLOWED
         fast = 0.0 if bound is None else bound.highest_frequency() * trial.period
         steps = max(1, ceil(fast / kernel.reach))
-        noisy = tuple(bool(channel.noise or channel.bias) for channel in _read_channels(trial))
         turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
         tips = model.appendages.tip.tobytes()
-        alike = (common.law, kernel.advance, steps, noisy, turned, tips)
+        alike = (common.law, kernel.advance, steps, common.noisy, turned, tips)
         return LaneTrial(case, trial, common.asked, model, kernel, steps, alike)
 
     def _said(self, variant: int, trial: Trial) -> _Common:
         testbed = trial.testbed
         source: tuple[Any, ...] = (trial.plan, trial.controllers, trial.active, trial.schedule)
-        source += (trial.period, trial.duration, type(testbed))
-        source += (testbed.effort_limit, testbed.initial)
+        source += (trial.period, trial.duration, trial.metrics, trial.allow_faults, trial.actuator)
+        source += (trial.sensors, type(testbed), testbed.effort_limit, testbed.initial)
         known = self._common.get(variant)
         if known is not None and known.source == source:
             return known
+        channels = _read_channels(trial)
+        noisy = tuple(bool(channel.noise or channel.bias) for channel in channels)
+        if (way := _way(trial)) is not Way.LANES:
+            self._common[variant] = _Common(source, way, noisy)
+            return self._common[variant]
         law, own = law_of(trial.active, trial.controllers[trial.active] or {})
         gains = CONTROLLERS[law].lane_gains
         own = {key: value for key, value in own.items() if key not in gains}
@@ -87,39 +93,42 @@ class LaneIntake:
         believes = not gains and not sets_every_key(own.get("model"), testbed)
         if believes:
             shared.append(plain(testbed))
-        common = _Common(source, asked, json.dumps(shared, sort_keys=True))
+        common = _Common(source, way, noisy, asked, json.dumps(shared, sort_keys=True))
         if not (believes or uses_testbed(plain(trial.plan), testbed)):
             self._common[variant] = common
         return common
 
 
-def _simple(trial: Trial) -> bool:
-    """Return whether motors, sensors, schedule and metrics are such as lanes know."""
-    if trial.metrics:
-        return False
+def _way(trial: Trial) -> Way:
+    """Return LANES, or what of a trial's settings only the bench knows."""
     s = trial.sensors
     channels = (s.joint_position, s.joint_velocity, s.tip_deflection, s.root_curvature)
-    pushed = all(entry.disturbance is not None for entry in trial.schedule)
-    exact = all(channel.quantisation == 0.0 for channel in channels)
-    return trial.actuator == _EXACT and exact and pushed and not trial.allow_faults
-
-
-def _plain(trial: Trial, model: Model) -> bool:
-    """Return whether joints, drives and surroundings are such as lanes know."""
-    read = model.reading is None or model.kernels.reading is not None
-    straight = read and not model.one_way and model.outside is None
-    noisy = any(channel.noise for channel in _read_channels(trial))
-    return (
-        straight
-        and model.efforts == model.joints
-        and not (noisy and model.appendages.errors is not None)
-    )
-
-
-def _linear(trial: Trial) -> bool:
-    """Return whether the law may be linear; its entry's `linear` has the last word."""
     law, _ = law_of(trial.active, trial.controllers[trial.active] or {})
-    return law in CONTROLLERS and CONTROLLERS[law].linear is not None
+    obstacles = (
+        (bool(trial.metrics), Way.METRICS),
+        (trial.actuator != _EXACT, Way.MOTORS),
+        (any(channel.quantisation for channel in channels), Way.QUANTISED),
+        (trial.allow_faults, Way.SCHEDULE),
+        (any(entry.disturbance is None for entry in trial.schedule), Way.SCHEDULE),
+        (trial.plan is None, Way.NO_PLAN),
+        # its entry's `linear` has the last word
+        (law not in CONTROLLERS or CONTROLLERS[law].linear is None, Way.LAW),
+    )
+    return next((way for there, way in obstacles if there), Way.LANES)
+
+
+def _way_of(model: Model, trial: Trial) -> Way:
+    """Return LANES, or what of a testbed only the bench knows."""
+    errors = model.appendages.errors is not None
+    noisy = errors and any(channel.noise for channel in _read_channels(trial))
+    obstacles = (
+        (model.reading is not None and model.kernels.reading is None, Way.JOINTS),
+        (bool(model.one_way), Way.THRUSTERS),
+        (model.outside is not None, Way.ORBIT),
+        (model.efforts != model.joints, Way.EFFORTS),
+        (noisy, Way.INSTRUMENTS),
+    )
+    return next((way for there, way in obstacles if there), Way.LANES)
 
 
 def law_entry(trial: Trial) -> LawEntry:

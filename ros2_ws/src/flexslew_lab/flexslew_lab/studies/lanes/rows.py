@@ -6,7 +6,6 @@ overlap, and loops over lanes become vector instructions without a look.
 
 from typing import NamedTuple
 
-from flexslew_plant.arrays import Vector
 from flexslew_plant.testbeds.compiled.lanes import LANES
 
 
@@ -53,8 +52,3 @@ def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     m, read, tip = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes
     counts = (m, read, read, m, m, m, m, tip, m, m, m, m, m, 1, 1, m, m, m, 1, m, m, 1)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))
-
-
-def of_lane(w: Vector, begin: int, rows: int, lane: int) -> Vector:
-    """Return a view of what stands for one lane in so many rows."""
-    return w[begin + lane : begin + lane + rows * LANES : LANES]
