@@ -26,8 +26,8 @@ class Momentum:
         "wheel_zero_crossings": Key(
             "-",
             False,
-            "by wheel: how often its speed changes its sign after the manoeuvre's end; below 1e-9 of "
-            "its peak it has none",
+            "by wheel: how often its speed changes its sign after the manoeuvre's end; below 1e-9 "
+            "of its peak it has none",
         ),
         "peak_stored_momentum": Key(
             "N m s",

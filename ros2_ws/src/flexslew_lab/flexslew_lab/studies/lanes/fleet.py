@@ -3,24 +3,33 @@
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexslew_control.controllers.controller import Controller
+from flexslew_control.law import Reference
 from flexslew_control.linear_form import KalmanForm, LinearForm
 from flexslew_lab.metrics.metric import FlownManoeuvre
 from flexslew_lab.studies.cases import Case
 from flexslew_lab.studies.flight import Flown, Plans
-from flexslew_lab.studies.lanes.inputs import aim_of, errors_of, gains_of, schedule_of
+from flexslew_lab.studies.lanes.inputs import (
+    aim_of,
+    course_of,
+    errors_of,
+    gains_of,
+    schedule_of,
+)
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of, law_entry
 from flexslew_lab.studies.lanes.loop import Matrices, Schedule, lane_loop
-from flexslew_lab.studies.lanes.observers import beginning
+from flexslew_lab.studies.lanes.observers import beginning, by_tick
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
 from flexslew_lab.studies.lanes.turned import turned_joints
 from flexslew_lab.studies.study import Study
 from flexslew_lab.studies.ways import Way
+from flexslew_lab.trial.trial import Trial
 from flexslew_plant.arrays import Vector
 from flexslew_plant.errors import FlexslewError
 from flexslew_plant.testbeds import initial_state
@@ -44,7 +53,7 @@ class _Prepared(NamedTuple):
 
     form: LinearForm
     schedule: Schedule
-    aim: Vector  # rows `tip` to `law_limit`
+    aim: Vector  # rows `tip_rate` to `law_limit`
     goal: FlownManoeuvre
 
 
@@ -61,6 +70,7 @@ class Lanes:
     plans: Plans
     _prepared: dict[Hashable, _Prepared | Way] = field(init=False, default_factory=dict)
     _intake: LaneIntake = field(init=False)
+    _course: tuple[Hashable, Any] = field(init=False, default=(None, None))  # the newest
 
     def __post_init__(self) -> None:
         """Prepare to take cases."""
@@ -91,7 +101,7 @@ class Lanes:
             return [], [ForBench(lane.case, prepared) for lane in group]
         form, schedule = prepared.form.law, prepared.schedule
         model, kernel = first.model, first.kernel
-        states, outputs = form.from_state.shape[1], form.from_output.shape[1]
+        states, outputs = form.from_state.shape[-1], form.from_output.shape[-1]
         tips = len(model.appendages.names)
         sizes = Sizes(model.joints, model.modes, states, outputs, tips)
         observer = beginning(prepared.form)
@@ -102,8 +112,8 @@ class Lanes:
         w = flat_zeros(rows.end)
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: at_rest.size] = at_rest.ravel()
-        w[rows.kp : rows.tip] = gains_of(lanes, form)
-        w[rows.tip : rows.residual_tip] = np.repeat(prepared.aim, LANES)
+        w[rows.kp : rows.tip_rate] = gains_of(lanes, form)
+        w[rows.tip_rate : rows.residual_tip] = np.repeat(prepared.aim, LANES)
         w[rows.outside : rows.terminal] = -np.inf
         recorded = isinstance(first.trial.testbed, Pointing)
         loop = partial(
@@ -112,7 +122,7 @@ class Lanes:
             first.trial.period,
             first.steps,
             schedule,
-            Matrices(*(np.ascontiguousarray(getattr(form, name)) for name in Matrices._fields)),
+            Matrices(*(by_tick(getattr(form, name), 2) for name in Matrices._fields)),
             form.integral,
             form.unwinding,
             errors_of(lanes, sizes.outputs, len(schedule.time)),
@@ -170,24 +180,38 @@ class Lanes:
         controller = controller_of(trial)
         if plan is None or controller.adopt(plan):
             return Way.NOT_ALLOWED
-        ticks = round(trial.duration / trial.period)
-        references = [plan.reference(k) for k in range(ticks)]
-        linear = law_entry(trial).linear
-        form = linear and linear(controller.estimator, controller.law, references)
-        if form is None:
-            return Way.SETTINGS
-        if (way := _heard(form, lane.model)) is not Way.LANES:
-            return way
-        return _Prepared(
-            form, schedule_of(lane, plan, form.law, ticks), *aim_of(lane, plan, form.law)
-        )
+        key = lane.asked, round(trial.duration / trial.period)
+        if key != self._course[0]:
+            self._course = key, course_of(plan, key[1])
+        course = self._course[1]
+        form = form_of(trial, controller, course.references)
+        if isinstance(form, Way):
+            return form
+        return _Prepared(form, schedule_of(lane, course, form.law), *aim_of(lane, plan, form.law))
+
+
+def form_of(trial: Trial, controller: Controller, references: list[Reference]) -> LinearForm | Way:
+    """Return the controller in charge of a trial as matrices, or why lanes do not fly it.
+
+    Args:
+        trial: that may fly in a lane.
+        controller: in charge of it.
+        references: of every tick.
+    """
+    linear = law_entry(trial).linear
+    form = linear and linear(controller.estimator, controller.law, references)
+    if form is None:
+        return Way.SETTINGS
+    way = _heard(form, trial.testbed.model())
+    return form if way is Way.LANES else way
 
 
 def _heard(form: LinearForm, model: Model) -> Way:
-    """Return LANES where the law listens to what they read: joints, and a tip moved by modes."""
+    """Return LANES where the law listens to what they read: joints, and tips moved by modes."""
     if isinstance(form.observer, KalmanForm) and model.leading is not None:
         return Way.ATTITUDE  # its joints are no coordinates
     sensors = model.appendages
-    tips = form.law.from_output.shape[1] > 2 * model.joints
-    known = not tips or (sensors.rate is None and sensors.felt is None)
+    tips = form.law.from_output.shape[-1] > 2 * model.joints
+    exact = sensors.errors is None or not sensors.errors.any()
+    known = not tips or (sensors.felt is None and sensors.body is None and exact)
     return Way.LANES if known else Way.TIPS

@@ -15,7 +15,7 @@ from flexslew_lab.studies.lanes.lane_trial import LaneTrial
 from flexslew_lab.studies.lanes.loop import Schedule
 from flexslew_lab.studies.lanes.rows import Rows
 from flexslew_plant.arrays import Matrix, Vector
-from flexslew_plant.testbeds.compiled.lanes import LANES, KernelRows
+from flexslew_plant.testbeds.compiled.lanes import LANES
 
 _ENDING = Ending([], [], True)
 

@@ -58,7 +58,7 @@ class LaneIntake:
             trial = case_trial(self._study, case)
             common = self._said(case.variant, trial)
             model = trial.testbed.model()
-            way = common.way if common.way is not Way.LANES else _way_of(model, trial)
+            way = common.way if common.way is not Way.LANES else way_of_testbed(trial)
             if way is not Way.LANES:
                 return way
             bound = trial.testbed if knows_frequency(trial.testbed) else None
@@ -82,7 +82,7 @@ class LaneIntake:
             return known
         channels = _read_channels(trial)
         noisy = tuple(bool(channel.noise or channel.bias) for channel in channels)
-        if (way := _way(trial)) is not Way.LANES:
+        if (way := way_of_settings(trial)) is not Way.LANES:
             self._common[variant] = _Common(source, way, noisy)
             return self._common[variant]
         law, own = law_of(trial.active, trial.controllers[trial.active] or {})
@@ -99,7 +99,7 @@ class LaneIntake:
         return common
 
 
-def _way(trial: Trial) -> Way:
+def way_of_settings(trial: Trial) -> Way:
     """Return LANES, or what of a trial's settings only the bench knows."""
     s = trial.sensors
     channels = (s.joint_position, s.joint_velocity, s.tip_deflection, s.root_curvature)
@@ -117,8 +117,9 @@ def _way(trial: Trial) -> Way:
     return next((way for there, way in obstacles if there), Way.LANES)
 
 
-def _way_of(model: Model, trial: Trial) -> Way:
-    """Return LANES, or what of a testbed only the bench knows."""
+def way_of_testbed(trial: Trial) -> Way:
+    """Return LANES, or what of a trial's testbed only the bench knows."""
+    model = trial.testbed.model()
     errors = model.appendages.errors is not None
     noisy = errors and any(channel.noise for channel in _read_channels(trial))
     obstacles = (

@@ -34,11 +34,11 @@ class Schedule(NamedTuple):
 
 
 class Matrices(NamedTuple):
-    """The law's; see linear_form.LawForm."""
+    """The law's, one for all ticks or one for each; see linear_form.LawForm."""
 
-    from_state: Matrix
-    from_output: Matrix
-    to_integral: Matrix
+    from_state: Tensor
+    from_output: Tensor
+    to_integral: Tensor
 
 
 Loop = Callable[..., None]
@@ -65,11 +65,12 @@ def lane_loop(
     )
     locate, position, velocity, mode = kernel.read, *of_kernel[1:4]
     reading, earlier, effort = rows.reading, rows.earlier, rows.applied
-    tip, about = rows.tip, about_reference(m, rows.reading, turns)
+    tip, tip_rate, mode_rate = rows.tip, rows.tip_rate, of_kernel.mode_rate
+    about = about_reference(m, rows.reading, turns)
 
     @vectorised
     def read(k: int, error: Matrix, w: Vector) -> None:
-        """Write what the sensors say: joints, rates, perhaps the first tip."""
+        """Write what the sensors say: joints, rates, the first of the tips."""
         row = k if error.shape[0] > 1 else 0
         for i in range(ny * LANES):
             w[earlier + i] = w[reading + i]
@@ -81,8 +82,9 @@ def lane_loop(
             for lane in range(LANES):
                 at = error[row, i * LANES + lane]
                 for j in range(modes):
-                    share = w[tip + ((i - 2 * m) * modes + j) * LANES + lane]
-                    at += share * w[mode + j * LANES + lane]
+                    share = ((i - 2 * m) * modes + j) * LANES + lane
+                    at += w[tip + share] * w[mode + j * LANES + lane]
+                    at += w[tip_rate + share] * w[mode_rate + j * LANES + lane]
                 w[reading + i * LANES + lane] = at
 
     @vectorised
@@ -111,7 +113,7 @@ def lane_loop(
             w[effort : effort + m * LANES],
         )
         for k in range(first, last):
-            locate(w)
+            locate(filled, w)
             metrics(k, first, schedule, record, w)
             if k == ticks:
                 break
@@ -119,7 +121,7 @@ def lane_loop(
             about(w, turned, schedule.position[k], filled)
             observe(k, schedule.time[k], dt, observer, signals, z, memory, filled)
             law(k, dt, schedule, matrices, integral, unwinding, z, w)
-            advance(k * dt, dt, steps, w)
+            advance(k * dt, dt, steps, filled, w)
 
     return cast(Loop, loop)
 
@@ -147,6 +149,9 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
         z: Vector,
         w: Vector,
     ) -> None:
+        of_state = matrices.from_state[min(k, matrices.from_state.shape[0] - 1)]
+        of_output = matrices.from_output[min(k, matrices.from_output.shape[0] - 1)]
+        to_integral = matrices.to_integral[min(k, matrices.to_integral.shape[0] - 1)]
         for i in range(m):
             row = i * LANES
             base, requested = schedule.demand[k, i], schedule.position[k, i]
@@ -158,12 +163,12 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                     + w[kd + at] * (turning - w[reading + m * LANES + at])
                 )
             for j in range(nz):
-                weight = matrices.from_state[i, j]
+                weight = of_state[i, j]
                 if weight != 0.0:
                     for lane in range(LANES):
                         w[effort + row + lane] += weight * z[j * LANES + lane]
             for j in range(ny):
-                weight = matrices.from_output[i, j]
+                weight = of_output[i, j]
                 if weight != 0.0:
                     for lane in range(LANES):
                         w[effort + row + lane] += weight * w[reading + j * LANES + lane]
@@ -177,7 +182,7 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                     w[effort + at] = given
                     w[integral_sum + at] += dt * (rate + w[ki + at] * error + back)
                 for j in range(nz):
-                    weight = dt * matrices.to_integral[i, j]
+                    weight = dt * to_integral[i, j]
                     if weight != 0.0:
                         for lane in range(LANES):
                             w[integral_sum + row + lane] += weight * z[j * LANES + lane]

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman_tick import FilterBelief, kalman_tick
@@ -42,8 +43,12 @@ def beginning(form: LinearForm) -> Beginning:
     """Return the observer of a controller, the same for all lanes."""
     found = form.observer
     if isinstance(found, LinearObserver):
-        k = len(found.constant)
-        matrices = LinearObserver(*map(np.ascontiguousarray, found))
+        k = found.constant.shape[-1]
+        start, *rest = found
+        matrices = LinearObserver(
+            np.ascontiguousarray(start),
+            *(by_tick(a, d) for a, d in zip(rest, (2, 2, 2, 1), strict=True)),
+        )
         return Beginning(linear(k), matrices, np.zeros(k * LANES), np.empty(k * LANES))
     if isinstance(found, GainedFilter):
         outputs, k = found.output.shape
@@ -55,6 +60,11 @@ def beginning(form: LinearForm) -> Beginning:
     model = found.model
     observe = kalman(model.kernels, model.before_modes, model.coordinates)
     return Beginning(observe, constants, np.zeros((k + outputs) * LANES), memory)
+
+
+def by_tick(given: NDArray[np.float64], dimensions: int) -> NDArray[np.float64]:
+    """Return what may be the same at every tick with an axis for ticks in front, perhaps of one."""
+    return np.ascontiguousarray(given if given.ndim > dimensions else given[None])
 
 
 @vectorised
@@ -83,14 +93,17 @@ def linear(states: int) -> Observe:
         after: Vector,
         filled: int,
     ) -> None:
-        for i in range(states * LANES):
-            after[i] = law.constant[i // LANES] if k > 0 else 0.0
         if k == 0:
+            for i in range(states * LANES):
+                after[i] = 0.0
             _add_product(law.start, signals.y, after)
         else:
-            _add_product(law.state, z, after)
-            _add_product(law.effort, signals.effort, after)
-            _add_product(law.before, signals.earlier, after)
+            constant = law.constant[min(k, law.constant.shape[0]) - 1]
+            for i in range(states * LANES):
+                after[i] = constant[i // LANES]
+            _add_product(law.state[min(k, law.state.shape[0]) - 1], z, after)
+            _add_product(law.effort[min(k, law.effort.shape[0]) - 1], signals.effort, after)
+            _add_product(law.before[min(k, law.before.shape[0]) - 1], signals.earlier, after)
         for i in range(states * LANES):
             z[i] = after[i]
 

@@ -15,7 +15,7 @@ class Sizes(NamedTuple):
     joints: int
     modes: int
     states: int  # z of linear_form
-    outputs: int  # that the law reads: joints, rates, perhaps the first tip
+    outputs: int  # that the law reads: joints, rates, the first of the tips
     appendages: int
 
 
@@ -29,6 +29,7 @@ class Rows(NamedTuple):
     kp: int
     ki: int
     kd: int
+    tip_rate: int  # what each mode's rate adds to each tip's reading
     tip: int  # share of each mode in each tip
     goal: int
     sign: int  # of the displacement
@@ -50,5 +51,5 @@ class Rows(NamedTuple):
 def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     """Return where everything begins in the array of such a group."""
     m, read, tip = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes
-    counts = (m, read, read, m, m, m, m, tip, m, m, m, m, m, 1, 1, m, m, m, 1, m, m, 1)
+    counts = (m, read, read, m, m, m, m, tip, tip, m, m, m, m, m, 1, 1, m, m, m, 1, m, m, 1)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))
