@@ -20,10 +20,11 @@ from flexslew_lab.studies.lanes.inputs import (
     gains_of,
     schedule_of,
 )
+from flexslew_lab.studies.lanes.lane_laws import beside, by_lane, kind_of
 from flexslew_lab.studies.lanes.lane_metrics import LaneMetrics
 from flexslew_lab.studies.lanes.lane_trial import LaneIntake, LaneTrial, controller_of, law_entry
 from flexslew_lab.studies.lanes.loop import Matrices, Schedule, lane_loop
-from flexslew_lab.studies.lanes.observers import beginning, by_tick
+from flexslew_lab.studies.lanes.observers import beginning
 from flexslew_lab.studies.lanes.recorded import TICKS, RecordedMetrics, stamps_of
 from flexslew_lab.studies.lanes.rows import Sizes, rows_of
 from flexslew_lab.studies.lanes.turned import turned_joints
@@ -55,6 +56,7 @@ class _Prepared(NamedTuple):
     schedule: Schedule
     aim: Vector  # rows `tip_rate` to `law_limit`
     goal: FlownManoeuvre
+    kind: Hashable  # laws for which it is equal may fly beside each other
 
 
 @dataclass
@@ -78,33 +80,35 @@ class Lanes:
 
     def fly(self, cases: Sequence[Case]) -> Iterator[tuple[list[Flown], list[ForBench]]]:
         """Yield results, and cases that have to be flown one by one."""
-        groups: dict[Hashable, list[LaneTrial]] = {}
+        groups: dict[Hashable, list[tuple[LaneTrial, _Prepared]]] = {}
         others = []
         for case in cases:
             lane = self._intake.lane_trial(case)
-            if isinstance(lane, Way):
-                others.append(ForBench(case, lane))
+            prepared = lane if isinstance(lane, Way) else self._prepare(lane)
+            if isinstance(lane, Way) or isinstance(prepared, Way):
+                others.append(ForBench(case, lane if isinstance(lane, Way) else prepared))
                 continue
-            group = groups.setdefault(lane.alike, [])
-            group.append(lane)
+            key = lane.together, prepared.kind
+            group = groups.setdefault(key, [])
+            group.append((lane, prepared))
             if len(group) == LANES:
-                yield self._flown(groups.pop(lane.alike))
+                yield self._flown(*zip(*groups.pop(key), strict=True))
         for group in groups.values():
-            yield self._flown(group)
+            yield self._flown(*zip(*group, strict=True))
         if others:
             yield [], others
 
-    def _flown(self, group: list[LaneTrial]) -> tuple[list[Flown], list[ForBench]]:
-        first = group[0]
-        prepared = self._prepare(first)
-        if isinstance(prepared, Way):
-            return [], [ForBench(lane.case, prepared) for lane in group]
+    def _flown(
+        self, group: Sequence[LaneTrial], laws: Sequence[_Prepared]
+    ) -> tuple[list[Flown], list[ForBench]]:
+        first, prepared = group[0], laws[0]
+        forms = beside([law.form for law in laws])
         form, schedule = prepared.form.law, prepared.schedule
         model, kernel = first.model, first.kernel
         states, outputs = form.from_state.shape[-1], form.from_output.shape[-1]
         tips = len(model.appendages.names)
         sizes = Sizes(model.joints, model.modes, states, outputs, tips)
-        observer = beginning(prepared.form)
+        observer = beginning(prepared.form, forms.observers)
         lanes = [group[min(k, len(group) - 1)] for k in range(LANES)]  # the last one fills up
         packed = np.array([lane.model.packed for lane in lanes]).T
         at_rest = np.array([initial_state(lane.trial.testbed) for lane in lanes]).T
@@ -112,7 +116,7 @@ class Lanes:
         w = flat_zeros(rows.end)
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: at_rest.size] = at_rest.ravel()
-        w[rows.kp : rows.tip_rate] = gains_of(lanes, form)
+        w[rows.kp : rows.tip_rate] = gains_of(lanes, forms.laws)
         w[rows.tip_rate : rows.residual_tip] = np.repeat(prepared.aim, LANES)
         w[rows.outside : rows.terminal] = -np.inf
         recorded = isinstance(first.trial.testbed, Pointing)
@@ -122,7 +126,11 @@ class Lanes:
             first.trial.period,
             first.steps,
             schedule,
-            Matrices(*(by_tick(getattr(form, name), 2) for name in Matrices._fields)),
+            Matrices(
+                *(by_lane(forms.laws, name, 2) for name in Matrices._fields[:3]),
+                by_lane(forms.laws, "demand", 1),
+                by_lane(forms.laws[:1], "integrand", 1),
+            ),
             form.integral,
             form.unwinding,
             errors_of(lanes, sizes.outputs, len(schedule.time)),
@@ -148,7 +156,7 @@ class Lanes:
         return results, lost
 
     def _recorded(
-        self, group: list[LaneTrial], prepared: _Prepared, loop: Callable[..., None]
+        self, group: Sequence[LaneTrial], prepared: _Prepared, loop: Callable[..., None]
     ) -> Callable[[int], dict[str, float | None]]:
         """Fly a group that is measured from its truth; return what gives the metrics of each."""
         model, period = group[0].model, group[0].trial.period
@@ -165,11 +173,11 @@ class Lanes:
 
     def _prepare(self, lane: LaneTrial) -> _Prepared | Way:
         """Return what is common to all like this one, or why the bench has to fly them."""
-        if lane.alike not in self._prepared:
+        if lane.law not in self._prepared:
             while len(self._prepared) >= _KEPT:
                 self._prepared.pop(next(iter(self._prepared)))
-            self._prepared[lane.alike] = self._made(lane)
-        return self._prepared[lane.alike]
+            self._prepared[lane.law] = self._made(lane)
+        return self._prepared[lane.law]
 
     def _made(self, lane: LaneTrial) -> _Prepared | Way:
         trial = lane.trial
@@ -187,7 +195,8 @@ class Lanes:
         form = form_of(trial, controller, course.references)
         if isinstance(form, Way):
             return form
-        return _Prepared(form, schedule_of(lane, course, form.law), *aim_of(lane, plan, form.law))
+        aim, goal = aim_of(lane, plan, form.law)
+        return _Prepared(form, schedule_of(lane, course), aim, goal, kind_of(form))
 
 
 def form_of(trial: Trial, controller: Controller, references: list[Reference]) -> LinearForm | Way:

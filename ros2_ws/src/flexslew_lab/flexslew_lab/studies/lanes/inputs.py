@@ -51,12 +51,10 @@ def course_of(plan: Plan, ticks: int) -> LaneCourse:
     )
 
 
-def schedule_of(lane: LaneTrial, course: LaneCourse, form: LawForm) -> Schedule:
+def schedule_of(lane: LaneTrial, course: LaneCourse) -> Schedule:
     """Return what is the same in every lane, tick by tick."""
     return Schedule(
         *course[1:],
-        np.ascontiguousarray(form.demand),
-        np.ascontiguousarray(form.integrand),
         _disturbances(lane.trial, lane.model, len(course.references)),
     )
 
@@ -91,11 +89,12 @@ def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownMan
     return np.concatenate(rows), goal
 
 
-def gains_of(lanes: list[LaneTrial], form: LawForm) -> Vector:
-    """Return kp, ki and kd of every lane, flat."""
+def gains_of(lanes: list[LaneTrial], laws: list[LawForm]) -> Vector:
+    """Return kp, ki and kd of every lane, flat; laws: one for all lanes, or one for each."""
     own_gains = law_entry(lanes[0].trial).lane_gains
     if not own_gains:
-        return np.repeat(np.concatenate((form.kp, form.ki, form.kd)), LANES)
+        rows = np.array([np.concatenate((law.kp, law.ki, law.kd)) for law in laws])
+        return np.ascontiguousarray(np.broadcast_to(rows.T, (rows.shape[1], LANES))).ravel()
     found: dict[str, Vector] = {}
     columns = []
     for lane in lanes:

@@ -32,7 +32,8 @@ class LaneTrial(NamedTuple):
     model: Model
     kernel: LaneKernel
     steps: int  # of the kernel per tick
-    alike: Hashable  # trials for which it is equal may fly at once
+    law: Hashable  # trials for which it is equal have the same law, but for its lane_gains
+    together: Hashable  # trials for which it is equal may fly at once, if their laws may
 
 
 class _Common(NamedTuple):
@@ -42,6 +43,7 @@ class _Common(NamedTuple):
     way: Way
     noisy: tuple[bool, ...]  # by channel that a law may read: whether it errs
     asked: str = ""
+    course: str = ""
     law: str = ""
 
 
@@ -69,8 +71,9 @@ class LaneIntake:
         steps = max(1, ceil(fast / kernel.reach))
         turned = b"" if model.attitude is None else model.attitude.axes.tobytes()
         tips = model.appendages.tip.tobytes()
-        alike = (common.law, kernel.advance, steps, common.noisy, turned, tips)
-        return LaneTrial(case, trial, common.asked, model, kernel, steps, alike)
+        bench = (kernel.advance, steps, common.noisy, turned, tips)
+        law, together = (common.law, *bench), (common.course, *bench)
+        return LaneTrial(case, trial, common.asked, model, kernel, steps, law, together)
 
     def _said(self, variant: int, trial: Trial) -> _Common:
         testbed = trial.testbed
@@ -89,11 +92,11 @@ class LaneIntake:
         gains = CONTROLLERS[law].lane_gains
         own = {key: value for key, value in own.items() if key not in gains}
         asked = plan_key(trial)
-        shared = [law, own, asked, trial.duration, plain(trial.schedule), testbed.kind]
+        shared = [law, asked, trial.duration, plain(trial.schedule), testbed.kind]
         believes = not gains and not sets_every_key(own.get("model"), testbed)
-        if believes:
-            shared.append(plain(testbed))
-        common = _Common(source, way, noisy, asked, json.dumps(shared, sort_keys=True))
+        belief = plain(testbed) if believes else None
+        texts = (json.dumps(part, sort_keys=True) for part in (shared, [*shared, own, belief]))
+        common = _Common(source, way, noisy, asked, *texts)
         if not (believes or uses_testbed(plain(trial.plan), testbed)):
             self._common[variant] = common
         return common

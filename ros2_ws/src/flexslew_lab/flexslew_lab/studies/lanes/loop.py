@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flexslew_lab.studies.lanes.observers import LaneSignals, Observe
+from flexslew_lab.studies.lanes.observers import LaneSignals, Observe, add_products
 from flexslew_lab.studies.lanes.rows import Rows, Sizes, rows_of
 from flexslew_lab.studies.lanes.turned import about_reference
 from flexslew_plant.arrays import Matrix, Tensor, Vector, vectorised
@@ -28,17 +28,17 @@ class Schedule(NamedTuple):
     started: NDArray[np.bool_]  # it has, (ticks + 1,)
     position: Matrix  # reference, (ticks, joints)
     velocity: Matrix
-    demand: Matrix  # f of linear_form, (ticks, joints)
-    integrand: Matrix  # g, (ticks, joints)
     disturbance: Matrix  # (ticks, joints)
 
 
 class Matrices(NamedTuple):
-    """The law's, one for all ticks or one for each; see linear_form.LawForm."""
+    """The law's, by lane_laws.by_lane; see linear_form.LawForm."""
 
     from_state: Tensor
     from_output: Tensor
     to_integral: Tensor
+    demand: Tensor
+    integrand: Tensor  # the same in all lanes
 
 
 Loop = Callable[..., None]
@@ -106,7 +106,7 @@ def lane_loop(
         last: int,
         record: Tensor,
     ) -> None:
-        ticks = schedule.demand.shape[0]
+        ticks = schedule.position.shape[0]
         signals = LaneSignals(
             w[reading : reading + ny * LANES],
             w[earlier : earlier + ny * LANES],
@@ -154,26 +154,24 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
         to_integral = matrices.to_integral[min(k, matrices.to_integral.shape[0] - 1)]
         for i in range(m):
             row = i * LANES
-            base, requested = schedule.demand[k, i], schedule.position[k, i]
+            base, rate = matrices.demand[k, i], matrices.integrand[k, i, 0]
+            own, requested = base.shape[0] > 1, schedule.position[k, i]
             turning, pushed = schedule.velocity[k, i], schedule.disturbance[k, i]
+            if own:
+                for lane in range(LANES):
+                    w[effort + row + lane] = base[lane]
+            else:
+                for lane in range(LANES):
+                    w[effort + row + lane] = base[0]
             for at in range(row, row + LANES):
                 w[effort + at] = (
-                    base
+                    w[effort + at]
                     + w[kp + at] * (requested - w[reading + at])
                     + w[kd + at] * (turning - w[reading + m * LANES + at])
                 )
-            for j in range(nz):
-                weight = of_state[i, j]
-                if weight != 0.0:
-                    for lane in range(LANES):
-                        w[effort + row + lane] += weight * z[j * LANES + lane]
-            for j in range(ny):
-                weight = of_output[i, j]
-                if weight != 0.0:
-                    for lane in range(LANES):
-                        w[effort + row + lane] += weight * w[reading + j * LANES + lane]
+            add_products(of_state[i], z, 0, nz, 1.0, w, effort + row)
+            add_products(of_output[i], w, reading, ny, 1.0, w, effort + row)
             if integral:
-                rate = schedule.integrand[k, i]
                 for at in range(row, row + LANES):
                     demand = w[effort + at] + w[integral_sum + at]
                     given = min(max(demand, -w[law_limit + at]), w[law_limit + at])
@@ -181,11 +179,7 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                     error = requested - w[reading + at]
                     w[effort + at] = given
                     w[integral_sum + at] += dt * (rate + w[ki + at] * error + back)
-                for j in range(nz):
-                    weight = dt * to_integral[i, j]
-                    if weight != 0.0:
-                        for lane in range(LANES):
-                            w[integral_sum + row + lane] += weight * z[j * LANES + lane]
+                add_products(to_integral[i], z, 0, nz, dt, w, integral_sum + row)
             for at in range(row, row + LANES):
                 applied = min(max(w[effort + at], -w[limit + at]), w[limit + at])
                 w[effort + at] = applied

@@ -3,17 +3,17 @@
 z and readings are flat, row after row with LANES neighbours each, as in loop.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexslew_control.estimators.gained_filter import GainedFilter
 from flexslew_control.estimators.kalman_tick import FilterBelief, kalman_tick
 from flexslew_control.linear_form import LinearForm, LinearObserver
-from flexslew_plant.arrays import Matrix, Vector, compiled, vectorised
+from flexslew_lab.studies.lanes.lane_laws import by_lane
+from flexslew_plant.arrays import Matrix, Tensor, Vector, compiled, vectorised
 from flexslew_plant.testbeds.compiled.lanes import LANES
 from flexslew_plant.testbeds.kernels import Kernels
 
@@ -39,16 +39,18 @@ class Beginning(NamedTuple):
     memory: Vector  # what it keeps besides, flat
 
 
-def beginning(form: LinearForm) -> Beginning:
-    """Return the observer of a controller, the same for all lanes."""
+def beginning(form: LinearForm, observers: Sequence[Any]) -> Beginning:
+    """Return the observer of a controller.
+
+    Args:
+        form: of the first lane.
+        observers: one for all lanes, or linear ones for each.
+    """
     found = form.observer
     if isinstance(found, LinearObserver):
         k = found.constant.shape[-1]
-        start, *rest = found
-        matrices = LinearObserver(
-            np.ascontiguousarray(start),
-            *(by_tick(a, d) for a, d in zip(rest, (2, 2, 2, 1), strict=True)),
-        )
+        sizes = zip(LinearObserver._fields, (2, 2, 2, 2, 1), strict=True)
+        matrices: Any = LinearObserver(*(by_lane(observers, name, d) for name, d in sizes))
         return Beginning(linear(k), matrices, np.zeros(k * LANES), np.empty(k * LANES))
     if isinstance(found, GainedFilter):
         outputs, k = found.output.shape
@@ -62,11 +64,6 @@ def beginning(form: LinearForm) -> Beginning:
     return Beginning(observe, constants, np.zeros((k + outputs) * LANES), memory)
 
 
-def by_tick(given: NDArray[np.float64], dimensions: int) -> NDArray[np.float64]:
-    """Return what may be the same at every tick with an axis for ticks in front, perhaps of one."""
-    return np.ascontiguousarray(given if given.ndim > dimensions else given[None])
-
-
 @vectorised
 def _add_product(matrix: Matrix, given: Vector, out: Vector) -> None:
     """Add matrix @ given to out, lane by lane."""
@@ -76,6 +73,33 @@ def _add_product(matrix: Matrix, given: Vector, out: Vector) -> None:
             if weight != 0.0:
                 for lane in range(LANES):
                     out[i * LANES + lane] += weight * given[j * LANES + lane]
+
+
+@vectorised
+def add_products(
+    weights: Matrix, given: Vector, first: int, rows: int, by: float, out: Vector, to: int
+) -> None:
+    """Add by * weights[j] * given, row after row from `first`, to the row of out that begins at to.
+
+    weights is (rows, 1), or (rows, LANES) where each lane has its own.
+    """
+    if weights.shape[1] == 1:
+        for j in range(rows):
+            weight = by * weights[j, 0]
+            if weight != 0.0:
+                for lane in range(LANES):
+                    out[to + lane] += weight * given[first + j * LANES + lane]
+    else:
+        for j in range(rows):
+            for lane in range(LANES):
+                out[to + lane] += by * weights[j, lane] * given[first + j * LANES + lane]
+
+
+@vectorised
+def _add_all(matrix: Tensor, given: Vector, out: Vector) -> None:
+    """Add matrix @ given to out, matrix of add_products by rows."""
+    for i in range(matrix.shape[0]):
+        add_products(matrix[i], given, 0, matrix.shape[1], 1.0, out, i * LANES)
 
 
 @lru_cache
@@ -96,14 +120,16 @@ def linear(states: int) -> Observe:
         if k == 0:
             for i in range(states * LANES):
                 after[i] = 0.0
-            _add_product(law.start, signals.y, after)
+            _add_all(law.start[0], signals.y, after)
         else:
             constant = law.constant[min(k, law.constant.shape[0]) - 1]
-            for i in range(states * LANES):
-                after[i] = constant[i // LANES]
-            _add_product(law.state[min(k, law.state.shape[0]) - 1], z, after)
-            _add_product(law.effort[min(k, law.effort.shape[0]) - 1], signals.effort, after)
-            _add_product(law.before[min(k, law.before.shape[0]) - 1], signals.earlier, after)
+            own = constant.shape[1] > 1
+            for i in range(states):
+                for lane in range(LANES):
+                    after[i * LANES + lane] = constant[i, lane if own else 0]
+            _add_all(law.state[min(k, law.state.shape[0]) - 1], z, after)
+            _add_all(law.effort[min(k, law.effort.shape[0]) - 1], signals.effort, after)
+            _add_all(law.before[min(k, law.before.shape[0]) - 1], signals.earlier, after)
         for i in range(states * LANES):
             z[i] = after[i]
 
