@@ -136,7 +136,7 @@ def _in_motion(
     rows = (final, rate - goal, goal)
     turns = rows if attitude is None else tuple(map(attitude.turn_of, rows))
     left, off, whole = (np.linalg.norm(turn, axis=-1) for turn in turns)
-    return np.maximum(left, off / whole)
+    return np.asarray(np.maximum(left, off / whole))
 
 
 JOINT_ERRORS = MetricEntry(JointErrors)

@@ -54,7 +54,7 @@ class _Prepared(NamedTuple):
 
     form: LinearForm
     schedule: Schedule
-    aim: Vector  # rows `tip_rate` to `law_limit`
+    aim: Vector  # rows `tip` to `law_limit`
     goal: FlownManoeuvre
     kind: Hashable  # laws for which it is equal may fly beside each other
 
@@ -84,9 +84,12 @@ class Lanes:
         others = []
         for case in cases:
             lane = self._intake.lane_trial(case)
-            prepared = lane if isinstance(lane, Way) else self._prepare(lane)
-            if isinstance(lane, Way) or isinstance(prepared, Way):
-                others.append(ForBench(case, lane if isinstance(lane, Way) else prepared))
+            if isinstance(lane, Way):
+                others.append(ForBench(case, lane))
+                continue
+            prepared = self._prepare(lane)
+            if isinstance(prepared, Way):
+                others.append(ForBench(case, prepared))
                 continue
             key = lane.together, prepared.kind
             group = groups.setdefault(key, [])
@@ -116,8 +119,10 @@ class Lanes:
         w = flat_zeros(rows.end)
         w[: kernel.size] = kernel.place(np.ascontiguousarray(packed))
         w[: at_rest.size] = at_rest.ravel()
-        w[rows.kp : rows.tip_rate] = gains_of(lanes, forms.laws)
-        w[rows.tip_rate : rows.residual_tip] = np.repeat(prepared.aim, LANES)
+        w[rows.kp : rows.tip] = gains_of(lanes, forms.laws)
+        w[rows.tip : rows.residual_tip] = np.repeat(prepared.aim, LANES)
+        if model.appendages.rate is not None:
+            w[rows.tip_rate : rows.end] = np.repeat(model.appendages.rate, LANES)
         w[rows.outside : rows.terminal] = -np.inf
         recorded = isinstance(first.trial.testbed, Pointing)
         loop = partial(
@@ -127,7 +132,9 @@ class Lanes:
             first.steps,
             schedule,
             Matrices(
-                *(by_lane(forms.laws, name, 2) for name in Matrices._fields[:3]),
+                by_lane(forms.laws, "from_state", 2),
+                by_lane(forms.laws, "from_output", 2),
+                by_lane(forms.laws, "to_integral", 2),
                 by_lane(forms.laws, "demand", 1),
                 by_lane(forms.laws[:1], "integrand", 1),
             ),

@@ -72,14 +72,12 @@ def _disturbances(trial: Trial, model: Model, ticks: int) -> Matrix:
 
 
 def aim_of(lane: LaneTrial, plan: Plan, form: LawForm) -> tuple[Vector, FlownManoeuvre]:
-    """Return what a group is measured against: rows from `tip_rate` on, and as a record."""
+    """Return what a group is measured against: rows from `tip` on, and as a record."""
     testbed = lane.trial.testbed
     goal = manoeuvre_of(plan.position, plan.velocity, plan.start, plan.duration, testbed)
     assert goal.goal is not None
-    tip, rate = lane.model.appendages.tip, lane.model.appendages.rate
     rows = (
-        (0.0 * tip if rate is None else rate).ravel(),
-        tip.ravel(),
+        lane.model.appendages.tip.ravel(),
         goal.goal,
         np.sign(goal.displacement),
         settling_band(goal.displacement),

@@ -40,6 +40,7 @@ class LaneMetrics:
         at_rest: Matrix,
     ) -> None:
         assert aim.goal is not None
+        self._goal = aim.goal
         self._rows, self._of_kernel, self._aim = rows, lane.kernel.rows, aim
         self._names, self._first = lane.model.joint_names, at_rest.T - aim.goal
         self._ended, time = bool(schedule.over.any()), schedule.time
@@ -75,7 +76,7 @@ class LaneMetrics:
             return w[begin : begin + len(self._names) * LANES].reshape(-1, LANES).T
 
         after = 1.0 if self._ended else np.nan  # what counts after the end of the manoeuvre
-        final = joints(of_kernel.position) - aim.goal
+        final = joints(of_kernel.position) - self._goal
         errors = goal_errors(aim, None, self._first, final, joints(of_kernel.rate))
         squares = joints(rows.square_sum)
         return {

@@ -134,7 +134,7 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
         rows: of the group.
         sizes: of the group.
     """
-    m, nz, ny = sizes.joints, sizes.states, sizes.outputs
+    m = sizes.joints
     effort, reading, integral_sum = rows.applied, rows.reading, rows.integral
     kp, ki, kd, limit, law_limit = rows.kp, rows.ki, rows.kd, rows.limit, rows.law_limit
 
@@ -149,29 +149,30 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
         z: Vector,
         w: Vector,
     ) -> None:
-        of_state = matrices.from_state[min(k, matrices.from_state.shape[0] - 1)]
-        of_output = matrices.from_output[min(k, matrices.from_output.shape[0] - 1)]
-        to_integral = matrices.to_integral[min(k, matrices.to_integral.shape[0] - 1)]
+        demand_of, own = matrices.demand, matrices.demand.shape[2] > 1
         for i in range(m):
             row = i * LANES
-            base, rate = matrices.demand[k, i], matrices.integrand[k, i, 0]
-            own, requested = base.shape[0] > 1, schedule.position[k, i]
+            base, requested = demand_of[k, i, 0], schedule.position[k, i]
             turning, pushed = schedule.velocity[k, i], schedule.disturbance[k, i]
             if own:
                 for lane in range(LANES):
-                    w[effort + row + lane] = base[lane]
+                    at = row + lane
+                    w[effort + at] = (
+                        demand_of[k, i, lane]
+                        + w[kp + at] * (requested - w[reading + at])
+                        + w[kd + at] * (turning - w[reading + m * LANES + at])
+                    )
             else:
-                for lane in range(LANES):
-                    w[effort + row + lane] = base[0]
-            for at in range(row, row + LANES):
-                w[effort + at] = (
-                    w[effort + at]
-                    + w[kp + at] * (requested - w[reading + at])
-                    + w[kd + at] * (turning - w[reading + m * LANES + at])
-                )
-            add_products(of_state[i], z, 0, nz, 1.0, w, effort + row)
-            add_products(of_output[i], w, reading, ny, 1.0, w, effort + row)
+                for at in range(row, row + LANES):
+                    w[effort + at] = (
+                        base
+                        + w[kp + at] * (requested - w[reading + at])
+                        + w[kd + at] * (turning - w[reading + m * LANES + at])
+                    )
+            add_products(matrices.from_state, k, i, z, 0, 1.0, w, effort + row)
+            add_products(matrices.from_output, k, i, w, reading, 1.0, w, effort + row)
             if integral:
+                rate = matrices.integrand[k, i, 0]
                 for at in range(row, row + LANES):
                     demand = w[effort + at] + w[integral_sum + at]
                     given = min(max(demand, -w[law_limit + at]), w[law_limit + at])
@@ -179,7 +180,7 @@ def _effort(total: int, rows: Rows, sizes: Sizes) -> Callable[..., None]:
                     error = requested - w[reading + at]
                     w[effort + at] = given
                     w[integral_sum + at] += dt * (rate + w[ki + at] * error + back)
-                add_products(to_integral[i], z, 0, nz, dt, w, integral_sum + row)
+                add_products(matrices.to_integral, k, i, z, 0, dt, w, integral_sum + row)
             for at in range(row, row + LANES):
                 applied = min(max(w[effort + at], -w[limit + at]), w[limit + at])
                 w[effort + at] = applied

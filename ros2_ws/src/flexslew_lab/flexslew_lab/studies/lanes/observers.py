@@ -77,29 +77,31 @@ def _add_product(matrix: Matrix, given: Vector, out: Vector) -> None:
 
 @vectorised
 def add_products(
-    weights: Matrix, given: Vector, first: int, rows: int, by: float, out: Vector, to: int
+    weights: Tensor, k: int, i: int, given: Vector, first: int, by: float, out: Vector, to: int
 ) -> None:
-    """Add by * weights[j] * given, row after row from `first`, to the row of out that begins at to.
+    """Add by * weights[k, i, j] * given, row j after row from `first`, to the row of out at `to`.
 
-    weights is (rows, 1), or (rows, LANES) where each lane has its own.
+    weights is by lane_laws.by_lane. No views of it: each would cost as much as a product.
     """
-    if weights.shape[1] == 1:
-        for j in range(rows):
-            weight = by * weights[j, 0]
+    tick = min(k, weights.shape[0] - 1)
+    if weights.shape[3] == 1:
+        for j in range(weights.shape[2]):
+            weight = by * weights[tick, i, j, 0]
             if weight != 0.0:
                 for lane in range(LANES):
                     out[to + lane] += weight * given[first + j * LANES + lane]
     else:
-        for j in range(rows):
+        for j in range(weights.shape[2]):
             for lane in range(LANES):
-                out[to + lane] += by * weights[j, lane] * given[first + j * LANES + lane]
+                weight = by * weights[tick, i, j, lane]
+                out[to + lane] += weight * given[first + j * LANES + lane]
 
 
 @vectorised
-def _add_all(matrix: Tensor, given: Vector, out: Vector) -> None:
-    """Add matrix @ given to out, matrix of add_products by rows."""
-    for i in range(matrix.shape[0]):
-        add_products(matrix[i], given, 0, matrix.shape[1], 1.0, out, i * LANES)
+def _add_all(weights: Tensor, k: int, given: Vector, out: Vector) -> None:
+    """Add the products of all rows to the rows of out."""
+    for i in range(weights.shape[1]):
+        add_products(weights, k, i, given, 0, 1.0, out, i * LANES)
 
 
 @lru_cache
@@ -120,16 +122,16 @@ def linear(states: int) -> Observe:
         if k == 0:
             for i in range(states * LANES):
                 after[i] = 0.0
-            _add_all(law.start[0], signals.y, after)
+            _add_all(law.start, 0, signals.y, after)
         else:
-            constant = law.constant[min(k, law.constant.shape[0]) - 1]
-            own = constant.shape[1] > 1
+            tick = min(k, law.constant.shape[0]) - 1
+            unit = 1 if law.constant.shape[2] > 1 else 0
             for i in range(states):
                 for lane in range(LANES):
-                    after[i * LANES + lane] = constant[i, lane if own else 0]
-            _add_all(law.state[min(k, law.state.shape[0]) - 1], z, after)
-            _add_all(law.effort[min(k, law.effort.shape[0]) - 1], signals.effort, after)
-            _add_all(law.before[min(k, law.before.shape[0]) - 1], signals.earlier, after)
+                    after[i * LANES + lane] = law.constant[tick, i, lane * unit]
+            _add_all(law.state, k - 1, z, after)
+            _add_all(law.effort, k - 1, signals.effort, after)
+            _add_all(law.before, k - 1, signals.earlier, after)
         for i in range(states * LANES):
             z[i] = after[i]
 

@@ -29,7 +29,6 @@ class Rows(NamedTuple):
     kp: int
     ki: int
     kd: int
-    tip_rate: int  # what each mode's rate adds to each tip's reading
     tip: int  # share of each mode in each tip
     goal: int
     sign: int  # of the displacement
@@ -45,11 +44,12 @@ class Rows(NamedTuple):
     peak_effort: int
     square_sum: int
     saturated: int
+    tip_rate: int  # what each mode's rate adds to each tip's reading
     end: int
 
 
 def rows_of(kernel_size: int, sizes: Sizes) -> Rows:
     """Return where everything begins in the array of such a group."""
     m, read, tip = sizes.joints, sizes.outputs, sizes.appendages * sizes.modes
-    counts = (m, read, read, m, m, m, m, tip, tip, m, m, m, m, m, 1, 1, m, m, m, 1, m, m, 1)
+    counts = (m, read, read, m, m, m, m, tip, m, m, m, m, m, 1, 1, m, m, m, 1, m, m, 1, tip)
     return Rows(*(kernel_size + LANES * sum(counts[:k]) for k in range(len(counts) + 1)))
